@@ -1,4 +1,4 @@
-"""``python -m heli3dof``: the command line."""
+"""Starts the command line by ``python -m heli3dof``."""
 
 from heli3dof.cli.app import main
 

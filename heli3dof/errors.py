@@ -1,20 +1,20 @@
-"""The errors of heli3dof: what happened, the likely cause, and what to do.
+"""The exceptions of heli3dof, each with the exit status of the command line that it causes.
 
 ::
 
     Heli3dofError              1    a fault in heli3dof
     ├── UsageError             2    a wrong option, plan or value
-    │   ├── ProfileError       2    a profile with an unknown, missing or impossible key
+    │   ├── ProfileError       2    a profile with an unknown or missing key or a wrong value
     │   ├── PlanError          2    an experiment plan that is invalid or leaves the envelope
     │   └── OutputExists       2    the output file exists and --force was not given
     ├── DeviceError            3    device missing, busy or not permitted
-    ├── SafetyTrip             4    the envelope or an e-stop ended the flight
+    ├── SafetyTrip             4    the safety envelope or an estop ended the flight
     ├── RecordingError         5    a recording or model file cannot be used
     │   └── NoSpace            5    the disk is full
     └── CheckFailed            6    a check failed
         └── UnstableLoop       6    the gain does not stabilise the chosen model
 
-Every error has three sentences, and the command line prints all three.
+The command line prints what happened and, where known, the likely cause and the fix.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from collections.abc import Iterable
 
 
 class Heli3dofError(Exception):
-    """Base of all errors of heli3dof: ``what`` happened, the likely ``cause``, the ``fix`` to try.
+    """Base class of heli3dof errors: ``what`` happened, the likely ``cause``, the ``fix`` to try.
 
     ``exit_code`` is the process's exit status when the error reaches the command line.
     """
@@ -87,7 +87,7 @@ class UnstableLoop(CheckFailed):
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """The known word nearest to ``word``; None if none is similar.
+    """Return the word of ``known`` that is most similar to ``word``; None if none is similar.
 
     >>> nearest("motr", ["mass", "motor", "loop"])
     'motor'
@@ -96,7 +96,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A clause for error messages: the nearest known word, else all of them."""
+    """Return "did you mean …?" with the word of ``known`` nearest to ``word``, else all of them."""
     known = list(known)
     match = nearest(word, known)
     if match is not None:

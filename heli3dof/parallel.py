@@ -1,8 +1,8 @@
-"""Threads for estimation: `parallel_map` shares out work, `one_blas_thread` limits BLAS.
+"""Threads for estimation: `parallel_map` distributes calls, `one_blas_thread` limits BLAS.
 
 The compiled filters release Python's global lock, so threads run in parallel: one per core, at most
-`MOST`. Nested calls share the same threads: the caller does pieces itself, and before each piece it
-starts a helper thread if one is free. Results do not depend on the number of threads.
+`MOST`. The calling thread works too; helper threads join it up to this limit, which nested calls of
+`parallel_map` share. Results do not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from contextvars import ContextVar
 from typing import Generic, ParamSpec, TypeVar
 
 MOST = 4
-"""Threads: each one costs memory, and they compete for Python's lock between compiled calls."""
+"""Largest number of threads: each costs memory, and they compete for Python's global lock."""
 Watcher = Callable[[str, int, int], None]
-"""Called with what is counted, how many are done, and how many there are."""
+"""Progress callback: (name of the work items in the plural, number done, number in all)."""
 P = ParamSpec("P")
 X = TypeVar("X")
 _watcher: ContextVar[Watcher | None] = ContextVar("watcher", default=None)
 
 
 def worker_count() -> int:
-    """The number of threads to use: the cores available to this process, at most `MOST`."""
+    """Return the number of threads to use: the cores available to this process, at most `MOST`."""
     affinity = getattr(os, "sched_getaffinity", None)
     return min(MOST, len(affinity(0)) if affinity else os.cpu_count() or 1)
 
 
 def one_blas_thread(function: Callable[P, X]) -> Callable[P, X]:
-    """The function with BLAS limited to one thread.
+    """Decorate ``function`` so that BLAS uses one thread while it runs.
 
     Estimation's matrices are small. On a busy machine several BLAS threads wait for one another,
     which made an identification ten times slower.
@@ -49,15 +49,15 @@ def one_blas_thread(function: Callable[P, X]) -> Callable[P, X]:
 
 @functools.cache
 def _free() -> threading.Semaphore:
-    """Counts the idle helper threads."""
+    """Return the semaphore that counts the helper threads that may still be started."""
     return threading.Semaphore(worker_count() - 1)
 
 
 @contextmanager
 def report_progress(watcher: Watcher | None) -> Iterator[None]:
-    """Report progress inside the block: call ``watcher`` after each piece of `parallel_map`.
+    """Context manager: inside it, `parallel_map` calls ``watcher`` after each finished work item.
 
-    Pieces of nested calls are not reported.
+    Work items of nested `parallel_map` calls are not reported.
     """
     token = _watcher.set(watcher)
     try:
@@ -67,10 +67,10 @@ def report_progress(watcher: Watcher | None) -> Iterator[None]:
 
 
 def parallel_map(work: Callable[[int], X], count: int, *, what: str = "") -> list[X]:
-    """The results of ``work(0)`` … ``work(count − 1)``, in order.
+    """Compute ``work(0)`` … ``work(count − 1)`` in parallel and return the results in order.
 
-    ``what`` names the pieces in the plural for `report_progress`; without it nothing is reported.
-    Raises the error of the first piece that failed.
+    ``what`` names the work items in the plural for `report_progress`; empty: no progress reports.
+    If calls fail, no more are started, and the error of the lowest number is raised.
     """
     pieces = _Pieces(work, count, what)
     helpers: list[threading.Thread] = []
@@ -89,7 +89,7 @@ def parallel_map(work: Callable[[int], X], count: int, *, what: str = "") -> lis
 
 
 class _Pieces(Generic[X]):
-    """The pieces of one call and their results."""
+    """The work items of one `parallel_map` call, with their results and errors."""
 
     def __init__(self, work: Callable[[int], X], count: int, what: str) -> None:
         self._work, self._count, self._what = work, count, what
@@ -101,11 +101,10 @@ class _Pieces(Generic[X]):
 
     @property
     def left(self) -> int:
-        """How many pieces have not been started; 0 after a failure."""
+        """The number of work items that have not been started; 0 after a failure."""
         return 0 if self._failed else self._count - self._next
 
     def help(self) -> None:
-        """What a helper thread runs."""
         try:
             while self.left:
                 self.do_one()

@@ -1,6 +1,6 @@
-"""Plug-ins of other packages: what their entry points of a group name.
+"""Load plug-ins: objects that other installed packages register as Python entry points.
 
-A plug-in that does not load is reported and left out, so that it cannot stop heli3dof.
+A plug-in that does not load causes a warning and is left out, so that it cannot stop heli3dof.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Any
 
 
 def use_plugins(group: str, kind: str, use: Callable[[Any], None]) -> None:
-    """Call ``use`` with the object of each entry point of ``group``.
+    """Load each entry point of ``group`` and call ``use`` with the object that it names.
 
-    Logs a warning that names the ``kind`` and the plug-in if it cannot be imported or if ``use``
-    raises, and goes on with the next.
+    If the import or ``use`` raises, logs a warning with the ``kind`` of plug-in ("driver") and its
+    name, and continues with the next.
     """
     for point in entry_points(group=group):
         try:
@@ -28,6 +28,6 @@ def use_plugins(group: str, kind: str, use: Callable[[Any], None]) -> None:
 
 
 def must_be(expected: type, plugin: object) -> None:
-    """Raise TypeError unless ``plugin`` is an ``expected``."""
+    """Raise TypeError unless ``plugin`` is an instance of ``expected``."""
     if not isinstance(plugin, expected):
         raise TypeError(f"it is a {type(plugin).__name__}; expected: {expected.__name__}")

@@ -1,7 +1,7 @@
-"""`Result`, the base of what a notebook shows: recordings, identifications, comparisons, diagnoses.
+"""`Result`: the base class of recordings, identifications, comparisons and diagnoses.
 
-A figure is drawn by a package above the result's own (`heli3dof.report`). The result finds the
-function by its class name among the entry points of the group `FIGURES` in ``pyproject.toml``.
+It gives them their text, HTML and figure in a notebook. `heli3dof.report` draws the figures:
+`Result.plot` finds the function by the class name among the entry points of the group `FIGURES`.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ REPR_LINES = 3
 
 
 class Result:
-    """Text, HTML and figure of a result; a subclass writes `summary`.
+    """Base class that displays a result as text, HTML or figure; a subclass defines `summary`.
 
     Subclasses add ``to_dict()`` and ``to_dataframe()``. A dataclass needs ``repr=False``:
     otherwise its generated repr, all arrays included, replaces this one.
     """
 
     def summary(self) -> str:
-        """A short text. Its first three lines are the repr."""
+        """Return a short text; its first three lines are the repr."""
         raise NotImplementedError
 
     def plot(self, **options: Any) -> Figure:
-        """A matplotlib figure; ``options`` go to the function registered for this class.
+        """Return a matplotlib figure; ``options`` go to the drawing function of this class.
 
-        Raises UsageError where no function is registered.
+        Raises UsageError if no drawing function is registered.
         """
         name = type(self).__name__
         for point in entry_points(group=FIGURES, name=name):
@@ -54,9 +54,9 @@ class Result:
 
 
 def optional(library: str) -> Any:
-    """Import a library that the extra of the same name installs, such as ``pandas``.
+    """Import and return an optional library; the pip extra of the same name installs it (pandas).
 
-    Raises UsageError with the command that installs it.
+    Raises UsageError with the installation command if it is missing.
     """
     try:
         return importlib.import_module(library)

@@ -1,9 +1,9 @@
-"""Read TOML files that people write, and check them against a pydantic model.
+"""Read hand-written TOML files (profiles, plans) and check them against a pydantic model.
 
-Profiles and plans use this. An unknown, missing or impossible key is an error that names the key,
-the file and the nearest known key; all errors of a file are reported at once. `Key` holds a field's
-meaning, unit, ranges and measurement. Errors, prompts, comments in written files and the
-documentation's tables come from it.
+An unknown or missing key or a wrong value is an error that names the key and the file. For an
+unknown key it also names the nearest known one. All errors of a file are reported at once. `Key`
+describes a field: meaning, unit, ranges, how to measure it. Error messages, prompts, comments in
+written files and the tables of the documentation are made from it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 RECORDED = "recorded"
-"""Key of pydantic's context: an earlier version accepted the data, so ranges are not checked"""
+"""Key in pydantic's validation context: the data is from a recording; do not check its ranges."""
 
 Range = tuple[float, float]
 
@@ -38,12 +38,12 @@ SLIPS: Mapping[str, tuple[tuple[str, float], ...]] = {
     "°": (("radians", 57.29578),),
     "s": (("milliseconds", 0.001),),
 }
-"""unit → (another unit that people type, its size in the unit)"""
+"""Unit → the units that people use by mistake instead: (name, size in the right unit)"""
 
 
 @dataclass(frozen=True)
 class Key:
-    """The meaning of a TOML key. Ranges are closed, in ``unit``, for the absolute value."""
+    """The description of a TOML key. Its ranges (in ``unit``, closed) are of the absolute value."""
 
     meaning: str
     unit: str = "–"
@@ -54,7 +54,7 @@ class Key:
     usual: Range | None = None
     """Outside this range the number is legal but unusual."""
     plausible: Range | None = None
-    """Outside this range the number is refused."""
+    """Outside this range the number is an error."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -78,7 +78,7 @@ class Key:
         return value
 
     def slip(self, value: float) -> str:
-        """The unit that the user likely meant, as a question; empty where no other unit fits."""
+        """Return a question that names the unit probably used; empty if none fits the range."""
         expected = self.usual or self.plausible
         if expected is None:
             return ""
@@ -89,29 +89,29 @@ class Key:
 
 
 def within(value: Any, bounds: Range) -> bool:
-    """Whether a number's absolute value lies in a range; true for anything but a number."""
+    """True if a number's absolute value lies in the closed range, or if value is not a number."""
     return not isinstance(value, (int, float)) or bounds[0] <= abs(value) <= bounds[1]
 
 
 def key_of(field: FieldInfo) -> Key | None:
-    """The `Key` in a field's annotation."""
+    """Return the `Key` in a pydantic field's annotation; None if it has none."""
     return next((m for m in field.metadata if isinstance(m, Key)), None)
 
 
 class Section(BaseModel):
-    """A table of a TOML file: immutable; unknown keys are errors."""
+    """Base class of pydantic models of TOML tables: immutable; unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def section_of(field: FieldInfo) -> type[Section] | None:
-    """The section class of a field, optional or not; None for a plain value."""
+    """Return the `Section` subclass that a field holds, optional or not; None for other values."""
     options = [field.annotation, *getattr(field.annotation, "__args__", ())]
     return next((o for o in options if isinstance(o, type) and issubclass(o, Section)), None)
 
 
 def keys(model: type[Section], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
-    """Dotted name and field of every key, in the order of the file."""
+    """Yield the dotted name and the pydantic field of every key, in the order of the model."""
     for name, field in model.model_fields.items():
         inner = section_of(field)
         if inner is None:
@@ -124,7 +124,10 @@ M = TypeVar("M", bound=BaseModel)
 
 
 def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
-    """The file's content as nested dicts; ``what`` ("profile") names it in errors."""
+    """Return the file's content as nested dicts.
+
+    Raises ``error`` if it cannot be read; ``what`` is the kind of file in its message ("profile").
+    """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -149,7 +152,7 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Problem:
-    """One error in a file; ``key`` is dotted, empty for the file as a whole."""
+    """One error in a file, at the dotted ``key`` (empty: the whole file): what, cause and fix."""
 
     key: str
     what: str
@@ -165,9 +168,10 @@ def check(
     *,
     recorded: bool = False,
 ) -> M:
-    """Build ``model`` from nested dicts; raise ``error`` naming every wrong key.
+    """Return ``model`` built from nested dicts; raise one ``error`` that names every wrong key.
 
-    ``recorded``: the data comes from a recording or a model file, so implausible numbers pass.
+    ``source`` names the file in messages. ``recorded``: the data is from a recording or a model
+    file, so `Key.plausible` is not checked.
     """
     try:
         return model.model_validate(data, context={RECORDED: True} if recorded else None)
@@ -185,7 +189,7 @@ def check(
 
 
 def problems_of(problem: ValidationError, model: type[BaseModel], source: str) -> list[Problem]:
-    """Every error: unknown keys first, then all missing keys in one entry, then values.
+    """Return all errors: unknown keys first, one entry for all missing keys, then wrong values.
 
     A misspelt key is both unknown and missing; only the unknown one is reported.
     """
@@ -244,7 +248,7 @@ def _wrong_value(e: ErrorDetails, source: str) -> Problem:
 
 
 def _required(model: type[BaseModel], path: Sequence[str]) -> list[str]:
-    """The missing keys at ``path``: itself, or a section's required ones."""
+    """Return the dotted keys missing with ``path``: of a missing section, all its required keys."""
     field = _section_at(model, path[:-1])[0].model_fields.get(path[-1])
     inner = None if field is None else section_of(field)
     if inner is None:
@@ -253,13 +257,13 @@ def _required(model: type[BaseModel], path: Sequence[str]) -> list[str]:
 
 
 def _keys_at(model: type[BaseModel], path: Sequence[str]) -> tuple[list[str], str]:
-    """The keys of the section at ``path``, and the section in words."""
+    """Return the keys of the section at ``path`` and where they are: "in [motor]"."""
     section, name = _section_at(model, path)
     return list(section.model_fields), f"in [{name}]" if name else "at the top level"
 
 
 def _section_at(model: type[BaseModel], path: Sequence[str]) -> tuple[type[BaseModel], str]:
-    """The section that a path leads to, and its dotted name."""
+    """Return the section class at ``path`` (the deepest one on it) and its dotted name."""
     names: list[str] = []
     for part in path:
         field = model.model_fields.get(part)

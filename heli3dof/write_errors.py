@@ -1,11 +1,11 @@
-"""Turn the system's errors about writing a file into ours.
+"""Convert an OSError from writing a file into a heli3dof error with cause and fix.
 
 ==========================================  ===============  ====
-cause                                       error            exit
+cause of the OSError                        error            exit
 ==========================================  ===============  ====
-disk, quota or largest file is full         `NoSpace`        5
+disk or quota full, file too large          `NoSpace`        5
 not permitted, read-only                    `UsageError`     2
-no such folder, name too long, no files     `UsageError`     2
+path cannot hold a file, I/O error          `UsageError`     2
 ==========================================  ===============  ====
 """
 
@@ -19,18 +19,18 @@ from pathlib import Path
 from heli3dof.errors import Heli3dofError, NoSpace, UsageError
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-"""Limits reached: disk, quota, largest file"""
+"""The disk or the quota is full, or the file exceeds the largest size."""
 _REFUSED = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ETXTBSY}
 _NO_PLACE = {
     errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP,
     errno.ENXIO, errno.EINVAL, errno.EIO, errno.ESTALE,
 }  # fmt: skip
-"""The path cannot hold a file"""
+"""The path cannot hold a file, or the device fails."""
 ELSEWHERE = "another place with -o"
 
 
 def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofError | None:
-    """Our error for an OSError about writing ``path``; None for an unrelated one."""
+    """Convert an OSError from writing ``path`` to a heli3dof error; None if it is unrelated."""
     if error.errno in FULL:
         return NoSpace(
             f"There is no space left for {path}.",
@@ -55,7 +55,7 @@ def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofErro
 
 @contextlib.contextmanager
 def write_errors_explained(path: Path, *, fix: str = ELSEWHERE) -> Iterator[None]:
-    """Raise the system's errors about writing ``path`` as ours."""
+    """Context manager: raises an OSError from writing ``path`` as the error of `refusal`."""
     try:
         yield
     except OSError as error:

@@ -1,6 +1,6 @@
-"""`Model`, the interface of every kind of model, and the closed-loop task that a model simulates.
+"""`Model`: the interface of every kind of model; `LoopTask`, `LoopResult`: closed-loop simulation.
 
-Comparison, validation and diagnosis use these methods only.
+Comparison, validation and diagnosis use a model only by these methods.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LoopTask:
-    """The input of a closed-loop simulation: N control periods of length ``dt``."""
+    """The input of a closed-loop simulation over N control periods of length ``dt``."""
 
     reference: np.ndarray
-    """(N, 3) rad, before the rate limiter; NaN counts as zero."""
+    """(N, 3) rad, references before their rate limiter; NaN counts as zero."""
     extra: np.ndarray
-    """(N, 2) V added to the controller's output; NaN counts as zero."""
+    """(N, 2) V, excitation added to the controller's output; NaN counts as zero."""
     angle0: np.ndarray
-    """(3,) rad, the angles at rest at the start."""
+    """(3,) rad, the angles at the start, where the rig is at rest."""
     controller: ControllerSpec
     V_o: float
-    """V, the controller's hover voltage (of the profile, not of the model)."""
+    """V, the hover voltage that the controller adds; the profile's, not the model's."""
     v_max: float
-    """V"""
+    """V, the amplifier's limit: |voltage| ≤ v_max."""
     dt: float
-    """s"""
+    """s, the control period."""
     rad_per_count: np.ndarray | None = None
-    """(3,) rad per count of quantised encoders; None for ideal ones."""
+    """(3,) rad, the steps of quantised encoders; None: ideal encoders."""
     opened: np.ndarray | None = None
-    """(N, 3) modes of the axes' loops (`model.control.loop_opening`); None: all closed."""
+    """(N, 3) mode of each axis' loop, closed or open (`loop_opening`); None: all closed."""
     limits: Limits = field(default_factory=Limits)
-    """The envelope; an open loop is closed again when the rig nears it."""
+    """The safety envelope; near it, open loops are closed again. The simulation does not trip."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,19 +52,19 @@ class LoopResult:
     angle: np.ndarray
     """(N, 3) rad, the model's angles (not quantised)."""
     voltage: np.ndarray
-    """(N, 2) V, after the limiter."""
+    """(N, 2) V, after the limiter ±v_max."""
     voltage_cmd: np.ndarray
-    """(N, 2) V, before it."""
+    """(N, 2) V, before the limiter."""
     reference_limited: np.ndarray | None = None
     """(N, 3) rad, the reference after its rate limiter."""
     reference: np.ndarray | None = None
-    """(N, 3) rad as applied, if loops were opened; None: the task's."""
+    """(N, 3) rad, as changed for open loops; None: the task's reference."""
     extra: np.ndarray | None = None
-    """(N, 2) V as applied, likewise."""
+    """(N, 2) V, as changed for open loops; None: the task's extra voltage."""
 
 
 class Model(Protocol):
-    """A simulation of the rig."""
+    """A model of the rig that simulates and predicts."""
 
     @property
     def name(self) -> str:
@@ -73,7 +73,7 @@ class Model(Protocol):
 
     @property
     def kind(self) -> str:
-        """``hover``, ``hover_printed``, ``statespace``, ``tf4``, ``oe``, ``paper17`` …"""
+        """The kind of model: ``hover``, ``statespace``, ``tf4``, ``oe``, ``greybox`` …"""
         ...
 
     def fly(self, task: LoopTask) -> LoopResult:
@@ -81,21 +81,21 @@ class Model(Protocol):
         ...
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> np.ndarray:
-        """Continuous-time closed-loop poles (rad/s, complex) with the controller's gain."""
+        """Return the closed-loop poles (complex, rad/s) with the gain; control period ``dt`` s."""
         ...
 
     def predict(self, recording: Recording, horizon_s: float) -> np.ndarray:
-        """(N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
+        """Return (N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
 
-        Uses all voltages before row k and the angles up to the horizon before it. NaN in the
-        first rows and on an axis that is not modelled.
+        It uses the voltages of all rows before k, and the angles up to ``horizon_s`` before row k.
+        NaN in the first rows and on an axis that is not modelled.
         """
         ...
 
     def to_control(self, *, in_continuous_time: bool = False) -> control.StateSpace:
-        """The model about its trim, for python-control; nonlinear models at level hover."""
+        """Return a python-control model about the trim; a nonlinear model is linearised there."""
         ...
 
     def to_dict(self) -> Mapping[str, Any]:
-        """The content of the model file; see `heli3dof.model.model_file`."""
+        """Return the content of the model file; see `heli3dof.model.model_file`."""
         ...

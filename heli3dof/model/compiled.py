@@ -1,4 +1,4 @@
-"""Compilation with numba, cached on disk; a change in any called function invalidates the cache.
+"""Compile functions with numba, cached on disk; a change in a called function recompiles them.
 
 ``numba.njit(cache=True)`` keeps machine code in ``__pycache__`` (or the user's cache folder if that
 is read-only), so only the first run after an installation compiles, for some seconds. Numba checks
@@ -23,14 +23,15 @@ from typing import Any
 def compiled(function: Callable[..., Any], *, leaf: bool = False, **options: Any) -> Any:
     """Return ``function`` under ``numba.njit``, cached on disk.
 
-    A change in a compiled function or a number that it uses by a global name recompiles it.
+    A change in its file, in a compiled function that it calls, or in a global number that it uses
+    causes recompilation.
 
-    A ``leaf`` makes no array and calls only leaves. It is inlined into its callers and compiled
-    without reference counting of arrays, which costs up to ten times as much as the arithmetic of a
-    rigid body.
+    ``leaf``: the function creates no array and calls only leaf functions. It is then inlined into
+    its callers and compiled without reference counting of arrays, which would cost up to ten times
+    as much as the arithmetic of a rigid body.
 
-    Floating point is strict (no fastmath): the same numbers as in Python. ``options`` go to numba,
-    for instance ``error_model="numpy"``: a division by zero gives inf or NaN and does not raise.
+    ``options`` go to numba; with ``error_model="numpy"`` a division by zero gives inf or NaN and
+    does not raise. Floating point is strict (no fastmath), so results are those of plain Python.
     """
     import numba
 
@@ -42,7 +43,7 @@ def compiled(function: Callable[..., Any], *, leaf: bool = False, **options: Any
 
 @cache
 def _digest(function: Callable[..., Any]) -> str:
-    """A digest of a function's file, of the numbers it uses, and of the functions it calls."""
+    """Return a hash of the function's file, its global numbers and its compiled callees."""
     function = getattr(function, "py_func", function)
     h = hashlib.sha256(_source(inspect.getfile(function)))
     names: dict[str, Any] = getattr(function, "__globals__", {})
@@ -61,7 +62,7 @@ def _source(path: str) -> bytes:
 
 
 def _with_cell(function: Callable[..., Any], content: str) -> Callable[..., Any]:
-    """Copy a function with an unused closure cell: numba's cache key holds the closure's cells."""
+    """Copy a function with ``content`` as an unused closure cell, a part of numba's cache key."""
     code = function.__code__
     code = code.replace(co_freevars=(*code.co_freevars, "_digest"))
     cells = (*(function.__closure__ or ()), types.CellType(content))
@@ -75,7 +76,7 @@ def _with_cell(function: Callable[..., Any], content: str) -> Callable[..., Any]
 
 @contextmanager
 def announced(sentence: str, after_s: float = 1.5) -> Iterator[None]:
-    """Log ``sentence`` once if the body takes longer than ``after_s``, as compilation does."""
+    """Context manager: log ``sentence`` if the block (a compilation) takes over ``after_s``."""
     timer = threading.Timer(after_s, logging.getLogger("heli3dof").warning, (sentence,))
     timer.daemon = True
     timer.start()

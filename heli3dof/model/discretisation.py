@@ -1,13 +1,13 @@
-"""Conversion between continuous and discrete time, and transfer functions.
+"""Convert linear models between continuous and discrete time, and to transfer functions.
 
-Zero-order hold, dt in s::
+Zero-order hold with the sample interval dt (s)::
 
     [A_d B_d]        ( [A B]    )
-    [ 0   I ]  = exp ( [0 0] dt )        (`c2d_zoh`; `d2c_zoh`: the logarithm)
+    [ 0   I ]  = exp ( [0 0] dt )        (`c2d_zoh`; `d2c_zoh` inverts it)
 
-The logarithm does not exist for a pole at zero or on the negative real axis (a delay, an
-oscillation at half the sample rate). The bilinear rule z = (1 + s dt/2)/(1 − s dt/2) replaces it
-there; the result then has a feedthrough D.
+The inverse needs the matrix logarithm. It does not exist for a discrete pole at zero (a delay) or
+on the negative real axis (an oscillation at half the sample rate). There `continuous` uses the
+bilinear rule z = (1 + s dt/2)/(1 − s dt/2); its result has a feedthrough D.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 _NAMES = {"inputs": ["v_front_V", "v_back_V"], "outputs": ["roll_rad", "pitch_rad", "yaw_rad"]}
 HOVER_STATES = ("r", "p", "psi", "r_rate", "p_rate", "psi_rate")
-"""State names of the physical state (8): rad and rad/s."""
+"""Names of the states (r, p, ψ, ṙ, ṗ, ψ̇) of the paper's eq (8), in rad and rad/s."""
 
 
 class Sampled(Protocol):
-    """A discrete-time model x[k+1] = A x + B ũ, ỹ = C x, sampled every ``dt`` s."""
+    """A discrete-time model x[k+1] = A x + B ũ, ỹ = C x, with deviations ũ, ỹ from the trim."""
 
     @property
     def name(self) -> str: ...
@@ -44,9 +44,9 @@ class Sampled(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Continuous:
-    """ẋ = A x + B ũ, ỹ = C x + D ũ about the model's trim; rad, V, s.
+    """The model ẋ = A x + B ũ, ỹ = C x + D ũ; ũ (V) and ỹ (rad) are deviations from the trim.
 
-    ``method``: ``hold`` (exact at the samples) or ``bilinear``.
+    ``method``, the inverse of the sampling: ``hold`` (exact at the samples) or ``bilinear``.
     """
 
     A: np.ndarray
@@ -57,7 +57,7 @@ class Continuous:
 
 
 def c2d_zoh(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """(A_d, B_d): the exact discretisation of ẋ = A x + B u with u held for dt (s)."""
+    """Return (A_d, B_d), the exact discretisation of ẋ = A x + B u with u held for dt (s)."""
     n, m = B.shape
     M = np.zeros((n + m, n + m))
     M[:n, :n], M[:n, n:] = A, B
@@ -66,7 +66,7 @@ def c2d_zoh(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.nda
 
 
 def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """(A, B) whose zero-order hold at dt (s) is (A_d, B_d); None if there is none."""
+    """Return (A, B) whose zero-order hold at dt (s) is (A_d, B_d); None if none exists."""
     z: np.ndarray = np.linalg.eigvals(A_d)
     if np.any((z.real <= 0) & (abs(z.imag) <= 1e-9 * np.maximum(1, abs(z)))):
         return None
@@ -83,7 +83,7 @@ def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np
 
 
 def continuous(model: Sampled) -> Continuous:
-    """The continuous-time model of a discrete one: inverse zero-order hold, else bilinear."""
+    """Return the continuous-time model: by inverse zero-order hold if it exists, else bilinear."""
     zoh = d2c_zoh(model.A, model.B, model.dt)
     if zoh is not None:
         return Continuous(*zoh, model.C, np.zeros((3, 2)), "hold")
@@ -97,10 +97,10 @@ def continuous(model: Sampled) -> Continuous:
 
 
 def numerators(model: Continuous) -> tuple[np.ndarray, np.ndarray]:
-    """(num, den) over the common denominator det(sI − A), highest power first.
+    """Return the transfer functions' coefficients (num, den), highest power of s first.
 
-    num (3, 2, n + 1) is from motor j (V) to axis i (rad); den is (n + 1,).
-    det(sI − A + B_j C_i) = den · (1 + T_ij) for a strictly proper T_ij; D is added after.
+    num[i, j] (3, 2, n + 1) is from motor j (V) to axis i (rad); den (n + 1,) is det(sI − A). From
+    det(sI − A + B_j C_i) = den · (1 + T_ij), T_ij without feedthrough; D · den is added after.
     """
     den = np.real(np.poly(model.A))
     num = np.zeros((3, 2, len(den)))
@@ -114,10 +114,10 @@ def numerators(model: Continuous) -> tuple[np.ndarray, np.ndarray]:
 def to_control(
     model: Sampled, *, in_continuous_time: bool = False, states: Sequence[str] | None = None
 ) -> control.StateSpace:
-    """A python-control ``StateSpace`` about the trim: V − u0 in V, y − y0 in rad.
+    """Return a python-control ``StateSpace`` about the trim: from V − u0 (V) to y − y0 (rad).
 
-    Discrete at the model's dt, or in continuous time (see `continuous`). ``states`` names the
-    states; a bilinear conversion mixes them, so that its states stay x[0], x[1], …
+    It is discrete at the model's dt, or in continuous time (see `continuous`). ``states`` are the
+    states' names. A bilinear conversion ignores them, because it mixes states: x[0], x[1], …
     """
     import control
 
@@ -132,10 +132,10 @@ def to_control(
 
 
 def to_transfer_function(model: Sampled) -> control.TransferFunction:
-    """The continuous-time transfer functions, rad per V, as python-control's 3 × 2 object.
+    """Return the continuous-time transfer functions, rad per V, as a 3 × 2 python-control object.
 
-    Powers of s common to numerator and denominator are cancelled; `numerators` keeps the one
-    common denominator, as the paper prints (17).
+    Common powers of s are cancelled. `numerators` does not cancel: all its transfer functions have
+    the same denominator, as the paper prints (17).
     """
     import control
 
@@ -150,7 +150,7 @@ def to_transfer_function(model: Sampled) -> control.TransferFunction:
 
 
 def _reduced(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(num, den) without leading zeros and without common powers of s, up to rounding."""
+    """Return (num, den) without leading zeros and common powers of s, up to rounding."""
     num = np.where(abs(num) > 1e-12 * np.max(abs(den)), num, 0.0)
     if not num.any():
         return np.zeros(1), np.ones(1)

@@ -1,4 +1,4 @@
-"""Model files: JSON, schema ``heli3dof.model/1``; see ``docs/reference/model-file.md``.
+"""Read and write model files: JSON, schema ``heli3dof.model/1`` (docs/reference/model-file.md).
 
 `save_model` and `read_model` handle any `Model`. `heli3dof.paper.models.load_model` also accepts
 the names of the paper's models.
@@ -34,7 +34,7 @@ def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
 
 
 def write_document(data: Mapping[str, Any], path: Path, *, force: bool) -> Path:
-    """Write a JSON document atomically: after a crash the old or the new file is complete."""
+    """Write ``data`` as JSON atomically: a crash leaves the old or the new file, complete."""
     text = json.dumps(jsonable(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     return write_file(path, text.encode("utf-8", "backslashreplace"), force=force)
 
@@ -129,7 +129,7 @@ def _unusable(path: Path, what: str, cause: str, fix: str) -> RecordingError:
 
 
 def jsonable(value: Any) -> Any:
-    """Plain JSON content: arrays and numpy scalars become lists and numbers, NaN and ∞ null."""
+    """Convert to plain JSON: arrays to lists, complex to [re, im], NaN and ∞ to null."""
     if isinstance(value, Mapping):
         return {str(k): jsonable(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):

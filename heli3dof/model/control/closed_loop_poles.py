@@ -1,13 +1,13 @@
-"""Closed-loop poles of a model with the gain K (2 × 8), without limits.
+"""Closed-loop poles of a model with the controller gain K (2 × 8), without limiters.
 
-Continuous, with ideal rates (the paper's loop; E6 adds the two integrals ξ)::
+Continuous loop with ideal rates, as in the paper with the integrals ξ of erratum E6::
 
     ẋ = A x + B u,   ξ̇_r = r_ref − r,   ξ̇_ψ = ψ_ref − ψ
     u = K_p (y_ref − y) − K_d ẏ + K_i ξ          K = [K_p (2×3)  K_d (2×3)  K_i (2×2)]
 
-Sampled, as on the rig: the rates are the Tustin-filtered derivatives of `controller`, and the
-integrals advance by dt × error after use. An integral is omitted if its column of K is zero or its
-axis is not modelled.
+Sampled loop, as on the rig: the rates are the Tustin-filtered derivatives of `controller`, and each
+integral advances by dt × error after the voltage is computed. The poles omit an integral whose
+column of K is zero or whose axis is not modelled.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ INTEGRATED = (0, 2)
 def closed_loop(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, K: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The continuous loop with ideal rates, states (x, ξ_r, ξ_ψ), input y_ref (3,) rad.
+    """Return the continuous loop with ideal rates: states (x, ξ_r, ξ_ψ), input y_ref (3,) rad.
 
-    Returns A_cl (n+2, n+2), B_cl (n+2, 3) and F (2, n+2) with u = F [x; ξ] + K_p y_ref. If
+    The result is A_cl (n+2, n+2), B_cl (n+2, 3) and F (2, n+2) with u = F [x; ξ] + K_p y_ref. If
     C B ≠ 0, the rate ẏ = C A x + C B u depends on u directly; the equation is solved for u.
     """
     n = A.shape[0]
@@ -46,7 +46,7 @@ def closed_loop(
 
 
 def ideal_loop_poles(model: LinearParameters, controller: ControllerSpec) -> np.ndarray:
-    """Poles (rad/s, rightmost first) of the continuous loop with ideal rates."""
+    """Return the poles (rad/s, rightmost first) of the continuous loop with ideal rates."""
     c = continuous(model)
     C = np.where(model.modelled[:, None], c.C, 0.0)
     A_cl, _, _ = closed_loop(c.A, c.B, C, controller.K_g)
@@ -57,10 +57,10 @@ def ideal_loop_poles(model: LinearParameters, controller: ControllerSpec) -> np.
 def sampled_loop_poles(
     model: LinearParameters, controller: ControllerSpec, dt: float
 ) -> np.ndarray:
-    """Poles (rad/s, rightmost first) of the loop sampled every dt s, s = log(z)/dt.
+    """Return the poles (rad/s, rightmost first) of the loop sampled every dt s, as s = log(z)/dt.
 
-    A pole at z = 0 (a pure delay) has no s and is omitted. States: model, two per derivative
-    filter, one per integral.
+    A pole at z = 0 (a pure delay) has no finite s and is omitted. The loop's states are those of
+    the model, two per derivative filter and one per integral.
     """
     model = model.at(dt)
     axes = [i for i in range(3) if model.modelled[i]]
@@ -89,11 +89,11 @@ def sampled_loop_poles(
 
 
 def _integrals_in_the_loop(model: LinearParameters, controller: ControllerSpec) -> np.ndarray:
-    """(2,) bool: whether the roll and the yaw integral take part."""
+    """Return (2,) bool: True if the loop has the roll integral, and the yaw integral."""
     return np.asarray((controller.K_g[:, 6:] != 0).any(axis=0) & model.modelled[list(INTEGRATED)])
 
 
 def rightmost_first(poles: np.ndarray) -> np.ndarray:
-    """Sort by falling real part; of a pair, the positive imaginary part first."""
+    """Return the poles by falling real part; of a complex pair, that above the real axis first."""
     poles = np.asarray(poles, dtype=complex)
     return poles[np.lexsort((-poles.imag, -poles.real.round(9)))]

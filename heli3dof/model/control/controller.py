@@ -1,25 +1,26 @@
-"""The contract's default controller: eq (7) with the gain (14), sampled, as on the real rig.
+"""The default controller: the paper's eq (7) with its gain (14), sampled, as on the real rig.
 
 ::
 
     V = V_o + K_g [r_ref − r, p_ref − p, ψ_ref − ψ, −ṙ, −ṗ, −ψ̇, ∫(r_ref − r), ∫(ψ_ref − ψ)] + extra
     v = clip(V, ±v_max)
 
-in radians, seconds and volts (with errata E5, E6, E7 corrected). At sample k:
+in radians, seconds and volts, with errata E5, E6, E7 corrected; extra is an excitation voltage. At
+sample k:
 
-1. Each reference passes a rate limiter that starts from the angle at `Controller.reset`.
-2. Each rate is the encoder angle through ω² s / (s² + 2 ζ ω s + ω²) by Tustin, at rest at reset.
+1. Each reference passes a rate limiter. After `Controller.reset` it starts at the measured angle.
+2. Each rate is the encoder angle filtered by ω² s / (s² + 2 ζ ω s + ω²), discretised by Tustin.
 3. Each integral's contribution to each motor, ``K[i, 6] ξ_r`` and ``K[i, 7] ξ_ψ``, is clamped to
    ±``integrator_clamp_V``. The integral stops growing when its contribution has reached the clamp
-   on every motor (anti-windup), so it leaves the clamp as soon as its error changes sign.
-4. The voltage follows from sample k's angles. Then the integrals advance by ``dt × error`` (forward
-   Euler: they hold ∫ from the start to sample k).
+   on both motors (anti-windup), so it leaves the clamp as soon as its error changes sign.
+4. The voltage is computed from sample k's angles and the integrals up to sample k. Then the
+   integrals advance by ``dt × error`` (forward Euler).
 
-`control_law` is the only source of this law. It works on plain sequences of floats: the real-time
-loop runs it on Python lists (a few µs a tick, without numba), and the simulations compile it.
+`control_law` is the only implementation of this law. The real-time loop runs it on Python lists (a
+few µs per period, without numba), and the simulations compile it.
 
 A lost angle (NaN) is replaced by the last valid one. A NaN in a reference or an extra voltage
-counts as zero. A voltage that is not finite goes out as 0 V. So no NaN can enter the filters.
+counts as zero. If the computed voltage is not finite, the output v is 0 V.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ import numpy as np
 
 from heli3dof.rig.profile import ControllerSpec
 
-# Layout of the flat parameters p, state s and output out.
+# Indices of the flat parameters p, state s and output out of `control_law`.
 _DT, _V_O, _V_MAX, _REF_STEP, _CLAMP, _B0, _A1, _A2, _XI_MAX = range(9)
 _K = _XI_MAX + 2
 N_PARAMETERS = _K + 16
@@ -49,9 +50,11 @@ def control_law(
     extra: Sequence[float],
     out: MutableSequence[float],
 ) -> None:
-    """Compute one period: angle (3) rad, reference (3) rad, extra (2) V; updates s and out (4) V.
+    """Compute one control period: write out (4) V and update the state s.
 
-    Runs unchanged in Python on lists and under ``numba.njit`` on float64 arrays.
+    Inputs: parameters p (`parameters`), angle (3) rad, reference (3) rad, extra (2) V. Output: the
+    commanded voltages (front, back), then the same after the limiter ±v_max. Runs unchanged in
+    Python on lists and under ``numba.njit`` on float64 arrays.
     """
     for i in range(3):
         y = angle[i]
@@ -90,7 +93,7 @@ def control_law(
 
 
 def parameters(spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> list[float]:
-    """The flat parameter list that `control_law` reads. V_o, v_max in V, dt in s."""
+    """Return the flat parameter list that `control_law` reads. V_o, v_max in V, dt in s."""
     b0, a1, a2 = derivative_filter(spec, dt)
     ref_step = float(np.deg2rad(spec.reference_rate_limit_deg_per_s)) * dt
     # The motor with the smaller gain reaches the clamp last.
@@ -101,7 +104,7 @@ def parameters(spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> lis
 
 
 def derivative_filter(spec: ControllerSpec, dt: float) -> tuple[float, float, float]:
-    """(b0, a1, a2) of ω² s / (s² + 2 ζ ω s + ω²) by Tustin, s = (2/dt)(z − 1)/(z + 1).
+    """Return (b0, a1, a2) of ω² s / (s² + 2 ζ ω s + ω²) by Tustin, s = (2/dt)(z − 1)/(z + 1).
 
     H(z) = b0 (1 − z⁻²) / (1 + a1 z⁻¹ + a2 z⁻²); angle in rad, rate in rad/s.
     """
@@ -117,7 +120,10 @@ def derivative_filter(spec: ControllerSpec, dt: float) -> tuple[float, float, fl
 
 
 def state_at_rest(p: Sequence[float], angle: Sequence[float]) -> list[float]:
-    """The state at rest at ``angle`` (3,) rad: references there, rates and integrals zero."""
+    """Return the controller state at rest at ``angle`` (3,) rad.
+
+    The limited references equal the angles; filtered rates and integrals are zero.
+    """
     angle = [a if abs(a) < _LARGEST_ANGLE else 0.0 for a in angle]
     s = [0.0] * N_STATE
     for i in range(3):
@@ -127,7 +133,7 @@ def state_at_rest(p: Sequence[float], angle: Sequence[float]) -> list[float]:
 
 
 class Controller:
-    """The default controller in plain Python, for the real-time loop: a few µs a tick.
+    """The default controller in plain Python, for the real-time loop: a few µs per period.
 
     >>> from heli3dof.rig.profile import default_profile
     >>> c = Controller.of(default_profile())
@@ -145,12 +151,12 @@ class Controller:
 
     @classmethod
     def of(cls, profile: Any) -> Controller:
-        """The controller of a `Profile`, or the default one if it has none, at its rate."""
+        """Return the controller of a `Profile` at its loop rate; the default one if it has none."""
         profile = profile.with_controller()
         return cls(profile.controller, profile.motor.V_o, profile.motor.v_max, profile.dt)
 
     def reset(self, angle: Sequence[float] | np.ndarray) -> None:
-        """Set the state at rest at ``angle`` (3,) rad; see `state_at_rest`."""
+        """Set the state to rest at ``angle`` (3,) rad; see `state_at_rest`."""
         self._s = state_at_rest(self._p, [float(a) for a in angle])
 
     def step(
@@ -159,7 +165,7 @@ class Controller:
         reference: Sequence[float] | np.ndarray,
         extra: Sequence[float] | np.ndarray = (0.0, 0.0),
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Compute one control period: angle (3,) rad, reference (3,) rad, extra (2,) V.
+        """Compute one control period from angle (3,) rad, reference (3,) rad and extra (2,) V.
 
         Returns (v_cmd, v), each (front, back) in V: before and after the ±v_max limiter.
         """
@@ -177,17 +183,17 @@ class Controller:
 
     @property
     def limited_reference(self) -> tuple[float, float, float]:
-        """(3,) rad: the references after the rate limiter, at the last step."""
+        """(3,) rad: the references after the rate limiter, from the last `step`."""
         s = self._s
         return s[_LIMITED], s[_LIMITED + 1], s[_LIMITED + 2]
 
     @property
     def rates(self) -> tuple[float, float, float]:
-        """(3,) rad/s: the filtered derivatives at the last step."""
+        """(3,) rad/s: the filtered derivatives of the angles, from the last `step`."""
         s = self._s
         return s[_RATE], s[_RATE + 1], s[_RATE + 2]
 
     @property
     def integrals(self) -> tuple[float, float]:
-        """(∫ roll error, ∫ yaw error) in rad·s, after the last step."""
+        """(∫ roll error, ∫ yaw error) in rad·s, after the last `step`."""
         return self._s[_XI], self._s[_XI + 1]

@@ -4,10 +4,10 @@
 
     V − V_o = K_p (y_ref − y) − K_d ẏ + K_i ξ,    ξ̇ = (r_ref − r, ψ_ref − ψ)
 
-Rates are ideal, of the measurement and not of the error; the integrals have no clamp. The paper's
-hover column is from this loop; the rig runs `heli3dof.model.control.controller`. Without a voltage
-limit the response is exact: matrix exponentials between the corners of the reference. `paper_gain`
-is the LQR design behind K_g.
+y = (r, p, ψ) in rad. The rates are exact derivatives of y, not of the error, and the integrals have
+no clamp. The paper's results for its hover model are from this loop; the rig runs
+`heli3dof.model.control.controller`. Without a voltage limit the response is exact, by matrix
+exponentials between the corners of the reference. `paper_gain` is the LQR design of K_g.
 """
 
 from __future__ import annotations
@@ -26,35 +26,37 @@ from heli3dof.model.linear.hover import Hover
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """A response over N instants."""
+    """The simulated response at N instants."""
 
     t: np.ndarray
     """(N,) s"""
     angle: np.ndarray
     """(N, 3) rad"""
     voltage: np.ndarray
-    """(N, 2) V above V_o, after the limit if there is one"""
+    """(N, 2) V, V − V_o, after the limit if there is one"""
 
 
 def paper_gain(hover: Hover) -> np.ndarray:
-    """(2, 8) the LQR gain of the six states and two integrals, with the paper's Q and R.
+    """Return the LQR gain (2, 8) of the six states and two integrals, with the paper's Q and R.
 
-    For the corrected model with V_o by (6) it reproduces (14), which the paper truncates. That is
-    the evidence for E3 and E4. From the Riccati equation AᵀP + PA − PBR⁻¹BᵀP + Q = 0, K = R⁻¹BᵀP.
+    For the corrected model with V_o from (6) it equals the paper's gain (14) up to its truncated
+    digits. That is the evidence for errata E3 and E4. K = R⁻¹BᵀP with
+    the Riccati equation AᵀP + PA − PBR⁻¹BᵀP + Q = 0.
     """
     A = np.zeros((8, 8))
     A[:6, :6] = hover.A
     for row, axis in enumerate(INTEGRATED):
-        A[6 + row, axis] = 1.0  # ξ̇ = +y here, as lqr designs about zero
+        A[6 + row, axis] = 1.0  # ξ̇ = +y here: the LQR regulates y to zero
     B = np.vstack([hover.B, np.zeros((2, 2))])
     P = la.solve_continuous_are(A, B, np.diag(Q), R * np.eye(2))
     return np.asarray(B.T @ P / R)
 
 
 def with_rotor_lag(hover: Hover, tau: float) -> Hover:
-    """The model with first-order rotors, τ V̇_r = V − V_r: two more states, V_r − V_o in V.
+    """Return the model with first-order rotors, τ V̇_r = V − V_r; tau in s.
 
-    Not in the paper; a possible reason why its rig overshot far more than its model. tau in s.
+    It has two more states, V_r − V_o in V. This is not in the paper; the lag may explain why its
+    rig overshot far more than its model.
     """
     A, B = np.zeros((8, 8)), np.zeros((8, 2))
     A[:6, :6], A[:6, 6:], A[6:, 6:] = hover.A, hover.B, -np.eye(2) / tau
@@ -63,7 +65,7 @@ def with_rotor_lag(hover: Hover, tau: float) -> Hover:
 
 
 def loop_poles(hover: Hover, K: np.ndarray) -> np.ndarray:
-    """(8,) rad/s, rightmost first: the poles of the loop with the gain K (2, 8)."""
+    """Return the closed-loop poles (rad/s, rightmost first) with the gain K (2, 8)."""
     return rightmost_first(la.eigvals(closed_loop(hover.A, hover.B, hover.C, K)[0]))
 
 
@@ -79,11 +81,12 @@ def step_response(
     x0: np.ndarray | None = None,
     v_max: float | None = None,
 ) -> Response:
-    """The response to a step of the references to ``target`` (3,) rad at t = 0.
+    """Simulate a step of the references to ``target`` (3,) rad at t = 0, for ``duration_s``.
 
     The start is at rest at ``angle0`` (3,) rad, level by default, or the state ``x0``. With a
-    ``rate_limit`` (rad/s) the references ramp from there. ``v_max`` (V, total) limits the voltages;
-    the response is then by Runge–Kutta 4 every ``dt``, otherwise it is exact.
+    ``rate_limit`` (rad/s) the references ramp from the start angles. ``v_max`` (V) limits each
+    motor voltage V; the response is then by Runge–Kutta 4 with step ``dt`` (s), otherwise it is
+    exact.
     """
     if x0 is None:
         x0 = np.zeros(len(hover.A))
@@ -119,7 +122,10 @@ def _exact(
     reference: Callable[[float], np.ndarray],
     slope: np.ndarray,
 ) -> np.ndarray:
-    """ẋ = A x + B r, ṙ piecewise constant: one matrix exponential per corner and per step."""
+    """Return x (N, n) at t from ẋ = A x + B r, with ṙ = ``slope`` of each axis until its corner.
+
+    It uses one matrix exponential per corner and one for the time step.
+    """
     n = len(A)
     M = np.zeros((n + 6, n + 6))
     M[:n, :n], M[:n, n : n + 3] = A, B
@@ -149,7 +155,7 @@ def _limited(
     reference: Callable[[float], np.ndarray],
     v_max: float,
 ) -> np.ndarray:
-    """ẋ = A x + B u with |V| ≤ v_max, by Runge–Kutta 4."""
+    """Return x at t from ẋ = A x + B u, u = F x + K_p r, |V_o + u| ≤ v_max, by Runge–Kutta 4."""
     A, B, C, V_o, Kp = hover.A, hover.B, hover.C, hover.V_o, K[:, :3]
     n = len(A)
 

@@ -1,13 +1,13 @@
-"""The closed loop of a profile, checked before a flight: poles, margins at the motors, steps.
+"""Check the closed loop of a profile before a flight: poles, disk margin, simulated steps.
 
-The sampled loop (filtered rates, integrals) is broken at the plant's inputs, at both motors at
+The margin is for the sampled loop (filtered rates, integrals), broken at both motors' voltages at
 once. With the 2 × 2 loop gain L(z) there and the sensitivity S = (I + L)⁻¹, the disk margin for
-independent changes f_F, f_B of the two motors' gain and phase is::
+independent factors f_F, f_B on the two motors' gain and phase is::
 
     α = 1 / max_ω μ(S − I/2),       μ: the structured singular value for diag(f_F, f_B)
 
-Each f may then be any real number from (1 − α/2)/(1 + α/2) to its inverse, or any phase up to
-2 atan(α/2). For M = [a b; c d] the scaling that balances |b| and |c| makes μ exact::
+The loop stays stable for each f real from (1 − α/2)/(1 + α/2) to its inverse, or with any phase up
+to 2 atan(α/2). For M = [a b; c d] the scaling that balances |b| and |c| makes μ exact::
 
     μ(M)² = (F + √(F² − 4 |det M|²)) / 2,    F = |a|² + |d|² + 2 |b c|
 
@@ -34,33 +34,34 @@ from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.profile import ControllerSpec, Profile
 
 FREQUENCIES = 600
-"""Logarithmic grid for the margins; 1200 change α of the paper's rig by less than 0.001."""
+"""Number of frequencies for the margin, in a logarithmic grid; twice as many change α of the
+paper's rig by less than 0.001."""
 LOWEST_RAD_PER_S = 0.01
-"""A tenth of the paper's slowest pole."""
+"""rad/s, the lowest frequency of the grid: a tenth of the slowest pole of the paper's loop."""
 STEP_S = 15.0
 """s, length of a simulated step: the paper's loop settles within 7.7 s"""
 LITTLE_MARGIN = 0.4
-"""A smaller disk margin causes a warning: a gain 1.5 times as large or ±23° of phase destabilises.
-K_g on the paper's rig has about twice that."""
+"""A disk margin α below this causes a warning. At 0.4, a gain 1.5 times as large or ±23° of phase
+may destabilise the loop. The paper's K_g on its rig has about twice this α."""
 MUCH_OVERSHOOT = 0.6
-"""Share of the step above which overshoot causes a warning. K_g overshoots a 20° yaw step by 16 %,
-a roll step by 19 %."""
+"""Overshoot, relative to the step, above which there is a warning. The paper's K_g overshoots a 20°
+yaw step by 16 % and a roll step by 19 %."""
 
 
 @dataclass(frozen=True)
 class StepCheck:
-    """One simulated step."""
+    """The result of one simulated step of a reference."""
 
     name: str
     axis: str
     target_deg: float
     peak_deg: float
     highest_V: float
-    """V, the largest absolute value of either motor"""
+    """V, the largest absolute voltage of either motor"""
     saturated_s: float
-    """s with a motor at its limit"""
+    """s, the time with a motor at ±v_max"""
     trip: str | None
-    """The safety trip that would end it; None without one"""
+    """The safety trip that would end such a flight; None if none would"""
 
     @property
     def overshoot_deg(self) -> float:
@@ -69,12 +70,12 @@ class StepCheck:
 
 @dataclass(frozen=True)
 class LoopCheck:
-    """The result of `check_loop_of`; margins and steps exist for a stable loop only."""
+    """The result of `check_loop_of`; an unstable loop has no margin and no steps."""
 
     poles: np.ndarray
     """(n,) rad/s, rightmost first, of the sampled loop about hover"""
     disc_margin: float | None = None
-    """α"""
+    """α, the disk margin at both motors"""
     steps: tuple[StepCheck, ...] = ()
 
     @property
@@ -83,7 +84,7 @@ class LoopCheck:
 
     @property
     def gain_margin(self) -> float | None:
-        """The factor by which each motor's gain may rise or fall, independently."""
+        """The factor by which each motor's gain may rise or fall, independently of the other."""
         if self.disc_margin is None:
             return None
         half = min(self.disc_margin / 2, 0.999)
@@ -91,11 +92,11 @@ class LoopCheck:
 
     @property
     def phase_margin_deg(self) -> float | None:
-        """The phase lag that each motor may have, at any frequency."""
+        """The additional phase lag in ° that each motor may have at any frequency."""
         return None if self.disc_margin is None else degrees(2 * atan(self.disc_margin / 2))
 
     def unusual(self) -> Iterator[str]:
-        """Warnings on small margins, saturation, trips, overshoot; none for an unstable loop."""
+        """Yield warnings on margin, saturation, trips and overshoot; none for an unstable loop."""
         if not self.stable:
             return
         assert self.disc_margin is not None
@@ -130,7 +131,7 @@ def check_loop_of(profile: Profile) -> LoopCheck:
 
 
 def disc_margin(profile: Profile, spec: ControllerSpec) -> float:
-    """α for both motors at once, about hover."""
+    """Return the disk margin α at both motors, for the hover model; see the module."""
     model = hover_model(profile)
     w = np.geomspace(LOWEST_RAD_PER_S, np.pi / profile.dt, FREQUENCIES)[:-1]
     z = np.exp(1j * w * profile.dt)
@@ -147,7 +148,7 @@ def disc_margin(profile: Profile, spec: ControllerSpec) -> float:
 
 
 def _controller(spec: ControllerSpec, dt: float, z: np.ndarray) -> np.ndarray:
-    """(n, 2, 3) V/rad: the transfer from angles to minus voltages of `control_law`."""
+    """Return the negative transfer from angles to voltages, (n, 2, 3) V/rad, at the n values z."""
     b0, a1, a2 = derivative_filter(spec, dt)
     K = spec.K_g
     rate = b0 * (1 - z**-2) / (1 + a1 * z**-1 + a2 * z**-2)
@@ -200,7 +201,7 @@ def _step(
 def _trip(
     profile: Profile, t: np.ndarray, angle: np.ndarray, command: np.ndarray, voltage: np.ndarray
 ) -> str | None:
-    """The first safety trip along a simulated flight."""
+    """Return the first safety trip along a simulated flight; None without one."""
     envelope = Envelope(profile)
     with np.errstate(invalid="ignore"):
         rate = np.gradient(angle, profile.dt, axis=0)

@@ -1,24 +1,24 @@
-"""The control law with the loops of some axes open: their share of the voltage is frozen.
+"""Open the control loops of some axes during a flight: freeze their part of the voltage.
 
-`control_law` adds the contribution of each axis i to motor m,
+The voltage that `control_law` computes is a sum of contributions of each axis i to motor m,
 
-    c_im = K_mi (i_ref − i) − K_m,3+i i̇ + clamp(K_m,6+j ξ_j)        (j: roll and yaw only)
+    c_im = K_mi (i_ref − i) − K_m,3+i i̇ + clamp(K_m,6+j ξ_j)        (ξ: roll and yaw only)
 
-A mode per axis and period selects its treatment:
+Each axis has a mode in each control period:
 
     CLOSED  unchanged
-    LEARN   unchanged; the mean c̄_im of this stretch is stored: the axis' trim voltage
-            (until the next stretch of learning in the same flight)
+    LEARN   unchanged; the mean c̄_im over these consecutive periods is stored as trim voltage
+            (the next LEARN of this axis in the flight replaces it)
     OPEN    c_im is replaced by c̄_im, so the voltage does not depend on the axis
 
-The replacement is an extra voltage, extra_m += Σ_i (c̄_im − c_im). The reference of an open axis is
-its own angle, so its integral stops; when the loop closes, the reference returns to the plan's at
-the rate `RETURN`, without a jump. The recording holds both as applied: V = law(angle, reference) +
-extra to the last bit, so it can be replayed like any flight.
+The replacement is implemented as an extra voltage, extra_m += Σ_i (c̄_im − c_im). The reference of
+an open axis is its own angle, so its integral does not grow. When the loop closes, the reference
+returns to the plan's at the rate `RETURN`, without a jump. A recording contains the references and
+extra voltages as changed here, so V = law(angle, reference) + extra and a replay needs no modes.
 
 The supplied plans open roll or yaw and keep pitch closed: with both voltages frozen, 1 % of
-mismatch between the motors tips a body without pitch stiffness over in seconds. The controller
-takes over until the end of the segment if a flight leaves `SHARE` of the envelope's half width.
+mismatch between the motors tips a body without pitch stiffness over in seconds. If an angle or rate
+exceeds `SHARE` of the safety envelope, all loops are closed until no axis has the mode OPEN.
 """
 
 from __future__ import annotations
@@ -46,18 +46,21 @@ from heli3dof.rig.profile import ControllerSpec, Limits
 
 CLOSED, LEARN, OPEN = 0, 1, 2
 SHARE = 0.7
-"""Share of the envelope's half width that an open loop may use"""
+"""Largest angles and rates with an open loop, relative to the safety envelope's half width"""
 RETURN = radians(10.0)
-"""rad/s: rate at which the reference returns to the plan's after a loop closes"""
+"""rad/s: rate at which the reference returns to the plan's after a loop was closed"""
 FADE_S = 0.03
-"""s: time constant of the change from the frozen voltage to the controller's"""
+"""s: time constant of the decay of the replacement voltage after a loop was closed"""
 _SUM, _COUNT, _BEFORE, _BACK, _OPEN, _XI_BEFORE = 0, 6, 9, 12, 13, 14
 _ADDED, _OFFSET, _HELD, _FADING = 16, 18, 21, 24
 N_OPENING = 26
 
 
 def free_within(limits: Limits) -> list[float]:
-    """[roll low, high; pitch; yaw; three rates], rad and rad/s: bounds for an open loop."""
+    """Return the bounds for an open loop: [roll low, roll high, |pitch|, |yaw|, three |rates|].
+
+    Angles are in rad, rates (roll, pitch, yaw) in rad/s.
+    """
     middle = (limits.roll_max_deg + limits.roll_min_deg) / 2
     half = SHARE * (limits.roll_max_deg - limits.roll_min_deg) / 2
     rest = (
@@ -71,7 +74,10 @@ def free_within(limits: Limits) -> list[float]:
 
 
 def opening(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The arguments of a compiled loop: modes (N, 3) or (0, 3) if all are closed; room; z."""
+    """Return the arguments (mode, room, z) of `before_law` for a compiled simulation.
+
+    The modes are (N, 3), or (0, 3) if the task opens no loop.
+    """
     modes = np.zeros((0, 3), dtype=np.int8) if task.opened is None else task.opened
     return (
         np.ascontiguousarray(modes, dtype=np.int8),
@@ -90,12 +96,12 @@ def before_law(
     reference: MutableSequence[float],
     extra: MutableSequence[float],
 ) -> None:
-    """Decide before `control_law` whether each axis is open, and set its reference.
+    """Call before `control_law`: decide which axes are open, and set their references.
 
     ``p`` and ``s`` are the law's parameters and state; ``mode`` (3), ``angle`` and ``reference``
-    (3) rad, ``extra`` (2) V. ``room`` is from `free_within`; ``z`` is the state of the opening
-    (`N_OPENING` zeros at the start). The references are overwritten as applied. The extra voltage
-    is set to zero and stored for `after_law`. Both functions run on Python lists and under
+    (3) rad, ``extra`` (2) V. ``room`` is from `free_within`; ``z`` is the state of this module
+    (`N_OPENING` zeros at the start). ``reference`` is overwritten with the one to apply. ``extra``
+    is moved to ``z`` for `after_law` and set to zero. Both functions run on Python lists and under
     ``numba.njit`` on float64 arrays.
     """
     anything = False
@@ -138,9 +144,10 @@ def after_law(
     extra: MutableSequence[float],
     out: MutableSequence[float],
 ) -> None:
-    """Learn or replace contributions after `control_law`, then add the extra voltage.
+    """Call after `control_law`: average or replace contributions, and add the extra voltage.
 
-    ``extra`` (2) V and ``out`` (4) V are overwritten as applied; ``p`` and ``s`` are the law's.
+    ``extra`` (2) V and the law's output ``out`` (4) V are overwritten with the values to apply. The
+    other arguments are those of `before_law`.
     """
     for m in range(2):
         replaced = 0.0
@@ -171,7 +178,7 @@ def after_law(
 
 
 class OpenedController(Controller):
-    """The controller in plain Python, with loops that a plan can open."""
+    """The default controller in plain Python, with loops that a plan can open."""
 
     def __init__(self, spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> None:
         super().__init__(spec, V_o, v_max, dt)
@@ -180,7 +187,7 @@ class OpenedController(Controller):
 
     @classmethod
     def of(cls, profile: Any) -> OpenedController:
-        """The controller of a `Profile`, with the bounds of the profile's envelope."""
+        """Return the controller of a `Profile`, with bounds from the profile's safety envelope."""
         made = super().of(profile)
         assert isinstance(made, cls)
         made._room = free_within(profile.limits)
@@ -195,7 +202,10 @@ class OpenedController(Controller):
     ) -> tuple[
         tuple[float, float, float], tuple[float, float], tuple[float, float], tuple[float, float]
     ]:
-        """One period with the modes (3): (reference rad, extra V, v_cmd V, v V) as applied."""
+        """Compute one control period with the axes' modes (3).
+
+        Returns reference (rad) and extra (V) as applied, and v_cmd, v (V) of `Controller.step`.
+        """
         r, e, out = list(reference), list(extra), self._out
         before_law(self._p, self._s, self._room, self._z, mode, angle, r, e)
         control_law(self._p, self._s, angle, r, e, out)

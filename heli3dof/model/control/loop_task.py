@@ -1,4 +1,4 @@
-"""The closed-loop task of a recording: its references, extra voltages and controller.
+"""Convert a recording to a closed-loop task, so that a model can replay the flight.
 
 A replay needs a known controller, references and all three angles; `why_not_replayed` states which
 of them a recording lacks.
@@ -15,7 +15,7 @@ from heli3dof.recording.row import CLOSED_LOOP
 
 
 def why_not_replayed(recording: Recording) -> str | None:
-    """The reason why the loop of a recording cannot be replayed; None if it can."""
+    """Return the reason why the flight cannot be replayed in closed loop; None if it can."""
     if recording.profile.controller is None:
         return (
             "the controller is unknown: the profile has no [controller], so nothing may depend on "
@@ -29,16 +29,17 @@ def why_not_replayed(recording: Recording) -> str | None:
 
 
 def loop_task(recording: Recording) -> LoopTask:
-    """Return the recorded flight's task at the profile's exact control period.
+    """Return the references, extra voltages, start and controller of a recorded flight.
 
-    The recording must hold rows under control only (`under_control`). Lost samples get the last
-    reference and extra voltage. Raises ValueError if `why_not_replayed` gives a reason.
+    The rows are the profile's control periods; a lost sample gets the last reference and extra
+    voltage. The recording must hold closed-loop rows only (`under_control`). Raises ValueError if
+    `why_not_replayed` gives a reason.
     """
     if reason := why_not_replayed(recording):
         raise ValueError(reason)
     profile, t = recording.profile, recording.t
     grid = control_instants(t, profile.dt)
-    # Half a period of tolerance: a late sample belongs to its own period.
+    # A sample up to half a period late counts for its own period.
     held = np.searchsorted(t, grid + 0.5 * profile.dt, side="right") - 1
     assert profile.controller is not None
     return LoopTask(
@@ -54,10 +55,10 @@ def loop_task(recording: Recording) -> LoopTask:
 
 
 def under_control(recording: Recording) -> Recording:
-    """Return the rows in closed loop, without the ramp to zero volts that ends a flight.
+    """Return the recording's rows in closed loop, without the final ramp to zero volts.
 
-    The channel ``phase`` marks them. An imported recording has no such channel; there the rows
-    without a reference at either end are dropped, unless no row has one.
+    The channel ``phase`` marks them. An imported recording has no such channel: there, rows without
+    a reference are dropped at both ends, unless no row has a reference.
     """
     if "phase" in recording.channels:
         flown = recording.channels["phase"] == CLOSED_LOOP
@@ -70,6 +71,6 @@ def under_control(recording: Recording) -> Recording:
 
 
 def control_instants(t: np.ndarray, dt: float) -> np.ndarray:
-    """Control instants from the first sample to the last, one period apart."""
+    """Return the instants of control (s) from the first sample of t to the last, every dt s."""
     periods = round(float(t[-1] - t[0]) / dt)
     return np.asarray(t[0] + dt * np.arange(periods + 1))

@@ -5,9 +5,9 @@ States (r, p, ψ, ṙ, ṗ, ψ̇, ∫r, ∫ψ) about hover, inputs V_F − V_o a
     minimise ∫ (xᵀ Q x + uᵀ R u) dt,    Q = diag(100, 1, 10, 0, 0, 2, 10, 0.1)
                                         R = 0.05 (24 V / v_max)² I₂
 
-in radians and seconds. For Table I this gives K_g (14) as the paper prints it, truncated, which
-also proves the errata E3 and E4. An amplifier with a lower limit has a larger weight on volts, so
-that a step uses the same share of v_max.
+in radians and seconds. For the rig of the paper's Table I this gives its gain K_g (14) up to
+truncated digits, which also proves the errata E3 and E4. R is larger for an amplifier with a lower
+limit v_max (V), so that a step uses the same share of v_max.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from heli3dof.rig.profile import K_G, Profile
 Q = (100.0, 1.0, 10.0, 0.0, 0.0, 2.0, 10.0, 0.1)
 """Weights of the squared states: 1/rad² (×3), s²/rad² (×3), 1/(rad·s)² (×2); the paper's design."""
 R = 0.05
-"""1/V², weight of each squared voltage at `V_MAX`; the paper's design."""
+"""1/V², weight of each squared voltage for v_max = `V_MAX`; the paper's design."""
 V_MAX = 24.0
 """V, the amplifier of the paper's rig."""
 SAME = 0.02
-"""Relative difference from K_g below which a design is K_g: the paper prints it truncated."""
+"""Largest relative difference of a gain that counts as K_g: the paper truncates its digits."""
 DIGITS = 5
-"""Significant digits that a designed gain keeps."""
+"""Significant digits to which a designed gain is rounded."""
 
 
 def lqr_gain(profile: Profile) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """K (2 × 8) for the profile's rig; rows front and back, columns as in ``[controller] K``.
+    """Return the gain K (2 × 8) for a rig; rows front and back, columns as in ``[controller] K``.
 
     Raises CheckFailed if no gain exists: at V_o = 0 the thrust cannot turn the rig in yaw.
     """
@@ -59,5 +59,5 @@ def lqr_gain(profile: Profile) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def is_default_gain(K: tuple[tuple[float, ...], ...]) -> bool:
-    """True if a gain is the paper's K_g up to the printed digits."""
+    """True if the gain equals the paper's K_g within `SAME`."""
     return bool(np.allclose(K, K_G, rtol=SAME, atol=0.0))

@@ -14,15 +14,15 @@ from heli3dof.model.linear.model import LinearModel
 from heli3dof.rig.profile import ControllerSpec, Profile
 
 MARGIN = 1e-4
-"""rad/s; a pole slower than this counts as an integrator that the gain leaves free."""
+"""rad/s; a pole with real part above −`MARGIN` counts as unstable."""
 
 
 def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarray:
-    """The loop's poles (rad/s, rightmost first) where it is stable.
+    """Return the closed-loop poles (rad/s, rightmost first); raise UnstableLoop if any is unstable.
 
-    Raises UnstableLoop naming every pole in the right half plane or on its edge. Linear models
-    are checked twice: as the paper writes the loop, and as it is flown, sampled every ``dt`` s
-    with the filtered derivative, where a slow rate alone can upset it.
+    The error names the poles with real part ≥ −`MARGIN`. Linear models are checked twice: with
+    `Model.loop_poles`, and with the loop sampled every ``dt`` s with the filtered derivative, where
+    a low loop rate can cause instability.
     """
     poles = model.loop_poles(controller, dt)
     unstable = poles[~(poles.real < -MARGIN)]
@@ -48,7 +48,7 @@ def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarra
 
 
 def check_hover_loop(profile: Profile) -> np.ndarray:
-    """`check_loop` of the profile's gain (the default gain if it has none) on its hover model."""
+    """Call `check_loop` with the profile's gain (or the default gain) and its hover model."""
     controller = profile.with_controller().controller
     assert controller is not None
     return check_loop(hover_model(profile), controller, profile.dt)
@@ -63,7 +63,7 @@ def _cause(model: Model) -> str:
 
 
 def _poles(poles: Sequence[complex] | np.ndarray) -> str:
-    """'the pole +1.469 is', 'the poles +0.2 ± 1.1j rad/s are': for the middle of a sentence."""
+    """Return words for a message: "the pole +1.469 rad/s is", "the poles … rad/s are"."""
     words = []
     for s in poles:
         if abs(s.imag) < 1e-9:

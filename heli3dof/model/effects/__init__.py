@@ -1,4 +1,4 @@
-"""The catalogue of physical effects: the modules of this folder, and plug-ins of other packages."""
+"""The catalogue of physical effects: the modules of this folder and other packages' plug-ins."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ GROUP = "heli3dof.effects"
 
 @dataclass(frozen=True)
 class PlugIn:
-    """The origin of an effect of another package."""
+    """The entry point and the package from which an effect of another package was loaded."""
 
     entry_point: str
-    """``module:attribute``"""
+    """``module:attribute`` that holds the `Effect`"""
     distribution: str
-    """The package that registered it, by its name for pip; empty if unknown"""
+    """The pip name of the package that registered it; empty if unknown"""
     version: str = ""
 
     def __str__(self) -> str:
@@ -38,7 +38,6 @@ class PlugIn:
 
     @property
     def install(self) -> str:
-        """The command that installs it."""
         if not self.distribution:
             return f"pip install the package that provides {self.entry_point}"
         at = f"=={self.version}" if self.version else ""
@@ -49,9 +48,9 @@ class PlugIn:
 class _Catalogue:
     effects: Mapping[str, Effect]
     plug_ins: dict[str, PlugIn] = field(default_factory=dict)
-    """Effect → origin, for effects of other packages"""
+    """{name of the effect: its plug-in}, for effects of other packages"""
     broken: list[str] = field(default_factory=list)
-    """A sentence for each plug-in that did not load"""
+    """One message for each plug-in that did not load"""
 
 
 @cache
@@ -86,17 +85,17 @@ def _all() -> _Catalogue:
 
 
 def effects() -> Mapping[str, Effect]:
-    """Name → effect. A plug-in that does not load or compile is skipped with a warning."""
+    """Return {name: effect}. A plug-in that does not load or compile is skipped with a warning."""
     return dict(sorted(_all().effects.items()))
 
 
 def plug_ins() -> Mapping[str, PlugIn]:
-    """Effect → the plug-in that provides it, for those of other packages."""
+    """Return {name of the effect: the plug-in that provides it}, for effects of other packages."""
     return _all().plug_ins
 
 
 def broken() -> list[str]:
-    """A sentence for each plug-in that did not load."""
+    """Return one message for each plug-in that did not load."""
     return list(_all().broken)
 
 
@@ -108,7 +107,7 @@ def _plug_in(point: EntryPoint) -> PlugIn:
 
 
 def _where(error: BaseException) -> str:
-    """``file:line`` of the failure in the plug-in's code; empty if none of it ran."""
+    """Return ``file:line`` of the error in the plug-in's code; empty if the error is not there."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}:{error.lineno}"
     if isinstance(error, HookError):
@@ -123,7 +122,10 @@ def _in_a_line(error: BaseException) -> str:
 
 
 def term(name: str) -> Term:
-    """The term of a name such as ``friction.coulomb.yaw``. Raises UsageError with the nearest."""
+    """Return the term of a name such as ``friction.coulomb.yaw``.
+
+    Raises UsageError for an unknown name, with the nearest known one, or if the axis is missing.
+    """
     known = effects()
     if name in known and not known[name].axes:
         return Term(known[name])
@@ -141,7 +143,7 @@ def term(name: str) -> Term:
 
 
 def _unknown(name: str) -> UsageError:
-    """The error for a name that neither this package nor a loaded plug-in has."""
+    """Return the error for an effect name that no module and no loaded plug-in defines."""
     cause = "a typing error, a plug-in that is not installed, or a model of a newer heli3dof; "
     fix = "python -c 'from heli3dof.model.effects import all_names; print(all_names())'"
     if broken():
@@ -155,7 +157,7 @@ def _unknown(name: str) -> UsageError:
 
 
 def terms(names: Iterable[str]) -> tuple[Term, ...]:
-    """The terms of these names. Raises UsageError for a name that occurs twice."""
+    """Return the terms with these names. Raises UsageError for an unknown or repeated name."""
     result = tuple(term(n) for n in names)
     seen = [t.name for t in result]
     for n in seen:
@@ -165,7 +167,7 @@ def terms(names: Iterable[str]) -> tuple[Term, ...]:
 
 
 def all_names() -> list[str]:
-    """All names that `term` accepts."""
+    """Return all effect names that `term` accepts, with their axis where they need one."""
     return [
         n
         for e in effects().values()

@@ -1,7 +1,7 @@
-"""Rotor flapping: a rotor that moves sideways through the air tilts its body, τ_pitch = k ψ̇.
+"""Rotor flapping: rotors that travel sideways exert a torque on pitch, τ_pitch = k ψ̇.
 
-At the speed L_a ψ̇ the advancing blades lift more than the retreating ones. Propellers that turn the
-same way then exert a moment about the arm, k in N·m·s/rad.
+At the travel speed L_a ψ̇ (arm length times yaw rate) the advancing blades lift more than the
+retreating ones. Propellers of equal direction then exert a moment about the arm; k in N·m·s/rad.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""The propellers' angular momentum H = k (Ω_f + Ω_b) along the body's normal resists turning.
+"""Gyroscopic torques of the propellers, angular momentum H = k (Ω_f + Ω_b) along the normal n.
 
-The couple on the body is −ω × H n. With ω's parts along the arm and the bar,
+The couple on a body that turns at ω is −ω × H n. With ω's components along arm (a) and bar (b),
 ω_a = ṗ + sin r ψ̇ and ω_b = −cos p ṙ + cos r sin p ψ̇, it is (−H ω_b, H ω_a) along (a, b), so by
 virtual work τ_roll = −cos p H ω_a, τ_pitch = −H ω_b, τ_yaw = H (cos r sin p ω_a − sin r ω_b). It
-does no work. Ω are the rotors' speeds in V (their steady-state voltages), k in N·m·s/V.
+does no work. Ω are the rotors' speeds as their steady-state voltages in V, k in N·m·s/V.
 """
 
 from __future__ import annotations

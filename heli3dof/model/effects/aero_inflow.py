@@ -1,12 +1,13 @@
 """A rotor that moves along its axis thrusts less: F → F − k F_h |F/F_h|ⁿ v_n, k in s/m.
 
 v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇) is the rotor's speed along the body's
-normal, + in front. F_h = K_f V_o is the thrust at hover, where the loss is k F_h v_n for every n.
+normal in m/s, + for the front rotor. F_h = K_f V_o is the thrust at hover. There the loss is
+k F_h v_n for every n.
 
 * n = 1: the loss is proportional to the thrust, F (1 − k v_n).
 * n = 1/2: it is proportional to the rotor's speed Ω, with F ∝ Ω², as for a propeller.
-* n = 0: it does not depend on the thrust; level, it is viscous friction of roll and pitch in the
-  ratio (L_a/L_h)².
+* n = 0: it does not depend on the thrust. On a level rig it equals viscous friction on roll and
+  pitch with coefficients in the ratio (L_a/L_h)².
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from heli3dof.model.physics.state_layout import (
 )
 
 LEAST = 1e-3
-"""Share of F_h below which the loss is constant: |F|ⁿ has no slope at zero."""
+"""Smallest |F/F_h| used in the loss: |F/F_h|ⁿ is not differentiable at zero for n < 1."""
 
 
 def thrust(s: Any, par: Any, mem: Any, out: Any) -> None:

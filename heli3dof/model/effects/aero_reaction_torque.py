@@ -1,4 +1,4 @@
-"""The propellers twist the body about its normal by κF, κ in N·m per N.
+"""Reaction torque of the propellers about the body's normal: κF, κ in m, F = F_f + F_b.
 
 The couple κF along the normal n does work κF ω_n = κF (sin p ṙ + cos r cos p ψ̇), so
 τ_roll = κF sin p and τ_yaw = κF cos r cos p.

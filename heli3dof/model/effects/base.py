@@ -1,4 +1,4 @@
-"""`Effect`, `Parameter` and `Term`: a physical effect is parameters and functions for its stages.
+"""`Effect`, `Parameter`, `Term`: a physical effect (friction, lag …) that a model may contain.
 
 To add an effect, write one file in this folder with ``EFFECT = Effect(...)`` and the equation in
 its docstring, or register such an object under the entry-point group ``heli3dof.effects``.
@@ -18,22 +18,22 @@ ABSCISSAE = (
     "roll", "pitch", "yaw", "roll_rate", "pitch_rate", "yaw_rate", "voltage_sum",
     "voltage_difference", "voltage_front", "voltage_back", "time",
 )  # fmt: skip
-"""Variables against which a report plots an effect; ``{axis}`` stands for the term's axis."""
+"""Variables of a report's horizontal axis; an effect writes "{axis}_rate" for its own axis."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect, in ``unit``.
+    """One parameter of an effect: its ``unit``, its bounds and its prior in an estimation.
 
     Attributes:
         null: the value at which the effect is absent.
-        low, high: bounds of estimates, the physically possible range. Friction may be slightly
-            negative: a confidence interval that is cut off at zero is wrong.
-        typical: a size that matters on a rig; sets starting values, steps and weak priors.
-        log: estimated as its logarithm (for positive parameters that are never zero).
+        low, high: bounds of an estimate. They exceed the physical range where the true value may
+            be zero (friction), because a confidence interval cut off at zero is wrong.
+        typical: a size with a noticeable effect on a rig; scales steps and default priors.
+        log: if true, the logarithm is estimated (positive parameters only).
         prior_std: standard deviation of the weak prior about ``start``, in ``unit`` (of the
             logarithm if ``log``).
-        start: the starting value of a fit; default ``null`` (``typical`` if ``log``).
+        start: the starting value of a fit; default ``null``, or ``typical`` if ``log``.
     """
 
     name: str
@@ -49,62 +49,63 @@ class Parameter:
 
     @property
     def started(self) -> float:
-        """The starting value of a fit."""
+        """The starting value of a fit, and the mean of the prior."""
         if self.start is not None:
             return self.start
         return self.typical if self.log else self.null
 
     @property
     def spread(self) -> float:
-        """The prior's standard deviation; by default ten times the typical size."""
+        """The prior's standard deviation; default 10 · ``typical``, or 1.5 if ``log``."""
         if self.prior_std is not None:
             return self.prior_std
         return 1.5 if self.log else 10 * self.typical
 
 
 SHARE_STD = 0.2
-"""Prior standard deviation about 1 of a share that is either 0 or 1, once it is in the model."""
+"""Standard deviation of the prior of a `share`; the mean is 1."""
 SMALL = 0.1
-"""Share of a parameter's typical size at which an effect is still linear in it."""
+"""Parameter value, relative to its typical size, at which an effect is still nearly linear."""
 
 
 def share(meaning: str) -> Parameter:
-    """The share of a part of the equations: 0 absent, 1 complete.
+    """Return the parameter that scales a part of the equations: 0 without it, 1 with all of it.
 
-    A rig has that part completely or not at all. So a fit starts at 1, with the prior `SHARE_STD`:
-    a flight at few heights determines the share poorly, and a free estimate would predict other
-    heights badly. An estimate may lie slightly outside 0 … 1.
+    The true value is 0 or 1. So once the model has this parameter, a fit starts at 1 with the prior
+    N(1, `SHARE_STD`²). A flight at few heights determines the share poorly, and without the prior
+    its estimate would predict other heights badly. It may lie slightly outside 0 … 1.
     """
     return Parameter("share", "–", 0.0, -0.3, 2.0, 0.2, meaning, prior_std=SHARE_STD, start=1.0)
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One physical effect of the contract's table.
+    """One physical effect, with the facts that a fit and a diagnosis need about it.
 
     Attributes:
-        hooks: functions ``f(s, par, mem, out)`` by stage (`heli3dof.model.physics.state_layout`).
+        hooks: the equations: functions ``f(s, par, mem, out)`` by the stage of a simulation step at
+            which they are called (`heli3dof.model.physics.state_layout.Stage`).
         axes: the axes on which it can act; empty for an effect without an axis.
-        order: its place among the effects of the same stage, along the signal path.
+        order: calling order among the effects of the same stage, along the signal path.
         confused_with: effects that explain similar data.
-        separated_by: the named plan that distinguishes it best from those.
-        starts: values of the first parameter, ascending, at which a fit evaluates the likelihood to
-            choose its start. For effects whose likelihood has zero slope at null.
+        separated_by: the named experiment plan that best distinguishes it from those.
+        starts: for effects whose likelihood has zero slope at null. A fit starts at the most likely
+            of these values (ascending) of the first parameter.
         identifiable: the motion that makes it identifiable.
         evidence: the variable against which a report plots it, one of `ABSCISSAE`.
-        within: a term without which it is undefined.
-        requires: a term without which it is equivalent to another effect.
-        formal: it is a form of the body's equations, part of the base and never a finding.
-        candidate: whether a diagnosis may propose it.
-        probes: parameter values at which a diagnosis evaluates its score, the simplest first; the
-            parameters left out are at null. Default: the first one at `SMALL` of its typical size.
-            An effect whose trace changes its shape with its size needs several.
-        probe_quantiles: for a limit of the voltage: the quantiles of |V| to evaluate in place of
-            ``probes``.
-        scan: evaluate all values of the second parameter at once: every ``frequency`` or every
-            ``instant`` (`heli3dof.diagnosis.scans`).
+        within: a term without which this effect is undefined.
+        requires: a term without which this effect is equivalent to another effect.
+        formal: true for another form of the body's equations, which is no defect of the rig. A
+            diagnosis may use it but never reports it as a finding.
+        candidate: true if a diagnosis may propose it.
+        probes: values of the parameters at which a diagnosis evaluates the score, simplest first;
+            omitted parameters are at null. Default: the first parameter at `SMALL` · typical.
+            Several are needed if the shape of the predicted change depends on the value.
+        probe_quantiles: for a limit of the voltage: the quantiles of |V| to use as ``probes``.
+        scan: the second parameter is a ``frequency`` or an ``instant``, and a diagnosis evaluates
+            the score at all its values (`heli3dof.diagnosis.scans`).
 
-    An effect without parameters is a switch and never a finding.
+    An effect without parameters is a switch; a diagnosis does not report it.
     """
 
     name: str
@@ -128,45 +129,45 @@ class Effect:
 
     @property
     def of_base(self) -> bool:
-        """True for a part of the body's equations, which is no finding about the rig.
+        """True for a part of the body's equations (`formal` or `missing`), which is no defect.
 
-        Its share has a tight prior, so that a model is not penalised for it as for a parameter.
+        A diagnosis adds no penalty for its parameter, because the prior of a `share` is tight.
         """
         return self.formal or self.missing
 
     @property
     def missing(self) -> bool:
-        """True for what every rig has and only a simpler base model omits."""
+        """True for a part that every rig has and only a simplified base model omits."""
         return bool(self.within) and not self.formal
 
     @property
     def screened(self) -> bool:
-        """True if the innovations of a fit without it show whether it is present.
+        """True if a score test on the innovations of a model without it can detect it.
 
-        Not if it has ``starts`` (the likelihood must be evaluated at those), nor without hooks
-        (time stamps show sampling jitter and lost samples).
+        False with ``starts`` (the likelihood must be evaluated at those) and without hooks (jitter
+        and lost samples, which time stamps show).
         """
         return bool(self.hooks) and not self.starts
 
 
 @dataclass(frozen=True)
 class Term:
-    """An effect on one axis (None for an effect without axes), as a model contains it."""
+    """An effect in a model, on one axis (None for an effect without axes)."""
 
     effect: Effect
     axis: str | None = None
 
     @property
     def name(self) -> str:
-        """For instance ``friction.coulomb.yaw``."""
+        """Name with the axis, for instance ``friction.coulomb.yaw``."""
         return self.effect.name if self.axis is None else f"{self.effect.name}.{self.axis}"
 
     @property
     def evidence(self) -> str:
-        """The variable against which a report plots it, with its axis filled in."""
+        """The variable against which a report plots the effect, such as ``yaw_rate``."""
         return self.effect.evidence.format(axis=self.axis)
 
     @property
     def axis_index(self) -> int:
-        """0 roll, 1 pitch, 2 yaw; −1 without an axis."""
+        """Index of the axis: 0 roll, 1 pitch, 2 yaw; −1 for an effect without axes."""
         return -1 if self.axis is None else AXES.index(self.axis)

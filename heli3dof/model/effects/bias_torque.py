@@ -1,6 +1,6 @@
-"""A constant torque: an unbalanced body on pitch, a base that is not level or a draught on yaw.
+"""A constant torque: from an unbalanced body on pitch, a tilted base or a draught on yaw.
 
-τ = τ_b, in N·m, positive in the angle's direction. On roll it is part of T_g (`mass.imbalance`).
+τ = τ_b in N·m, positive in the angle's direction. On roll the gravity torque T_g contains it.
 """
 
 from __future__ import annotations

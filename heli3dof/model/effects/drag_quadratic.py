@@ -1,4 +1,4 @@
-"""Air drag: τ = −d |q̇| q̇, d in N·m·s²/rad²."""
+"""Air drag: τ = −d |q̇| q̇, d in N·m·s²/rad², q̇ the axis' rate in rad/s."""
 
 from __future__ import annotations
 

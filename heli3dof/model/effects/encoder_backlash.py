@@ -1,10 +1,10 @@
 """Backlash between an axis and its encoder, of full width w.
 
-The encoder reads q − w/2 while the angle rises and q + w/2 while it falls, and keeps its reading in
-between: e ← min(q + w/2, max(q − w/2, e)).
+At the angle q the encoder reads q − w/2 while the angle rises and q + w/2 while it falls. In
+between it keeps its reading e: e ← min(q + w/2, max(q − w/2, e)).
 
-A filter needs no memory: it knows which flank caused an edge, and a constant reading means that
-neither flank has reached the next edge, an interval wider by w. In simulations ``mem`` holds e.
+A simulation keeps e in ``mem``. A filter needs no memory: the direction of a change of the reading
+shows which of both values applies. A constant reading leaves the angle in an interval wider by w.
 """
 
 from __future__ import annotations

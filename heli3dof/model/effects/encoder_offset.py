@@ -1,7 +1,7 @@
 """The encoder's zero was set at the wrong angle: reading = angle + offset.
 
-On roll it is indistinguishable from T_g and the pendulum torque. On pitch the thrust is tilted,
-which causes a torque on yaw proportional to the thrust.
+On roll it is indistinguishable from other values of the gravity and pendulum torques. On pitch the
+body is tilted at reading zero, so the thrust causes a torque on yaw proportional to it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The count per revolution is wrong: reading = rest + k (angle − rest).
 
-Nearly equivalent to other inertias and stiffness; only sines and cosines distinguish it. A wrong
-scale also scales the variance of the readings, which the linearised innovations omit. So its score
-and its fit are biased; compare the counts per revolution with the profile instead.
+``rest`` is the angle at which the encoder counts from zero. Other inertias and stiffnesses fit
+nearly as well; only the sines and cosines of the angle differ. k also scales the variance of the
+readings, which the linearised innovations omit, so its score and its estimate are biased. Instead,
+compare the encoder's data sheet with the counts per revolution in the profile.
 """
 
 from __future__ import annotations
@@ -30,5 +31,5 @@ EFFECT = Effect(
     separated_by="large",
     identifiable="large angles: only sines and cosines distinguish it from an inertia",
     evidence="{axis}",
-    candidate=False,  # its score is biased, and the inertias of the base absorb most of it
+    candidate=False,  # its score is biased, and the rigid body's inertias explain most of it
 )

@@ -1,11 +1,11 @@
 """Dry (Coulomb) friction: τ = −τ_c sgn(q̇); in a joint at rest, up to ±τ_c against the motion.
 
-Set-valued, without smoothing: a joint that sticks does not creep.
-`heli3dof.model.physics.dry_friction` has the step and the effect on an uncertain rate.
+The simulation does not smooth it, so a joint that sticks does not creep. The equations are in
+`heli3dof.model.physics.dry_friction`, also for an uncertain rate.
 
-Where an algorithm evaluates accelerations without a step (the effect of a small friction along a
-known path), the torque is −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J. This keeps its
-decay rate, τ_c/(J ω_s), below 250 1/s.
+Outside simulation steps, where an algorithm needs an acceleration as a function of the state, the
+torque is −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J with the axis' inertia J. It damps a
+small rate by at most τ_c/(J ω_s) < 250 1/s.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from heli3dof.model.effects.base import Effect, Parameter
 from heli3dof.model.physics.state_layout import AXIS, J_R, R_DOT, STEPPED, A, Stage
 
 NARROWEST = 0.002
-"""rad/s, the part of ω_s that does not grow with friction."""
+"""rad/s, the constant part of ω_s."""
 REVERSAL_S = 0.004
-"""s, the time constant of a reversal in the smoothed torque."""
+"""s, the factor of |τ_c|/J in ω_s."""
 
 
 def dry(s: Any, par: Any, mem: Any, out: Any) -> None:

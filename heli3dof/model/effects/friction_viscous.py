@@ -1,4 +1,4 @@
-"""Friction proportional to the rate: τ = −c q̇, c in N·m·s/rad."""
+"""Friction proportional to the axis' rate q̇: τ = −c q̇, c in N·m·s/rad."""
 
 from __future__ import annotations
 

@@ -1,12 +1,13 @@
 """The parts of the rigid body that the hover model omits: q̈ = (1 − a) q̈_hover + a q̈_rigid.
 
-a = 1 is the complete rigid body (`heli3dof.model.physics.rigid_body`): gravity torque proportional
-to cos r, thrust that tilts with the body (L_a cos p F, −L_a cos r sin p F instead of −T_g p),
-L_h sin r D, configuration-dependent inertias, Coriolis and centrifugal torques. Both accelerations
-are for the same state, thrusts and parameters, so q̈ is linear in a and one filter estimates it.
+q̈ are the angular accelerations. a = 1 is the complete rigid body
+(`heli3dof.model.physics.rigid_body`): gravity torque proportional to cos r, thrust that tilts with
+the body (L_a cos p F, −L_a cos r sin p F instead of −T_g p), L_h sin r D, configuration-dependent
+inertias, Coriolis and centrifugal torques. q̈ is linear in a, because both accelerations are for the
+same state, thrusts and parameters.
 
-The score at a = 0 shows whether it is present. The prior is then 1
-(`heli3dof.model.effects.base.share`).
+A score test at a = 0 shows whether recordings need it. In a model with this effect, a has the prior
+N(1, 0.2²) (`heli3dof.model.effects.base.share`).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """An axis' inertia differs from nominal: J → ratio · J.
 
-The base parameters J_roll, J_pitch, J_yaw already contain it; this effect is for simulations.
+A fit estimates the parameters J_roll, J_pitch, J_yaw instead; this effect is for simulations.
 """
 
 from __future__ import annotations
@@ -26,5 +26,5 @@ EFFECT = Effect(
     separated_by="multisine",
     identifiable="any accelerated flight; it is a parameter of the base",
     evidence="{axis}",
-    candidate=False,  # a parameter of the base model under another name
+    candidate=False,  # equivalent to a parameter of the rigid body
 )

@@ -4,9 +4,9 @@ With P = Σ m x z (mass m at x along the level arm, z below it), at roll r and y
 
     τ_roll = P cos 2r ψ̇²          τ_yaw = −2 P cos 2r ṙ ψ̇
 
-from ½ ψ̇² Σ m (x cos r + z sin r)². A body that makes the arm a pendulum (k_r = g Σ m z) hangs
-below it, which gives P > 0; a counterweight that hangs below reduces P. The change of J_yaw by P
-sin 2r is neglected: a few per cent at the angles of flight.
+from the kinetic energy ½ ψ̇² Σ m (x cos r + z sin r)². A body below the arm makes it a pendulum
+(`stiffness.pendulum`, k = g Σ m z) and gives P > 0; a counterweight that hangs below reduces P.
+The change of J_yaw by P sin 2r is neglected: a few per cent at the angles of flight.
 """
 
 from __future__ import annotations

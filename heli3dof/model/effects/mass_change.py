@@ -1,8 +1,8 @@
-"""A mass is added to the body, at L_a on the pitch axis, during the flight.
+"""A mass m is added to the body during the flight, at the distance L_a on the pitch axis.
 
-τ_roll = −m g L_a cos r from its time on. It grows over 0.1 s about that time, because a step has no
-derivative with respect to its time. The inertia m L_a² on roll and yaw is neglected: a few per cent
-of the weight's effect in slow flight.
+τ_roll = −m g L_a cos r after the estimated time. The torque grows over 0.1 s centred at that time,
+because a step is not differentiable with respect to its time. The inertia m L_a² on roll and yaw is
+neglected: a few per cent of the weight's effect in slow flight.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from heli3dof.model.effects.base import Effect, Parameter
 from heli3dof.model.physics.state_layout import L_A, A, B, R, Stage, T
 
 PUT_DOWN_S = 0.1
-"""s over which the weight grows to its full value."""
+"""s, the time over which the weight grows to its full value."""
 
 
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:

@@ -1,6 +1,6 @@
-"""The level arm's gravity torque differs from nominal: −τ cos r on roll, + for a heavier body.
+"""The gravity torque on the arm differs from nominal: −τ cos r on roll, τ > 0 for a heavier body.
 
-The base parameter T_g already contains it; this effect is for simulations, and for rigs whose
+A fit estimates the gravity torque T_g instead. This effect is for simulations, and for rigs whose
 weight (or thrust) differs between recordings.
 """
 
@@ -26,5 +26,5 @@ EFFECT = Effect(
     separated_by="levels",
     identifiable="any flight; it is a parameter of the base",
     evidence="time",
-    candidate=False,  # a parameter of the base model under another name
+    candidate=False,  # equivalent to a parameter of the rigid body
 )

@@ -1,7 +1,7 @@
 """A constant delay from the voltage to the motors: V(t − T).
 
-Within an interval the motor has the earlier voltage for a part of the time. The model uses the
-weighted mean of both, exact to second order in the interval.
+In the sample interval in which a delayed voltage arrives, the motor has the previous voltage first.
+The model uses the time-weighted mean of both, exact to second order in the interval.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""First-order lag of each rotor: τ_m Ḟ_i = f(V_i) − F_i.
+"""First-order lag of each rotor's thrust: τ_m Ḟ_i = f(V_i) − F_i, f(V) the steady-state thrust.
 
-Solved exactly between samples: the voltage is held, so F approaches f(V) as exp(−t/τ_m).
+The solution is exact: V is held between samples, so F approaches f(V) as exp(−t/τ_m).
 """
 
 from __future__ import annotations

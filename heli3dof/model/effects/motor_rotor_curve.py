@@ -2,9 +2,8 @@
 
 `motor.thrust_curve` acts on the voltage *before* the rotor's lag, this effect on the speed after
 it. In reverse the propeller gives almost no thrust; the model gives none. At the profile's V_o the
-thrust is that of the linear law for every n. Without a lag the effect is equivalent to a thrust
-curve: a dead zone and a quadratic share approximate a power so well that a one-minute flight does
-not distinguish them.
+thrust is that of the linear law for every n. Without a lag, `motor.thrust_curve` with a dead zone
+approximates the power so well that a one-minute flight does not distinguish them.
 """
 
 from __future__ import annotations

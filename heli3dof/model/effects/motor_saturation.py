@@ -1,4 +1,4 @@
-"""The motor voltage saturates below the amplifier's limit: V → clip(V, ±limit)."""
+"""The motor voltage saturates below the amplifier's limit: V acts as clip(V, ±limit)."""
 
 from __future__ import annotations
 

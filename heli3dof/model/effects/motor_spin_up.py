@@ -1,7 +1,7 @@
-"""The amplifier's current limit: a rotor spins up no faster than a number of volts per second.
+"""The amplifier's current limit bounds how fast a rotor spins up: dΩ/dt ≤ 1/p.
 
-dΩ/dt ≤ 1/p with Ω in V, p the slowness in s/V; there is no limit downwards. The rotor's equation is
-solved exactly: a straight line while the limit is active, then the exponential of `motor.lag`.
+Ω is the speed as its steady-state voltage (V), p in s/V. Spinning down has no limit. The solution
+is exact: a straight line while the limit is active, then the exponential of `motor.lag`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Part of the thrust grows with the square of the voltage.
 
-V → (1 − s) V + s V |V| / V_o: at the profile's hover voltage V_o the thrust is that of the linear
-law for every share s. s = 1 is a propeller's F ∝ V |V|.
+The voltage V acts as (1 − s) V + s V |V| / V_o. At the profile's hover voltage V_o the thrust is
+that of the linear law for every s. s = 1 is a propeller's F ∝ V |V|.
 """
 
 from __future__ import annotations

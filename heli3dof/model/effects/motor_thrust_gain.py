@@ -1,7 +1,7 @@
-"""Both motors thrust k times as much as the profile's K_f says.
+"""Both motors' thrust per volt is k times the profile's K_f.
 
-Not identifiable together with T_g and the three inertias, which are estimated in units of K_f
-(`heli3dof.model.physics.rigid_body`); this effect is for simulations.
+k is not identifiable together with the gravity torque T_g and the three inertias, which a fit
+estimates in units of K_f (`heli3dof.model.physics.rigid_body`). This effect is for simulations.
 """
 
 from __future__ import annotations
@@ -26,5 +26,5 @@ EFFECT = Effect(
     separated_by="levels",
     identifiable="a weighed part; otherwise equivalent to a scale of all masses",
     evidence="voltage_sum",
-    candidate=False,  # a parameter of the base model under another name
+    candidate=False,  # equivalent to a parameter of the rigid body
 )

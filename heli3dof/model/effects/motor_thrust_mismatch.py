@@ -1,6 +1,6 @@
-"""The front motor thrusts m times as much as the back one at equal voltages; their sum stays.
+"""The front motor's thrust is m times the back motor's at equal voltages; the sum is unchanged.
 
-Gains 2m/(1 + m) in front and 2/(1 + m) behind.
+The thrust per volt is K_f · 2m/(1 + m) in front and K_f · 2/(1 + m) at the back.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""The bar's inertia couplings between the axes are omitted: q̈ = q̈_rigid + κ (…).
+"""Equations without the bar's inertia couplings: q̈ = (1 − κ) q̈_rigid + κ q̈_alone.
 
 Equations of this rig are often written for each axis alone: without M_rψ, M_pψ = J_p sin r, the
 corresponding L_h sin r D, and the bar's products of rates (`heli3dof.model.physics.rigid_body`).
 The largest omission is −T_g sin r sin p on pitch, up to 0.01 N·m. A simulated rig with such
-equations has no defect. So κ belongs to the base and is never reported as a finding; once it is in
-the model its prior is 1 (`heli3dof.model.effects.base.share`).
+equations has no defect, so a diagnosis may use κ but does not report it as a finding. In a model
+with this effect, κ has the prior N(1, 0.2²) (`heli3dof.model.effects.base.share`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Products of rates are omitted together with the couplings: no centrifugal or Coriolis torques.
+"""Equations without products of rates: no centrifugal and Coriolis torques.
 
-The simplest equations omit −J_r sin r cos r ψ̇² on roll and J_p sin p cos p (ṙ² − cos² r ψ̇²) on
-pitch (`heli3dof.model.physics.rigid_body`). Like `simplified_couplings`, which it needs, this
-belongs to the base and is never reported as a finding.
+They omit −J_r sin r cos r ψ̇² on roll and J_p sin p cos p (ṙ² − cos² r ψ̇²) on
+pitch (`heli3dof.model.physics.rigid_body`). The share μ acts only with `simplified_couplings`. It
+is a choice of equations, which a diagnosis does not report as a finding.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The torque L_h sin r D on yaw of a tilted rig, in equations without couplings.
+"""Equations with the yaw torque L_h sin r D but without inertia couplings, D = F_f − F_b.
 
-In the complete body M_pψ p̈ cancels most of it, because pitch follows D. Equations that project the
-thrusts but not the inertias keep it (`heli3dof.model.physics.rigid_body`). Like
-`simplified_couplings`, which it needs, this belongs to the base and is never reported as a finding.
+In the complete rigid body M_pψ p̈ cancels most of it, because p̈ follows D. Equations that project
+the thrusts but not the inertias keep it (`heli3dof.model.physics.rigid_body`). The share η acts
+only with `simplified_couplings`. It is a choice of equations; a diagnosis does not report it.
 """
 
 from __future__ import annotations

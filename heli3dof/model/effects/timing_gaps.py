@@ -1,7 +1,7 @@
-"""Lost samples: lost_share = n/N for n lost of the N samples between the first and the last.
+"""Lost samples: the parameter is n/N for n lost of the N samples between the first and the last.
 
-The time stamps show them: an interval is longer than a period. The effect does not act on the rig;
-a fit skips the gaps.
+The time stamps show lost samples: the interval between two rows is longer than a period. The effect
+has no equation; a fit skips the gaps.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""Logs that hold every m-th sample of their control loop: the motors' mean voltage between rows.
+"""Handle logs that contain every m-th sample of their control loop (decimated logs).
 
-Between two rows the loop outputs m voltages. The first is logged, and so is the one after the last.
-With linear interpolation, v_j = v_0 + (j/m) (v_m − v_0), j = 0 … m − 1, their mean is
+From one row to the next the loop outputs m voltages v_0 … v_{m−1}. The log contains v_0 and, in the
+next row, v_m. With linear interpolation, v_j = v_0 + (j/m) (v_m − v_0), the mean voltage is
 
     v̄ = v_0 + (m − 1)/(2m) (v_m − v_0)
 
-Using v_0 alone would advance the voltages by (m − 1)/2 periods: an apparent delay that the rig does
-not have and that looks like friction in closed loop.
+Using v_0 alone would advance the voltages by (m − 1)/2 periods on average. A fit would explain this
+by a delay that the rig does not have, or in closed loop by friction.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from heli3dof.recording.gap_filling import GAP
 from heli3dof.recording.recording import Recording
 
 NEAR = 0.02
-"""Largest relative difference between a log's interval and m periods of its profile's loop."""
+"""Largest relative difference between a log's sample interval and m control periods."""
 
 
 def decimation(recording: Recording) -> int:
-    """m; 1 for a log at the loop rate, or at no integer fraction of it."""
+    """Return m, the loop rate over the log's rate if that is near an integer above 1; else 1."""
     if len(recording) < 2:
         return 1
     ratio = recording.dt / recording.profile.dt
@@ -32,7 +32,9 @@ def decimation(recording: Recording) -> int:
 
 
 def mean_voltage(recording: Recording) -> np.ndarray:
-    """(N, 2) V: v̄ from each row to the next; v_0 in the last row and before a gap."""
+    """Return the mean motor voltage v̄ (N, 2) V from each row to the next (module docstring).
+
+    In the last row and before a gap it is the logged voltage v_0."""
     m, v = decimation(recording), recording.voltage
     if m == 1:
         return v
@@ -42,10 +44,10 @@ def mean_voltage(recording: Recording) -> np.ndarray:
 
 
 def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
-    """(recording with a row for every period of the loop, (N,) index of the log's rows in it).
+    """Return a recording with a row for every control period, and the index (N,) of the log's rows.
 
-    References are held and extra voltages interpolated linearly. Angles and voltages are unknown
-    between the rows and held as placeholders; the caller simulates them.
+    In the added rows, references are held and extra voltages interpolated linearly. Angles and
+    voltages are unknown there and held as placeholders; the caller simulates them.
     """
     own = np.arange(len(recording))
     if decimation(recording) == 1:

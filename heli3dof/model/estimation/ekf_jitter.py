@@ -1,19 +1,21 @@
 """Extended Kalman filter for logs with sampling jitter, and for parameters that vary by recording.
 
-Sample k was taken δ_k late, white of standard deviation σ_t. By then *every* angle has moved on,
+Sample k is taken δ_k (s) after its time stamp, δ_k white with standard deviation σ_t. The reading
+of axis i with the encoder step Δ_i is
 
     y_i[k] = m_i(x_k) + ṁ_i δ_k + ε_i,       ε_i white of variance Δ_i²/12
 
-so the errors of one sample are correlated. The filter adds δ_k as a memoryless state and processes
-the readings of a sample one after the other. This is the exact update with the joint covariance
-diag(Δ²/12) + σ_t² ṁ ṁᵀ. (`heli3dof.model.estimation.ekf_quantised` uses encoder edges and treats
-the axes' jitter as independent; it is more accurate if the clock is.)
+m_i is the ideal reading in state x_k. δ_k is common to the axes, so their errors are correlated.
+The filter adds δ_k as a state without memory and processes the three readings one after the other.
+This is the exact update with the joint covariance diag(Δ²/12) + σ_t² ṁ ṁᵀ. In contrast,
+`heli3dof.model.estimation.ekf_quantised` uses encoder edges and treats the axes' jitter as
+independent. It is more accurate for accurate clocks.
 
-b: effect parameters that are constant within a recording and differ between recordings (the angle
-at which an encoder was switched on). They are states too, x = (q, q̇, b), with ḃ = 0 and
-b ~ N(b_0, σ_b²) at the start of each run. P grows as in `heli3dof.model.estimation.ekf_quantised`,
-with ∂q̈/∂(q, q̇, b). x advances by the midpoint rule, whose error over one sample (h³ q⃛/24) is a
-thousandth of an encoder step.
+b are effect parameters that are constant within a recording and differ between recordings (the
+angle at which an encoder was switched on). They are states too, x = (q, q̇, b), with ḃ = 0 and
+b ~ N(b_0, σ_b²) at the start of each run. The covariance P of x grows as in
+`heli3dof.model.estimation.ekf_quantised`, with ∂q̈/∂(q, q̇, b). x advances by the midpoint rule; its
+error over one sample h, h³ q⃛/24, is a thousandth of an encoder step.
 """
 
 from __future__ import annotations
@@ -35,11 +37,11 @@ from heli3dof.model.physics.rotor import thrusts
 
 R, T, F_FRONT, F_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK
 SIGHT = 1e-6
-"""Step of the differences along b, in its unit."""
+"""Step of the finite differences with respect to b, in the unit of b."""
 
 
 def _place(par, where, q, value):  # type: ignore[no-untyped-def]
-    """Write ``value`` wherever number q of b is used; ``where`` as in `positions`."""
+    """Write ``value`` to all places of the q-th parameter in b; ``where`` is from `positions`."""
     for z in range(where.shape[0]):
         if where[z, 2] == q:
             par[where[z, 0], where[z, 1]] = value
@@ -52,9 +54,10 @@ def _filter(  # type: ignore[no-untyped-def]
     s0, first, address, par0, mem0, where, b_std, blocks, free, t, h, V, y, a2, jitter, R2,
     loglik, X,
 ):  # fmt: skip
-    """Filter all blocks: X (N, 6 + B) states after each row's update, ``loglik`` (3,).
+    """Filter all blocks: write the states X (N, 6 + B) after each row's update and ``loglik`` (3,).
 
-    ``where`` (W, 3) as in `positions`; ``b_std`` (B,) σ_b.
+    ``where`` (W, 3) is from `positions`; ``b_std`` (B,) is σ_b; ``a2``, ``R2`` (3,) are process and
+    reading variances. `filter_jittered` shows the other arguments.
     """
     N, B = V.shape[0], b_std.shape[0]
     n = 6 + B
@@ -162,7 +165,7 @@ def _filter(  # type: ignore[no-untyped-def]
 
 
 def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: ignore[no-untyped-def]
-    """Write ∂q̈/∂(q, q̇, b) (3, 6 + B) into A, by differences."""
+    """Write ∂q̈/∂(q, q̇, b) (3, 6 + B) into A, by finite differences."""
     s[F_FRONT], s[F_BACK] = F[0], F[1]
     for i in range(6):
         s[R + i] = x[i]
@@ -185,10 +188,11 @@ _slopes = compiled(_slopes_py, error_model="numpy")
 
 
 def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
-    """Advance P's first n rows and columns by one step (`model.estimation.ekf_quantised`).
+    """Advance the covariance P (n, n) of x by one step of h s, with A from `_slopes`.
 
-    Φ = 1 + h·(q ← q̇) + (½h², h)·A in the rows of (q, q̇): only A's three rows are multiplied.
-    ``AP`` and ``W`` (n, n) are work space.
+    P ← Φ P Φᵀ + process noise of intensity a2 (3,), as in
+    `heli3dof.model.estimation.ekf_quantised`; Φ is the identity plus h q̇ + ½h² A x in the rows of q
+    and h A x in those of q̇. ``AP`` and ``W`` (n, n) are work space.
     """
     half = 0.5 * h * h
     for i in range(3):
@@ -229,12 +233,12 @@ _filter_compiled = compiled(_filter, error_model="numpy", nogil=True)
 
 @dataclass(frozen=True, eq=False)
 class FilterResult:
-    """The result of `filter_jittered`."""
+    """The result of `filter_jittered`: filtered states and log-likelihood."""
 
     states: np.ndarray
-    """(N, 6 + B) x̂ after each row's readings; NaN in rows outside all blocks."""
+    """(N, 6 + B), estimated (q, q̇, b) after each row's readings; NaN in rows outside all blocks."""
     loglik: np.ndarray
-    """(3,) log-likelihood of the readings by axis."""
+    """(3,), log-likelihood of the readings of each axis."""
 
 
 def filter_jittered(
@@ -245,9 +249,10 @@ def filter_jittered(
     jitter_s: float,
     varying: Mapping[str, float] | None = None,
 ) -> FilterResult:
-    """Filter ``data`` with ``values`` (n,).
+    """Filter ``data`` with the parameter ``values`` (n,) of ``structure``.
 
-    ``noise`` (3,) rad/s²/√Hz; ``varying``: parameter → σ_b for the B parameters to re-estimate.
+    ``noise`` (3,) rad/s²/√Hz is the process noise, ``jitter_s`` σ_t. ``varying``: {name: σ_b} of
+    the B parameters that the filter re-estimates in each run.
     """
     varying = varying or {}
     hooks = structure.hooks
@@ -265,7 +270,7 @@ def filter_jittered(
 
 
 def positions(structure: Structure, names: tuple[str, ...]) -> np.ndarray:
-    """(W, 3) int64: where these parameters are stored. Columns: hook, column of ``par``, number."""
+    """Return (W, 3) int64: row and column in ``par`` and index in ``names`` of the parameters."""
     out = []
     at = 4
     for i, term in enumerate(structure.terms):

@@ -1,23 +1,24 @@
-"""Extended Kalman filter at the control rate for quantised encoders: readings are intervals.
+"""Extended Kalman filter for quantised encoders: a reading is an interval of the angle.
 
-State x = (r, p, ψ, ṙ, ṗ, ψ̇). The rotors' thrusts follow from the voltages without noise and are
-computed beforehand, exactly. White angular acceleration of intensity a_i² ((rad/s²)²/Hz) drives
-each axis, so over a step h the covariance P grows by
+The state is x = (r, p, ψ, ṙ, ṗ, ψ̇) with the covariance P. The rotors' thrusts follow from the
+voltages without noise and are computed beforehand. The process noise is white angular acceleration
+of intensity a_i² ((rad/s²)²/Hz) on each axis, so over a step h (s) P becomes
 
     P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ]
 
-with derivatives recomputed every `RELINEARISE_S`. Dry friction then stops what it can
-(`heli3dof.model.physics.dry_friction`). An encoder that reads k times its angle counts a² in its
-own units, a²/k² of the angle. So k is estimated from the motion alone, not from the noise level.
+The derivatives are recomputed every `RELINEARISE_S`. Then dry friction changes x and P
+(`heli3dof.model.physics.dry_friction`). If an encoder reads k times its angle, a² is the noise of
+the reading, so the angle gets a²/k². Thus k is estimated from the motion, not from the noise level.
 
-The encoders update x and P by events (`heli3dof.model.estimation.quantised_measurement`). Each acts
-on one number c of the state, with score g = ∂ ln Z/∂c and information w = −∂² ln Z/∂c²:
-x ← x + P_c g, P ← P − P_c P_cᵀ w, where P_c is the column of P.
+The readings update x and P by events (`heli3dof.model.estimation.quantised_measurement`), such as a
+change of a reading. Each event has the likelihood Z and acts on one component c of x, with the
+score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where
+P_c is column c of P.
 
-Σ ln Z is the likelihood. Under a change of the parameters, with the gains P_c fixed, the predictor
-obeys x ← x + P_c (g − w δc). `follow` runs it for several parameter sets and so gives ∂c/∂θ at the
-events, all that Gauss–Newton needs. The gains are fixed in the readings, not in the angles (they
-differ by k).
+Σ ln Z is the log-likelihood of a recording. A parameter set θ′ near θ changes the prediction of c
+by δc; with the gains P_c kept, the update is x ← x + P_c (g − w δc). `follow` computes δc at all
+events for several parameter sets. The differences give ∂c/∂θ, which a Gauss–Newton step needs. The
+gains are kept for readings, not for angles, which differ by k.
 """
 
 from __future__ import annotations
@@ -38,17 +39,17 @@ R, T, F_FRONT, F_BACK, FLANK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.FLANK
 STEPPED = _s.STEPPED
 MEASURE, DRY = int(_s.Stage.MEASURE), int(_s.Stage.DRY)
 RELINEARISE_S = 0.02
-"""s between two linearisations."""
+"""s, the time between two linearisations."""
 RATE_0 = 1.0
-"""rad/s, standard deviation of the rates at the start of a run."""
+"""rad/s, standard deviation of the rates (mean zero) at the start of a run."""
 STILL = 1e-5
-"""rad, a smaller change of a reading than any encoder's step."""
+"""rad; a change of a reading below this, smaller than any encoder step, counts as none."""
 
 
 def _grow(P, A, h, a2, W):  # type: ignore[no-untyped-def]
-    """Advance P (6, 6) by one step; A (3, 6) = ∂q̈/∂(q, q̇); W (3, 6) is work space.
+    """Advance P (6, 6) by one step of h s; A (3, 6) = ∂q̈/∂(q, q̇), a2 (3,) = a².
 
-    Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ], to first order in h.
+    W (3, 6) is work space. Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ], to first order in h.
     """
     for i in range(3):
         for j in range(6):
@@ -84,7 +85,7 @@ grow = compiled(_grow, leaf=True, error_model="numpy")
 
 
 def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
-    """Write ∂q̈/∂(q, q̇) (3, 6) into A, by differences."""
+    """Write ∂q̈/∂(q, q̇) (3, 6) into A, by finite differences."""
     s[F_FRONT], s[F_BACK] = F[0], F[1]
     for i in range(6):
         s[R + i] = x[i]
@@ -105,13 +106,14 @@ def _filter(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, grid, t, h, V, y, a2, jitter, R2, keep,
     loglik, row, state, C, G, W, K, X,
 ):  # fmt: skip
-    """Filter all blocks; returns the number of events E. See the module.
+    """Filter all blocks of a `Data`; return the number of events E. See the module.
 
-    ``loglik`` (3,) sums ln Z by axis. ``keep`` selects what is stored:
+    R2 (3,) rad² is the noise of an edge, ``jitter`` (s) that of sampling instants. ``loglik`` (3,)
+    gets Σ ln Z of each axis. ``keep`` selects what else is stored:
     ≥ 1: for each event its ``row``, ``state`` (0–2 an angle's reading, 3–5 a rate, 6–8 a rate with
     opposite sign), prediction C, score G, information W and gain K (6,);
-    ≥ 2: X (N, 6) states after the updates of a row;
-    ≥ 3: X (N, 9), its last columns ``loglik`` up to that row.
+    ≥ 2: X (N, 6), the states after the updates of a row;
+    ≥ 3: X (N, 9), which also has ``loglik`` up to that row.
     """
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
@@ -178,7 +180,7 @@ def _filter(  # type: ignore[no-untyped-def]
                     logZ = -0.5 * (e * e / S + math.log(2.0 * math.pi * S))
                     g, info = e / S, 1.0 / S
                 elif abs(over) < 0.5 * D:
-                    half = 0.5 * (D + gap)  # either flank may be close to the edge
+                    half = 0.5 * (D + gap)  # either side of the backlash may be close to the edge
                     room = half - abs(e)
                     if room > 0.0 and room * room > 1.5 * S:
                         continue
@@ -187,7 +189,7 @@ def _filter(  # type: ignore[no-untyped-def]
                     if logZ - logZ0[i] > NEWS:
                         continue
                     logZ -= logZ0[i]
-                    at = falling if g > 0.0 else rising  # the flank close to the edge
+                    at = falling if g > 0.0 else rising  # the backlash side close to the edge
                     left = max(S * (1.0 - S * info), 1e-6 * S)
                     logZ0[i] = interval(e - S * g - half, e - S * g + half, left)[0]
                 else:
@@ -250,10 +252,11 @@ filter_blocks = compiled(_filter, error_model="numpy", nogil=True)
 def _follow(  # type: ignore[no-untyped-def]
     s0, first, address, pars, mem0, blocks, free, t, h, V, y, row, state, C, G, W, K, D
 ):  # fmt: skip
-    """Run other parameter sets with the filter's gains: D (J, E) becomes c_j − c at each event.
+    """Predict the events with J other parameter sets and the filter's gains; write δc to D (J, E).
 
-    s0 (J, SIZE) and pars (J, hooks, PARAMETERS) hold the sets. The integration is coarser than the
-    filter's: include the filter's own set and take differences from it.
+    s0 (J, SIZE) and pars (J, H + 1, PARAMETERS) are the sets; row, state, C, G, W, K are the events
+    that `_filter` stored. The integration is coarser than the filter's: make the filter's own set
+    the first one and subtract its row of D.
     """
     N, E = V.shape[0], row.shape[0]
     seen = first[MEASURE + 1] > first[MEASURE]

@@ -1,7 +1,8 @@
-"""Recordings as arrays for the filters: runs of usable rows, encoder grids and lead-in rows.
+"""Convert recordings to arrays for the Kalman filters.
 
-Up to `LEAD_S` of the recording precede a run, so that the voltages determine the rotors' thrusts at
-its start. An axis that was not measured counts as fixed.
+A run is an interval of usable rows. Up to `LEAD_S` of earlier rows, the lead-in, are added before
+it, so that their voltages determine the thrusts at its start. An axis that was not measured counts
+as fixed.
 """
 
 from __future__ import annotations
@@ -19,23 +20,23 @@ from heli3dof.recording.gap_filling import GAP as GAP
 from heli3dof.recording.recording import Recording
 
 LOST = 6.5
-"""Periods: the filters bridge lost and late samples, with the voltage held, up to this interval.
-The voltage error in it costs less accuracy than a restart of the filter."""
+"""Sample periods: longest interval over which the filters predict across lost or late samples, with
+the last voltage. Its error costs less accuracy than a restart of the filter."""
 LEAD_S = 1.0
-"""s of lead-in before a run, longer than any rotor's lag."""
+"""s, the length of the lead-in, longer than any rotor's lag."""
 CLIMB_S = 0.1
-"""s without a rise in roll that end the climb after take-off."""
+"""s; the climb after take-off ends when roll has not risen for this time."""
 AT_REST_S = 0.02
-"""s: a rig that rests on its table this long at the start has not taken off yet."""
+"""s; a recording starts on the table if the rig rests there at least this long."""
 ENCODER_NOISE = 0.06
-"""Standard deviation of an encoder's edges in encoder steps; for an angle that is on no grid, the
-noise of a reading in steps of the profile's encoder."""
+"""Standard deviation of the angle at which an encoder's reading changes, in encoder steps. For
+readings that are not quantised: their noise, in steps of the profile's encoder."""
 ON_GRID = 0.03
-"""Counts: a reading this close to a whole count is on the grid."""
+"""Counts; a reading this close to a whole count is quantised."""
 
 
 class Run(Protocol):
-    """Rows [start, stop) of recording number ``source``."""
+    """An interval of rows, start … stop − 1, of the recording with the index ``source``."""
 
     @property
     def source(self) -> int: ...
@@ -47,7 +48,7 @@ class Run(Protocol):
 
 @dataclass(frozen=True)
 class Stretch:
-    """A `Run` given by three numbers."""
+    """A `Run` as a plain record of its three numbers."""
 
     source: int
     start: int
@@ -56,44 +57,44 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Runs laid end to end: N rows in B blocks."""
+    """The rows of B runs in sequence, each with its lead-in: N rows in B blocks."""
 
     t: np.ndarray
     """(N,) s since the first sample of the recording."""
     h: np.ndarray
-    """(N,) s to the next row."""
+    """(N,) s, time to the next row."""
     V: np.ndarray
-    """(N, 2) V"""
+    """(N, 2) V, mean motor voltages until the next row."""
     y: np.ndarray
-    """(N, 3) rad; NaN without a reading and in the lead-in rows."""
+    """(N, 3) rad, encoder readings; NaN where lost and in the lead-in."""
     blocks: np.ndarray
-    """(B, 3) int64: the first lead-in row, the first row and the last + 1 of the run."""
+    """(B, 3) int64: first row of the lead-in, first row of the run, row after the run."""
     free: np.ndarray
     """(B, 3) bool: the measured axes, which can move."""
     grid: np.ndarray
-    """(B, 3) rad: encoder step, 0 for angles that are on no grid."""
+    """(B, 3) rad: encoder step; 0 for readings that are not quantised or missing."""
     runs: tuple[Run, ...]
     rad_per_count: np.ndarray
-    """(3,) rad, positive"""
+    """(3,) rad, positive encoder steps of the first recording's profile."""
 
     @property
     def rows(self) -> int:
-        """The number of rows without the lead-in."""
+        """The number of rows without the lead-ins."""
         return int((self.blocks[:, 2] - self.blocks[:, 1]).sum())
 
     @property
     def axes(self) -> np.ndarray:
-        """(3,) bool: measured in any run."""
+        """(3,) bool: the axes that were measured in any run."""
         return np.asarray(self.free.any(axis=0))
 
 
 def data_of(
     recordings: Sequence[Recording], runs: Sequence[Run], *, read_every_s: float = 0.0
 ) -> Data:
-    """The runs of these recordings as arrays. Raises RecordingError if there are none.
+    """Return the runs of these recordings as arrays. Raises RecordingError if there are no runs.
 
-    ``read_every_s`` uses the angles only that often (the voltages in every row): for logs whose
-    sampling jitter exceeds their period.
+    With ``read_every_s`` only one reading of the angles per that time (s) is kept, but all
+    voltages: for logs whose sampling jitter exceeds their period.
     """
     if not runs:
         raise RecordingError(
@@ -146,12 +147,12 @@ def data_of(
 
 
 def encoder_noise(data: Data, steps: float = ENCODER_NOISE) -> np.ndarray:
-    """(3,) rad²: the variance R of an event's angle, ``steps`` encoder steps squared."""
+    """Return the variance (3,) rad² of the angle at an encoder edge, (``steps`` · step)²."""
     return np.asarray((steps * data.rad_per_count) ** 2)
 
 
 def starts_on_table(recording: Recording) -> bool:
-    """True if the rig rests on its table in the first rows, with rotors at standstill."""
+    """True if the rig rests on its table in the first rows; its rotors are then at standstill."""
     roll = recording.angle[:, 0]
     if np.isnan(roll[0]) or not roll[0] < ON_TABLE_BELOW:
         return False
@@ -161,10 +162,10 @@ def starts_on_table(recording: Recording) -> bool:
 
 
 def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
-    """The number of rows after lift-off until the climb ends.
+    """Return the number of rows of ``roll`` (rad), which starts at lift-off, until the climb ends.
 
-    It ends when roll, above half of ``rest`` (rad), has not risen for `CLIMB_S`. Before that the
-    rotors spin up, and timing is worst.
+    It ends when roll is above half of ``rest`` (rad, negative) and has not risen for `CLIMB_S`.
+    During the climb the rotors spin up, and time stamps are least accurate.
     """
     ahead = max(1, round(CLIMB_S / dt))
     later = roll[np.minimum(np.arange(len(roll)) + ahead, len(roll) - 1)]
@@ -175,7 +176,7 @@ def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
 def hold_last(
     voltage: np.ndarray, before: np.ndarray | tuple[float, float] = (0.0, 0.0)
 ) -> np.ndarray:
-    """(N, 2) V, contiguous, with lost values replaced by the last known; ``before`` the first."""
+    """Return ``voltage`` with each NaN replaced by the last known value, first by ``before``."""
     v = np.array(voltage, dtype=float, order="C")
     for j in range(v.shape[1]):
         good = np.isfinite(v[:, j])
@@ -185,7 +186,7 @@ def hold_last(
 
 
 def _lead(recording: Recording, start: int) -> int:
-    """The first lead-in row before ``start``, with no gap longer than `LOST` after it."""
+    """Return the first row of the lead-in to row ``start``, after any gap or lost voltage."""
     dt = recording.dt
     first = max(0, start - round(LEAD_S / dt))
     t, v = recording.t[first : start + 1], recording.voltage[first : start + 1]
@@ -196,7 +197,7 @@ def _lead(recording: Recording, start: int) -> int:
 
 
 def _on_grid(y: np.ndarray, step: float) -> bool:
-    """True if 98 % of the readings are whole counts of ``step`` (rad) from the first."""
+    """True if 98 % of the readings differ from the first by whole multiples of ``step`` (rad)."""
     y = y[np.isfinite(y)]
     counts = (y - y[0]) / step
     return bool((np.abs(counts - np.round(counts)) < ON_GRID).mean() > 0.98)

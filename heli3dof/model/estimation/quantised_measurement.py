@@ -1,29 +1,30 @@
 """Measurement updates for a quantised encoder: probabilities of intervals and of edges.
 
-A reading of an encoder with step Δ states that the angle is in one interval. Repeating it adds no
-information: treating every sample as white noise of variance Δ²/12, or truncating the distribution
-to the interval at every sample, produces false effects. The information is in the edges. So the
-filter keeps a Gaussian N(m, S) of the angle *together with* the event "still in this interval", of
-probability Z = Φ(β) − Φ(α), α, β = (lower, upper edge − m)/√S:
+A reading of an encoder with step Δ states that the angle is in one interval between two edges. An
+unchanged reading adds almost no information. Treating every sample as white noise of variance
+Δ²/12, or truncating the distribution at every sample, makes a fit find effects that do not exist.
+So the filter keeps a Gaussian N(m, S) of the angle and the probability Z = Φ(β) − Φ(α) that the
+angle is in the interval, α, β = (lower, upper edge − m)/√S, with the normal density φ and its
+distribution function Φ. An update depends on the reading:
 
-* The reading steps over the edge e between two samples: the angle was e, up to the distance that
-  the rate q̇ covers in one period. The density is the flux N(e; m, S) E[q̇⁺] h, divided by the Z
-  assumed so far; both factors update the state. The second factor is required: instants selected by
-  the angle itself are not an unbiased sample.
-* The reading stays: no update until Z has fallen below exp(`NEWS`) of its value at the last update.
-  Then the Gaussian is replaced by one with the mean and variance of its part inside the interval,
-  and ln Z minus its old value is added to the likelihood.
-* The reading jumps several steps, or nearly one per period: mean and variance of the part inside
-  the new interval, and ln Z.
+* It passes the edge e between two samples: the angle was e, up to the distance that the rate q̇
+  covers in one period h. The likelihood is the flux N(e; m, S) E[q̇⁺] h, q̇⁺ the rate's positive part
+  in the direction of the step, divided by the last Z. The first factor updates the angle, the
+  second the rate. The second is required, because edges are more likely at high rates.
+* It does not change: no update until Z has fallen below exp(`NEWS`) of its last value. Then the
+  Gaussian gets the mean and variance of its part inside the interval, and ln Z minus its last value
+  is added to the log-likelihood.
+* It changes by several steps, or by nearly one per period: the Gaussian gets the mean and
+  variance of its part inside the new interval, and ln Z is added.
 
-A sample taken ``jitter`` (s, standard deviation) early or late has an angle error of rate times
-jitter: S grows by (jitter · q̇)². Logs of hosts without real-time scheduling need it.
+If the sampling instants have the standard deviation ``jitter`` (s), S grows by (jitter · q̇)². Logs
+of hosts without real-time scheduling need this.
 
-Every event acts on one number c of the state (an angle or a rate), with score g = ∂ ln Z/∂c and
-information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where P_c is the column of P.
-Interval: g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S). Rate, with u = E q̇/σ and
-f = φ(u) + uΦ(u): g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f). Angles that are on no grid (Δ = 0): every
-sample is an event with g = (y − m)/S, w = 1/S.
+Every such update (event) acts on one component c of the state x (an angle or a rate), with the
+score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where
+P_c is column c of P. Interval: g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S). Rate
+N(v, σ²) with u = v/σ and f = φ(u) + uΦ(u): g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f). If the readings y
+are not quantised (Δ = 0), every sample is an event with g = (y − m)/S, w = 1/S.
 """
 
 from __future__ import annotations
@@ -34,11 +35,12 @@ from heli3dof.model.compiled import compiled
 
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 NEWS = math.log(0.7)
-"""Log of the ratio of Z below which a constant reading causes an update."""
+"""Natural logarithm of the ratio of Z to its last value below which an unchanged reading causes
+an update."""
 
 
 def _tail(x: float) -> float:
-    """exp(x²/2) √(2π) Q(x), Mills' ratio of the normal distribution, x ≥ 0."""
+    """Return Mills' ratio exp(x²/2) √(2π) Q(x), x ≥ 0, Q the upper tail of the normal density."""
     if x < 5.0:
         return SQRT2PI * 0.5 * math.erfc(x / SQRT2) * math.exp(0.5 * x * x)
     d = x
@@ -51,7 +53,7 @@ tail = compiled(_tail, leaf=True, error_model="numpy")
 
 
 def _interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
-    """(ln Z, g, w) for a normal variable of mean 0 and variance S that lies in (lo, hi)."""
+    """Return (ln Z, g, w) of the event that a variable N(0, S) lies in (lo, hi); see the module."""
     sd = math.sqrt(S)
     a, b = lo / sd, hi / sd
     sign = 1.0
@@ -79,7 +81,7 @@ interval = compiled(_interval, leaf=True, error_model="numpy")
 
 
 def _flux(v: float, var: float) -> tuple[float, float, float]:
-    """(ln E[v⁺], g, w) of a rate with this mean and variance, v⁺ = max(v, 0)."""
+    """Return (ln E[q̇⁺], g, w) of a rate q̇ with mean v and variance var, q̇⁺ = max(q̇, 0)."""
     sd = math.sqrt(var)
     u = v / sd
     phi = math.exp(-0.5 * u * u) / SQRT2PI
@@ -99,7 +101,7 @@ flux = compiled(_flux, leaf=True, error_model="numpy")
 
 
 def _learn(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
-    """Update x and P by an event on state c, read with ``scale``; ``column``: P's scaled column."""
+    """Update x (6,) and P by an event with g and w on ``scale`` · x[c]; ``column``: work space."""
     for j in range(6):
         column[j] = scale * P[j, c]
     for j in range(6):

@@ -1,9 +1,9 @@
-"""The closed loop of the sampled controller on a grey-box model, compiled.
+"""Simulate the closed loop of the sampled controller with a grey-box model (compiled).
 
-Per control period k, as in `heli3dof.model.linear.closed_loop`: the encoders read the angles
-(rounded to their grid if there is one), the control law computes the voltage, and the rig moves
-under that voltage. A start with roll below `ON_TABLE_BELOW` is at rest on the table, with rotors at
-standstill; any other start has the thrusts that balance it.
+In each control period the encoders read the angles (rounded to their steps if given), the control
+law computes the voltage, and the rig moves under that voltage. With an initial roll below
+`ON_TABLE_BELOW` the rig is at rest on the table, with rotors at standstill. Otherwise the initial
+thrusts balance roll and pitch.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _fly_compiled = compiled(_fly, error_model="numpy", nogil=True)
 
 
 def fly(model: GreyBoxParameters, task: LoopTask) -> LoopResult:
-    """Simulate the task on the model, starting at rest at ``task.angle0``.
+    """Simulate the task with the model, starting at rest at ``task.angle0``.
 
     A NaN in angle0 counts as zero. A diverging loop gives inf and NaN.
     """

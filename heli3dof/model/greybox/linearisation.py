@@ -2,8 +2,9 @@
 
     z = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) − trim,      z[k+1] = A z[k] + B (V[k] − u0)
 
-by central differences of the simulation step. A delay appends the delayed voltages as states. Dry
-friction has no linearisation and is omitted; an encoder with backlash is at mid-gap.
+with A, B by central differences of the simulation step; u0 are the trim voltages. A delay appends
+the delayed voltages as states. Dry friction has no linearisation and is omitted. An encoder with
+backlash is linearised in the middle of its gap.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from heli3dof.model.physics.rotor import aim
 
 
 class _Plant:
-    """The compiled functions of a model with their arguments filled in."""
+    """The compiled functions of a model with arrays filled in; ``delayed``: with its delay."""
 
     def __init__(self, model: GreyBoxParameters, *, delayed: bool = True) -> None:
         structure = model.structure
@@ -37,7 +38,7 @@ class _Plant:
         self.free = np.ones(3, dtype=bool)
 
     def acceleration(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """q̈ (3,) at rest at q (3,) with thrusts F (2,) N."""
+        """Return q̈ (3,) rad/s² at rest at q (3,) rad with thrusts F (2,) N."""
         a = np.empty(3)
         self.s[state_layout.R : state_layout.R + 3] = q
         self.s[state_layout.R_DOT : state_layout.R_DOT + 3] = 0.0
@@ -49,14 +50,14 @@ class _Plant:
         return a
 
     def aim(self, V: np.ndarray) -> np.ndarray:
-        """The steady-state thrusts (2,) N of the voltages V (2,)."""
+        """Return the steady-state thrusts (2,) N of the voltages V (2,) V."""
         out = np.empty(2)
         h = self.hooks
         aim(self.s, V.reshape(1, 2), np.ones(1), 0, 0, h.first, h.address, self.par, self.mem, out)
         return out
 
     def step(self, z: np.ndarray, V: np.ndarray, dt: float) -> np.ndarray:
-        """The state z (8,) after dt s under the voltages V (2,)."""
+        """Return the state z (8,) after dt s under constant voltages V (2,) V."""
         x, F = z[:6].copy(), z[6:8].reshape(1, 2).copy()
         w, decay = np.zeros((8, 3)), np.full(3, -1.0)
         h = self.hooks
@@ -68,7 +69,7 @@ class _Plant:
 
 
 def true_angles(model: GreyBoxParameters, read: np.ndarray) -> np.ndarray:
-    """(3,) rad: the angles at which the encoders read ``read`` (3,) rad."""
+    """Return the angles (3,) rad at which the encoders read ``read`` (3,) rad."""
     hooks = model.structure.hooks
     s, par = model.structure.arrays(model.values)
     mem = model.structure.memory
@@ -82,9 +83,9 @@ def true_angles(model: GreyBoxParameters, read: np.ndarray) -> np.ndarray:
 
 
 def balance(model: GreyBoxParameters, q: np.ndarray) -> np.ndarray:
-    """(2,) N: the thrusts that balance roll and pitch at rest at the angles q (3,) rad.
+    """Return the thrusts (2,) N that balance roll and pitch at rest at the angles q (3,) rad.
 
-    If Newton's method diverges (a fit that no thrust balances), the last finite thrusts.
+    If Newton's method diverges (no thrust balances the model), returns its last finite thrusts.
     """
     plant = _Plant(model)
     F = np.full(2, 0.5 * plant.s[state_layout.T_G] / plant.s[state_layout.L_A])
@@ -103,7 +104,7 @@ def balance(model: GreyBoxParameters, q: np.ndarray) -> np.ndarray:
 
 
 def trim_voltage(model: GreyBoxParameters, F: np.ndarray) -> np.ndarray:
-    """(2,) V whose thrusts are F (2,) N. Raises CheckFailed if no voltage gives them."""
+    """Return the voltages (2,) V with steady-state thrusts F (2,) N; raise CheckFailed if none."""
     plant = _Plant(model, delayed=False)
     V = np.full(2, model.profile.motor.V_o)
     for _ in range(60):
@@ -128,10 +129,11 @@ def trim_voltage(model: GreyBoxParameters, F: np.ndarray) -> np.ndarray:
 
 
 def linear(model: GreyBoxParameters, dt: float) -> tuple[LinearModel, tuple[str, ...]]:
-    """The `LinearModel` every ``dt`` s about level hover, and the names of its states.
+    """Return the linearised model about level hover, sampled every ``dt`` s, and its states' names.
 
-    At level hover the encoders read zero. States: r, p, psi, their rates, the thrusts if the rotors
-    lag, delayed voltages if there is a delay. Raises CheckFailed if the model cannot hover level.
+    Level hover is where the encoders read zero. States: r, p, psi, their rates, the thrusts if the
+    rotors lag, delayed voltages if there is a delay. Raises CheckFailed if the model cannot hover
+    level.
     """
     terms = model.structure.terms
     keep = tuple(t.name for t in terms if state_layout.Stage.DRY not in t.effect.hooks)
@@ -174,7 +176,7 @@ def linear(model: GreyBoxParameters, dt: float) -> tuple[LinearModel, tuple[str,
 def _delayed(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, periods: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(A, B, C) with the voltages delayed by that many periods, as a chain of states."""
+    """Return (A, B, C) with the voltages delayed by ``periods`` samples, in additional states."""
     if periods <= 0.0:
         return A, B, C
     whole = int(periods)

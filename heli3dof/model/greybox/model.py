@@ -1,7 +1,7 @@
-"""`GreyBoxModel`: the nonlinear rigid body with a choice of effects, fitted or nominal.
+"""`GreyBoxModel`: the nonlinear rigid body with selected effects, fitted or nominal.
 
-The equations are in `heli3dof.model.greybox.parameters`. Each method calls the module of the same
-purpose.
+The equations are in `heli3dof.model.greybox.parameters`. The methods call the other modules of this
+folder.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GreyBoxModel(GreyBoxParameters):
-    """A grey-box model that can be simulated, used for prediction, exported and saved."""
+    """A grey-box model with simulation, prediction, linearisation and export."""
 
     def __repr__(self) -> str:
         effects = ", ".join(self.terms[:4]) + (", …" if len(self.terms) > 4 else "")
@@ -41,19 +41,19 @@ class GreyBoxModel(GreyBoxParameters):
         return fly(self, task)
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> np.ndarray:
-        """(m,) rad/s, rightmost first: poles of the sampled loop, linearised at level hover."""
+        """Return the poles (rad/s, rightmost first) of the sampled loop at level hover."""
         from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
 
         return sampled_loop_poles(self.linear(dt), controller, dt)
 
     def predict(self, recording: Recording, horizon_s: float) -> np.ndarray:
-        """(N, 3) rad, predictions made ``horizon_s`` earlier; see `greybox.prediction`."""
+        """Return predictions (N, 3) rad made ``horizon_s`` earlier; see `greybox.prediction`."""
         from heli3dof.model.greybox.prediction import predict
 
         return predict(self, recording, horizon_s)
 
     def linear(self, dt: float | None = None) -> LinearModel:
-        """Linearise at level hover, sampled every ``dt`` s; see `greybox.linearisation`."""
+        """Return the linearisation at level hover, sampled every ``dt`` s (the control period)."""
         from heli3dof.model.greybox.linearisation import linear
 
         return linear(self, self.profile.dt if dt is None else dt)[0]
@@ -104,9 +104,10 @@ class GreyBoxModel(GreyBoxParameters):
 
 
 def nominal(profile: Profile, names: tuple[str, ...] = (), **values: float) -> GreyBoxModel:
-    """Return the profile's rigid body with these terms, at their starting values or those given.
+    """Return the rigid body of a profile with the terms ``names``, without an estimation.
 
-    ``values`` are by parameter name, for instance ``**{"motor.lag.time_constant_s": 0.1}``.
+    ``values`` are parameter values by name (``**{"motor.lag.time_constant_s": 0.1}``); other
+    parameters have their starting values.
     """
     structure = Structure(profile, terms(names))
     n = len(structure.free)

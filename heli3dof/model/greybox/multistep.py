@@ -1,12 +1,12 @@
-"""Multi-step predictions of a grey-box model from selected rows, at a few horizons each.
+"""Compute errors of multi-step predictions of a grey-box model from selected rows.
 
-From the filter's state x̂[k] (angles up to row k only) the model runs through the recorded voltages,
-as in `heli3dof.model.greybox.prediction`:
+From the Kalman filter's state x̂[k] (from angles up to row k) the model is simulated with the
+recorded voltages, as in `heli3dof.model.greybox.prediction`, to several horizons h_j:
 
     ŷ[k, j] = y(x̂[k], V, t_k + h_j),      e[k, j] = angle[k + n_j] − ŷ[k, j],   h_j = n_j dt
 
-One run yields all horizons, and only the selected rows are run. This is fifty times faster than
-predicting every row at every horizon, fast enough for a fit to such errors.
+One simulation per selected row yields all its horizons. This is fifty times faster than predicting
+every row at every horizon, fast enough to fit a model to these errors.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ from heli3dof.model.physics.parametrisation import Structure
 def _windows(  # type: ignore[no-untyped-def]
     s, first, address, par, mem, where, free, t, V, mean, X, low, starts, ahead, stride, out
 ):
-    """out (S, M, 3): readings ``ahead`` (M,) rows, ascending, after each of ``starts`` (S,)."""
+    """Write to out (S, M, 3) the readings ``ahead`` (M,) rows after each row of ``starts`` (S,).
+
+    ``ahead`` is ascending; other arguments as in `errors` and `heli3dof.model.physics.integrator`.
+    """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
     m, slope = np.empty(3), np.empty(3)
@@ -50,28 +53,28 @@ _windows_compiled = compiled(_windows, error_model="numpy", nogil=True)
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """The arrays of a recording, N rows, that `errors` reads."""
+    """The arrays of a recording with N rows that `errors` needs."""
 
     t: np.ndarray
     """(N,) s"""
     h: np.ndarray
-    """(N,) s to the next row"""
+    """(N,) s, time to the next row"""
     V: np.ndarray
-    """(N, 2) V"""
+    """(N, 2) V, motor voltages"""
     y: np.ndarray
-    """(N, 3) rad"""
+    """(N, 3) rad, encoder readings"""
     free: np.ndarray
-    """(3,) bool: axes that move"""
+    """(3,) bool: the axes that can move"""
     low: float
-    """rad: the table; −∞ if there is none"""
+    """rad, the roll at which the rig rests on its table; −∞ without a table"""
     starts: np.ndarray
     """(S,) int64: rows from which predictions start"""
     still: bool = False
-    """The rotors are at standstill before the first row."""
+    """True if the rotors are at standstill before the first row."""
 
     @property
     def dt(self) -> float:
-        """s, the median interval."""
+        """s, the median sample interval."""
         return float(np.median(self.h))
 
 
@@ -83,9 +86,10 @@ def errors(
     ahead: np.ndarray,
     varying: tuple[str, ...] = (),
 ) -> np.ndarray:
-    """(S, M, 3) rad: angle − prediction, ``ahead`` (M,) rows after each of the flight's starts.
+    """Return reading − prediction, (S, M, 3) rad, ``ahead`` (M,) rows after each of the S starts.
 
-    ``states`` (N, 6 + B): the filter's, with the B parameters that ``varying`` names.
+    ``values`` (n,) are the parameters of ``structure``. ``states`` (N, 6 + B) are the filter's
+    estimates: angles, rates, and the B parameters ``varying`` that replace those in ``values``.
     """
     hooks = structure.hooks
     s, par = structure.arrays(values)

@@ -1,9 +1,9 @@
-"""Prediction by a grey-box model: filtered states, simulated ahead with the recorded voltages.
+"""Predict with a grey-box model: simulate from filtered states with the recorded voltages.
 
-The states come from the filter that the model was fitted with
-(`heli3dof.model.estimation.ekf_quantised`), each from readings up to its own row. From each state
-the simulation runs to the horizon in steps of at most `STEP_S`, with the thrusts' exact mean over
-each step. On the table the state is the reading at rest, and no prediction passes through the
+An extended Kalman filter (`heli3dof.model.estimation.ekf_quantised`, or `ekf_jitter` if parameters
+vary by recording) estimates the state at each row from readings up to that row. From there the
+model is simulated to the horizon in steps of about `STEP_S`, with the thrusts' exact mean over each
+step. In rows on the table the state is the reading at rate zero. Predicted roll stays above the
 table.
 """
 
@@ -36,13 +36,13 @@ from heli3dof.model.physics.table import ON_TABLE_BELOW
 from heli3dof.recording.recording import Recording
 
 STEP_S = 0.02
-"""s, the longest step of a prediction."""
+"""s, the step of the simulation, rounded to whole rows."""
 NOISE = np.array([0.05, 0.15, 0.05])
 """(3,) rad/s²/√Hz for a model without noise values; see `heli3dof.model.linear.prediction`."""
 
 
 def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]
-    """out[k + n]: readings n rows after the state X[k]; ``mean`` (N + 1, 2): thrusts' integral."""
+    """Write to out[k + n] the readings n rows after the state X[k]; other arguments: `predict`."""
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
     m, slope = np.empty(3), np.empty(3)
@@ -65,7 +65,7 @@ _roll_compiled = compiled(_roll, error_model="numpy")
 
 
 def predict(model: GreyBoxParameters, recording: Recording, horizon_s: float) -> np.ndarray:
-    """(N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
+    """Return (N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
 
     NaN in the first rows and on an axis that was not measured.
     """
@@ -91,9 +91,10 @@ def predict(model: GreyBoxParameters, recording: Recording, horizon_s: float) ->
 def filtered(
     model: GreyBoxParameters, recording: Recording
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
-    """(t, V, the thrusts' running integral, states X (N, 6 + B), lowest roll, axes that move).
+    """Return (t, V, thrust integral as `impulse`, states X, roll of the table, axes that move).
 
-    B is the number of parameters that vary between recordings; they are re-estimated.
+    X (N, 6 + B) holds angles, rates and the B parameters in ``model.varying``, which the filter
+    re-estimates. V (N, 2) is without NaN; roll of the table as `table_of`; axes (3,) bool.
     """
     N = len(recording)
     y, recording = recording.angle, replace(recording, voltage=hold_last(recording.voltage))
@@ -141,7 +142,7 @@ def filtered(
 
 
 def _by_edges(model: GreyBoxParameters, d: Data, a: np.ndarray) -> np.ndarray:
-    """(rows, 6) states of the filter for quantised encoders (`estimation.ekf_quantised`)."""
+    """Return the states (N, 6) of the filter for quantised encoders; a (3,): process noise."""
     hooks = model.structure.hooks
     s, par = model.structure.arrays(model.values)
     states = np.zeros((len(d.t), 6))
@@ -158,9 +159,10 @@ def _by_edges(model: GreyBoxParameters, d: Data, a: np.ndarray) -> np.ndarray:
 def impulse(
     structure: Structure, values: np.ndarray, V: np.ndarray, h: np.ndarray, *, still: bool = False
 ) -> np.ndarray:
-    """(N + 1, 2) N·s: the integral of the rotors' thrusts up to each row, voltages V (N, 2).
+    """Return (N + 1, 2) N·s: the integral of the rotors' thrusts up to each row and to the end.
 
-    At the first row the rotors are in steady state, or at standstill (``still``).
+    Voltages V (N, 2) V hold for h (N,) s. Before the first row the rotors are in steady state, or
+    at standstill (``still``).
     """
     if still:
         V, h = np.vstack([np.zeros(2), V]), np.concatenate([h[:1], h])
@@ -180,7 +182,7 @@ def impulse(
 
 
 def table_of(recording: Recording) -> tuple[float, np.ndarray]:
-    """(roll of the table in rad, −∞ if there is none; (N,) bool: the rows on it)."""
+    """Return the roll on the table (rad; −∞ without a table) and the rows on it (N,) bool."""
     roll = recording.angle[:, 0]
     if np.isnan(roll).all() or not np.nanmin(roll) < ON_TABLE_BELOW:
         return -math.inf, np.zeros(len(roll), dtype=bool)

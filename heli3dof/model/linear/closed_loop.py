@@ -1,8 +1,8 @@
-"""The closed loop of the sampled controller on a `LinearModel`, compiled.
+"""Simulate the closed loop of the sampled controller with a `LinearModel` (compiled).
 
-Per control period k::
+In control period k, with the trim u0, y0::
 
-    y[k] = C x[k] + y0                 (rounded to the encoder's grid where there is one)
+    y[k] = C x[k] + y0                 (rounded to encoder steps if given)
     v[k] = clip(law(y[k], ref[k], extra[k]), ±v_max)
     x[k+1] = A x[k] + B (v[k] − u0)
 
@@ -65,12 +65,12 @@ _fly_compiled = compiled(_fly)
 
 
 def fly(model: LinearParameters, task: LoopTask) -> LoopResult:
-    """Simulate the task on the model, starting at rest at ``task.angle0``.
+    """Simulate the task with the model, starting at rest at ``task.angle0``.
 
-    The start need not be an equilibrium; the model has no table. The encoder grid passes through
-    angle0, so the first reading is angle0 exactly. A diverging loop gives inf and NaN. An axis that
-    is not modelled is NaN in the result; the controller sees it at angle0 throughout. Raises
-    RecordingError if ``task.dt`` is not the model's.
+    The start need not be an equilibrium; the model has no table. Quantised readings are angle0 plus
+    whole encoder steps. A diverging loop gives inf and NaN. An axis that is not modelled is NaN in
+    the result, and the controller reads angle0 for it. Raises RecordingError if ``task.dt`` does
+    not suit the model (`LinearParameters.at`).
     """
     model = model.at(task.dt)
     N = len(task.reference)

@@ -1,4 +1,4 @@
-"""The paper's hover model, eqs (3)–(14): as printed, and corrected.
+"""The paper's linear hover model, eqs (3)–(14): as printed, and corrected.
 
 At hover the torques balance (4), ``2 L_a K_f V_o = (L_w m_w − L_a m_f − L_a m_b) g`` (5), and small
 motions about it obey ``ẋ = A x + B (V − V_o)``, ``y = C x`` (1) with x = (r, p, ψ, ṙ, ṗ, ψ̇) (8)::
@@ -17,10 +17,10 @@ K_f                    N/V                thrust per volt
 J_roll, J_pitch, J_yaw kg·m²              moments of inertia, the denominators of (10) and (11)
 =====================  =================  =======================================================
 
-``printed=True`` gives (10) and (11) exactly as the paper prints them: A[6,2] with a plus sign
-(E3), and B[5,·] divided by L_h once too often (E4). Corrected, A[6,2] is −2 L_a K_f V_o / J_yaw
-with the *profile's* V_o: tilting turns the torque that lifts the arm at hover into travel (E2).
-The paper assumes equal motors and writes 2 m_f; the corrected model has m_f + m_b.
+``printed=True`` gives (10) and (11) as the paper prints them, with its errata: A[6,2] with a plus
+sign (E3), and B[5,·] divided by L_h once too often (E4). Corrected, A[6,2] is −2 L_a K_f V_o /
+J_yaw with the *profile's* V_o, because pitch turns the thrust of hover towards yaw (E2). The paper
+assumes equal motors and writes 2 m_f; the corrected model has m_f + m_b.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Hover:
     C: np.ndarray
     D: np.ndarray
     V_o: float
-    """V per motor"""
+    """V per motor, the hover voltage"""
     J_roll: float
     """kg·m²"""
     J_pitch: float
@@ -56,15 +56,15 @@ class Hover:
 
 
 def quiescent_voltage(profile: Profile) -> float:
-    """V_o in V per motor by eq (6), from the masses. Its sign is unreliable (E2)."""
+    """Return V_o in V per motor by eq (6), from the masses. Its sign is unreliable (erratum E2)."""
     return profile.gravity_torque / (2 * profile.geometry.L_a * profile.motor.K_f)
 
 
 def hover(profile: Profile, *, printed: bool = False) -> Hover:
-    """The matrices (10)–(13) of the hover model for a rig.
+    """Return the matrices (10)–(13) of the hover model for a rig.
 
-    ``printed`` gives them as the paper prints them, errata included, with V_o from (6). Otherwise
-    they are corrected, with the profile's V_o. See the module's docstring.
+    ``printed``: as the paper prints them, errata included, with V_o from (6). Otherwise they are
+    corrected, with the profile's V_o. See the module's docstring.
     """
     if printed:
         return _as_printed(profile)
@@ -99,10 +99,10 @@ def _as_printed(profile: Profile) -> Hover:
 
 
 def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = None) -> LinearModel:
-    """The hover model at the control rate (or every ``dt`` s), by exact zero-order hold.
+    """Return the hover model, sampled at the control rate (or every ``dt`` s) with zero-order hold.
 
-    States (rad, rad/s) as in (8); trim u0 = V_o per motor, y0 = 0. K is zero and S is NaN, because
-    the paper gives no noise.
+    States (rad, rad/s) as in (8); trim u0 = V_o per motor, y0 = 0. The Kalman gain K is zero and
+    the noise covariance S is NaN, because the paper gives no noise.
     """
     from heli3dof.model.discretisation import c2d_zoh
 

@@ -1,7 +1,7 @@
 """Initial states of a linear model: the state at rest, and the covariance of an uncertain state.
 
-A black-box state has no physical meaning, so both functions work with the outputs that a state
-causes: the free response over `WINDOW`.
+The states of a black-box model have no physical meaning. So both are defined by the outputs that a
+state causes without input: its free response during `WINDOW`.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ import scipy.linalg as la
 from heli3dof.model.linear.parameters import LinearParameters
 
 WINDOW = 0.5
-"""s; longer than the rotor's lag, shorter than the paper's loop takes to move the arm."""
+"""s; longer than the rotors' lag, shorter than a closed-loop movement of the arm."""
 _ROWS = 50
 
 
 def responses(
     model: LinearParameters, axes: np.ndarray, window_s: float = WINDOW
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(O (rows, n), G (rows, 2)): free and forced response at about 50 instants in ``window_s`` s.
+    """Return O (rows, n), G (rows, 2): free and forced response at up to 100 instants.
 
-    The outputs of the ``axes`` (3,) bool, stacked by instant, are O x + G ũ for the initial state
-    x and a constant voltage u0 + ũ.
+    The instants span ``window_s`` s. The outputs of the ``axes`` (3,) bool minus y0, stacked by
+    instant, are O x + G ũ for the initial state x and a constant voltage u0 + ũ.
     """
     n = model.order
     steps = max(round(window_s / model.dt), n)
@@ -39,11 +39,11 @@ def responses(
 
 
 def rest_state(model: LinearParameters, angle0: np.ndarray) -> np.ndarray:
-    """(n,) the state in which the model is at rest at ``angle0`` (3,) rad.
+    """Return the state (n,) in which the model is at rest at ``angle0`` (3,) rad.
 
-    A physical state (hover) is [angle0 − y0, 0]. Otherwise it is the least-squares state of least
-    norm that keeps the outputs at angle0 for `WINDOW` under some constant voltage. That voltage
-    replaces whatever supports the rig, for instance the table. A NaN in angle0 counts as y0.
+    For the hover model it is [angle0 − y0, 0]. Otherwise it is the minimum-norm least-squares state
+    that, with some constant voltage, keeps the outputs at angle0 during `WINDOW`. That voltage
+    stands for any support of the rig, for instance its table. A NaN in angle0 counts as y0.
     """
     angle0 = np.where(np.isfinite(angle0), angle0, model.y0)
     if model.physical_state:
@@ -59,10 +59,10 @@ def rest_state(model: LinearParameters, angle0: np.ndarray) -> np.ndarray:
 
 
 def state_spread(model: LinearParameters, axes: np.ndarray) -> np.ndarray:
-    """(n, n) the covariance of a state whose free response is uncertain by 1 rad rms over `WINDOW`.
+    """Return the covariance (n, n) of a state with 1 rad rms of uncertainty in its free response.
 
-    The inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over the window, for the measured axes; multiply by
-    the variance wanted (rad²). Unobservable directions get zero variance.
+    It is the inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over `WINDOW`, for the measured ``axes``; scale
+    it by the variance wanted (rad²). Unobservable directions get zero variance.
     """
     O, _ = responses(model, axes)
     W = O.T @ O / (len(O) / int(axes.sum()))

@@ -1,7 +1,7 @@
 """`LinearModel`: a discrete-time state-space model in innovation form, about a trim.
 
 The hover model and all black-box models have this form; the hover model has K = 0. The equations
-are in `heli3dof.model.linear.parameters`. Each method calls the module of the same purpose.
+are in `heli3dof.model.linear.parameters`. The methods call the other modules of this folder.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(LinearParameters):
-    """A linear model that can be simulated, used for prediction, exported and saved."""
+    """A linear model with simulation, prediction, conversion and export."""
 
     def __repr__(self) -> str:
         axes = ", ".join(self.axes) or "no axes"
@@ -34,7 +34,7 @@ class LinearModel(LinearParameters):
         )
 
     def rest_state(self, angle0: np.ndarray) -> np.ndarray:
-        """(n,) the state at rest at ``angle0`` (3,) rad; see `model.linear.initial_state`."""
+        """Return the state (n,) at rest at ``angle0`` (3,) rad; see `linear.initial_state`."""
         from heli3dof.model.linear.initial_state import rest_state
 
         return rest_state(self, angle0)
@@ -46,10 +46,10 @@ class LinearModel(LinearParameters):
         return fly(self, task)
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> np.ndarray:
-        """(m,) rad/s, rightmost first: the closed-loop poles of this model with the gain.
+        """Return the closed-loop poles (rad/s, rightmost first) with the controller's gain.
 
-        With a physical state (hover): the continuous loop with ideal rates and two integrals, as in
-        the paper. Otherwise: the loop sampled every ``dt`` s with the derivative filter, mapped by
+        For the hover model: of the continuous loop with ideal rates and two integrals, as in the
+        paper. Otherwise: of the loop sampled every ``dt`` s with the derivative filter, mapped by
         s = log(z)/dt. See `heli3dof.model.control.closed_loop_poles`.
         """
         from heli3dof.model.control.closed_loop_poles import ideal_loop_poles, sampled_loop_poles
@@ -59,13 +59,13 @@ class LinearModel(LinearParameters):
         return sampled_loop_poles(self, controller, dt)
 
     def predict(self, recording: Recording, horizon_s: float) -> np.ndarray:
-        """(N, 3) rad, predictions made ``horizon_s`` earlier; see `model.linear.prediction`."""
+        """Return predictions (N, 3) rad made ``horizon_s`` earlier; see `linear.prediction`."""
         from heli3dof.model.linear.prediction import predict
 
         return predict(self, recording, horizon_s)
 
     def continuous(self) -> Continuous:
-        """Return ẋ = A x + B ũ, ỹ = C x + D ũ; see `model.discretisation`."""
+        """Return the continuous-time model; see `heli3dof.model.discretisation.continuous`."""
         from heli3dof.model.discretisation import continuous
 
         return continuous(self)
@@ -107,7 +107,6 @@ class LinearModel(LinearParameters):
 
 
 def _lists(a: np.ndarray) -> Any:
-    """The array as nested lists of numbers, with None for NaN and infinity."""
     if a.ndim > 1:
         return [_lists(row) for row in a]
     return [float(x) if np.isfinite(x) else None for x in a]

@@ -3,8 +3,8 @@
     x[k+1] = A x[k] + B (V[k] − u0) + K e[k]
       y[k] = C x[k] + y0 + e[k],      cov e = S
 
-V (V) is held from k to k+1; y is (r, p, ψ) in rad. `heli3dof.model.linear.model.LinearModel` adds
-simulation, prediction and export; the modules with those algorithms need only this class.
+V (V) is held from k to k+1; y is (r, p, ψ) in rad; u0, y0 are the trim, e the innovations, K the
+Kalman gain. `heli3dof.model.linear.model.LinearModel` adds simulation, prediction and export.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
 
 DT_TOLERANCE = 0.01
-"""Largest relative difference between a recording's sample interval and the model's."""
+"""Largest relative difference between a recording's sample interval and the model's ``dt``."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinearParameters:
-    """Shapes: A (n, n), B (n, 2), C (3, n), K (n, 3), S (3, 3), u0 (2,) V, y0 (3,) rad."""
+    """A model with A (n, n), B (n, 2), C (3, n), K (n, 3), S (3, 3), u0 (2,) V, y0 (3,) rad."""
 
     name: str
     kind: str
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
-    """A row of NaN or zeros: that axis is not modelled."""
+    """A row of NaN or zeros means that the axis is not modelled."""
     K: np.ndarray
     S: np.ndarray
     """rad²; NaN where the noise is unknown."""
@@ -42,12 +42,11 @@ class LinearParameters:
     extra: Mapping[str, Any] = field(default_factory=dict)
     """Other content of the model file: standard deviations, recordings, versions."""
     exact_hold: bool = False
-    """A, B are the zero-order hold of a continuous-time model (hover, eq (17)), so the model can be
-    resampled. An identified model is valid at its own interval only."""
+    """True if A, B are the zero-order hold of a continuous-time model (hover, eq (17)), so that the
+    model can be resampled. An identified model is valid at its own interval only."""
 
     @property
     def order(self) -> int:
-        """The number of states n."""
         return int(self.A.shape[0])
 
     @property
@@ -57,7 +56,6 @@ class LinearParameters:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The names of the modelled axes."""
         return tuple(a for a, there in zip(AXES, self.modelled, strict=True) if there)
 
     @property
@@ -68,7 +66,8 @@ class LinearParameters:
     def at(self, dt: float) -> Self:
         """Return this model for a sample interval ``dt`` (s), resampled if it has `exact_hold`.
 
-        Raises RecordingError for an identified model if dt differs from its own by more than 1 %.
+        Raises RecordingError if it cannot be resampled and dt differs by more than 1 % from its
+        own.
         """
         off = abs(dt / self.dt - 1)
         if self.exact_hold and off > 1e-9:

@@ -1,28 +1,29 @@
-"""Prediction ``h`` samples ahead from past data, for any linear model.
+"""Predict the angles ``h`` samples ahead with any linear model.
 
-A causal filter estimates the state x̂ = x̂[k|k−1] from the measured angles. Each prediction then
-propagates the model from it with the voltages that followed::
+A Kalman filter estimates the state x̂[k] = x̂[k|k−1] from earlier angles. From each such state the
+model is propagated with the voltages recorded after it::
 
     x̂[k+1] = A x̂[k] + B ũ[k] + L_k (y[k] − y0 − C x̂[k])
     ŷ[k]   = y0 + C Aʰ⁻¹ x̂[k−h+1] + Σ_{i=0}^{h−2} C Aⁱ B ũ[k−1−i],      ũ = V − u0
 
-The sum is a convolution with the first h − 1 impulse responses, computed by FFT for every horizon.
-Voltages are never replayed from t = 0: the plant integrates twice, so that 0.05 V of bias drifts
-25° in 10 s.
+The sum is a convolution with the first h − 1 samples of the impulse response, computed by FFT. The
+model is not simulated from t = 0, because the plant integrates twice: 0.05 V of bias would cause
+25° of drift in 10 s.
 
-L_k is the time-varying Kalman gain from an uncertain start, then its limit. It assumes this noise:
+L_k is the time-varying Kalman gain from an uncertain initial state. After it has converged, its
+limit is used. The noise that it assumes depends on the model:
 
 * K ≠ 0, the innovation form: process noise K e, measurement noise e, cov e = S. If every axis is
   measured, the limit is K itself.
-* the physical state (hover), for which the paper gives no noise: white angular acceleration of
+* the hover model, for which the paper gives no noise: white angular acceleration of
   intensity `ACCELERATION`², and encoder steps as white noise of variance step²/12 per sample. The
   intensity is large on purpose: the hover model's accelerations are off by tenths of rad/s² on a
   real rig, and the filter must still follow the rates.
-* any other model with K = 0 (output error): the same encoder noise, and a drift of the free
-  response by `DRIFT` rad/√s, which is the same in every basis.
+* any other model with K = 0 (output error): the same encoder noise, and process noise that makes
+  the free response drift by `DRIFT` rad/√s, whatever the basis of the state.
 
-The filter ignores an axis without readings and skips a lost reading. It bridges lost rows, up to a
-gap of `heli3dof.model.estimation.filter_data.LOST` periods.
+The filter ignores an axis without readings and skips a lost reading. Lost rows are filled in gaps
+of up to `heli3dof.model.estimation.filter_data.LOST` periods.
 """
 
 from __future__ import annotations
@@ -37,20 +38,20 @@ from heli3dof.recording.gap_filling import fill_gaps
 from heli3dof.recording.recording import Recording
 
 ACCELERATION = np.array([0.05, 0.15, 0.05])
-"""(3,) rad/s² per √Hz: roll, pitch, yaw. A compromise: half of it suits a simulated rig better
-(0.1° less error at 1 s), twice of it a real one (2 % less at 1 s on the real recordings)."""
+"""(3,) rad/s²/√Hz on roll, pitch, yaw, process noise for the hover model. A compromise: half of it
+reduces the 1 s prediction error by 0.1° on a simulated rig, twice of it by 2 % on real rigs."""
 DRIFT = 0.02
-"""rad/√s"""
+"""rad/√s, process noise of output-error models, as drift of the outputs"""
 START = 0.1
-"""rad, the initial standard deviation of the outputs."""
+"""rad, the initial standard deviation of the outputs (`state_spread`)."""
 _SETTLE_S = 3.0
-"""s, the gain is computed for at most this long and then kept."""
+"""s, the time after which the Kalman gain is kept constant, if it has not converged before."""
 
 
 def predict(model: LinearParameters, recording: Recording, horizon_s: float) -> np.ndarray:
-    """(N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
+    """Return (N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
 
-    Uses voltages up to k − 1 and angles up to k − h; h is the horizon in samples, at least one.
+    It uses voltages up to k − 1 and angles up to k − h; h is the horizon in samples, at least one.
     NaN in the first h rows and on an axis that is not modelled or not measured. Raises
     RecordingError if the sample interval is not the model's (`LinearParameters.at`).
     """
@@ -79,7 +80,7 @@ def predict(model: LinearParameters, recording: Recording, horizon_s: float) -> 
 def filtered_states(
     model: LinearParameters, recording: Recording, axes: np.ndarray, u: np.ndarray
 ) -> np.ndarray:
-    """(N + 1, n): row k is x̂[k|k−1], before sample k is read. u (N, 2) is V − u0."""
+    """Return (N + 1, n): row k is x̂[k|k−1], from angles before sample k. u (N, 2) is V − u0."""
     gains = kalman_gains(model, recording, axes)
     y = recording.angle - model.y0
     y = np.where(axes, y, np.nan)
@@ -101,7 +102,7 @@ def filtered_states(
 
 
 def kalman_gains(model: LinearParameters, recording: Recording, axes: np.ndarray) -> np.ndarray:
-    """(M, n, 3): the predictor's gain at samples 0 … M − 1; the last one holds from then on."""
+    """Return the Kalman gains (M, n, 3) at samples 0 … M − 1; the last one holds from then on."""
     Q, R, cross = noise(model, recording, axes)
     A, C = model.A, model.C[axes]
     P = START**2 * state_spread(model, axes)
@@ -127,7 +128,7 @@ def kalman_gains(model: LinearParameters, recording: Recording, axes: np.ndarray
 def noise(
     model: LinearParameters, recording: Recording, axes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(Q, R, cross): process (n, n), measurement (m, m) and cross (n, m) covariance per sample."""
+    """Return noise covariances per sample: process (n, n), measurement (m, m), cross (n, m)."""
     n, m, dt = model.order, int(axes.sum()), model.dt
     encoder = np.diag(recording.profile.encoder.rad_per_count[axes] ** 2 / 12)
     if model.K.any():
@@ -144,7 +145,7 @@ def noise(
 
 
 def _forced(A: np.ndarray, B: np.ndarray, C: np.ndarray, u: np.ndarray, h: int) -> np.ndarray:
-    """(N, 3): row k is Σ_{i=0}^{h−2} C Aⁱ B u[k−1−i], by fast convolution."""
+    """Return (N, 3): row k is Σ_{i=0}^{h−2} C Aⁱ B u[k−1−i], computed by FFT."""
     taps = np.empty((h - 1, 3, 2))
     AB = B
     for i in range(h - 1):

@@ -1,11 +1,11 @@
-"""Effects as compiled functions behind addresses, so that no combination of them is recompiled.
+"""Calls effects' functions by address, so that simulations work for all combinations of effects.
 
-A kernel compiled for a fixed set of effects would cost seconds for every candidate of a diagnosis.
+A simulation compiled for one set of effects would cost seconds for every candidate of a diagnosis.
 Here each effect's function is compiled once and cached on disk (0.2 s the first time, milliseconds
-after). The kernels are compiled once and call the active effects through their addresses, about
-2 ns a call.
+after). The simulations are compiled once and call the active effects through the functions'
+addresses, which takes about 2 ns per call.
 
-Every such function has the signature ``f(s, par, mem, out) -> None`` on flat float64 arrays
+Each function of an effect has the signature ``f(s, par, mem, out) -> None`` on flat float64 arrays
 (`heli3dof.model.physics.state_layout`). Tests run it in plain Python on numpy arrays.
 """
 
@@ -19,7 +19,7 @@ Hook = Callable[[Any, Any, Any, Any], None]
 
 
 class HookError(Exception):
-    """An effect's function does not compile; ``where`` is its ``file:line``."""
+    """Raised if an effect's function does not compile; ``where`` is its ``file:line``."""
 
     def __init__(self, what: str, where: str) -> None:
         super().__init__(what)
@@ -41,16 +41,16 @@ def _code(function: Hook) -> Any:
 
 
 def address(function: Hook) -> int:
-    """The address of the compiled function; the first call compiles it or reads the cache."""
+    """Return the address of the machine code; the first call compiles it or reads the cache."""
     return int(_code(function).address)
 
 
 @cache
 def caller() -> Any:
-    """Return the intrinsic ``call(address, i, s, par, mem, out)`` for compiled kernels.
+    """Return the numba intrinsic ``call(address, i, s, par, mem, out)`` for compiled functions.
 
-    It calls ``address[i]`` with pointers to rows i of ``par`` and ``mem``: slicing arrays in an
-    inner loop would cost more than the effects.
+    It calls the function at ``address[i]`` with s, row i of ``par``, row i of ``mem``, and out. It
+    passes pointers, because slicing arrays in an inner loop would cost more than the effects.
     """
     import numba
     from llvmlite import ir

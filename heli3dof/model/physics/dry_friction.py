@@ -1,25 +1,26 @@
-"""Dry friction without smoothing: set-valued, with sticking and slipping.
+"""Dry friction without smoothing: joints stick at rate zero and slip above the friction torque.
 
-A step of h s without friction ends at the rates v. Then joint i, with friction of at most τ_c
-(N·m), gets the impulse that stops it, limited to what friction can give. With W = M⁻¹
+A time step of h s without friction ends at the angles q and rates v. Then joint i, with friction of
+at most τ_c (N·m), gets the impulse λ (N·m·s) that would stop it, limited to ±τ_c h. With W = M⁻¹,
+the inverse mass matrix, for all joints j
 
     λ = −clip(v_i/W_ii, ±τ_c h)        v_j ← v_j + W_ji λ        q_j ← q_j + ½ h W_ji λ
 
-In the joint itself this is the soft threshold S(v) = sgn(v) max(|v| − b, 0), b = τ_c h W_ii: a
-joint at rest under less than τ_c stays at rest exactly, and a reversal cannot overshoot. Joints
-coupled by W are iterated until nothing changes.
+For the joint itself this is the soft threshold S(v) = sgn(v) max(|v| − b, 0), b = τ_c h W_ii. A
+joint at rest under a torque below τ_c stays at rest, and friction cannot reverse the motion. With
+friction in several joints, which W couples, the impulses are iterated until they converge.
 
-W is diag(1/J) for the hover model (`state_layout.LINEAR`), and diagonal for uncoupled axes
-(`state_layout.UNCOUPLED`, `CONSTANT`; `heli3dof.model.physics.rigid_body`).
+W is diag(1/J) for the hover model (`state_layout.LINEAR`) and diagonal for uncoupled axes
+(`UNCOUPLED`); `CONSTANT` changes W_ψψ (`heli3dof.model.physics.rigid_body`).
 
-In the filter a rate is N(v, σ²), and friction acts by the mean of S over it. With α = (b − v)/σ,
-β = (b + v)/σ, φ and Q the normal density and its upper tail, u(α) = φ(α) − αQ(α):
+In the Kalman filter a rate has the distribution N(v, σ²), which friction transforms by S. With
+α = (b − v)/σ, β = (b + v)/σ, normal density φ, its upper tail Q, and u(α) = φ(α) − αQ(α):
 
     E S = σ (u(α) − u(β))              E S² = σ² (Q(α) − αu(α) + Q(β) − βu(β))
     ρ = E S′ = Q(α) + Q(β)
 
-A rate of uncertain sign is braked by less than τ_c, and a sticking joint keeps little uncertainty:
-its row of the covariance shrinks by ρ. σ = 0 gives S itself.
+The mean friction on a rate of uncertain sign is below τ_c. A sticking joint has little uncertainty:
+its row of the covariance is multiplied by ρ < 1. σ = 0 gives S itself.
 """
 
 from __future__ import annotations
@@ -36,17 +37,17 @@ UNCOUPLED, CONSTANT = _s.UNCOUPLED, _s.CONSTANT
 DRY = int(_s.Stage.DRY)
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 SURE = 6.0
-"""Standard deviations from the threshold beyond which a rate has a certain sign."""
+"""Standard deviations of a rate beyond the threshold b above which its sign counts as certain."""
 SWEEPS = 20
-"""Most iterations over coupled joints."""
+"""Largest number of iterations over the joints."""
 
 call = caller()
 
 
 def _soft(v: float, sd: float, b: float) -> tuple[float, float, float]:
-    """(E S, ρ, Var S) of a rate N(v, sd²) that friction reduces by b, all in rad/s.
+    """Return (E S, ρ, Var S), see the module, of a rate N(v, sd²); v, sd, threshold b in rad/s.
 
-    b < 0, which a fit around zero may try, accelerates: v − b sgn v.
+    b < 0, which a fit near zero friction may try, accelerates: S(v) = v − b sgn v.
     """
     if abs(v) > max(b, 0.0) + SURE * sd:
         return (v - b if v > 0.0 else v + b), 1.0, sd * sd
@@ -67,9 +68,10 @@ soft = compiled(_soft, leaf=True, error_model="numpy")
 
 
 def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """Apply dry friction after a step of h s to x (6,). w (≥ 8, 3): row 3 holds the rates' σ.
+    """Apply dry friction to x = (q, q̇) after a step of h s; return True if a joint has any.
 
-    Writes ρ to row 2, W_ji/W_ii of joint i to row 4 + i, Var S to row 3. Returns True if it acted.
+    w (≥ 8, 3) is work space; its row 3 holds the rates' σ. Row 2 becomes ρ, row 3 Var S, and row
+    4 + i becomes W_ji/W_ii for all joints j. Other arguments: `heli3dof.model.physics.integrator`.
     """
     if first[DRY + 1] == first[DRY]:
         return False
@@ -149,9 +151,10 @@ settle = compiled(_settle, leaf=True, error_model="numpy")
 
 
 def _shrink(P, h, w, row):  # type: ignore[no-untyped-def]
-    """Transform the covariance P (6, 6) as `_settle` transformed x; row (6,) is work space.
+    """Apply to the covariance P (6, 6) of x what `_settle`, with its result w, applied to x.
 
-    P ← T P Tᵀ, T = I + t e_iᵀ, t the change of x per change of v_i; then Var S.
+    For each joint i: P ← T P Tᵀ, T = I + t e_iᵀ, where t is the change of x per change of the rate
+    v_i. Then the variance of v_i becomes Var S. ``row`` (6,) is work space.
     """
     for i in range(3):
         rho = w[2, i]

@@ -1,10 +1,13 @@
 """The simulation step: rigid body, rotors, effects, dry friction and the table.
 
-The filters, the closed loops and the predictions all use these functions. The arguments ``first``,
-``address``, ``par``, ``mem`` are the active effects (`heli3dof.model.physics.parametrisation`);
-``free`` (3,) bool are the axes that can move; ``target`` and ``F`` (N, 2) N are the steady-state
-thrusts of each row's voltages and the thrusts at its start (`heli3dof.model.physics.rotor`);
-``w`` (8, 3) and ``decay`` (3,) are work space.
+Filters, closed loops and predictions use these functions. A row k is a sample: time t[k] (s), h[k]
+(s) to the next row, voltages V[k] (2,) V held until then. The other arguments:
+
+- ``s``: the context of rig and state (`heli3dof.model.physics.state_layout`); ``x`` (6,) = (q, q̇).
+- ``first``, ``address``, ``par``, ``mem``: the active effects (`physics.parametrisation`).
+- ``target``, ``F`` (N, 2) N: each row's steady-state thrusts and thrusts at its start
+  (`physics.rotor`).
+- ``free`` (3,) bool: the axes that can move. ``w`` (8, 3), ``decay`` (3,): work space.
 """
 
 from __future__ import annotations
@@ -26,7 +29,7 @@ SETUP, MEASURE = int(_s.Stage.SETUP), int(_s.Stage.MEASURE)
 
 
 def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
-    """Let the effects change the parameters in s; once before a run."""
+    """Let the effects change the rig's parameters in s; called once before a run."""
     for i in range(first[SETUP], first[SETUP + 1]):
         call(address, i, s, par, mem, s)
 
@@ -35,9 +38,9 @@ setup = compiled(_setup, leaf=True, error_model="numpy")
 
 
 def _leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """Advance x (6,) from row k to the next, without dry friction.
+    """Advance the state x from row k to the next, without dry friction (arguments: module).
 
-    ``decay`` keeps h, exp(−h/2τ) and exp(−h/τ); w[7] holds the thrusts at the end.
+    ``decay`` caches h, exp(−h/2τ), exp(−h/τ), τ the rotors' lag. w[7] becomes the final thrusts.
     """
     if decay[0] != h[k]:
         decay[0] = h[k]
@@ -63,7 +66,7 @@ leap = compiled(_leap, leaf=True, error_model="numpy")
 
 
 def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """Advance x (6,) from row k to the next, dry friction included."""
+    """Advance the state x from row k to the next, with dry friction (arguments: module)."""
     leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
     settle(s, x, h[k], first, address, par, mem, free, w)
@@ -73,7 +76,7 @@ step = compiled(_step, leaf=True, error_model="numpy")
 
 
 def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
-    """Keep roll at or above the table at ``low`` rad (−∞: none); the impact is inelastic."""
+    """Limit roll x[0] to at least ``low`` rad (the table; −∞: none), with an inelastic impact."""
     if x[0] < low:
         x[0] = low
         if x[3] < 0.0:
@@ -84,7 +87,7 @@ stop_at_table = compiled(_stop_at_table, leaf=True, error_model="numpy")
 
 
 def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """Advance x (6,) under row k's voltages, just set; writes target[k] and the next row's F."""
+    """Advance the state x from row k to the next; compute target[k] and F[k + 1] from V[k]."""
     aim(s, V, h, 0, k, first, address, par, mem, target[k])
     step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     if k + 1 < F.shape[0]:
@@ -95,7 +98,7 @@ fly_row = compiled(_fly_row, leaf=True, error_model="numpy")
 
 
 def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """As `_step`, by the midpoint rule: a third of the cost, for differences of two runs."""
+    """Like `_step`, but by the midpoint rule: a third of the cost, for differences of two runs."""
     if decay[0] != h[k]:
         decay[0] = h[k]
         decay[1] = math.exp(-0.5 * h[k] / s[TAU_M]) if s[TAU_M] > 0.0 else 0.0
@@ -121,9 +124,10 @@ glide = compiled(_glide, leaf=True, error_model="numpy")
 
 
 def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """Advance x (6,) from row a to row b, h s, in one midpoint step without dry friction.
+    """Advance the state x from row a to row b, h s later, by one midpoint step, no dry friction.
 
-    ``mean`` (N + 1, 2) N·s is the running integral of the thrusts; their mean over the step acts.
+    ``mean`` (N + 1, 2) N·s is the integral of the thrusts up to each row. The step uses their mean
+    over its duration.
     """
     s[V_FRONT], s[V_FRONT + 1] = V[a, 0], V[a, 1]
     for half in range(2):
@@ -145,9 +149,9 @@ coast = compiled(_coast, leaf=True, error_model="numpy")
 
 
 def _coast_to(s, x, a, end, stride, t, mean, V, low, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """Advance x (6,) from row a to row ``end`` in steps of ``stride`` rows.
+    """Advance the state x from row a to row ``end`` in steps of ``stride`` rows.
 
-    Each step is `_coast`, then dry friction, then the table at ``low`` rad.
+    Each step is `_coast`, then dry friction, then the stop at the table at roll ``low`` (rad).
     """
     while a < end:
         b = min(a + stride, end)
@@ -164,9 +168,9 @@ coast_to = compiled(_coast_to, leaf=True, error_model="numpy")
 
 
 def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
-    """Write the encoders' ideal readings (3,) rad into m, and ∂m_i/∂q_i into ``slope``.
+    """Write the unquantised encoder readings, (3,) rad, into m and ∂m_i/∂q_i into ``slope``.
 
-    s[FLANK + i] selects the flank of a backlash (`heli3dof.model.physics.state_layout`).
+    s[FLANK + i] selects the side of an encoder's backlash (`heli3dof.model.physics.state_layout`).
     """
     for i in range(3):
         m[i] = x[i]
@@ -192,7 +196,7 @@ readings = compiled(_readings, leaf=True, error_model="numpy")
 
 
 def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
-    """(reading of axis i while the angle rises, while it falls, ∂reading/∂angle), rad."""
+    """Return axis i's reading for a rising and for a falling angle (rad), and ∂reading/∂angle."""
     s[FLANK + i] = 1.0
     readings(s, x, first, address, par, mem, m, slope)
     rising, steep = m[i], slope[i]

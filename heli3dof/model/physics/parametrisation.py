@@ -1,6 +1,6 @@
-"""`Structure`: the parameters of a profile with a set of terms, and the arrays for the kernels.
+"""`Structure`: the parameters of a rig with its effects, and their arrays for compiled functions.
 
-Base parameters, in units of the profile's K_f (see `heli3dof.model.physics.rigid_body`):
+Base parameters of the rigid body, in units of the profile's K_f (`physics.rigid_body`):
 
 =========  ======  =======================================================================
 T_g        N·m     gravity torque of the level arm; nominal 2 L_a K_f V_o
@@ -28,12 +28,12 @@ from heli3dof.model.physics.compiled_effects import address
 from heli3dof.rig.profile import Profile, g
 
 INERTIA_PRIOR = 0.7
-"""Standard deviation of an inertia's logarithm about nominal: a factor of two either way."""
+"""Prior standard deviation of ln(J/nominal) of an inertia J: a factor of two up or down."""
 
 
 @dataclass(frozen=True)
 class Free:
-    """One number to estimate: bounds, prior and scale in ``unit``; see `effects.base.Parameter`."""
+    """A parameter to estimate; bounds, prior and scale as in `effects.base.Parameter`."""
 
     name: str
     unit: str
@@ -41,48 +41,48 @@ class Free:
     high: float
     start: float
     prior_std: float
-    """In ``unit``, or of the logarithm where ``log``."""
+    """In ``unit``; of the logarithm if ``log``."""
     typical: float
     null: float
     log: bool
     term: str | None = None
-    """The term it belongs to; None for a base parameter."""
+    """The name of its term (effect on an axis); None for a base parameter."""
 
     def inward(self, value: float) -> float:
-        """The coordinate in which a value is estimated: scaled, or its logarithm."""
+        """Return the optimiser's coordinate of a value: value/typical; if ``log``, ln(value)."""
         return math.log(value) if self.log else value / self.typical
 
     def outward(self, coordinate: float) -> float:
-        """The value of a coordinate; the inverse of `inward`."""
+        """Return the value that belongs to an optimiser's coordinate; the inverse of `inward`."""
         return math.exp(coordinate) if self.log else coordinate * self.typical
 
     def slope(self, value: float) -> float:
-        """∂value/∂coordinate."""
+        """Return ∂value/∂coordinate."""
         return value if self.log else self.typical
 
 
 @dataclass(frozen=True)
 class Hooks:
-    """The active effects as the kernels read them: by stage, then along the signal path."""
+    """The H functions of the active effects, sorted by stage, then along the signal path."""
 
     first: np.ndarray
-    """(6,) int64: hooks first[stage] … first[stage + 1] − 1 belong to a stage."""
+    """(7,) int64: functions first[stage] … first[stage + 1] − 1 belong to a stage."""
     address: np.ndarray
-    """(H,) int64"""
+    """(H + 1,) int64, the functions' addresses; the last is 0."""
     owner: tuple[int, ...]
-    """The index of each hook's term."""
+    """The index of each function's term in `Structure.terms`."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """A profile and its terms; the parameters follow the order of the terms."""
+    """A profile with terms (effects on axes), which define the n parameters and their order."""
 
     profile: Profile
     terms: tuple[Term, ...]
 
     @cached_property
     def free(self) -> tuple[Free, ...]:
-        """All parameters, the four of the rigid body first."""
+        """All n parameters: the four of the rigid body, then those of the terms."""
         p = self.profile
         T_g = p.trim_torque
         size = max(abs(T_g), 0.1)
@@ -102,22 +102,20 @@ class Structure:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The names of `free`."""
         return tuple(f.name for f in self.free)
 
     @property
     def formal(self) -> tuple[Term, ...]:
-        """The terms that select the form of the body's equations."""
+        """The terms that select a form of the body's equations (`Effect.formal`)."""
         return tuple(t for t in self.terms if t.effect.formal)
 
     @property
     def start(self) -> np.ndarray:
-        """(n,) the values at which a fit starts."""
         return np.array([f.start for f in self.free])
 
     @cached_property
     def hooks(self) -> Hooks:
-        """The functions of all terms in the order in which the kernels call them."""
+        """The functions of all terms, in calling order."""
         calls = [
             (stage, t.effect.order, i)
             for stage in _s.Stage
@@ -134,7 +132,10 @@ class Structure:
         )
 
     def arrays(self, values: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(s (SIZE,), par (H + 1, PARAMETERS)) for these values (n,), in their units."""
+        """Return the context s (SIZE,) and the effects' parameters par (H + 1, PARAMETERS).
+
+        ``values`` (n,) are in the units of `free`; see `heli3dof.model.physics.state_layout`.
+        """
         s = context(self.profile)
         s[_s.T_G] = values[0]
         s[_s.J_R : _s.J_R + 3] = values[1:4]
@@ -156,19 +157,19 @@ class Structure:
 
     @property
     def memory(self) -> np.ndarray:
-        """(H + 1, MEMORY) zeros: the effects' memory at the start."""
+        """(H + 1, MEMORY) zeros: the memory of the effects' functions before the first sample."""
         return np.zeros((len(self.hooks.owner) + 1, _s.MEMORY))
 
     def values_of(self, given: Mapping[str, float]) -> np.ndarray:
-        """(n,) values by name; parameters not given are at their start."""
+        """Return the parameter values (n,): those ``given`` by name, the others at their start."""
         return np.array([given.get(f.name, f.start) for f in self.free])
 
 
 def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
-    """The common ratio of T_g, J_r, J_p, J_ψ to nominal: the profile's K_f over the true one.
+    """Return the estimated ratio of the profile's K_f to the true K_f.
 
-    They are estimated in units of K_f, and so are the inertias of the masses. The result is the
-    median of the four ratios, because a single deviating one does not indicate the unit.
+    T_g, J_r, J_p, J_ψ are estimated in units of K_f, so a wrong K_f scales all by this ratio. It is
+    the median of their four ratios to nominal, because a single deviation has other causes.
     """
     nominal = (profile.trim_torque, *profile.inertias)
     ratio = sorted(v / n for v, n in zip(values[:4], nominal, strict=True) if n and v / n > 0)
@@ -179,14 +180,14 @@ def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
 
 
 def context(profile: Profile) -> np.ndarray:
-    """(SIZE,) the context of a nominal rig at rest, with two equal rotors without lag."""
+    """Return the context s (SIZE,) of a nominal rig at rest, with two equal rotors without lag."""
     p = profile
     s = np.zeros(_s.SIZE)
     s[_s.L_A], s[_s.L_H], s[_s.L_W] = p.geometry.L_a, p.geometry.L_h, p.geometry.L_w
     s[_s.K_F] = p.motor.K_f
     s[_s.T_G] = p.trim_torque
     s[_s.J_R : _s.J_R + 3] = p.inertias
-    # The part of a measured inertia beyond the masses' turns with the joint (`rigid_body`).
+    # Inertia beyond that of the profile's masses rotates with the joint alone (`rigid_body`).
     s[_s.BODY_P], s[_s.BODY_PSI] = p.mass_inertias[1:]
     s[_s.GAIN_FRONT] = s[_s.GAIN_BACK] = 1.0
     s[_s.V_O], s[_s.V_MAX] = p.motor.V_o, p.motor.v_max

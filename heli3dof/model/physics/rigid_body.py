@@ -1,19 +1,20 @@
-"""The nonlinear rigid body: an arm that turns in roll and yaw and carries a bar that tilts.
+"""The nonlinear rigid body: an arm that turns in roll and yaw and carries a bar that pitches.
 
-The bar (two motors at ±L_h) has rotational inertia only about axes across itself. Its rotation is
+r, p, ψ are roll, pitch, yaw (rad). The bar carries the two motors at ±L_h. It has rotational
+inertia only about axes perpendicular to itself. Its angular velocity is
 
     ω_a = ṗ + sin r ψ̇                    along the arm
     ω_n = sin p ṙ + cos r cos p ψ̇        along the body's normal
 
-The rest, including the bar's mass, moves with the arm in ṙ and cos r ψ̇. With J_a = J_ψ − J_p::
+The other masses, and the bar's as a point, move with the arm. With J_a = J_ψ − J_p the energies are
 
     2 T = J_r ṙ² + J_a cos² r ψ̇² + J_p (ω_a² + ω_n²)        U = T_g sin r + G_p cos r sin p
 
-so J_r, J_p, J_ψ are the inertias about the three axes of the level rig (kg·m²). The profile's
-masses determine their distribution above. The difference of J_p and J_ψ from the masses' values,
-δJ_p and δJ_ψ, rotates with the joint alone (a rotor, a drum, a counterweight on the shaft) and
-enters M_pp and M_ψψ only. T_g is the gravity torque of the level arm, G_p = (m_f − m_b) g L_h that
-of the level body (N·m). Lagrange's equations M(q) q̈ + h(q, q̇) = Q have
+with the inertias J_r, J_p, J_ψ about the three axes of the level rig (kg·m²). Here J_p and J_ψ are
+those of the profile's masses. If the rig's differ, the differences δJ_p and δJ_ψ (a rotor, a drum,
+a counterweight on the shaft) rotate with the joint alone and enter M_pp and M_ψψ only. T_g is the
+gravity torque of the level arm, G_p = (m_f − m_b) g L_h that of the level body (N·m). Lagrange's
+equations M(q) q̈ + h(q, q̇) = Q have
 
     M_rr = J_r + J_p sin² p           M_rψ = J_p cos r sin p cos p
     M_pp = J_p + δJ_p                 M_pψ = J_p sin r              M_rp = 0
@@ -37,13 +38,14 @@ T_g cos r and so on. The motors' mass difference acts through its weight only; i
 inertia, (m_f − m_b) L_a L_h, is neglected. Rotors: τ_m Ḟ_i = K_f g_i f(V_i) − F_i, solved exactly.
 
 **Hover model.** To first order about level hover, F = T_g/L_a and D = G_p/L_h, with the torques τ
-of effects:
+of effects, and from here on with δJ_p and δJ_ψ included in J_p and J_ψ:
 
     J_r r̈ = L_a F − T_g + τ_r      J_p p̈ = L_h D − G_p + τ_p      J_ψ ψ̈ = −T_g p + G_p r + τ_ψ
 
 (the paper's eqs (10), (11) with errata E3 and E4 corrected; T_g = 2 L_a K_f V_o, and G_p = 0
-because the paper assumes equal motors). With s[LINEAR] = λ the acceleration is (1 − λ) times that
-of the rigid body plus λ times this; λ = 0 unless `heli3dof.model.effects.base_hover` is on.
+because the paper assumes equal motors). With s[LINEAR] = λ (s: `state_layout`) the acceleration is
+(1 − λ) times that of the rigid body plus λ times this; λ = 0 without the effect
+`heli3dof.model.effects.base_hover`.
 
 **Simplified equations.** With s[UNCOUPLED] = κ and s[CONSTANT] = ν the acceleration is
 
@@ -58,13 +60,13 @@ where, with μ = s[UNTHROWN] and η = s[SIDEWAYS], q̈_alone is
 
 κ omits M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates (the largest is
 M_pψ ψ̈, up to 0.01 N·m on pitch). ν omits the change of J_ψ with the arm's tilt, μ all products of
-rates; η restores L_h sin r D. All are zero unless one of the effects `simplified.*` is on
-(`heli3dof.model.effects.simplified_couplings` and related). λ applies after them.
+rates; η restores L_h sin r D. Each is zero unless the model contains its effect `simplified.*`
+(`heli3dof.model.effects.simplified_couplings` and related). The blend with λ uses this q̈.
 
 **Not identifiable from flights.** All torques and inertias multiplied by one factor give the same
 motion. So K_f stays at the profile's value as the unit, and T_g, J_r, J_p, J_ψ and every effect's
-torque are estimated *in units of it*: if the true K_f is 1.1 times the profile's, they are all 1.1
-times too large. Weighing one part (or the masses in the profile) determines the factor.
+torque are estimated *in units of it*. If the true K_f is 1.1 times the profile's, each estimate is
+its true value divided by 1.1. Weighing one part (or the masses in the profile) gives the factor.
 """
 
 from __future__ import annotations
@@ -90,7 +92,7 @@ call = caller()
 
 
 def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """Change q̈ (3,) in ``a`` from the rigid body's by κ, ν, μ, η; see the module."""
+    """Change the rigid body's q̈ in ``a`` (3,) to that of the simplified equations (module)."""
     sr, cr = math.sin(s[R]), math.cos(s[R])
     sp, cp = math.sin(s[P]), math.cos(s[P])
     rd, yd = s[R_DOT], s[PSI_DOT]
@@ -115,7 +117,7 @@ alone = compiled(_alone, leaf=True, error_model="numpy")
 
 
 def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """Write q̈ (3,) rad/s² to ``a`` from s, thrusts (2,) N and effects' torques (3,) N·m.
+    """Write q̈ (3,) rad/s² to ``a`` from the context s, thrusts (2,) N, effects' torques (3,) N·m.
 
     An axis that is not ``free`` is fixed: its acceleration is zero.
     """
@@ -169,7 +171,7 @@ body_accelerations = compiled(_body_accelerations, leaf=True, error_model="numpy
 
 
 def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type: ignore[no-untyped-def]
-    """Write q̈ (3,) rad/s² with effects to ``a``; ``force`` (2,), ``torque`` (3,) are work space.
+    """Write q̈ (3,) rad/s² with effects to ``a``; ``force`` (2,) and ``torque`` (3,) are work space.
 
     ``first``, ``address``, ``par``, ``mem``: see `heli3dof.model.physics.integrator`.
     """
@@ -191,10 +193,10 @@ accelerations = compiled(_accelerations, leaf=True, error_model="numpy")
 
 
 def _advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """Advance angles and rates x (6,) by h s; thrusts at start, middle and end, each (2,) N.
+    """Advance angles and rates x (6,) by h s with the thrusts F0, Fm, F1 (2,) N.
 
-    Runge–Kutta–Nyström with Simpson's weights: the thrusts, known exactly at those three instants,
-    contribute an error of h⁵. w (5, 3) is work space.
+    These are the exact thrusts at start, middle and end. Method: Runge–Kutta–Nyström with Simpson's
+    weights; the thrusts contribute an error of order h⁵. w (≥ 5, 3) is work space.
     """
     force, torque, a0, am, a1 = w[0], w[1], w[2], w[3], w[4]
     for i in range(6):

@@ -1,9 +1,10 @@
-"""The rotors: exact thrusts from the recorded voltages, without filtering.
+"""The rotors: thrusts F_i (N) computed from the recorded voltages V_i, without a Kalman filter.
 
     τ_m Ḟ_i = K_f g_i f(V_i(t − T)) − F_i,      dF_i/dt ≤ K_f g_i · slew  if a slew limit is set
 
-The voltage is held between samples, so F approaches its target as exp(−t/τ_m), and linearly while
-the slew limit is active. The equation has no noise: the voltages alone determine the thrusts.
+τ_m is the lag (s), T the delay (s), g_i the gain relative to K_f (N/V), slew in V/s, and f contains
+the voltage effects. The solution is exact: the voltage is held between samples, so F approaches its
+target as exp(−t/τ_m), and linearly while the slew limit is active. The equation has no noise.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ VOLTAGE = int(_s.Stage.VOLTAGE)
 
 
 def _lagged(F: float, target: float, tau: float, slew: float, h: float) -> float:
-    """F after h s of τ Ḟ = target − F, with a rise of at most ``slew`` (0: no limit).
+    """Return F (N) after h s of τ Ḟ = target − F with Ḟ ≤ ``slew`` (N/s; 0: no limit).
 
     Exact: while the limit is active, F rises linearly until target − F = slew τ.
     """
@@ -41,7 +42,9 @@ lagged = compiled(_lagged, leaf=True, error_model="numpy")
 
 
 def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
-    """Write row k's steady-state thrusts (2,) N; voltages are known from row ``lead`` on."""
+    """Write to out (2,) N the steady-state thrusts of the voltages V that act in row k.
+
+    h (N,) s: time to the next row; the delay reaches back to row ``lead`` at most."""
     whole, part = 0, 0.0
     if s[DELAY] > 0.0:
         back = s[DELAY] / h[k]
@@ -62,7 +65,11 @@ aim = compiled(_aim, leaf=True, error_model="numpy")
 
 
 def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
-    """Rows lead … stop: write the steady-state thrusts and those at each row's start, (N, 2) N."""
+    """Write each row's steady-state thrusts and thrusts at its start, (N, 2) N, to target and F.
+
+    It computes rows lead … stop − 1 from the voltages V; in row lead the rotors are in steady
+    state.
+    """
     tau = s[TAU_M]
     left, at = 0.0, -1.0
     for k in range(lead, stop):

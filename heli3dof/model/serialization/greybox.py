@@ -1,4 +1,4 @@
-"""Reader of the form ``greybox``: terms and parameters by name, with their covariance."""
+"""Reads model files of the form ``greybox``: a `GreyBoxModel`."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from heli3dof.rig.profile import profile_from_dict
 
 
 def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
-    """Return the model written by `GreyBoxModel.to_dict`.
+    """Return the model from the output of `GreyBoxModel.to_dict`.
 
-    Raises KeyError for a missing key, TypeError or ValueError for content that does not fit, and
-    UsageError for an unknown term; it names the plug-in that provided the term to the writer.
+    Raises KeyError for a missing key, TypeError or ValueError for invalid content, and UsageError
+    for an unknown term, with the plug-in that provided it when the file was written.
     """
     names = tuple(str(t) for t in data["terms"])
     _check_terms(names, data.get("plug_ins", {}))
@@ -53,7 +53,7 @@ def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
 
 
 def _check_terms(names: Sequence[str], written_with: Mapping[str, Any]) -> None:
-    """Raise UsageError for a term that no installed effect provides."""
+    """Raise UsageError for a term without a loaded effect; ``written_with``: {effect: plug-in}."""
     for name in names:
         try:
             term(name)

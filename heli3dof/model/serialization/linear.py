@@ -1,4 +1,4 @@
-"""Reader of the form ``linear``: a `LinearModel` of any kind (hover, statespace, tf4, oe …)."""
+"""Reads model files of the form ``linear``: a `LinearModel` (hover, statespace, tf4, oe …)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _KEYS_SHAPES = {"A": "nn", "B": "n2", "C": "3n", "K": "n3", "S": "33", "u0_V": "
 
 
 def from_dict(data: Mapping[str, Any]) -> LinearModel:
-    """Return the model written by `LinearModel.to_dict`.
+    """Return the model from the output of `LinearModel.to_dict`.
 
-    Raises KeyError for a missing key, TypeError or ValueError for content that does not fit.
+    Raises KeyError for a missing key, TypeError or ValueError for invalid content.
     """
     n = len(data["A"])
     sizes = {"n": n, "2": 2, "3": 3}

@@ -32,7 +32,7 @@ def import_log(
     * ``profile``: the rig's; None: the one in the file, which only MCAP can contain. Without
       ``[controller]``, the controller that flew is unknown.
     * ``columns``: names of the rows or columns of a matrix in a MAT file
-    * ``check_values=False`` skips the checks of whether angles and voltages have the units they name
+    * ``check_values=False`` skips the checks that angles and voltages have the units they name
 
     Warnings are in ``Recording.meta["warnings"]``. Raises RecordingError or UsageError.
     """
