@@ -28,7 +28,7 @@ RECORDED = "recorded"
 
 Range = tuple[float, float]
 
-SLIPS: Mapping[str, tuple[tuple[str, float], ...]] = {
+MISTAKEN_UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
     "m": (("centimetres", 0.01), ("millimetres", 0.001), ("inches", 0.0254)),
     "kg": (("grams", 0.001), ("pounds", 0.4536)),
     "kg·m²": (("kg·cm²", 1e-4), ("g·m²", 1e-3)),
@@ -82,7 +82,7 @@ class Key:
         expected = self.usual or self.plausible
         if expected is None:
             return ""
-        for name, size in SLIPS.get(self.unit, ()):
+        for name, size in MISTAKEN_UNITS.get(self.unit, ()):
             if within(value * size, expected):
                 return f"in {name}? {value:g} {name} are {value * size:.4g} {self.unit}."
         return ""

@@ -32,7 +32,7 @@ shares = st.floats(-0.3, 1.3)
 def acceleration(x, force, uncoupled=0.0, constant=0.0, torque=(0, 0, 0), free=ALL, **more):  # type: ignore[no-untyped-def]
     s = context(PROFILE)
     s[s_.R : s_.R + 6] = x
-    s[s_.UNCOUPLED], s[s_.CONSTANT] = uncoupled, constant
+    s[s_.UNCOUPLED], s[s_.CONSTANT_YAW_INERTIA] = uncoupled, constant
     for name, value in more.items():
         s[getattr(s_, name)] = value
     a = np.empty(3)
@@ -72,13 +72,15 @@ def test_simpler_still_there_are_thrust_and_gravity_alone(x, force) -> None:  # 
         (L_H * D / J_P,),
         (-L_A * cos(r) * sin(p) * F / J_PSI, L_H * sin(r) * D / J_PSI),
     ]
-    assert_sums(acceleration(x, force, 1.0, 1.0, UNTHROWN=1.0, SIDEWAYS=1.0), simplest)
+    assert_sums(
+        acceleration(x, force, 1.0, 1.0, WITHOUT_RATE_PRODUCTS=1.0, SIDE_THRUST=1.0), simplest
+    )
 
 
 def test_rates_and_side_thrust_mean_nothing_without_the_couplings_left_out() -> None:
     x, force = (0.2, 0.1, 0, 0.3, 0.4, 0.5), (1.2, 0.7)
     np.testing.assert_array_equal(
-        acceleration(x, force, UNTHROWN=1.0, SIDEWAYS=1.0), acceleration(x, force)
+        acceleration(x, force, WITHOUT_RATE_PRODUCTS=1.0, SIDE_THRUST=1.0), acceleration(x, force)
     )
 
 

@@ -40,10 +40,10 @@ LOWEST_RAD_PER_S = 0.01
 """rad/s, the lowest frequency of the grid: a tenth of the slowest pole of the paper's loop."""
 STEP_S = 15.0
 """s, length of a simulated step: the paper's loop settles within 7.7 s"""
-LITTLE_MARGIN = 0.4
+SMALL_MARGIN = 0.4
 """A disk margin α below this causes a warning. At 0.4, a gain 1.5 times as large or ±23° of phase
 may destabilise the loop. The paper's K_g on its rig has about twice this α."""
-MUCH_OVERSHOOT = 0.6
+LARGE_OVERSHOOT = 0.6
 """Overshoot, relative to the step, above which there is a warning. The paper's K_g overshoots a 20°
 yaw step by 16 % and a roll step by 19 %."""
 
@@ -100,7 +100,7 @@ class LoopCheck:
         if not self.stable:
             return
         assert self.disc_margin is not None
-        if self.disc_margin < LITTLE_MARGIN:
+        if self.disc_margin < SMALL_MARGIN:
             yield (
                 f"the loop's margins are small: a gain {self.gain_margin:.2f} times as large or "
                 f"{self.phase_margin_deg:.0f}° of phase may destabilise it; measure K_f, or "
@@ -114,7 +114,7 @@ class LoopCheck:
                 )
             if s.trip is not None:
                 yield f"{s.name} would end in a safety trip: {s.trip}"
-            elif s.overshoot_deg > MUCH_OVERSHOOT * abs(s.target_deg) > 0:
+            elif s.overshoot_deg > LARGE_OVERSHOOT * abs(s.target_deg) > 0:
                 yield f"{s.name} overshoots by {s.overshoot_deg:.1f}°"
 
 

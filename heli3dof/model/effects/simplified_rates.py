@@ -10,11 +10,11 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, share
-from heli3dof.model.physics.state_layout import UNTHROWN, A, Stage
+from heli3dof.model.physics.state_layout import WITHOUT_RATE_PRODUCTS, A, Stage
 
 
 def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
-    out[UNTHROWN] = par[A]
+    out[WITHOUT_RATE_PRODUCTS] = par[A]
 
 
 EFFECT = Effect(

@@ -10,11 +10,11 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, share
-from heli3dof.model.physics.state_layout import SIDEWAYS, A, Stage
+from heli3dof.model.physics.state_layout import SIDE_THRUST, A, Stage
 
 
 def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
-    out[SIDEWAYS] = par[A]
+    out[SIDE_THRUST] = par[A]
 
 
 EFFECT = Effect(

@@ -10,11 +10,11 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, share
-from heli3dof.model.physics.state_layout import CONSTANT, A, Stage
+from heli3dof.model.physics.state_layout import CONSTANT_YAW_INERTIA, A, Stage
 
 
 def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
-    out[CONSTANT] = par[A]
+    out[CONSTANT_YAW_INERTIA] = par[A]
 
 
 EFFECT = Effect(

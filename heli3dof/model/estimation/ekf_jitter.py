@@ -30,13 +30,13 @@ from heli3dof.model.compiled import compiled
 from heli3dof.model.estimation.ekf_quantised import RATE_0, RELINEARISE_S
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics import state_layout as _s
-from heli3dof.model.physics.integrator import glide, readings, setup
+from heli3dof.model.physics.integrator import readings, setup, step_midpoint
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.rigid_body import accelerations
 from heli3dof.model.physics.rotor import thrusts
 
 R, T, F_FRONT, F_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK
-SIGHT = 1e-6
+DIFFERENCE_STEP = 1e-6
 """Step of the finite differences with respect to b, in the unit of b."""
 
 
@@ -92,14 +92,14 @@ def _filter(  # type: ignore[no-untyped-def]
                 P[i, i] = 100.0 * R2[i]
         # The first readings leave the angles as uncertain as b makes them.
         for q in range(B):
-            place(par, where, q, x[6 + q] + SIGHT)
+            place(par, where, q, x[6 + q] + DIFFERENCE_STEP)
             readings(s, x, first, address, par, mem, m_b[q], ignored)
             place(par, where, q, x[6 + q])
             readings(s, x, first, address, par, mem, m, slope)
             for i in range(3):
                 if axes[i]:
-                    P[i, i] += ((m_b[q, i] - m[i]) / SIGHT / slope[i] * b_std[q]) ** 2
-                    P[i, 6 + q] = -(m_b[q, i] - m[i]) / SIGHT / slope[i] * b_std[q] ** 2
+                    P[i, i] += ((m_b[q, i] - m[i]) / DIFFERENCE_STEP / slope[i] * b_std[q]) ** 2
+                    P[i, 6 + q] = -(m_b[q, i] - m[i]) / DIFFERENCE_STEP / slope[i] * b_std[q] ** 2
                     P[6 + q, i] = P[i, 6 + q]
         driven = a2 * axes
         since = 1e9
@@ -108,11 +108,11 @@ def _filter(  # type: ignore[no-untyped-def]
                 par[where[q, 0], where[q, 1]] = x[6 + where[q, 2]]
             readings(s, x, first, address, par, mem, m, slope)
             for q in range(B):
-                place(par, where, q, x[6 + q] + SIGHT)
+                place(par, where, q, x[6 + q] + DIFFERENCE_STEP)
                 readings(s, x, first, address, par, mem, m_b[q], ignored)
                 place(par, where, q, x[6 + q])
                 for i in range(3):
-                    m_b[q, i] = (m_b[q, i] - m[i]) / SIGHT
+                    m_b[q, i] = (m_b[q, i] - m[i]) / DIFFERENCE_STEP
             for j in range(n + 1):
                 P[L, j] = 0.0
                 P[j, L] = 0.0
@@ -160,7 +160,7 @@ def _filter(  # type: ignore[no-untyped-def]
                 s[T] = t[k]
                 _slopes(s, x, F[k], first, address, par, mem, axes, where, w, A)
             since += h[k]
-            glide(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
+            step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
             _grown(P, A, h[k], driven, AP, W, n)
 
 

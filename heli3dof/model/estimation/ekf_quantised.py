@@ -28,10 +28,21 @@ import math
 import numpy as np
 
 from heli3dof.model.compiled import compiled
-from heli3dof.model.estimation.quantised_measurement import NEWS, flux, interval, learn
+from heli3dof.model.estimation.quantised_measurement import (
+    LOG_UPDATE_RATIO,
+    apply_event,
+    interval,
+    rate_event,
+)
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.dry_friction import settle, shrink
-from heli3dof.model.physics.integrator import flanks, glide, leap, readings, setup
+from heli3dof.model.physics.integrator import (
+    flanks,
+    readings,
+    setup,
+    step_midpoint,
+    step_without_friction,
+)
 from heli3dof.model.physics.rigid_body import accelerations
 from heli3dof.model.physics.rotor import thrusts
 
@@ -186,7 +197,7 @@ def _filter(  # type: ignore[no-untyped-def]
                         continue
                     S += R2[i]
                     logZ, g, info = interval(e - half, e + half, S)
-                    if logZ - logZ0[i] > NEWS:
+                    if logZ - logZ0[i] > LOG_UPDATE_RATIO:
                         continue
                     logZ -= logZ0[i]
                     at = falling if g > 0.0 else rising  # the backlash side close to the edge
@@ -206,7 +217,7 @@ def _filter(  # type: ignore[no-untyped-def]
                         logZ, g, info = interval(e - 0.5 * D, e + 0.5 * D, S)
                     logZ0[i] = 0.0
                 loglik[i] += logZ
-                learn(x, P, i, scale, g, info, column)
+                apply_event(x, P, i, scale, g, info, column)
                 if keep >= 1:
                     row[E], state[E], C[E], G[E], W[E] = k, i, at, g, info
                     for j in range(6):
@@ -215,9 +226,9 @@ def _filter(  # type: ignore[no-untyped-def]
                 if rate != 0.0:
                     scale *= rate
                     at = scale * x[3 + i]
-                    logZ, g, info = flux(at, scale * scale * P[3 + i, 3 + i])
+                    logZ, g, info = rate_event(at, scale * scale * P[3 + i, 3 + i])
                     loglik[i] += logZ + math.log(h[k])
-                    learn(x, P, 3 + i, scale, g, info, column)
+                    apply_event(x, P, 3 + i, scale, g, info, column)
                     if keep >= 1:
                         up = 3 + i if rate > 0.0 else 6 + i
                         row[E], state[E], C[E], G[E], W[E] = k, up, at, g, info
@@ -236,7 +247,9 @@ def _filter(  # type: ignore[no-untyped-def]
                     s[T] = t[k]
                     linearise(s, x, F[k], first, address, par, mem, axes, w, A)
                 since += h[k]
-                leap(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
+                step_without_friction(
+                    s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay
+                )
                 grow(P, A, h[k], driven, work)
                 if dry:
                     for i in range(3):
@@ -312,7 +325,9 @@ def _follow(  # type: ignore[no-untyped-def]
                         if y[k, i] == y[k, i]:
                             last[i] = y[k, i]
                 if k + 1 < stop:
-                    glide(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
+                    step_midpoint(
+                        s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay
+                    )
 
 
 follow = compiled(_follow, error_model="numpy", nogil=True)

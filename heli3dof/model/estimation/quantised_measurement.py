@@ -11,9 +11,9 @@ distribution function Φ. An update depends on the reading:
   covers in one period h. The likelihood is the flux N(e; m, S) E[q̇⁺] h, q̇⁺ the rate's positive part
   in the direction of the step, divided by the last Z. The first factor updates the angle, the
   second the rate. The second is required, because edges are more likely at high rates.
-* It does not change: no update until Z has fallen below exp(`NEWS`) of its last value. Then the
-  Gaussian gets the mean and variance of its part inside the interval, and ln Z minus its last value
-  is added to the log-likelihood.
+* It does not change: no update until Z has fallen below exp(`LOG_UPDATE_RATIO`) of its last value.
+  Then the Gaussian gets the mean and variance of its part inside the interval, and ln Z minus its
+  last value is added to the log-likelihood.
 * It changes by several steps, or by nearly one per period: the Gaussian gets the mean and
   variance of its part inside the new interval, and ln Z is added.
 
@@ -34,7 +34,7 @@ import math
 from heli3dof.model.compiled import compiled
 
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
-NEWS = math.log(0.7)
+LOG_UPDATE_RATIO = math.log(0.7)
 """Natural logarithm of the ratio of Z to its last value below which an unchanged reading causes
 an update."""
 
@@ -80,7 +80,7 @@ def _interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
 interval = compiled(_interval, leaf=True, error_model="numpy")
 
 
-def _flux(v: float, var: float) -> tuple[float, float, float]:
+def _rate_event(v: float, var: float) -> tuple[float, float, float]:
     """Return (ln E[q̇⁺], g, w) of a rate q̇ with mean v and variance var, q̇⁺ = max(q̇, 0)."""
     sd = math.sqrt(var)
     u = v / sd
@@ -97,10 +97,10 @@ def _flux(v: float, var: float) -> tuple[float, float, float]:
     return math.log(sd * f) - 0.5 * u * u - math.log(SQRT2PI), g, g * g - 1.0 / (var * f)
 
 
-flux = compiled(_flux, leaf=True, error_model="numpy")
+rate_event = compiled(_rate_event, leaf=True, error_model="numpy")
 
 
-def _learn(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
+def _apply_event(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
     """Update x (6,) and P by an event with g and w on ``scale`` · x[c]; ``column``: work space."""
     for j in range(6):
         column[j] = scale * P[j, c]
@@ -111,4 +111,4 @@ def _learn(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
             P[n, j] = P[j, n]
 
 
-learn = compiled(_learn, leaf=True, error_model="numpy")
+apply_event = compiled(_apply_event, leaf=True, error_model="numpy")

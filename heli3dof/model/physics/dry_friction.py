@@ -11,7 +11,7 @@ joint at rest under a torque below τ_c stays at rest, and friction cannot rever
 friction in several joints, which W couples, the impulses are iterated until they converge.
 
 W is diag(1/J) for the hover model (`state_layout.LINEAR`) and diagonal for uncoupled axes
-(`UNCOUPLED`); `CONSTANT` changes W_ψψ (`heli3dof.model.physics.rigid_body`).
+(`UNCOUPLED`); `CONSTANT_YAW_INERTIA` changes W_ψψ (`heli3dof.model.physics.rigid_body`).
 
 In the Kalman filter a rate has the distribution N(v, σ²), which friction transforms by S. With
 α = (b − v)/σ, β = (b + v)/σ, normal density φ, its upper tail Q, and u(α) = φ(α) − αQ(α):
@@ -33,7 +33,7 @@ from heli3dof.model.physics.compiled_effects import caller
 
 R, P, J_R, J_P, J_PSI, LINEAR = _s.R, _s.P, _s.J_R, _s.J_P, _s.J_PSI, _s.LINEAR
 BODY_P, BODY_PSI = _s.BODY_P, _s.BODY_PSI
-UNCOUPLED, CONSTANT = _s.UNCOUPLED, _s.CONSTANT
+UNCOUPLED, CONSTANT_YAW_INERTIA = _s.UNCOUPLED, _s.CONSTANT_YAW_INERTIA
 DRY = int(_s.Stage.DRY)
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 SURE = 6.0
@@ -95,7 +95,7 @@ def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-unty
     w[5, 0], w[5, 1], w[5, 2] = u * v * yy / pp if pp > 0.0 else 0.0, 1.0, 0.0
     w[5, 2] = -v * yy / pp if pp > 0.0 else 0.0
     w[6, 0], w[6, 1], w[6, 2] = -u, -v, 1.0
-    if s[LINEAR] != 0.0 or s[UNCOUPLED] != 0.0 or s[CONSTANT] != 0.0:
+    if s[LINEAR] != 0.0 or s[UNCOUPLED] != 0.0 or s[CONSTANT_YAW_INERTIA] != 0.0:
         shared = (1.0 - s[LINEAR]) * (1.0 - s[UNCOUPLED])
         for i in range(3):
             was = rr if i == 0 else (pp if i == 1 else yy)
@@ -103,7 +103,7 @@ def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-unty
             uncoupled, body = level, was
             if i == 2:
                 uncoupled = 1.0 / ((s[J_PSI] - s[J_P]) * cr * cr + s[J_P])
-                body += s[CONSTANT] * (level - uncoupled)
+                body += s[CONSTANT_YAW_INERTIA] * (level - uncoupled)
             body += s[UNCOUPLED] * (uncoupled - was)
             now = body + s[LINEAR] * (level - body) if free[i] else 0.0
             for j in range(3):

@@ -37,7 +37,7 @@ def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
 setup = compiled(_setup, leaf=True, error_model="numpy")
 
 
-def _leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
+def _step_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
     """Advance the state x from row k to the next, without dry friction (arguments: module).
 
     ``decay`` caches h, exp(−h/2τ), exp(−h/τ), τ the rotors' lag. w[7] becomes the final thrusts.
@@ -62,12 +62,12 @@ def _leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     advance(s, x, h[k], w[5], w[6], w[7], first, address, par, mem, free, w)
 
 
-leap = compiled(_leap, leaf=True, error_model="numpy")
+step_without_friction = compiled(_step_without_friction, leaf=True, error_model="numpy")
 
 
 def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
     """Advance the state x from row k to the next, with dry friction (arguments: module)."""
-    leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
+    step_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
     settle(s, x, h[k], first, address, par, mem, free, w)
 
@@ -97,7 +97,7 @@ def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, dec
 fly_row = compiled(_fly_row, leaf=True, error_model="numpy")
 
 
-def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
+def _step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
     """Like `_step`, but by the midpoint rule: a third of the cost, for differences of two runs."""
     if decay[0] != h[k]:
         decay[0] = h[k]
@@ -120,7 +120,7 @@ def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay
     settle(s, x, h[k], first, address, par, mem, free, w)
 
 
-glide = compiled(_glide, leaf=True, error_model="numpy")
+step_midpoint = compiled(_step_midpoint, leaf=True, error_model="numpy")
 
 
 def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]

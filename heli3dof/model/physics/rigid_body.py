@@ -47,11 +47,11 @@ because the paper assumes equal motors). With s[LINEAR] = λ (s: `state_layout`)
 (1 − λ) times that of the rigid body plus λ times this; λ = 0 without the effect
 `heli3dof.model.effects.base_hover`.
 
-**Simplified equations.** With s[UNCOUPLED] = κ and s[CONSTANT] = ν the acceleration is
+**Simplified equations.** With s[UNCOUPLED] = κ and s[CONSTANT_YAW_INERTIA] = ν the acceleration is
 
     q̈ = (1 − κ) q̈_rigid + κ q̈_alone + ν (0, 0, τ_y/J_ψ − ψ̈_alone)
 
-where, with μ = s[UNTHROWN] and η = s[SIDEWAYS], q̈_alone is
+where, with μ = s[WITHOUT_RATE_PRODUCTS] and η = s[SIDE_THRUST], q̈_alone is
 
     J_r r̈ = L_a cos p F − T_g cos r + G_p sin r sin p + τ_r − (1 − μ) J_r sin r cos r ψ̇²
     J_p p̈ = L_h D − G_p cos r cos p + τ_p + (1 − μ) J_p sin p cos p (ṙ² − cos² r ψ̇²)
@@ -80,7 +80,12 @@ from heli3dof.model.physics.compiled_effects import caller
 
 R, P, R_DOT, P_DOT, PSI_DOT = _s.R, _s.P, _s.R_DOT, _s.P_DOT, _s.PSI_DOT
 L_A, L_H, T_G, G_P, LINEAR = _s.L_A, _s.L_H, _s.T_G, _s.G_P, _s.LINEAR
-UNCOUPLED, CONSTANT, UNTHROWN, SIDEWAYS = _s.UNCOUPLED, _s.CONSTANT, _s.UNTHROWN, _s.SIDEWAYS
+UNCOUPLED, CONSTANT_YAW_INERTIA, WITHOUT_RATE_PRODUCTS, SIDE_THRUST = (
+    _s.UNCOUPLED,
+    _s.CONSTANT_YAW_INERTIA,
+    _s.WITHOUT_RATE_PRODUCTS,
+    _s.SIDE_THRUST,
+)
 J_R, J_P, J_PSI = _s.J_R, _s.J_P, _s.J_PSI
 BODY_P, BODY_PSI = _s.BODY_P, _s.BODY_PSI
 F_FRONT, F_BACK = _s.F_FRONT, _s.F_BACK
@@ -99,18 +104,18 @@ def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
     F, D = force[0] + force[1], force[0] - force[1]
     J_a = s[J_PSI] - s[J_P]
     roll = (s[L_A] * cp * F - s[T_G] * cr + s[G_P] * sr * sp + torque[0]) / s[J_R]
-    thrown = 1.0 - s[UNTHROWN]
+    thrown = 1.0 - s[WITHOUT_RATE_PRODUCTS]
     roll -= thrown * sr * cr * yd * yd
     pitch = (s[L_H] * D - s[G_P] * cr * cp + torque[1]) / s[J_P]
     pitch += thrown * sp * cp * (rd * rd - cr * cr * yd * yd)
-    t_y = -s[L_A] * cr * sp * F + s[SIDEWAYS] * s[L_H] * sr * D + torque[2]
+    t_y = -s[L_A] * cr * sp * F + s[SIDE_THRUST] * s[L_H] * sr * D + torque[2]
     yaw = (t_y + thrown * 2.0 * J_a * sr * cr * rd * yd) / (J_a * cr * cr + s[J_P])
     if free[0]:
         a[0] += s[UNCOUPLED] * (roll - a[0])
     if free[1]:
         a[1] += s[UNCOUPLED] * (pitch - a[1])
     if free[2]:
-        a[2] += s[UNCOUPLED] * (yaw - a[2]) + s[CONSTANT] * (t_y / s[J_PSI] - yaw)
+        a[2] += s[UNCOUPLED] * (yaw - a[2]) + s[CONSTANT_YAW_INERTIA] * (t_y / s[J_PSI] - yaw)
 
 
 alone = compiled(_alone, leaf=True, error_model="numpy")
@@ -156,7 +161,7 @@ def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> N
     a[0] = (b_r - m_ry * yaw) / m_rr
     a[1] = (b_p - m_py * yaw) / m_pp
     a[2] = yaw
-    if s[UNCOUPLED] != 0.0 or s[CONSTANT] != 0.0:
+    if s[UNCOUPLED] != 0.0 or s[CONSTANT_YAW_INERTIA] != 0.0:
         alone(s, force, torque, free, a)
     if s[LINEAR] != 0.0:
         hover = (L_a * F - s[T_G] + torque[0]) / Jr if free[0] else 0.0

@@ -59,9 +59,9 @@ BODY_P, BODY_PSI = 42, 43
 """kg·m², the parts of J_P and J_PSI from the profile's masses; see `rigid_body`"""
 UNCOUPLED = 44
 """From 0, the rigid body, to 1, equations without the bar's inertia couplings"""
-CONSTANT = 45
+CONSTANT_YAW_INERTIA = 45
 """From 0, the rigid body, to 1, equations with a constant inertia about the vertical"""
-UNTHROWN, SIDEWAYS = 46, 47
+WITHOUT_RATE_PRODUCTS, SIDE_THRUST = 46, 47
 """Options of `UNCOUPLED`, 0 to 1: equations without products of rates; with L_h sin r D on yaw"""
 SIZE = 48
 

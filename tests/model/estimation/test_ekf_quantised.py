@@ -12,7 +12,7 @@ from scipy.stats import norm
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import better_noise
 from heli3dof.model.estimation.filter_data import Data
-from heli3dof.model.estimation.quantised_measurement import flux, interval
+from heli3dof.model.estimation.quantised_measurement import interval, rate_event
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.rotor import lagged
 from heli3dof.rig.profile import default_profile
@@ -53,10 +53,12 @@ def test_the_flux_is_the_mean_of_the_positive_rates(v: float, sd: float) -> None
     mean = integrate.quad(lambda x: x * norm.pdf(x, v, sd), 0, max(v, 0) + 12 * sd, points=[1e-3])[
         0
     ]
-    log, g, _ = flux(v, sd**2)
+    log, g, _ = rate_event(v, sd**2)
     assert np.exp(log) == pytest.approx(mean, rel=1e-5)
     e = 1e-5
-    assert g == pytest.approx((flux(v + e, sd**2)[0] - flux(v - e, sd**2)[0]) / (2 * e), rel=1e-5)
+    assert g == pytest.approx(
+        (rate_event(v + e, sd**2)[0] - rate_event(v - e, sd**2)[0]) / (2 * e), rel=1e-5
+    )
 
 
 def test_a_rotor_that_may_rise_only_so_fast_does_and_then_follows_its_lag() -> None:
