@@ -26,6 +26,7 @@ from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import Profile, default_profile
 from tests.bench import Figure, at_most
 from tests.drivers.emulated_rigs import firmware_rig
+from tests.drivers.firmware.building import rig_program
 from tests.experiment.safety_monitors.hovering import hover, patient
 from tests.profiles import PATIENT, write_profile
 
@@ -165,6 +166,8 @@ def on_the_firmware(case: tuple[str, str, float, int]) -> Frozen:
 
 
 def measure() -> list[Figure]:
+    # Build first: a pool's processes, forked during the build, would keep its lock for ever.
+    rig_program()
     # The firmware flies in real time, with priority over the flights on the virtual clock.
     with (
         ProcessPoolExecutor(WORKERS, initializer=os.nice, initargs=(10,)) as pool,
