@@ -66,7 +66,8 @@ def test_the_page_has_an_example_of_every_kind() -> None:
 
 
 def test_every_file_that_the_walks_name_exists() -> None:
-    walks = PAGE[PAGE.index("## The life of a sample") : PAGE.index("## Extensions")]
+    diagnosis = (ROOT / "docs" / "explanation" / "diagnosis.md").read_text(encoding="utf-8")
+    walks = PAGE[PAGE.index("## The life of a sample") : PAGE.index("## Extensions")] + diagnosis
     for path in re.findall(r"`((?:heli3dof|drivers|tests)/[\w/]+(?:\.\w+|/))`", walks):
         assert (ROOT / path).exists(), path
 

@@ -6,33 +6,38 @@ from heli3dof.model.effects import effects
 from heli3dof.model.effects.base import Effect, Parameter
 from tests.pages.page import Page, table
 
+INTERNAL = ("base.", "simplified.")
+"""Effects that heli3dof switches on its own, and that are no causes"""
+USUAL_PLAN = "large"
+
 
 def effects_table() -> str:
-    """Markdown: a row for every effect that comes with heli3dof."""
+    """Markdown: a row for every cause that comes with heli3dof."""
     head = [
-        "effect", "axes", "what it does", "parameters", "what shows it", "confused with",
-        "separated by", "drawn against",
+        "effect", "what it does", "parameters", "what shows it", "confused with: plan",
     ]  # fmt: skip
-    return table(head, [_row(e) for e in effects().values()])
+    return table(head, [_row(e) for e in effects().values() if not e.name.startswith(INTERNAL)])
 
 
 def _row(effect: Effect) -> list[str]:
     return [
-        f"`{effect.name}`",
-        ", ".join(effect.axes) or "–",
+        f"`{effect.name}`" + (f" ({', '.join(effect.axes)})" if effect.axes else ""),
         effect.summary,
         "<br>".join(_parameter(p) for p in effect.parameters),
         effect.identifiable,
-        ", ".join(f"`{n}`" for n in effect.confused_with) or "–",
-        f"`{effect.separated_by}`" if effect.separated_by else "–",
-        effect.evidence.format(axis="the axis").replace("the axis_rate", "the axis' rate")
-        .replace("_", " "),
-    ]  # fmt: skip
+        _confused_with(effect),
+    ]
+
+
+def _confused_with(effect: Effect) -> str:
+    if not effect.confused_with:
+        return "–"
+    plan = "" if effect.separated_by == USUAL_PLAN else f": `{effect.separated_by}`"
+    return ", ".join(f"`{n}`" for n in effect.confused_with) + plan
 
 
 def _parameter(p: Parameter) -> str:
-    unit = "" if p.unit == "–" else f" {p.unit}"
-    return f"`{p.name}`: {p.meaning}; {p.low:g} … {p.high:g}{unit}"
+    return f"`{p.name}`: {p.meaning}"
 
 
 PAGE = Page("docs/reference/effects.md", {"effects": effects_table})

@@ -18,6 +18,7 @@ from tests.safety import table as safety_page
 PAGES = [
     *STUDIES,
     safety_page.RAMP_DOWN_PAGE,
+    protocol_page.GOLDEN_PAGE,
     *(
         module.PAGE
         for module in (

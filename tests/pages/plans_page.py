@@ -1,4 +1,4 @@
-"""The tables in plans.md: the plans that come with heli3dof, and every key of a plan."""
+"""The table and lists in plans.md: the plans that come with heli3dof, and every key of a plan."""
 
 from __future__ import annotations
 
@@ -14,26 +14,25 @@ from tests.pages.profile_page import default_of
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
-HEAD = ("key", "unit", "default", "what it is")
-
 
 def plans_table() -> str:
     """Markdown: every plan that comes with heli3dof."""
     rows = []
     for name in named_plans():
         plan = load_plan(name)
-        rows.append([f"`{name}`", f"{plan.duration_s:g} s", plan.description, plan.purpose])
-    return table(("plan", "duration", "what it flies", "good for"), rows)
+        flown = plan.description.removeprefix("take-off, then ")
+        rows.append([f"`{name}`", f"{plan.duration_s:g} s", flown, plan.purpose])
+    return table(("plan", "duration", "what it flies after take-off", "good for"), rows)
 
 
-def head_table() -> str:
+def head_keys() -> str:
     """Markdown: the keys of a plan."""
-    return table(HEAD, [_row(n, f) for n, f in Head.model_fields.items()])
+    return "\n".join(_item(n, f) for n, f in Head.model_fields.items())
 
 
-def common_table() -> str:
+def common_keys() -> str:
     """Markdown: the keys that every segment has."""
-    return table(HEAD, [_row(n, f) for n, f in BaseSegment.model_fields.items()])
+    return "\n".join(_item(n, f) for n, f in BaseSegment.model_fields.items())
 
 
 def kinds_text() -> str:
@@ -42,9 +41,11 @@ def kinds_text() -> str:
     for kind, segment in sorted(kinds().items()):
         summary = (importlib.import_module(segment.__module__).__doc__ or "").splitlines()[0]
         own = [
-            _row(n, f) for n, f in segment.model_fields.items() if n not in BaseSegment.model_fields
+            _item(n, f)
+            for n, f in segment.model_fields.items()
+            if n not in BaseSegment.model_fields
         ]
-        keys = table(HEAD, own) if own else "No keys of its own."
+        keys = "\n".join(own) or "No keys of its own."
         parts.append(f"### `{kind}`\n\n{_sentence(summary)}\n\n{keys}")
     return "\n\n".join(parts)
 
@@ -54,12 +55,17 @@ def _sentence(first_line: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _row(name: str, field: FieldInfo) -> list[str]:
+def _item(name: str, field: FieldInfo) -> str:
     key = key_of(field) or Key("")
-    return [f"`{name}`", key.unit, default_of(field), key.meaning]
+    default = default_of(field)
+    if default[0] in "-0123456789":
+        default = f"default {default} {'' if key.unit == '–' else key.unit}".strip()
+    elif default != "required":
+        default = "optional"
+    return f"- `{name}`: {key.meaning}; {default}"
 
 
 PAGE = Page(
     "docs/reference/plans.md",
-    {"plans": plans_table, "head": head_table, "common": common_table, "kinds": kinds_text},
+    {"plans": plans_table, "head": head_keys, "common": common_keys, "kinds": kinds_text},
 )

@@ -1,44 +1,42 @@
-"""The tables of keys in docs/reference/profile.md, made from the profile's own fields."""
+"""The list of keys in docs/reference/profile.md, made from the profile's own fields."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from heli3dof.rig.profile import Profile
-from heli3dof.toml_file import Key, Section, key_of, section_of
-from tests.pages.page import Page, table
+from heli3dof.toml_file import Key, key_of, section_of
+from tests.pages.page import Page
 
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
-HEAD = ("key", "unit", "default", "what it is", "how to measure or choose it", "usual", "accepted")
 
-
-def keys_table() -> str:
-    """Markdown: a row for every key, sections in the order of the file."""
-    rows = [_row("", n, f) for n, f in Profile.model_fields.items() if section_of(f) is None]
+def keys_list() -> str:
+    """Markdown: an item for every key, sections in the order of the file."""
+    items = [_item("", n, f) for n, f in Profile.model_fields.items() if section_of(f) is None]
     for name, field in Profile.model_fields.items():
         section = section_of(field)
         if section is not None:
-            rows += _rows(name, section)
-    return table(HEAD, rows)
+            items += [_item(f"{name}.", key, f) for key, f in section.model_fields.items()]
+    return "\n".join(items)
 
 
-def _rows(name: str, section: type[Section]) -> list[list[str]]:
-    return [_row(f"{name}.", key, field) for key, field in section.model_fields.items()]
-
-
-def _row(prefix: str, name: str, field: FieldInfo) -> list[str]:
+def _item(prefix: str, name: str, field: FieldInfo) -> str:
     key = key_of(field) or Key("")
-    return [
-        f"`{prefix}{name}`",
-        key.unit,
-        default_of(field),
-        key.meaning,
-        key.measure or "–",
-        _range(key.usual),
-        _range(key.plausible),
-    ]
+    unit = "" if key.unit == "–" else key.unit
+    default = default_of(field)
+    parts = [key.meaning]
+    if default[0] in "-0123456789":
+        parts.append(f"default {default} {unit}".strip())
+    else:
+        names = {"required": "required", "absent": "optional"}
+        parts.append(names.get(default, f"default {default}"))
+    if key.usual is not None:
+        parts.append(f"usually {key.usual[0]:g} … {key.usual[1]:g} {unit}".strip())
+    elif unit and unit not in parts[1]:
+        parts.append(unit)
+    return f"- `{prefix}{name}`: " + "; ".join(parts)
 
 
 def default_of(field: FieldInfo) -> str:
@@ -56,8 +54,4 @@ def default_of(field: FieldInfo) -> str:
     return f"`{field.default}`" if field.default else "empty"
 
 
-def _range(bounds: tuple[float, float] | None) -> str:
-    return "any" if bounds is None else f"{bounds[0]:g} … {bounds[1]:g}"
-
-
-PAGE = Page("docs/reference/profile.md", {"keys": keys_table})
+PAGE = Page("docs/reference/profile.md", {"keys": keys_list})

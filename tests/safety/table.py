@@ -10,7 +10,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from heli3dof.rig.profile import Limits, Profile, default_profile
+from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.session.estop import PATIENCE_S
 from tests.pages.page import Page
 from tests.pages.page import table as markdown_table
@@ -36,7 +36,7 @@ class Bound:
     def cell(self) -> str:
         """The table's cell, for the default profile."""
         s = self.seconds(default_profile(), WATCHDOG_S)
-        return f"{1e3 * s:g} ms after {self.since} ({self.formula})"
+        return f"{1e3 * s:g} ms: {self.formula}"
 
 
 def ramp(since: str) -> Bound:
@@ -52,16 +52,16 @@ def at_once(since: str) -> Bound:
 
 
 REQUESTED = Bound(
-    "0.2 s for the flight's answer, else the device is stopped directly, + 2 periods",
+    "0.2 s for the flight's answer + 2 periods",
     "the request",
     lambda p, watchdog_s: PATIENCE_S + 2 * p.dt,
 )
 WATCHDOG = Bound(
-    "the device's watchdog + its ramp",
+    "watchdog time + ramp time of the device",
     "the last command",
     lambda p, watchdog_s: watchdog_s + DEVICE_RAMP_S,
 )
-INSTANT = Bound("in the same instant", "it happens", lambda p, watchdog_s: 0.0)
+INSTANT = Bound("in the same instant", "the fault", lambda p, watchdog_s: 0.0)
 NO_EFFECT = Bound("no effect", "it", lambda p, watchdog_s: 0.0)
 
 
@@ -85,14 +85,14 @@ class Row:
         detail = self.shown or self.detail
         outcome = f"`{self.ending}`: {detail}" if detail else self.ending
         code = "killed" if self.exit_code < 0 else str(self.exit_code)
-        zero = "–" if self.zero is NO_EFFECT else self.zero.cell()
-        return [self.what, self.notices, self.device, zero, outcome, code]
+        return [self.what, self.notices, self.device, outcome, code]
 
 
 LOOP, DEVICE = "the loop", "the device"
-RAMPED = "is ramped to zero by commands"
-STOPPED = "gets a stop command: zero at once, until armed"
-LATCHES = "ramps to zero on its own and latches, until armed"
+RAMPED = "ramp"
+STOPPED = "stop command"
+LATCHES = "watchdog"
+OWN_STOP = "own stop"
 ROWS = [
     Row("ctrl_c", "Ctrl-C", LOOP, RAMPED, ramp("the signal"),
         "interrupted", "stopped with Ctrl-C", 130),
@@ -102,14 +102,14 @@ ROWS = [
         "interrupted", "stopped by a request to terminate (SIGTERM)", 130),
     Row("terminal_closed", "the terminal is closed (SIGHUP)", LOOP, RAMPED, ramp("the signal"),
         "interrupted", "stopped since the terminal was closed (SIGHUP)", 130),
-    Row("estop_from_a_second_terminal", "`heli3dof estop` from a second terminal", LOOP, STOPPED,
-        REQUESTED, "tripped", "emergency stop on request", 4),
+    Row("estop_from_a_second_terminal", "`heli3dof estop` from a second terminal", LOOP,
+        f"{STOPPED} by `estop`", REQUESTED, "tripped", "emergency stop on request", 4),
     Row("kill_9", "`kill -9`, a crash, the computer dies", DEVICE, LATCHES, WATCHDOG,
         "none; `heli3dof recover` restores the file", "", -9),
     Row("stopped_process", "Ctrl-Z, a process that hangs", DEVICE, LATCHES, WATCHDOG,
         "tripped", "the device's watchdog expired", 4),
     Row("laptop_suspend", "the laptop is suspended", "the device; the loop when it wakes",
-        LATCHES + "; on waking it " + STOPPED, WATCHDOG,
+        LATCHES + "; on waking: " + STOPPED, WATCHDOG,
         "tripped", "the computer slept", 4),
     Row("exception_in_the_controller", "an exception in the controller", LOOP, RAMPED,
         ramp("it"), "error", "ZeroDivisionError", 1, "the exception"),
@@ -133,33 +133,33 @@ ROWS = [
     Row("cable_out", "the cable is pulled out", "the device, and the loop", LATCHES, WATCHDOG,
         "device", "gone", 3, "the line is gone, or the rig has gone silent"),
     Row("device_reset", "the device restarts (brown-out, crash)", "the device, and the loop",
-        "starts with the amplifier disabled; its counts begin at zero where the rig was then",
+        "restart: amplifier disabled, counts begin at zero",
         INSTANT, "device", "has restarted", 3, "the device has restarted"),
-    Row("stalled_motor", "a motor is stalled", DEVICE, "stops on its own, until armed", INSTANT,
+    Row("stalled_motor", "a motor is stalled", DEVICE, OWN_STOP, INSTANT,
         "tripped", "a motor is stalled", 4),
     Row("amplifier_fault", "overcurrent, over-temperature", DEVICE,
-        "stops on its own; arms again when the amplifier does", INSTANT,
+        OWN_STOP + "; arms again only without the fault", INSTANT,
         "tripped", "the amplifier reports a fault", 4),
-    Row("button", "the rig's own button", DEVICE, "stops on its own, until armed", INSTANT,
+    Row("button", "the rig's own button", DEVICE, OWN_STOP, INSTANT,
         "tripped", "an emergency stop is in force", 4),
     Row("full_disk", "the disk is full, or fails", "the loop, by its recorder", RAMPED,
         ramp("detection"), "error", "no space left", 5),
     Row("second_process", "a second process opens the rig", "its session's lock",
-        "flies on", NO_EFFECT, "completed", "", 3),
+        "none: the flight continues", NO_EFFECT, "completed", "", 3),
 ]  # fmt: skip
 BY_NAME = {row.name: row for row in ROWS}
-HEAD = ["fault", "detected by", "the device", "zero volts within", "outcome in the recording",
-        "exit code"]  # fmt: skip
-LIMITS = {
-    "late_max_s": "a period that comes later is late …",
-    "late_max_share": "… and a larger share of the last second's periods ends the flight",
-    "lost_max_s": "samples, or commands, lost in a row for longer end the flight. Keep it below "
-    "the watchdog's time, after which the device stops on its own",
-    "saturated_max_s": "a motor at its limit for longer ends the flight",
-    "ramp_down_s": "the ramp from hover to zero after a trip or an interrupt",
+HEAD = ["fault", "detected by", "reaction", "outcome in the recording", "exit code"]
+REACTIONS = {
+    RAMPED: ("the loop ramps the motors to zero", ramp("detection or the signal")),
+    STOPPED: (
+        "the loop stops the device: zero at once, until armed again",
+        at_once("the signal or waking"),
+    ),
+    f"{STOPPED} by `estop`": ("the same, by the flight; else `estop` stops the device", REQUESTED),
+    LATCHES: ("the device ramps to zero, until armed again", WATCHDOG),
+    OWN_STOP: ("the device sets zero volts, until armed again", INSTANT),
 }
-
-
+"""Reaction → what it does to the motors, and when they are at zero volts"""
 LAWS = ("tripped in", "zero", "V_last", "**band ½**", "host dead")
 """The laws that safety.md compares, of those that `make bench TOPIC=ramp_down` measures"""
 
@@ -169,11 +169,10 @@ def table() -> str:
     return markdown_table(HEAD, [row.cells() for row in ROWS])
 
 
-def limits() -> str:
-    """The limits of the monitors that a profile may set."""
-    given = Limits()
-    rows = [[f"`{key}`", f"{getattr(given, key):g}", LIMITS[key]] for key in LIMITS]
-    return markdown_table(["key", "default", "meaning"], rows)
+def reactions() -> str:
+    """The reactions that the table's rows name."""
+    rows = [[name, what, bound.since, bound.cell()] for name, (what, bound) in REACTIONS.items()]
+    return markdown_table(["reaction", "motors", "counted from", "zero volts within"], rows)
 
 
 def ramp_down() -> str:
@@ -184,5 +183,5 @@ def ramp_down() -> str:
     return f"{highest['caption']}:\n\n{markdown_table([*LAWS], rows)}"
 
 
-PAGE = Page("docs/reference/safety.md", {"table": table, "limits": limits})
+PAGE = Page("docs/reference/safety.md", {"reactions": reactions, "table": table})
 RAMP_DOWN_PAGE = Page("docs/results/ramp-down.md", {"ramp_down": ramp_down})

@@ -48,10 +48,10 @@ def test_the_fuzz_harness_holds_under_a_sanitizer():
 
 
 def transcripts() -> dict[str, list[str]]:
-    """The transcript in the page, without comments."""
-    page = (ROOT / "docs" / "reference" / "protocol.md").read_text(encoding="utf-8")
-    golden = page.split("<!-- golden")[1].split("<!-- end of golden")[0]
-    blocks = re.findall(r"```\n\[(\w+)\]\n(.*?)```", golden, re.DOTALL)
+    """The transcripts in the file that protocol.md names, without comments."""
+    file = ROOT / "tests" / "drivers" / "link" / "golden_transcripts.txt"
+    golden = file.read_text(encoding="utf-8").split("-->\n")[1].split("\n<!--")[0]
+    blocks = re.findall(r"\[(\w+)\]\n(.*?)(?:\n\n|\Z)", golden, re.DOTALL)
     return {
         name: [line.split("#")[0].strip() for line in body.splitlines()] for name, body in blocks
     }
