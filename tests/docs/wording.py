@@ -78,8 +78,9 @@ def _instead(word: str) -> str:
 
 
 def long_sentences_in(file: str, text: str) -> Iterator[Place]:
-    """Sentences of Markdown prose with more than `LONGEST` words."""
+    """Sentences of Markdown prose with more than `LONGEST` words; inline code counts as one."""
     for number, paragraph in paragraphs(text):
+        paragraph = re.sub(r"`[^`]*`", "code", paragraph)
         for sentence in re.split(r"(?<=[.!?:;])\s+", paragraph):
             count = len(re.findall(r"\b[\w'’-]+\b", sentence))
             if count > LONGEST:
@@ -87,13 +88,12 @@ def long_sentences_in(file: str, text: str) -> Iterator[Place]:
 
 
 def paragraphs(text: str) -> Iterator[tuple[int, str]]:
-    """(line number, text) of each paragraph of prose, inline code as one word."""
+    """(line number, text) of each paragraph of prose."""
     text = re.sub(r"<!-- \S+: made by.*?<!-- end of .*?-->", _blank, text, flags=re.DOTALL)
     text = re.sub(r"^( *)```.*?^\1```", _blank, text, flags=re.DOTALL | re.MULTILINE)
-    text = re.sub(r"`[^`]*`", "code", text)
     start, lines = 0, list[str]()
     for number, line in enumerate([*text.splitlines(), ""], 1):
-        starts = not line.strip() or re.match(r"\s*(?:[-*#|]|\d+\.|    )", line)
+        starts = not line.strip() or re.match(r"\s*(?:[-*]\s|[#|]|\d+\.\s|    )", line)
         if starts and lines:
             yield start, " ".join(lines)
             lines = []
