@@ -40,6 +40,7 @@ from typing import Literal
 
 import numpy as np
 
+from heli3dof.arrays import BoolArray, FloatArray, IndexArray
 from heli3dof.axes import AXES
 from heli3dof.model.control.loop_task import under_control
 from heli3dof.recording.recording import Recording
@@ -117,11 +118,11 @@ def flight_metrics(recording: Recording) -> Mapping[str, AxisMetrics]:
 
 
 def step_metrics(
-    t: np.ndarray,
-    angle: np.ndarray,
-    reference: np.ndarray,
+    t: FloatArray,
+    angle: FloatArray,
+    reference: FloatArray,
     *,
-    resolution: np.ndarray | None = None,
+    resolution: FloatArray | None = None,
 ) -> Mapping[str, AxisMetrics]:
     """Return the step metrics of measured or simulated angles by axis.
 
@@ -140,9 +141,9 @@ def step_metrics(
 
 
 def axis_metrics(
-    t: np.ndarray,
-    angle: np.ndarray,
-    reference: np.ndarray,
+    t: FloatArray,
+    angle: FloatArray,
+    reference: FloatArray,
     *,
     since_s: float = -np.inf,
     resolution: float = 0.0,
@@ -170,7 +171,7 @@ def axis_metrics(
     return AxisMetrics(_measure(t, y, ref, replace(whole, rows=rows), 0.0), steps)
 
 
-def _changes(reference: np.ndarray) -> np.ndarray:
+def _changes(reference: FloatArray) -> IndexArray:
     """Return the rows at which a reference changes by more than rounding, begins or ends."""
     absent = np.isnan(reference)
     with np.errstate(invalid="ignore"):
@@ -178,7 +179,7 @@ def _changes(reference: np.ndarray) -> np.ndarray:
     return np.flatnonzero(moved | (absent[1:] != absent[:-1])) + 1
 
 
-def _segments(t: np.ndarray, y: np.ndarray, ref: np.ndarray) -> list[_Segment]:
+def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
     """Return the segments of a reference: its constant stretches, one moving one, or none."""
     known = np.flatnonzero(~np.isnan(ref))
     if not len(known):
@@ -202,7 +203,7 @@ def _segments(t: np.ndarray, y: np.ndarray, ref: np.ndarray) -> list[_Segment]:
 
 
 def _measure(
-    t: np.ndarray, y: np.ndarray, ref: np.ndarray, segment: _Segment, grain_deg: float
+    t: FloatArray, y: FloatArray, ref: FloatArray, segment: _Segment, grain_deg: float
 ) -> StepMetrics:
     """Return the six metrics of one segment; y and ref are in degrees."""
     rows = segment.rows
@@ -238,12 +239,12 @@ def _measure(
     )
 
 
-def _steady_error(t: np.ndarray, error: np.ndarray) -> float:
+def _steady_error(t: FloatArray, error: FloatArray) -> float:
     """Return the mean error over the segment's last tenth, in degrees."""
     return float(np.mean(error[t >= t[-1] - STEADY_SHARE * (t[-1] - t[0])]))
 
 
-def _crossing(t: np.ndarray, progress: np.ndarray, level: float) -> float:
+def _crossing(t: FloatArray, progress: FloatArray, level: float) -> float:
     """Return the time (s) when ``progress`` first rises through ``level``; NaN if it never does."""
     above = progress >= level
     k = int(np.argmax(above))
@@ -253,7 +254,7 @@ def _crossing(t: np.ndarray, progress: np.ndarray, level: float) -> float:
     return float(t[k - 1] + share * (t[k] - t[k - 1]))
 
 
-def _settling(t: np.ndarray, outside: np.ndarray) -> float:
+def _settling(t: FloatArray, outside: BoolArray) -> float:
     """Return the time (s) from the step until no later sample is ``outside``; NaN if one stays."""
     if outside[-1]:
         return np.nan

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from heli3dof.arrays import BoolArray, FloatArray
 from heli3dof.model.base import Model
 from heli3dof.recording.recording import Recording
 
@@ -28,9 +29,9 @@ STEPS_AVERAGED = 12
 class Predictions:
     """A model's predictions of one recording at several horizons."""
 
-    ahead: Mapping[float, np.ndarray]
+    ahead: Mapping[float, FloatArray]
     """Horizon in s → (N, 3) rad, the prediction of row k made that long before; NaN where none"""
-    instants_s: np.ndarray
+    instants_s: FloatArray
     """(M,) s: the horizons that make up a window, ascending"""
 
     @property
@@ -45,7 +46,7 @@ class ConstantAngles:
     name = "constant angles"
     kind = "held"
 
-    def predict(self, recording: Recording, horizon_s: float) -> np.ndarray:
+    def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
         """Return the angles (N, 3) rad that were measured ``horizon_s`` earlier."""
         h = max(1, round(horizon_s / recording.dt))
         held = np.full_like(recording.angle, np.nan)
@@ -66,12 +67,12 @@ def predictions(
     return Predictions({h: model.predict(recording, h) for h in wanted}, instants)
 
 
-def common_rows(several: Sequence[Predictions]) -> Mapping[float, np.ndarray]:
+def common_rows(several: Sequence[Predictions]) -> Mapping[float, BoolArray]:
     """Return by horizon, as (N, 3) bool, the rows that every model of the axis predicts.
 
     All models are evaluated on these rows, so that one with fewer predictions has no advantage.
     """
-    rows: dict[float, np.ndarray] = {}
+    rows: dict[float, BoolArray] = {}
     for h in several[0].ahead if several else ():
         there = [np.isfinite(p.ahead[h]) for p in several]
         rows[h] = np.logical_and.reduce([ok | ~ok.any(axis=0) for ok in there])
@@ -79,8 +80,8 @@ def common_rows(several: Sequence[Predictions]) -> Mapping[float, np.ndarray]:
 
 
 def rmse_deg(
-    recording: Recording, made: Predictions, rows: Mapping[float, np.ndarray] | None = None
-) -> Mapping[float, np.ndarray]:
+    recording: Recording, made: Predictions, rows: Mapping[float, BoolArray] | None = None
+) -> Mapping[float, FloatArray]:
     """Return the RMSE (3,) in degrees by horizon, over ``rows``; NaN for an unpredicted axis."""
     return {
         h: _rms(np.degrees(y - recording.angle), None if rows is None else rows[h])
@@ -88,7 +89,7 @@ def rmse_deg(
     }
 
 
-def over_window_deg(by_horizon: Mapping[float, np.ndarray], made: Predictions) -> np.ndarray:
+def over_window_deg(by_horizon: Mapping[float, FloatArray], made: Predictions) -> FloatArray:
     """Return the RMSE (3,) in degrees over a window, from horizon 0 (no error) to its end.
 
     ``by_horizon`` is the result of `rmse_deg`; squares are averaged by the trapezoidal rule.
@@ -99,7 +100,7 @@ def over_window_deg(by_horizon: Mapping[float, np.ndarray], made: Predictions) -
     return np.asarray(np.sqrt(np.trapezoid(squares, instants, axis=0) / made.window_s))
 
 
-def stitched(recording: Recording, made: Predictions) -> tuple[np.ndarray, np.ndarray]:
+def stitched(recording: Recording, made: Predictions) -> tuple[FloatArray, FloatArray]:
     """Return successive windows as a curve: t (M,) s, angle (M, 3) rad, a row of NaN between them.
 
     Each window starts at the measured angles and is predicted for ``made.window_s``.
@@ -116,7 +117,7 @@ def stitched(recording: Recording, made: Predictions) -> tuple[np.ndarray, np.nd
     return np.array(times), np.array(angles)
 
 
-def _rms(error: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
+def _rms(error: FloatArray, rows: BoolArray | None) -> FloatArray:
     """Return the root mean square (3,) of each column's finite rows; NaN where there are none."""
     use = np.isfinite(error) if rows is None else np.isfinite(error) & rows
     count = use.sum(axis=0)

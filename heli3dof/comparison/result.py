@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
 from heli3dof.comparison.document import comparison_document
 from heli3dof.comparison.metrics import METRICS, AxisMetrics
@@ -25,16 +26,16 @@ class Trace:
     label: str
     kind: str
     """``replay`` of the closed loop, or ``prediction`` in successive windows"""
-    t: np.ndarray
-    angle: np.ndarray
+    t: FloatArray
+    angle: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class PredictionError:
     """RMSE (3,) of predictions, degrees: at each horizon (s), and over all up to the longest."""
 
-    ahead_deg: Mapping[float, np.ndarray]
-    over_window_deg: np.ndarray
+    ahead_deg: Mapping[float, FloatArray]
+    over_window_deg: FloatArray
     window_s: float
 
 
@@ -46,7 +47,7 @@ class ModelComparison:
     kind: str
     metrics: Mapping[str, AxisMetrics] | None
     """Per axis, of the replay; None if the loop is not replayed"""
-    replay_rmse_deg: np.ndarray | None
+    replay_rmse_deg: FloatArray | None
     """(3,) degrees between replay and experiment; NaN if the model diverges"""
     diverged_at_s: float | None
     unstable_poles: tuple[complex, ...]

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
+from heli3dof.arrays import FloatArray
 from heli3dof.diagnosis.calibration import Calibrated, Off
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.gain import Gain, HeldOut
@@ -33,7 +32,7 @@ class Finding:
     """Parameter → (value, standard deviation) in the final fit, SI"""
     gain: Gain
     """Everything found without this one (refitted) → everything found"""
-    noise: np.ndarray
+    noise: FloatArray
     """(4,) of that fit without it, as `Optimum.noise`: with it a filter sees what is missing"""
     like: bool = False
     """Beside what is left without a name it is not sure any more, or data not seen do not surely

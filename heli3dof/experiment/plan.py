@@ -20,6 +20,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
 from heli3dof.errors import PlanError, did_you_mean
 from heli3dof.experiment.segments import BaseSegment, Clock, kinds
@@ -31,13 +32,13 @@ from heli3dof.toml_file import Key, Section, check, read_toml
 class Signals:
     """A rendered plan: references and extra voltages of each control period."""
 
-    t: np.ndarray
+    t: FloatArray
     """(N,) s"""
-    reference: np.ndarray
+    reference: FloatArray
     """(N, 3) rad, before the controller's rate limiter."""
-    extra: np.ndarray
+    extra: FloatArray
     """(N, 2) V, added to the controller's output."""
-    opened: np.ndarray | None = None
+    opened: FloatArray | None = None
     """(N, 3) mode of each axis's loop (`model.control.loop_opening`); None: all closed"""
     drawn: bool = False
     """True if the signals depend on the seed"""
@@ -95,7 +96,7 @@ class Plan:
         reference = np.concatenate(references)
         modes = np.concatenate(opened)
         return Signals(
-            np.arange(len(reference)) * dt,
+            dt * np.arange(len(reference), dtype=float),
             reference,
             np.concatenate(extras),
             modes if modes.any() else None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from heli3dof.arrays import ComplexArray, FloatArray
 from heli3dof.axes import AXES
 from heli3dof.errors import UsageError
 from heli3dof.identification.feedback import Feedback
@@ -67,7 +68,7 @@ class Identification(Result):
             raise UsageError(f"A model by {self.method} has no transfer functions.")
         return self.found.transfer
 
-    def frequency_response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def frequency_response(self, omega: FloatArray) -> tuple[ComplexArray, FloatArray]:
         """Return the response G (F, 3, 2) and its standard deviation, rad/V, at ω (F,) rad/s.
 
         The standard deviation √(var Re G + var Im G) is NaN where the method gives none. Raises

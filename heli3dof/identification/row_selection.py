@@ -59,10 +59,11 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
     """Return masks (N,) bool of the rows to leave out, by reason; a row can have several."""
     v, y = recording.voltage, recording.angle
     measured = [i for i, a in enumerate(AXES) if a in recording.axes]
-    rows = {"unread": np.isnan(v).any(axis=1) | np.isnan(y[:, measured]).any(axis=1)}
+    unread = np.isnan(np.column_stack([v, y[:, measured]]))
+    rows = {"unread": np.asarray(unread.any(axis=1))}
     still = max(2, round(STILL_S / recording.dt))
 
-    off = _long_runs((np.abs(v) <= 1e-9).all(axis=1), still)
+    off = _long_runs(np.asarray((np.abs(v) <= 1e-9).all(axis=1)), still)
     rows["motors_off"] = off.copy()
     rows["table"] = np.zeros(len(recording), dtype=bool)
     rows["take_off"] = np.zeros(len(recording), dtype=bool)

@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-
+from heli3dof.arrays import ComplexArray, FloatArray
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import ControllerSpec, Limits
 
@@ -22,11 +21,11 @@ if TYPE_CHECKING:
 class LoopTask:
     """The input of a closed-loop simulation over N control periods of length ``dt``."""
 
-    reference: np.ndarray
+    reference: FloatArray
     """(N, 3) rad, references before their rate limiter; NaN counts as zero."""
-    extra: np.ndarray
+    extra: FloatArray
     """(N, 2) V, excitation added to the controller's output; NaN counts as zero."""
-    angle0: np.ndarray
+    angle0: FloatArray
     """(3,) rad, the angles at the start, where the rig is at rest."""
     controller: ControllerSpec
     V_o: float
@@ -35,9 +34,9 @@ class LoopTask:
     """V, the amplifier's limit: |voltage| ≤ v_max."""
     dt: float
     """s, the control period."""
-    rad_per_count: np.ndarray | None = None
+    rad_per_count: FloatArray | None = None
     """(3,) rad, the steps of quantised encoders; None: ideal encoders."""
-    opened: np.ndarray | None = None
+    opened: FloatArray | None = None
     """(N, 3) mode of each axis' loop, closed or open (`loop_opening`); None: all closed."""
     limits: Limits = field(default_factory=Limits)
     """The safety envelope; near it, open loops are closed again. The simulation does not trip."""
@@ -47,19 +46,19 @@ class LoopTask:
 class LoopResult:
     """The result of a closed-loop simulation: arrays over the task's N samples."""
 
-    t: np.ndarray
+    t: FloatArray
     """(N,) s"""
-    angle: np.ndarray
+    angle: FloatArray
     """(N, 3) rad, the model's angles (not quantised)."""
-    voltage: np.ndarray
+    voltage: FloatArray
     """(N, 2) V, after the limiter ±v_max."""
-    voltage_cmd: np.ndarray
+    voltage_cmd: FloatArray
     """(N, 2) V, before the limiter."""
-    reference_limited: np.ndarray | None = None
+    reference_limited: FloatArray | None = None
     """(N, 3) rad, the reference after its rate limiter."""
-    reference: np.ndarray | None = None
+    reference: FloatArray | None = None
     """(N, 3) rad, as changed for open loops; None: the task's reference."""
-    extra: np.ndarray | None = None
+    extra: FloatArray | None = None
     """(N, 2) V, as changed for open loops; None: the task's extra voltage."""
 
 
@@ -80,11 +79,11 @@ class Model(Protocol):
         """Simulate the closed loop. A diverging loop gives inf or NaN, not an exception."""
         ...
 
-    def loop_poles(self, controller: ControllerSpec, dt: float) -> np.ndarray:
+    def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
         """Return the closed-loop poles (complex, rad/s) with the gain; control period ``dt`` s."""
         ...
 
-    def predict(self, recording: Recording, horizon_s: float) -> np.ndarray:
+    def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
         """Return (N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
 
         It uses the voltages of all rows before k, and the angles up to ``horizon_s`` before row k.

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from heli3dof.arrays import FloatArray
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.recording.row import Row
 from heli3dof.rig.profile import Profile
@@ -30,13 +31,13 @@ def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, 
     """Convert rows to a recording. Its voltage is the output that the device reports."""
     n = len(rows)
 
-    def column(values: list[Any], width: int) -> np.ndarray:
+    def column(values: list[Any], width: int) -> FloatArray:
         return np.array(values, dtype=float).reshape(n, width)
 
-    def single(values: list[float]) -> np.ndarray:
+    def single(values: list[float]) -> FloatArray:
         return np.array(values, dtype=float)
 
-    def whole(values: list[int]) -> np.ndarray:
+    def whole(values: list[int]) -> FloatArray:
         return np.array(values, dtype=np.int64)
 
     counts = np.array([r.sample.counts for r in rows], dtype=np.int64).reshape(n, 3)

@@ -13,7 +13,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from heli3dof.arrays import BoolArray, FloatArray, IndexArray
 from heli3dof.axes import AXES
 from heli3dof.recording.columns import contract_columns, unit_of
 from heli3dof.results import Result, optional
@@ -35,17 +37,17 @@ class Recording(Result):
     state which were logged.
     """
 
-    t: np.ndarray
+    t: FloatArray
     """(N,) s, sampling times by the clock that timed the samples; increasing unless faulty."""
-    voltage: np.ndarray
+    voltage: FloatArray
     """(N, 2) V, front and back motor, at the amplifier, after the limiter."""
-    angle: np.ndarray
+    angle: FloatArray
     """(N, 3) rad, roll, pitch, yaw, from the encoders."""
-    reference: np.ndarray
+    reference: FloatArray
     """(N, 3) rad, references of roll, pitch, yaw, before the reference rate limiter."""
-    voltage_cmd: np.ndarray
+    voltage_cmd: FloatArray
     """(N, 2) V, front and back, the controller's output before the limiter."""
-    voltage_extra: np.ndarray
+    voltage_extra: FloatArray
     """(N, 2) V, front and back, what the experiment added to the controller's output."""
     profile: Profile
     channels: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -152,7 +154,7 @@ class Recording(Result):
         keep = (self.t >= start_s) & (self.t < stop_s)
         return self.rows(keep)
 
-    def rows(self, keep: np.ndarray | slice) -> Recording:
+    def rows(self, keep: BoolArray | IndexArray | slice) -> Recording:
         """Return a recording of the samples that a mask (N,), an index array or a slice selects."""
         return replace(
             self,
@@ -167,25 +169,25 @@ class Recording(Result):
 
 
 def make_recording(
-    t: np.ndarray,
-    voltage: np.ndarray,
-    angle: np.ndarray,
+    t: ArrayLike,
+    voltage: ArrayLike,
+    angle: ArrayLike,
     profile: Profile,
     *,
-    reference: np.ndarray | None = None,
-    voltage_cmd: np.ndarray | None = None,
-    voltage_extra: np.ndarray | None = None,
+    reference: ArrayLike | None = None,
+    voltage_cmd: ArrayLike | None = None,
+    voltage_extra: ArrayLike | None = None,
     channels: Mapping[str, np.ndarray] | None = None,
     meta: Mapping[str, Any] | None = None,
 ) -> Recording:
     """Make a `Recording` from arrays; omitted references and voltages become columns of NaN."""
-    n = len(t)
+    times = np.asarray(t, dtype=float)
 
-    def fill(a: np.ndarray | None, columns: int) -> np.ndarray:
-        return np.full((n, columns), np.nan) if a is None else np.asarray(a, dtype=float)
+    def fill(a: ArrayLike | None, columns: int) -> FloatArray:
+        return np.full((len(times), columns), np.nan) if a is None else np.asarray(a, dtype=float)
 
     return Recording(
-        t=np.asarray(t, dtype=float),
+        t=times,
         voltage=np.asarray(voltage, dtype=float),
         angle=np.asarray(angle, dtype=float),
         reference=fill(reference, 3),

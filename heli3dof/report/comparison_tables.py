@@ -138,7 +138,8 @@ def table_ii(flight: FlightComparison) -> Grid | None:
     """Return a table like Table II of the paper, with the paper's numbers and this flight's.
 
     The numbers are |model − experiment| of peak and steady error; the paper calls the peak
-    overshoot (E10). Returns None if the loop was not replayed.
+    overshoot (erratum E10). Returns None if the closed loop was not simulated with the recording's
+    references.
     """
     if flight.why is not None:
         return None

@@ -144,7 +144,7 @@ def label_ends(axes: Axes, curves: Sequence[Curve], gap: float = LABEL_GAP) -> N
 
 
 def _label_exit(axes: Axes, c: Curve) -> None:
-    """Write the name of a curve that ends early at its last visible point."""
+    """Label a curve that leaves the plotted range early, at its last visible point."""
     from matplotlib import patheffects
 
     low, high = axes.get_ylim()

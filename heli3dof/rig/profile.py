@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from heli3dof.arrays import FloatArray
 from heli3dof.errors import ProfileError
 from heli3dof.toml_file import (
     RECORDED,
@@ -192,12 +193,12 @@ class Encoder(Section):
         return value
 
     @property
-    def rad_per_count(self) -> np.ndarray:
+    def rad_per_count(self) -> FloatArray:
         """(3,) rad per count, signed."""
         return 2 * np.pi / np.array([self.roll, self.pitch, self.yaw], dtype=float)
 
     @property
-    def rest_rad(self) -> np.ndarray:
+    def rest_rad(self) -> FloatArray:
         """(3,) rad: the rest angles, at which the counts are zero."""
         return np.radians([self.roll_rest_deg, self.pitch_rest_deg, self.yaw_rest_deg])
 
@@ -296,7 +297,7 @@ class ControllerSpec(Section):
         return value
 
     @property
-    def K_g(self) -> np.ndarray:
+    def K_g(self) -> FloatArray:
         """(2, 8) gain matrix."""
         return np.array(self.K, dtype=float)
 

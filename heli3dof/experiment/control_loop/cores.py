@@ -44,7 +44,10 @@ def on_one_core(undo: ExitStack, *, scheduled: bool) -> tuple[Check, ...]:
 
 
 def available_cores() -> list[int]:
-    """Return this program's cores and those kept free; empty if the system has no affinity."""
+    """Return the cores in this process's affinity mask and the isolated ones (``isolcpus=``).
+
+    An empty list if the operating system does not support CPU affinity.
+    """
     if not hasattr(os, "sched_getaffinity"):
         return []
     return sorted(os.sched_getaffinity(0) | isolated_cores())

@@ -85,7 +85,7 @@ class _Axis:
         self._calm_from = t + WINDOW_S
 
     def step(self, count: int, t: float, ramping_down: bool) -> None:
-        """Process the count of a control period in the air, at ``t`` (s)."""
+        """Update the axis with the encoder's count at time ``t`` (s) while the rig is in flight."""
         if t - self._piece_t > WINDOW_S / PIECES:
             self._piece_t = t
             self._range.pop(0)

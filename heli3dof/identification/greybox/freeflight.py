@@ -178,8 +178,9 @@ def flight_of(recording: Recording) -> Flight:
     count = np.concatenate([[0], np.cumsum(bad)])
     k = np.arange(0, max(len(r) - n, 0), every)
     h = np.append(np.diff(r.t), r.dt)
+    measured = np.asarray(np.isfinite(r.angle).any(axis=0))
     return Flight(
-        r.t - r.t[0], h, hold_last(r.voltage), r.angle, np.isfinite(r.angle).any(axis=0),
+        r.t - r.t[0], h, hold_last(r.voltage), r.angle, measured,
         table_of(r)[0], k[count[k + n] == count[k]], starts_on_table(r),
     )  # fmt: skip
 

@@ -23,6 +23,7 @@ from math import atan, degrees
 
 import numpy as np
 
+from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
 from heli3dof.model.base import LoopTask
 from heli3dof.model.control.closed_loop_poles import INTEGRATED, sampled_loop_poles
@@ -72,7 +73,7 @@ class StepCheck:
 class LoopCheck:
     """The result of `check_loop_of`; an unstable loop has no margin and no steps."""
 
-    poles: np.ndarray
+    poles: FloatArray
     """(n,) rad/s, rightmost first, of the sampled loop about hover"""
     disc_margin: float | None = None
     """α, the disk margin at both motors"""
@@ -147,7 +148,7 @@ def disc_margin(profile: Profile, spec: ControllerSpec) -> float:
     return float(1 / mu.max())
 
 
-def _controller(spec: ControllerSpec, dt: float, z: np.ndarray) -> np.ndarray:
+def _controller(spec: ControllerSpec, dt: float, z: FloatArray) -> FloatArray:
     """Return the negative transfer from angles to voltages, (n, 2, 3) V/rad, at the n values z."""
     b0, a1, a2 = derivative_filter(spec, dt)
     K = spec.K_g
@@ -167,7 +168,7 @@ def _steps(profile: Profile, spec: ControllerSpec) -> Iterator[StepCheck]:
 
 
 def _step(
-    profile: Profile, spec: ControllerSpec, name: str, axis: int, target: float, start: np.ndarray
+    profile: Profile, spec: ControllerSpec, name: str, axis: int, target: float, start: FloatArray
 ) -> StepCheck:
     N = round(STEP_S / profile.dt)
     reference = np.zeros((N, 3))
@@ -199,7 +200,7 @@ def _step(
 
 
 def _trip(
-    profile: Profile, t: np.ndarray, angle: np.ndarray, command: np.ndarray, voltage: np.ndarray
+    profile: Profile, t: FloatArray, angle: FloatArray, command: FloatArray, voltage: FloatArray
 ) -> str | None:
     """Return the first safety trip along a simulated flight; None without one."""
     envelope = Envelope(profile)

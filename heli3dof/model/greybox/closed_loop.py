@@ -76,7 +76,7 @@ def fly(model: GreyBoxParameters, task: LoopTask) -> LoopResult:
     p = parameters(task.controller, task.V_o, task.v_max, task.dt)
     angle, limited = np.empty((N, 3)), np.empty((N, 3))
     voltage, cmd = np.empty((N, 2)), np.empty((N, 2))
-    t = np.arange(N) * task.dt
+    t = task.dt * np.arange(N, dtype=float)
     reference = np.ascontiguousarray(np.nan_to_num(task.reference, nan=0.0))
     extra = np.ascontiguousarray(np.nan_to_num(task.extra, nan=0.0))
     _fly_compiled(

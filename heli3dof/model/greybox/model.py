@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from heli3dof.arrays import ComplexArray, FloatArray
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.effects import plug_ins, terms
 from heli3dof.model.greybox.parameters import GreyBoxParameters
@@ -40,13 +41,13 @@ class GreyBoxModel(GreyBoxParameters):
 
         return fly(self, task)
 
-    def loop_poles(self, controller: ControllerSpec, dt: float) -> np.ndarray:
+    def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
         """Return the poles (rad/s, rightmost first) of the sampled loop at level hover."""
         from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
 
         return sampled_loop_poles(self.linear(dt), controller, dt)
 
-    def predict(self, recording: Recording, horizon_s: float) -> np.ndarray:
+    def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
         """Return predictions (N, 3) rad made ``horizon_s`` earlier; see `greybox.prediction`."""
         from heli3dof.model.greybox.prediction import predict
 

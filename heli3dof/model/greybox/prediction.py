@@ -119,7 +119,7 @@ def filtered(
     X[:, 6:] = [model.parameters[name] for name in model.varying]
     hooks = model.structure.hooks
     s, par = model.structure.arrays(model.values)
-    free = np.isfinite(y).any(axis=0)
+    free = np.asarray(np.isfinite(y).any(axis=0))
     m, slope = np.empty(3), np.empty(3)
     for k in np.flatnonzero(table):  # from readings to angles, with an encoder's offset
         readings(s, X[k], hooks.first, hooks.address, par, model.structure.memory, m, slope)

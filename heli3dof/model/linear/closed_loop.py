@@ -104,7 +104,7 @@ def fly(model: LinearParameters, task: LoopTask) -> LoopResult:
     )
     angle[:, ~there] = np.nan
     return LoopResult(
-        t=np.arange(N) * task.dt,
+        t=task.dt * np.arange(N, dtype=float),
         angle=angle,
         voltage=voltage,
         voltage_cmd=cmd,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from heli3dof.arrays import ComplexArray, FloatArray
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.linear.parameters import LinearParameters
 from heli3dof.recording.recording import Recording
@@ -33,7 +34,7 @@ class LinearModel(LinearParameters):
             f" {axes}>"
         )
 
-    def rest_state(self, angle0: np.ndarray) -> np.ndarray:
+    def rest_state(self, angle0: FloatArray) -> FloatArray:
         """Return the state (n,) at rest at ``angle0`` (3,) rad; see `linear.initial_state`."""
         from heli3dof.model.linear.initial_state import rest_state
 
@@ -45,7 +46,7 @@ class LinearModel(LinearParameters):
 
         return fly(self, task)
 
-    def loop_poles(self, controller: ControllerSpec, dt: float) -> np.ndarray:
+    def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
         """Return the closed-loop poles (rad/s, rightmost first) with the controller's gain.
 
         For the hover model: of the continuous loop with ideal rates and two integrals, as in the
@@ -58,7 +59,7 @@ class LinearModel(LinearParameters):
             return ideal_loop_poles(self, controller)
         return sampled_loop_poles(self, controller, dt)
 
-    def predict(self, recording: Recording, horizon_s: float) -> np.ndarray:
+    def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
         """Return predictions (N, 3) rad made ``horizon_s`` earlier; see `linear.prediction`."""
         from heli3dof.model.linear.prediction import predict
 
@@ -106,7 +107,7 @@ class LinearModel(LinearParameters):
         }
 
 
-def _lists(a: np.ndarray) -> Any:
+def _lists(a: FloatArray) -> Any:
     if a.ndim > 1:
         return [_lists(row) for row in a]
     return [float(x) if np.isfinite(x) else None for x in a]
