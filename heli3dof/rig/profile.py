@@ -317,7 +317,7 @@ class Profile(Section):
     tolerance: Annotated[
         Positive,
         Key(
-            "how far a number above may be off before a diagnosis calls that a finding", "share",
+            "relative error of these numbers that a diagnosis does not report", "share",
             "0.15 for a data sheet, 0.05 for numbers that you weighed and measured", "0.15",
             (0.01, 0.5), (0.001, 2.0),
         ),

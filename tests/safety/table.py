@@ -101,7 +101,7 @@ ROWS = [
     Row("sigterm", "SIGTERM", LOOP, RAMPED, ramp("the signal"),
         "interrupted", "stopped by a request to terminate (SIGTERM)", 130),
     Row("terminal_closed", "the terminal is closed (SIGHUP)", LOOP, RAMPED, ramp("the signal"),
-        "interrupted", "stopped since the terminal was closed (SIGHUP)", 130),
+        "interrupted", "stopped because the terminal was closed (SIGHUP)", 130),
     Row("estop_from_a_second_terminal", "`heli3dof estop` from a second terminal", LOOP,
         f"{STOPPED} by `estop`", REQUESTED, "tripped", "emergency stop on request", 4),
     Row("kill_9", "`kill -9`, a crash, the computer dies", DEVICE, LATCHES, WATCHDOG,

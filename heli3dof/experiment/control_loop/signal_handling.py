@@ -24,7 +24,7 @@ SIGNALS = {
     "SIGINT": ("stopped with Ctrl-C", "a second Ctrl-C"),
     "SIGTERM": ("stopped by a request to terminate (SIGTERM)", "a second SIGTERM"),
     "SIGBREAK": ("stopped with Ctrl-Break", "a second signal (Ctrl-Break)"),
-    "SIGHUP": ("stopped since the terminal was closed (SIGHUP)", "a second signal (SIGHUP)"),
+    "SIGHUP": ("stopped because the terminal was closed (SIGHUP)", "a second signal (SIGHUP)"),
 }
 """Signal → what messages call it as the first signal, and as the second"""
 

@@ -43,9 +43,9 @@ class BaseSegment(Section):
 
     kind: Annotated[str, Key("which segment it is")]
     duration_s: Annotated[Positive, Key("how long it lasts", "s")]
-    roll_deg: Annotated[Finite | None, Key("roll reference; absent: as before", "°")] = None
-    pitch_deg: Annotated[Finite | None, Key("pitch reference; absent: as before", "°")] = None
-    yaw_deg: Annotated[Finite | None, Key("yaw reference; absent: as before", "°")] = None
+    roll_deg: Annotated[Finite | None, Key("roll reference; if absent, unchanged", "°")] = None
+    pitch_deg: Annotated[Finite | None, Key("pitch reference; if absent, unchanged", "°")] = None
+    yaw_deg: Annotated[Finite | None, Key("yaw reference; if absent, unchanged", "°")] = None
 
     def target(self, before: np.ndarray) -> np.ndarray:
         """Return this segment's references (3,) in rad; ``before``: those before it."""
@@ -98,7 +98,7 @@ class FreeSegment(BaseSegment):
     learn_s: Annotated[
         Finite,
         Field(ge=0),
-        Key("hover whose mean voltage is kept; 0: what an earlier segment learned", "s"),
+        Key("hover time whose mean voltage is kept; 0: the voltage an earlier one kept", "s"),
     ] = 4.0
 
     def opened_after(self, clock: Clock, axis: int, approach_s: float) -> np.ndarray:

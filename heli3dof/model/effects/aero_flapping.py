@@ -18,7 +18,7 @@ def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 EFFECT = Effect(
     name="aero.flapping",
-    summary="Travelling sideways tips the body: a torque kψ̇ on pitch.",
+    summary="Travelling sideways tilts the body: a torque kψ̇ on pitch.",
     parameters=(Parameter("moment_Nms_per_rad", "N·m·s/rad", 0.0, -2.0, 2.0, 0.05, "k"),),
     hooks={Stage.TORQUE: torque},
     confused_with=("aero.gyroscopic",),

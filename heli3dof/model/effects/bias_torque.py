@@ -23,6 +23,6 @@ EFFECT = Effect(
     axes=("pitch", "yaw"),
     confused_with=("encoder.offset", "motor.thrust_mismatch"),
     separated_by="large",
-    identifiable="any flight; apart from an encoder's offset only with the thrust varied",
+    identifiable="any flight; distinguished from an encoder's offset only if the thrust varies",
     evidence="time",
 )

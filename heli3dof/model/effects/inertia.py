@@ -24,7 +24,7 @@ EFFECT = Effect(
     axes=AXES,
     confused_with=("motor.thrust_gain",),
     separated_by="multisine",
-    identifiable="any accelerated flight; it is a parameter of the base",
+    identifiable="any accelerated flight; it is a parameter of the rigid body",
     evidence="{axis}",
     candidate=False,  # equivalent to a parameter of the rigid body
 )

@@ -24,7 +24,7 @@ EFFECT = Effect(
     hooks={Stage.TORQUE: torque},
     confused_with=("motor.thrust_gain",),
     separated_by="levels",
-    identifiable="any flight; it is a parameter of the base",
+    identifiable="any flight; it is a parameter of the rigid body",
     evidence="time",
     candidate=False,  # equivalent to a parameter of the rigid body
 )

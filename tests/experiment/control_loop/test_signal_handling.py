@@ -44,7 +44,7 @@ def flown_with_signals(at: dict[int, tuple[signal.Signals, ...]]) -> tuple[Scrip
     [
         (signal.SIGINT, "stopped with Ctrl-C"),
         (signal.SIGTERM, "stopped by a request to terminate (SIGTERM)"),
-        (signal.SIGHUP, "stopped since the terminal was closed (SIGHUP)"),
+        (signal.SIGHUP, "stopped because the terminal was closed (SIGHUP)"),
     ],
 )
 def test_one_signal_ends_the_flight_with_a_ramp_to_zero(
