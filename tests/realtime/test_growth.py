@@ -26,14 +26,14 @@ from tests.realtime.growth import read_in_flight
 
 N, STRETCHES = 6000, 3
 """Rows of a stretch, and number of stretches"""
-FULL = 24000
-"""Rows (48 s) after which the monitors' memory of the last 40 s is full"""
+FULL = 3000
+"""Rows (6 s) after which the loop's memory of the last 4 s is full"""
 A_CHUNK = 93
 """Rows"""
 KEPT = 56
 """bytes of each chunk: the smallest leak that a recorder has had, 0.6 bytes a row"""
 BYTES_A_ROW = KEPT / A_CHUNK / 2
-"""Bar: the monitors' own memory varies by one to two blocks of a deque, 1.1 kB or 0.18 bytes a row
+"""Bar: the loop's own memory varies by one to two blocks of a deque, 1.1 kB or 0.18 bytes a row
 of a stretch"""
 
 
