@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import importlib
 import re
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from heli3dof.experiment.control_loop import realtime_priority
+from tests.bench import __main__ as command
 from tests.bench import page
 from tests.bench.__main__ import topics
 from tests.bench.bench_realtime import MEASURES, ratio
@@ -24,6 +26,38 @@ def test_a_page_of_results_is_rendered_from_the_figures(path: Path) -> None:
 
 def test_no_row_of_the_page_was_measured_on_a_changed_tree() -> None:
     assert "-dirty" not in page.render(page.load())
+
+
+@pytest.mark.parametrize("commit", ["", "0a1b2c3"])
+def test_figures_are_kept_only_with_their_commit(
+    commit: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    written: list[object] = []
+    figure = {"what": "time", "value": "1 s", "bar": "≤ 2 s"}
+    monkeypatch.setattr(command, "revision", lambda: commit)
+    monkeypatch.setattr(command, "measure", lambda topic, at: {"figures": [figure]})
+    monkeypatch.setattr(page, "STORE", tmp_path / "benchmarks.json")
+    monkeypatch.setattr(page, "write", written.append)
+    command.main(["cli"])
+    printed = capsys.readouterr().err
+    assert "time: 1 s  ≤ 2 s" in printed
+    assert ("are not kept" in printed) == (not commit)
+    assert page.STORE.exists() == bool(commit) == bool(written)
+
+
+def test_a_new_file_is_a_change_of_the_tree(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(command, "ROOT", tmp_path)
+    identity = ("-c", "user.name=a", "-c", "user.email=a@b")
+    for words in (("init", "-q"), (*identity, "commit", "-q", "--allow-empty", "-m", "x")):
+        subprocess.run(["git", *words], cwd=tmp_path, check=True)
+    assert command.revision()
+    (tmp_path / "bench_new.py").touch()
+    assert command.revision() == ""
 
 
 @pytest.mark.parametrize("topic", topics())

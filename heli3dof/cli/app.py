@@ -1,8 +1,9 @@
 """The command line ``heli3dof VERB``: collects the verbs (its subcommands) and runs one.
 
 A verb is a module of this folder with a function ``register(app)``, or such a function of another
-package in the entry point group ``heli3dof.verbs``. Verbs import heavy libraries inside their
-functions, so that ``heli3dof --help`` is quick.
+package in the entry point group ``heli3dof.verbs``. It states its heading in ``heli3dof --help``
+with typer's ``rich_help_panel``: ``app.command("run", rich_help_panel="Fly")(run)``. Verbs import
+heavy libraries inside their functions, so that ``heli3dof --help`` is quick.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import importlib
 import os
 import pkgutil
 import sys
+from itertools import groupby
 from typing import Any
 
 import typer
@@ -22,33 +24,35 @@ from heli3dof.cli.estop import estop_without_typer
 from heli3dof.plugins import use_plugins
 
 GROUP = "heli3dof.verbs"
-FAMILIES = {
-    "Fly": ("demo", "run-step", "run", "simulate"),
-    "Model": ("identify", "compare", "diagnose", "report"),
-    "Files": ("import", "export", "info", "recover"),
-    "Plans and rigs": ("plans", "devices", "doctor", "zero", "monitor", "estop", "profile"),
-}
-"""Headings and verbs of ``heli3dof --help`` in order; any other verb is listed under `MORE`"""
+FAMILIES = ("Fly", "Model", "Files", "Plans and rigs")
+"""Headings of ``heli3dof --help`` in order; headings that are not in it follow"""
 MORE = "More"
+"""Heading of the verbs that state none"""
+
+
+def _family(command: Any) -> str:
+    """Return the heading of a verb: its ``rich_help_panel``, else `MORE`."""
+    panel = getattr(command, "rich_help_panel", None)
+    return panel if isinstance(panel, str) else MORE  # typer's default is a placeholder
 
 
 class Verbs(TyperGroup):
-    """Command group whose help lists the verbs by `FAMILIES`."""
+    """Command group whose help lists the verbs by family, in alphabetical order."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        order = [verb for family in FAMILIES.values() for verb in family]
-        rank = {verb: i for i, verb in enumerate(order)}
-        return sorted(self.commands, key=lambda verb: (rank.get(verb, len(order)), verb))
+        def rank(verb: str) -> tuple[int, bool, str, str]:
+            family = _family(self.commands[verb])
+            known = FAMILIES.index(family) if family in FAMILIES else len(FAMILIES)
+            return known, family == MORE, family, verb
+
+        return sorted(self.commands, key=rank)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        rows: dict[str, list[tuple[str, str]]] = {}
-        for name in self.list_commands(ctx):
-            family = next((f for f, verbs in FAMILIES.items() if name in verbs), MORE)
-            help_text = self.commands[name].get_short_help_str(limit=200)
-            rows.setdefault(family, []).append((name, help_text))
-        for family, listed in rows.items():
+        for family, names in groupby(self.list_commands(ctx), lambda n: _family(self.commands[n])):
             with formatter.section(family):
-                formatter.write_dl(listed)
+                formatter.write_dl(
+                    [(n, self.commands[n].get_short_help_str(limit=200)) for n in names]
+                )
 
 
 app = typer.Typer(

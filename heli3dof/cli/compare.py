@@ -21,7 +21,7 @@ FORMATS = ("svg", "png")
 
 
 def register(app: typer.Typer) -> None:
-    app.command("compare")(compare)
+    app.command("compare", rich_help_panel="Model")(compare)
 
 
 @verb

@@ -21,7 +21,7 @@ friction of 0.03 N·m in yaw. The demo passes them to the emulator only."""
 
 
 def register(app: typer.Typer) -> None:
-    app.command("demo")(demo)
+    app.command("demo", rich_help_panel="Fly")(demo)
 
 
 @verb

@@ -14,7 +14,9 @@ from heli3dof.cli.renamed_options import renamed
 
 
 def register(app: typer.Typer) -> None:
-    app.command("devices", cls=renamed({"--ask": "--probe"}))(devices)
+    app.command("devices", cls=renamed({"--ask": "--probe"}), rich_help_panel="Plans and rigs")(
+        devices
+    )
 
 
 @verb

@@ -38,7 +38,7 @@ class Base(StrEnum):
 
 
 def register(app: typer.Typer) -> None:
-    app.command("diagnose")(diagnose)
+    app.command("diagnose", rich_help_panel="Model")(diagnose)
 
 
 @verb

@@ -19,7 +19,7 @@ LEVELS = {True: "ok", False: "FAIL", None: "?"}
 
 
 def register(app: typer.Typer) -> None:
-    app.command("doctor")(doctor)
+    app.command("doctor", rich_help_panel="Plans and rigs")(doctor)
 
 
 @verb

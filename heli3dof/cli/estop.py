@@ -16,7 +16,7 @@ REASON = "heli3dof estop, from another terminal"
 
 
 def register(app: typer.Typer) -> None:
-    app.command("estop")(estop)
+    app.command("estop", rich_help_panel="Plans and rigs")(estop)
 
 
 @verb

@@ -18,7 +18,7 @@ from heli3dof.cli.output import Output, verb
 
 
 def register(app: typer.Typer) -> None:
-    app.command("export")(export)
+    app.command("export", rich_help_panel="Files")(export)
 
 
 @verb

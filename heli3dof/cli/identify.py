@@ -31,7 +31,7 @@ BLACK_BOXES = [m.name for m in built_in().values() if not m.physical]
 
 
 def register(app: typer.Typer) -> None:
-    app.command("identify")(identify)
+    app.command("identify", rich_help_panel="Model")(identify)
 
 
 @verb
@@ -41,7 +41,8 @@ def identify(
         str,
         typer.Option(
             help="Physical: greybox (maximum likelihood), freeflight (3 s predictions). Black "
-            "boxes: pem, pbsid, oe. tf4: the paper's transfer functions."
+            "boxes: pem, pbsid, oe. tf4: the paper's transfer functions. Also those of installed "
+            "packages."
         ),
     ] = "greybox",
     order: Annotated[

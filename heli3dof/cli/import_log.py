@@ -12,12 +12,18 @@ from heli3dof.cli.output import Output, verb
 
 
 def register(app: typer.Typer) -> None:
-    app.command("import")(import_log)
+    app.command("import", rich_help_panel="Files")(import_log)
 
 
 @verb
 def import_log(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="A .csv, .csv.gz or .mat log.")],
+    log: Annotated[
+        Path,
+        typer.Argument(
+            metavar="LOG",
+            help="A .csv, .csv.gz, .mat or .mcap log, or a format of an installed package.",
+        ),
+    ],
     profile: LogProfile = None,
     output: OutputFile = None,
     columns: Columns = None,

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def register(app: typer.Typer) -> None:
-    app.command("info")(info)
+    app.command("info", rich_help_panel="Files")(info)
 
 
 @verb

@@ -27,7 +27,7 @@ READINGS_PER_LINE = 10
 
 
 def register(app: typer.Typer) -> None:
-    app.command("monitor")(monitor)
+    app.command("monitor", rich_help_panel="Plans and rigs")(monitor)
 
 
 @verb

@@ -9,7 +9,7 @@ from heli3dof.cli.output import Output, verb
 
 
 def register(app: typer.Typer) -> None:
-    app.command("plans")(plans)
+    app.command("plans", rich_help_panel="Plans and rigs")(plans)
 
 
 @verb

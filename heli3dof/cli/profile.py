@@ -31,7 +31,12 @@ def register(app: typer.Typer) -> None:
     family.command("show")(show)
     family.command("check")(check)
     family.command("update")(update)
-    app.add_typer(family, name="profile", help="Write, show, check or correct a rig's profile.")
+    app.add_typer(
+        family,
+        name="profile",
+        help="Write, show, check or correct a rig's profile.",
+        rich_help_panel="Plans and rigs",
+    )
 
 
 @verb

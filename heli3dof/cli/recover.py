@@ -12,7 +12,7 @@ from heli3dof.cli.output import Output, verb
 
 
 def register(app: typer.Typer) -> None:
-    app.command("recover")(recover)
+    app.command("recover", rich_help_panel="Files")(recover)
 
 
 @verb

@@ -12,7 +12,7 @@ from heli3dof.cli.output import Output, verb
 
 
 def register(app: typer.Typer) -> None:
-    app.command("report")(report)
+    app.command("report", rich_help_panel="Model")(report)
 
 
 @verb

@@ -38,7 +38,7 @@ FIRST = "rich"
 
 
 def register(app: typer.Typer) -> None:
-    app.command("run", cls=renamed({"--budget": "--budget-min"}))(run)
+    app.command("run", cls=renamed({"--budget": "--budget-min"}), rich_help_panel="Fly")(run)
 
 
 @verb

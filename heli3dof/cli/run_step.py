@@ -23,7 +23,7 @@ from heli3dof.errors import UsageError
 
 
 def register(app: typer.Typer) -> None:
-    app.command("run-step")(run_step)
+    app.command("run-step", rich_help_panel="Fly")(run_step)
 
 
 @verb

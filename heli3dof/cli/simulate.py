@@ -27,7 +27,7 @@ class Start(StrEnum):
 
 
 def register(app: typer.Typer) -> None:
-    app.command("simulate")(simulate)
+    app.command("simulate", rich_help_panel="Fly")(simulate)
 
 
 @verb

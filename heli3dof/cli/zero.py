@@ -14,7 +14,7 @@ _HELP = "The rig stands at this {} angle now, degrees; default: its rest angle."
 
 
 def register(app: typer.Typer) -> None:
-    app.command("zero")(zero)
+    app.command("zero", rich_help_panel="Plans and rigs")(zero)
 
 
 @verb

@@ -65,7 +65,11 @@ class Identity:
     watchdog_s: float
     """Seconds without a command until the device ramps to zero and latches."""
     timebase: Literal["host", "device", "virtual"]
+    """What ends a control period: the host, which waits until ``due_s``; the device, which samples
+    on its own; or each command, because time is simulated and nothing can be late"""
     emulated: bool
+    """True if no real motor can move. The conformance cases that move motors then run without
+    ``--moves``, and rest angles are not stored."""
     boot: int | None = None
     """Changes at every start of the device, when its counts begin at zero; None: unknown. A board
     without a random source or flash may repeat it; ``started_s`` then detects the restart."""
@@ -143,7 +147,11 @@ class Rig(Protocol):
         ...
 
     def close(self) -> None:
-        """Set zero volts, disable the amplifier, and release the device. Idempotent."""
+        """Set zero volts, disable the amplifier, and release the device. Idempotent.
+
+        Afterwards `arm`, `read` and `exchange` raise DeviceError with a cause and a fix; `estop`
+        does nothing.
+        """
         ...
 
 

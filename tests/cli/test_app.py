@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import subprocess
 import sys
 import time
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 import typer
 from typer.main import get_command
+from typer.testing import CliRunner
 
 from heli3dof import cli, plugins
 from heli3dof.cli import app as command_line
@@ -26,12 +28,34 @@ RUN = "import sys; from heli3dof.cli.app import main; sys.argv = ['heli3dof', *{
 PRINT = "try: main()\nexcept SystemExit: pass\nprint([m for m in {heavy} if m in sys.modules])"
 
 
-def test_help_lists_every_verb_in_the_order_of_the_families() -> None:
-    text = heli3dof("--help").out
-    names = [name for family in command_line.FAMILIES.values() for name in family]
-    assert set(names) == set(get_command(command_line.app).commands)
-    at = [text.index(f"\n  {name} ") for name in names]
-    assert at == sorted(at)
+def headings(text: str) -> dict[str, list[str]]:
+    """Heading → verbs, in the order of the help's text."""
+    found: dict[str, list[str]] = {}
+    for line in text[text.index("Options:") :].splitlines():
+        if heading := re.match(r"(\w[\w ]*):$", line):
+            listed = found.setdefault(heading[1], [])
+        elif verb := re.match(r"  ([a-z][\w-]*)(?: |$)", line):
+            listed.append(verb[1])
+    del found["Options"]
+    return found
+
+
+def test_help_lists_every_verb_under_its_heading_in_the_order_of_the_families() -> None:
+    found = headings(heli3dof("--help").out)
+    assert tuple(found)[: len(command_line.FAMILIES)] == command_line.FAMILIES
+    listed = [verb for verbs in found.values() for verb in verbs]
+    assert sorted(listed) == sorted(get_command(command_line.app).commands)
+    assert {"run", "run-step", "simulate", "demo"} <= set(found["Fly"])
+
+
+def test_a_verb_with_a_new_heading_or_none_comes_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    app = typer.Typer(cls=command_line.Verbs, rich_markup_mode=None)
+    for name, panel in (("zeta", "Model"), ("lab", "Our lab"), ("fast", "Fly"), ("alpha", None)):
+        app.command(name, **({"rich_help_panel": panel} if panel else {}))(lambda: None)
+    text = CliRunner().invoke(app, ["--help"]).output
+    assert headings(text) == {
+        "Fly": ["fast"], "Model": ["zeta"], "Our lab": ["lab"], "More": ["alpha"],
+    }  # fmt: skip
 
 
 def test_each_verb_is_a_file_of_its_own() -> None:

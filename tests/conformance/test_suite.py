@@ -344,3 +344,36 @@ def test_the_command_prints_a_line_for_each_case_and_exits_6_on_a_failure(
     assert "FAILS: zero volts after an emergency stop" in capsys.readouterr().out
     assert main(["spolt:"]) == 2
     assert "There is no driver for 'spolt:'" in capsys.readouterr().err
+
+
+def _raises(self: Rig) -> Sample:
+    raise KeyError("ticket")
+
+
+def test_an_unexpected_exception_fails_its_case_and_the_others_run(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    use(monkeypatch, spoilt("Raises", read=_raises))
+    assert main(["spoilt:?speed=max"]) == 6
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(CASES)
+    failed = next(line for line in lines if line.startswith("reading does not arm: "))
+    assert "FAILS: the driver raised KeyError: 'ticket' (test_suite.py, line " in failed
+    assert sum(line.endswith(": holds") for line in lines) > 10
+
+
+def test_the_command_says_how_many_cases_need_moves(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    def real(self: Rig) -> Identity:
+        return replace(MockRig.identity.fget(self), emulated=False)  # type: ignore[attr-defined]
+
+    use(monkeypatch, spoilt("Real", identity=property(real)))
+    assert main(["spoilt:?speed=max"]) == 0
+    *lines, last = capsys.readouterr().out.splitlines()
+    skipped = sum(": skipped: moves a real rig" in line for line in lines)
+    assert skipped > 10
+    assert last.startswith(f"{skipped} cases skipped: ")
+    assert "--moves" in last
+    assert main(["spoilt:?speed=max", "--moves"]) == 0
+    assert "--moves" not in capsys.readouterr().out

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
+import importlib.util
 import re
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -63,6 +66,97 @@ def test_the_page_has_an_example_of_every_kind() -> None:
     headings = {h.lower() for h in re.findall(r"^### (.*)$", PAGE, re.MULTILINE)}
     assert kinds - headings == {"driver"}  # docs/how-to/write-a-driver.md has its own test
     assert len(EXAMPLES) == len(headings)
+
+
+def extension_table() -> list[list[str]]:
+    """Returns the cells of the table's rows: kind, file, entry point, commands."""
+    rows = PAGE[PAGE.index("| kind | file |") :].split("\n\n")[0].splitlines()[2:]
+    return [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+
+
+def test_every_command_of_the_table_exists() -> None:
+    """Its files and folders, its make targets and its modules."""
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for *_, commands in extension_table():
+        for command in re.findall(r"`([^`]+)`", commands):
+            first, *words = command.split()
+            if first == "pytest":
+                assert words
+                assert not [w for w in words if not (ROOT / w).exists()], command
+            elif first == "make":
+                assert re.search(rf"^{words[0]}:", makefile, re.MULTILINE), command
+            elif first == "python":
+                assert importlib.util.find_spec(words[1]), command
+            else:
+                assert first == "heli3dof", command
+
+
+def test_every_folder_of_the_table_exists() -> None:
+    for _, file, *_ in extension_table():
+        for path in re.findall(r"`([\w/]+)/\w+\.\w+`", file):
+            assert (ROOT / path).is_dir(), path
+
+
+def test_every_entry_point_group_of_the_table_has_its_object() -> None:
+    from heli3dof.cli import app
+    from heli3dof.identification import methods
+    from heli3dof.model import effects
+    from heli3dof.recording.logs import importers
+    from heli3dof.rig import drivers
+
+    homes = {module.GROUP: module for module in (app, drivers, effects, importers, methods)}
+    stated = {}
+    for kind, _, entry, _ in extension_table():
+        if match := re.match(r"`(heli3dof\.\w+)`(?:: `(\w+)`)?", entry):
+            stated[match[1]] = (kind, match[2])
+    assert stated.keys() == homes.keys()
+    for kind, name in stated.values():
+        if name is not None:
+            assert re.search(rf"^(def )?{name}\b", example(kind)[1], re.MULTILINE), kind
+
+
+def example(kind: str) -> tuple[str, str]:
+    """Returns file and code of the example of a kind in the table."""
+    short = {"effect of the models": "effect", "effect of the emulated rig": "emulated effect"}
+    return EXAMPLES[short.get(kind, kind)]
+
+
+PYTHON = {kind: code for kind, (file, code) in EXAMPLES.items() if file.endswith(".py")}
+
+
+@pytest.mark.parametrize("kind", PYTHON)
+def test_an_example_passes_the_linter_and_is_annotated(kind: str) -> None:
+    """mypy runs for a minute; it needs the annotations of every function."""
+    for node in ast.walk(ast.parse(PYTHON[kind])):
+        if isinstance(node, ast.FunctionDef):
+            arguments = [a for a in node.args.args if a.arg != "self"]
+            assert node.returns is not None, node.name
+            assert all(a.annotation is not None for a in arguments), node.name
+    for words in (["check"], ["format", "--diff"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "ruff", *words, "--stdin-filename", "heli3dof/x.py", "-"],
+            input=PYTHON[kind], cwd=ROOT, capture_output=True, text=True,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_table_of_stages_names_the_stages_of_both_sides() -> None:
+    from heli3dof_drivers.emulator import plant_layout
+
+    from heli3dof.model.physics import state_layout
+
+    rows = PAGE[PAGE.index("| `out` | hook |") :].split("\n\n")[0].splitlines()[2:]
+    for column, layout in ((3, state_layout), (4, plant_layout)):
+        stated = {re.search(r"`([A-Z_]+)`", row.split("|")[column])[1] for row in rows}  # type: ignore[index]
+        assert stated == {stage.name for stage in layout.Stage}
+
+
+def test_the_page_names_every_kind_and_stage_of_an_integrity_check() -> None:
+    from heli3dof.diagnosis.integrity import Kind, Stage
+
+    names = {k for k, v in vars(Kind).items() if isinstance(v, str) and k.isupper()}
+    for name in names | {stage.name for stage in Stage}:
+        assert f"`{name}`" in PAGE, name
 
 
 def test_every_file_that_the_walks_name_exists() -> None:
@@ -158,6 +252,34 @@ def test_a_safety_monitor_ends_a_flight(place, searched_again, tmp_path: Path) -
     assert "more than one revolution" in flight.outcome.detail
 
 
+def test_the_row_and_the_test_of_a_safety_monitor_hold(
+    place, searched_again, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from heli3dof.experiment import safety_monitors
+    from tests.safety import table, test_in_process
+    from tests.safety.aboard import Aboard
+
+    place("safety monitor", "heli3dof.experiment.safety_monitors")
+    searched_again(safety_monitors.monitor_classes)
+    row, test = (
+        re.search(rf"```(?:python)?\n# {kind}\n(.*?)```", PAGE, re.DOTALL)[1]  # type: ignore[index]
+        for kind in ("row", "its test")
+    )
+    (made,) = eval(row, vars(table))
+    monkeypatch.setitem(table.BY_NAME, made.name, made)
+    functions: dict[str, Callable[[Aboard], None]] = {}
+    exec(test, dict(vars(test_in_process)), functions)
+    functions[f"test_{made.name}"](Aboard(monkeypatch, tmp_path))
+
+
+def test_a_check_of_doctor_is_found(place, tmp_path: Path) -> None:
+    from heli3dof.rig.doctor import folder
+
+    place("doctor check", "heli3dof.rig.doctor")
+    result = {check.what: check for check in folder.checks(tmp_path)}
+    assert "lifetime of recordings" in result
+
+
 def test_a_method_fits_and_is_named(place, searched_again) -> None:
     place("identification method", "heli3dof.identification.methods")
     registry = importlib.import_module("heli3dof.identification.methods")
@@ -167,7 +289,7 @@ def test_a_method_fits_and_is_named(place, searched_again) -> None:
     assert fitted.model.kind
 
 
-def test_a_verb_prints_its_document(place) -> None:
+def test_a_verb_prints_its_document(place, tmp_path: Path) -> None:
     import typer
 
     module = place("verb", "heli3dof.cli")
@@ -177,6 +299,10 @@ def test_a_verb_prints_its_document(place) -> None:
     done = CliRunner().invoke(app, ["duration", str(FLIGHT), "--json"])
     assert done.exit_code == 0, done.output
     assert '"duration_s"' in done.output
+    log = h3.export(h3.load(FLIGHT), tmp_path / "log.csv")
+    rig = str(ROOT / "recordings" / "rig.toml")
+    done = CliRunner().invoke(app, ["duration", str(log), "--profile", rig])
+    assert done.exit_code == 0, done.output
 
 
 def test_a_bench_measures_something(place) -> None:

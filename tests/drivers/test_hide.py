@@ -50,10 +50,6 @@ def test_every_effect_of_the_contract_is_there_with_its_axes_and_parameters(name
         assert [p.name for p in effect.parameters] == parameters
 
 
-def test_an_effect_outside_the_contract_is_named_other():
-    assert all(name in CONTRACT or name.startswith("other.") for name in catalogue())
-
-
 @pytest.mark.parametrize("name", catalogue())
 def test_every_example_parses_and_reads_back_as_itself(name):
     effect = catalogue()[name]

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from heli3dof.errors import SafetyTrip
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Signals, load_plan, named_plans, plan_from_dict
+from heli3dof.experiment.segments import BaseSegment, kinds
 
 DT = 0.002
 
@@ -64,3 +65,15 @@ def test_every_plan_that_ships_flies_on_the_default_rig(name: str) -> None:
         flight.raise_if_cut_short()
     except SafetyTrip as trip:
         pytest.fail(str(trip))
+
+
+def test_a_dry_run_prints_a_segments_own_keys() -> None:
+    class Pulse(BaseSegment):
+        common_V: float = 1.0
+        band_Hz: tuple[float, float] = (0.1, 2.5)
+        axis: str = "yaw"
+        learn_s: float | None = None
+
+    line = Pulse(kind="pulse", duration_s=10.0, roll_deg=8.0).summary()
+    assert line == "pulse 10 s to roll 8°, common_V 1, band_Hz 0.1 to 2.5, axis yaw"
+    assert kinds()["hold"](kind="hold", duration_s=3.0).summary() == "hold 3 s"

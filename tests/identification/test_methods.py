@@ -12,15 +12,20 @@ import pytest
 from heli3dof import plugins
 from heli3dof.errors import UsageError
 from heli3dof.identification import methods as registry
+from heli3dof.identification.fit_result import FitResult
 from heli3dof.identification.method import Method
 from heli3dof.identification.methods import built_in, known_method, methods
 
 MEAN = Method("mean", "predicts the mean", "tests.identification.test_methods:fit_mean")
 
 
-def fit_mean(prepared: object, request: object) -> str:
+def fit_mean(prepared: object, request: object) -> FitResult:
     """The function of a plug-in."""
-    return f"{prepared} {request}"
+    return FitResult(prepared, 0, 0.02, request)  # type: ignore[arg-type]
+
+
+def fit_wrong(prepared: object, request: object) -> float:
+    return 1.5
 
 
 @pytest.fixture
@@ -40,8 +45,34 @@ def test_every_file_of_the_folder_is_a_method() -> None:
 
 def test_an_entry_point_adds_a_method(plug_in) -> None:  # type: ignore[no-untyped-def]
     plug_in("tests.identification.test_methods:MEAN")
-    assert known_method("mean").fit("a", "b") == "a b"  # type: ignore[arg-type, comparison-overlap]
+    found = known_method("mean").fit("a", "b")  # type: ignore[arg-type]
+    assert (found.model, found.innovations) == ("a", "b")
     assert "mean" not in built_in()
+
+
+@pytest.mark.parametrize(
+    ("function", "says"),
+    [
+        (
+            f"{__name__}:fit_wrong",
+            "The method mean returned a float; a method returns a FitResult.",
+        ),
+        (
+            f"{__name__}:fit_men",
+            "cannot be imported from tests.identification.test_methods:fit_men",
+        ),
+        ("no_such_package:fit", "No module named 'no_such_package'"),
+    ],
+)
+def test_a_wrong_function_is_an_error_that_names_the_method_and_it(
+    function: str, says: str
+) -> None:
+    with pytest.raises(UsageError) as caught:
+        Method("mean", "predicts the mean", function).fit("a", "b")  # type: ignore[arg-type]
+    assert says in caught.value.what
+    assert "mean" in caught.value.what
+    assert caught.value.cause
+    assert caught.value.fix
 
 
 @pytest.mark.parametrize("value", ["no_such_package:METHOD", "math:pi"])

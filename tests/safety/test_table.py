@@ -8,7 +8,7 @@ from pathlib import Path
 from tests.safety.table import ROWS
 
 
-def tested_here() -> set[str]:
+def names_tested() -> set[str]:
     """Names of the test functions in this folder, without ``test_``."""
     return {
         node.name.removeprefix("test_")
@@ -19,7 +19,7 @@ def tested_here() -> set[str]:
 
 
 def test_every_row_has_a_test() -> None:
-    assert {row.name for row in ROWS} <= tested_here()
+    assert {row.name for row in ROWS} <= names_tested()
 
 
 def test_rows_are_unique() -> None:

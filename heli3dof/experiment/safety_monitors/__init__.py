@@ -4,18 +4,8 @@ A monitor is one file here with a subclass of `SafetyMonitor`; nothing else list
 goes into the recording and ends the flight with a ramp to zero. No monitor changes a command.
 The limits are the profile's ``[limits]``.
 
-=====  ================  =========================================================================
-order  class             reports
-=====  ================  =========================================================================
-10     `HostSuspend`     the computer slept; the device is stopped at once, without a ramp
-20     `EncoderJump`     a count changed by more than the rig can turn, or the device's time runs
-                         backwards or stops
-30     `LostFrames`      samples, or commands, were lost in a row for too long
-40     `Lateness`        too many periods of the last second came too late
-50     `FrozenEncoder`   a count stayed constant although its axis must have turned
-60     `SilentEncoder`   a count changed often in flight and not at all in the ramp to zero
-70     `Saturation`      a motor was commanded beyond its limit for too long
-=====  ================  =========================================================================
+The first line of each file states what the monitor detects. `monitor_classes` returns the monitors
+in the order in which they judge a period; docs/reference/safety.md has their outcomes.
 """
 
 from __future__ import annotations

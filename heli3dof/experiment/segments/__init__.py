@@ -10,7 +10,7 @@ import importlib
 import pkgutil
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, Field
@@ -73,7 +73,19 @@ class BaseSegment(Section):
             for axis, value in zip(AXES, (self.roll_deg, self.pitch_deg, self.yaw_deg), strict=True)
             if value is not None
         ]
-        return f"{self.kind} {self.duration_s:g} s" + (f" to {', '.join(moves)}" if moves else "")
+        head = f"{self.kind} {self.duration_s:g} s" + (f" to {', '.join(moves)}" if moves else "")
+        return ", ".join(filter(None, (head, self.details())))
+
+    def details(self) -> str:
+        """Return the end of `summary`; by default the keys that only this kind has, with values."""
+        own = {k: v for k, v in self if k not in BaseSegment.model_fields and v is not None}
+        return ", ".join(f"{key} {_printed(value)}" for key, value in own.items())
+
+
+def _printed(value: Any) -> str:
+    if isinstance(value, tuple):
+        return " to ".join(map(_printed, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _rising(band: tuple[float, float]) -> tuple[float, float]:

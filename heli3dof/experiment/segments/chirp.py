@@ -33,8 +33,8 @@ class Segment(BaseSegment):
         reference, _ = super().render(clock, before)
         return reference, np.sin(phase)[:, None] * np.array([front, back])
 
-    def summary(self) -> str:
+    def details(self) -> str:
         return (
-            super().summary() + f", {self.common_V:g} V common and {self.difference_V:g} V "
+            f"{self.common_V:g} V common and {self.difference_V:g} V "
             f"difference, {self.band_Hz[0]:g} to {self.band_Hz[1]:g} Hz"
         )

@@ -35,6 +35,6 @@ class Segment(FreeSegment):
     def opened(self, clock: Clock) -> np.ndarray:
         return self.opened_after(clock, YAW, self.spin_s)
 
-    def summary(self) -> str:
+    def details(self) -> str:
         free_s = self.free_s(self.spin_s)
-        return super().summary() + f", let go of {self.rate_deg_per_s:g}°/s for {free_s:g} s"
+        return f"let go of {self.rate_deg_per_s:g}°/s for {free_s:g} s"

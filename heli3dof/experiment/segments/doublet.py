@@ -29,8 +29,8 @@ class Segment(BaseSegment):
         reference, _ = super().render(clock, before)
         return reference, shape[:, None] * np.array([front, back])
 
-    def summary(self) -> str:
+    def details(self) -> str:
         return (
-            super().summary() + f", {self.common_V:g} V common and {self.difference_V:g} V "
+            f"{self.common_V:g} V common and {self.difference_V:g} V "
             f"difference for {self.pulse_s:g} s each way"
         )

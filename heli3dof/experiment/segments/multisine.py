@@ -40,9 +40,9 @@ class Segment(BaseSegment):
         reference, _ = super().render(clock, before)
         return reference, np.column_stack([c + d, c - d])
 
-    def summary(self) -> str:
+    def details(self) -> str:
         return (
-            super().summary() + f", {self.common_V:g} V common and {self.difference_V:g} V "
+            f"{self.common_V:g} V common and {self.difference_V:g} V "
             f"difference, {self.band_Hz[0]:g}–{self.band_Hz[1]:g} Hz"
         )
 

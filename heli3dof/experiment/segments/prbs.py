@@ -38,8 +38,8 @@ class Segment(BaseSegment):
         reference, _ = super().render(clock, before)
         return reference, np.column_stack([c + d, c - d])
 
-    def summary(self) -> str:
+    def details(self) -> str:
         return (
-            super().summary() + f", ±{self.common_V:g} V common and ±{self.difference_V:g} V "
+            f"±{self.common_V:g} V common and ±{self.difference_V:g} V "
             f"difference, bits of {self.bit_s:g} s"
         )

@@ -37,6 +37,6 @@ class Segment(FreeSegment):
     def opened(self, clock: Clock) -> np.ndarray:
         return self.opened_after(clock, ROLL, self.settle_s)
 
-    def summary(self) -> str:
+    def details(self) -> str:
         free_s = self.free_s(self.settle_s)
-        return super().summary() + f", let go of {self.displacement_deg:g}° for {free_s:g} s"
+        return f"let go of {self.displacement_deg:g}° for {free_s:g} s"

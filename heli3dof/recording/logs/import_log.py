@@ -6,9 +6,13 @@ import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from heli3dof.errors import RecordingError, UsageError
+import numpy as np
+
+from heli3dof.errors import Heli3dofError, RecordingError, UsageError
+from heli3dof.plugins import must_be
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.column_table import recording_from_table
+from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.logs.importers import endings, importer_of
 from heli3dof.recording.mcap_files.mcap_scan import missing, read_bytes, what_is
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
@@ -49,7 +53,7 @@ def import_log(
             fix=f"add --profile PROFILE.toml, or import it once: heli3dof import {path} "
             f"--profile PROFILE.toml -o {stem(path)}.mcap",
         )
-    table = importer.read(path, profile, columns)
+    table = _read(importer, path, profile, columns)
     profile = profile or table.profile
     assert profile is not None  # an importer that carries profiles raises where one is missing
     data = path.read_bytes()
@@ -60,6 +64,32 @@ def import_log(
     )
     del meta["started_utc"]  # the time of the import is not the time of the flight
     return recording_from_table(table, profile, meta, check_values=check_values)
+
+
+def _read(
+    importer: Importer, path: Path, profile: Profile | None, columns: str | Sequence[str] | None
+) -> Table:
+    """Read the file's table. Any exception of an importer's own becomes a RecordingError.
+
+    An importer need not convert the exceptions of its parser; an OSError keeps its own message.
+    """
+    try:
+        table = importer.read(path, profile, columns)
+        must_be(Table, table)
+        shapes = {name: np.shape(column) for name, column in table.columns.items()}
+        if len(set(shapes.values())) > 1:
+            raise ValueError(f"its columns have different shapes: {shapes}")
+    except (Heli3dofError, OSError):
+        raise
+    except Exception as error:  # KeyError, struct.error, UnicodeDecodeError, a library's own …
+        raise RecordingError(
+            f"{path} cannot be read by the importer {importer.name}: "
+            f"{type(error).__name__}: {error}",
+            cause="the file is damaged or not of this format, or the importer has a bug.",
+            fix="write the log again with the program that made it, or export it as CSV and "
+            "heli3dof import that file",
+        ) from error
+    return table
 
 
 def _not_importable(path: Path) -> RecordingError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,14 +35,25 @@ class Importer:
     """What its file names end in, lower case: ``(".csv", ".csv.gz")``"""
     read: Callable[[Path, Profile | None, str | Sequence[str] | None], Table]
     """``read(path, profile, columns)`` returns the file's table. ``columns`` is the option
-    ``--columns``. Raises RecordingError or UsageError."""
+    ``--columns``. Raises RecordingError or UsageError with a cause and a fix; any other exception
+    becomes a RecordingError that names the file, the importer and the exception."""
     recognises: Callable[[Path], bool] | None = None
-    """Returns True if a file has this format; None: its name's ending decides."""
+    """Returns True if a file has this format; None: its name's ending decides. An exception means
+    that it has not."""
     carries_profile: bool = False
     """True if files can contain the rig's profile; others need ``--profile``"""
 
     def sniff(self, path: Path) -> bool:
         """True if the file has this format. The file need not exist."""
-        if self.recognises is not None:
+        if self.recognises is None:
+            return path.name.lower().endswith(self.endings)
+        try:
             return self.recognises(path)
-        return path.name.lower().endswith(self.endings)
+        except OSError:
+            return False
+        except Exception as error:  # it must not keep other importers from the file
+            logging.getLogger("heli3dof").warning(
+                "Warning: the importer %s cannot examine %s: %s: %s. It is left out.",
+                self.name, path, type(error).__name__, error,
+            )  # fmt: skip
+            return False

@@ -1,5 +1,8 @@
 """``python -m heli3dof.rig.conformance URL``: run every case on one rig, one line each.
 
+A case also fails if the driver raises an exception that is no `Heli3dofError`; the line names the
+exception and where it was raised.
+
 Exit 0: every case holds · 6: one fails · 2, 3: the URL or its rig cannot be used.
 """
 
@@ -7,11 +10,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+import traceback
 import unittest
 from pathlib import Path
 
 from heli3dof.errors import Heli3dofError
 from heli3dof.rig.conformance import CASES, NotConforming, conforms
+from heli3dof.rig.conformance.bench import MovesRealRig
 from heli3dof.rig.drivers import load_driver
 from heli3dof.rig.profile import default_profile, load_profile
 from heli3dof.rig.url import parse_url
@@ -31,7 +36,7 @@ def main(arguments: list[str] | None = None) -> int:
         help="let a real rig's motors move, up to their limit for a period: stand clear",
     )
     given = parser.parse_args(arguments)
-    worst = 0
+    worst = not_moved = 0
     try:
         load_driver(parse_url(given.url).scheme)
         profile = load_profile(given.profile) if given.profile else default_profile()
@@ -44,11 +49,25 @@ def main(arguments: list[str] | None = None) -> int:
             result = "holds"
         except unittest.SkipTest as reason:
             result = f"skipped: {reason}"
+            not_moved += isinstance(reason, MovesRealRig)
         except Heli3dofError as problem:
             message = problem.what if isinstance(problem, NotConforming) else str(problem)
             result, worst = f"FAILS: {message}", max(worst, problem.exit_code)
+        except Exception as problem:
+            result = f"FAILS: the driver raised {_described(problem)}"
+            worst = max(worst, NotConforming.exit_code)
         print(f"{str(case).replace('_', ' ')}: {result}", flush=True)
+    if not_moved:
+        print(f"{not_moved} cases skipped: they move a real rig. Stand clear and add --moves.")
     return worst
+
+
+def _described(problem: Exception) -> str:
+    """Return an exception's name, its message, and the file and line that raised it."""
+    name = type(problem).__name__
+    at = traceback.extract_tb(problem.__traceback__)[-1]
+    place = f"{Path(at.filename).name}, line {at.lineno}, in {at.name}"
+    return f"{name}: {problem} ({place})"
 
 
 if __name__ == "__main__":

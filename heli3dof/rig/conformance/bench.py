@@ -25,6 +25,10 @@ class NotConforming(CheckFailed):
     """Raised if a driver violates a requirement of `heli3dof.rig.interface`."""
 
 
+class MovesRealRig(unittest.SkipTest):
+    """Raised by a case that moves motors, where those of a real rig must not move."""
+
+
 class Host:
     """Sends commands to a rig at absolute deadlines, ``dt`` s apart."""
 
@@ -87,7 +91,7 @@ class Bench:
         host = self.open()
         moves = host.rig.identity.emulated if self.moves is None else self.moves
         if not moves:
-            raise unittest.SkipTest("moves a real rig")
+            raise MovesRealRig("moves a real rig")
         return host
 
 

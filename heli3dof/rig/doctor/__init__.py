@@ -1,18 +1,51 @@
-"""The checks of ``heli3dof doctor``: one function each, returning a `Check`.
+"""The checks of ``heli3dof doctor``: functions that return a `Check`.
 
-- `host`: the computer's clock, wake-up latency, load, memory, frequency governors
-- `folder`: where recordings go: free space and time to synchronise
-- `link`: the open rig: identity, round trip, loss, clock, state, rest angles
-- `armed`: an armed rig at zero volts, on request (``--arm``)
+A file of this folder states in ``GROUP`` when its checks run, and lists them in ``CHECKS``. The
+group determines what each of them is called with:
 
-The driver checks its port before it is opened: permission, holder, latency timer
+=============  =======================================  ===========================================
+``GROUP``      called with                              examples
+=============  =======================================  ===========================================
+`COMPUTER`     the rig's `Profile`                      `host`: clock, load, memory, governors
+`RECORDINGS`   the folder's `Path`                      `folder`: free space, time to synchronise
+`RIG`          `link.Opened`: the open rig, readings    `link`: identity, round trip, loss, state
+`ARMED`        `armed.Armed`: the rig at zero volts     `armed`: traffic, watchdog, emergency stop
+=============  =======================================  ===========================================
+
+To add a check, add a file with both, or a function to a file's ``CHECKS``. The driver checks its
+port before it is opened: permission, holder, latency timer
 (`heli3dof.rig.interface.Driver.examine`). `heli3dof.experiment.control_loop.realtime_priority`
-checks what the system grants the loop. To add a check, add a function to a file's ``CHECKS``.
+checks what the system grants the loop.
 """
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from heli3dof.errors import Heli3dofError, did_you_mean
 from heli3dof.rig.interface import Check
+
+COMPUTER, RECORDINGS, RIG, ARMED = GROUPS = ("computer", "recordings", "rig", "armed")
+
+
+def checks_of(group: str) -> Iterator[Callable[[Any], Check]]:
+    """Yield the checks of a group, from every file of this folder in alphabetical order."""
+    for info in pkgutil.iter_modules(__path__):
+        module = importlib.import_module(f"{__name__}.{info.name}")
+        stated = getattr(module, "GROUP", None)
+        if stated not in GROUPS or not hasattr(module, "CHECKS"):
+            raise Heli3dofError(
+                f"heli3dof/rig/doctor/{info.name}.py states no checks that can run: "
+                f"its GROUP is {stated!r}.",
+                cause="GROUP or CHECKS is missing, or GROUP is mistyped; "
+                + did_you_mean(str(stated), GROUPS),
+                fix="read heli3dof/rig/doctor/__init__.py",
+            )
+        if stated == group:
+            yield from module.CHECKS
 
 
 def verdict(what: str, found: str, good: bool, fix: str) -> Check:

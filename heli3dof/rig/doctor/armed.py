@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 
+from heli3dof.rig.doctor import ARMED, checks_of
 from heli3dof.rig.doctor.link import CABLE
 from heli3dof.rig.interface import Check, Command, Flags, Sample
 from heli3dof.rig.link_counters import count_of
@@ -127,12 +128,13 @@ def stop_holds(armed: Armed) -> Check:
     return Check(what, "stopped at once, held, and armed again", True)
 
 
+GROUP = ARMED
 CHECKS: tuple[Callable[[Armed], Check], ...] = (traffic, watchdog_expires, stop_holds)
 
 
 def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
-    """Run every check of this file; stop the rig at the end."""
+    """Run every check of the group; stop the rig at the end."""
     armed = Armed(rig, profile)
-    for check in CHECKS:
+    for check in checks_of(GROUP):
         yield check(armed)
     rig.estop("heli3dof doctor is done")

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from heli3dof.rig.doctor import verdict
+from heli3dof.rig.doctor import RECORDINGS, checks_of, verdict
 from heli3dof.rig.interface import Check
 
 ROOM_BYTES = 1 << 30
@@ -44,15 +44,16 @@ def to_disk(folder: Path) -> Check:
     return verdict(what, found, took[TRIES // 2] <= SLOW_S, fix)
 
 
+GROUP = RECORDINGS
 CHECKS: tuple[Callable[[Path], Check], ...] = (room, to_disk)
 
 
 def checks(folder: Path) -> Iterator[Check]:
-    """Run every check of this file on the folder, or on its nearest parent that exists."""
+    """Run every check of the group on the folder, or on its nearest parent that exists."""
     folder = folder.absolute()
     while not folder.is_dir():
         folder = folder.parent
-    for check in CHECKS:
+    for check in checks_of(GROUP):
         yield check(folder)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from heli3dof.rig.clock import wait_until
-from heli3dof.rig.doctor import verdict
+from heli3dof.rig.doctor import COMPUTER, checks_of, verdict
 from heli3dof.rig.interface import Check
 from heli3dof.rig.profile import Profile
 
@@ -94,12 +94,13 @@ def memory(profile: Profile) -> Check:
     return verdict(what, found, free_kB >= 512 * 1024, fix)
 
 
+GROUP = COMPUTER
 CHECKS: tuple[Callable[[Profile], Check], ...] = (clock, frequency, load, memory)
 """All but `wake_up`, which runs with the real-time priority of a flight."""
 
 
 def checks(profile: Profile) -> Iterator[Check]:
-    for check in CHECKS:
+    for check in checks_of(GROUP):
         yield check(profile)
 
 

@@ -12,7 +12,7 @@ from math import degrees
 
 from heli3dof.axes import AXES
 from heli3dof.rig.clock import wait_until
-from heli3dof.rig.doctor import verdict
+from heli3dof.rig.doctor import RIG, checks_of, verdict
 from heli3dof.rig.interface import Check, Flags, Sample
 from heli3dof.rig.link_counters import count_of
 from heli3dof.rig.profile import Profile
@@ -202,15 +202,16 @@ def rest_angles(opened: Opened) -> Check:
     return Check("rest angles", found, True)
 
 
+GROUP = RIG
 CHECKS: tuple[Callable[[Opened], Check], ...] = (
     identity, state, watchdog, round_trip, loss, device_clock, stands_still, rest_angles,
 )  # fmt: skip
 
 
 def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
-    """Run every check of this file on one series of readings."""
+    """Run every check of the group on one series of readings."""
     opened = listen(rig, profile)
-    for check in CHECKS:
+    for check in checks_of(GROUP):
         yield check(opened)
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from heli3dof.experiment import safety_monitors
-from heli3dof.experiment.safety_monitors import monitor_classes, monitors_for
+from heli3dof.experiment.safety_monitors import SafetyMonitor, monitor_classes, monitors_for
 from tests.experiment.safety_monitors.periods import PROFILE, period
 
 NEW = """
@@ -42,22 +42,31 @@ def added_monitor(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[N
     monitor_classes.cache_clear()
 
 
-def test_the_monitors_judge_in_the_documented_order() -> None:
-    assert [kind.__name__ for kind in monitor_classes()] == [
+def test_the_built_in_monitors_judge_in_the_documented_order() -> None:
+    built_in = [
         "HostSuspend", "EncoderJump", "LostFrames", "Lateness", "FrozenEncoder", "SilentEncoder",
         "Saturation",
     ]  # fmt: skip
+    found = [kind.__name__ for kind in monitor_classes()]
+    assert [name for name in found if name in built_in] == built_in
 
 
-def test_the_package_describes_every_monitor() -> None:
-    text = safety_monitors.__doc__ or ""
-    for kind in monitor_classes():
-        assert re.search(rf"^{kind.order} +`{kind.__name__}` ", text, re.MULTILINE)
+def test_no_two_monitors_have_the_same_order() -> None:
+    orders = [kind.order for kind in monitor_classes()]
+    assert len(set(orders)) == len(orders)
+
+
+@pytest.mark.parametrize("kind", monitor_classes(), ids=lambda kind: kind.__name__)
+def test_the_first_line_of_a_monitors_file_is_a_sentence(kind: type[SafetyMonitor]) -> None:
+    first, *_ = (sys.modules[kind.__module__].__doc__ or "").splitlines()
+    assert first.endswith(".")
 
 
 @pytest.mark.usefixtures("added_monitor")
 def test_a_new_file_is_a_new_monitor() -> None:
-    assert [kind.order for kind in monitor_classes()] == [10, 20, 30, 40, 45, 50, 60, 70]
+    orders = {kind.__name__: kind.order for kind in monitor_classes()}
+    assert list(orders.values()) == sorted(orders.values())
+    assert orders["TooManyPeriods"] == 45
     monitors = monitors_for(PROFILE)
     reports = [monitor(period(4)) for monitor in monitors.each_period]
     assert [report for report in reports if report] == ["period 4 is too many"]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import struct
+from collections.abc import Callable, Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import numpy as np
 import pytest
 
 from heli3dof import plugins
+from heli3dof.errors import RecordingError
 from heli3dof.recording import atomic_write
 from heli3dof.recording.info import file_info
 from heli3dof.recording.load import load
@@ -44,8 +47,9 @@ def plug_ins(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def test_the_formats_in_the_folder_are_found() -> None:
-    assert [i.name for i in importers.importers()] == ["CSV", "MAT", "MCAP"]
-    assert importers.endings()[0] == ".csv.gz"
+    assert {"CSV", "MAT", "MCAP"} <= {i.name for i in importers.importers()}
+    lengths = [len(ending) for ending in importers.endings()]
+    assert lengths == sorted(lengths, reverse=True)
 
 
 def test_another_packages_format_is_loaded_and_described(
@@ -77,3 +81,55 @@ def test_a_recording_of_heli3dof_needs_no_importer(tmp_path: Path) -> None:
     path = write_recording(flight(50), tmp_path / "a.mcap")
     assert importers.importer_of(path) is None
     assert importers.importer_of(export(flight(50), tmp_path / "a.csv")) is not None
+
+
+def _two_lengths(path: Path) -> Table:
+    return Table(path.name, {"t_s": np.zeros(2), "v_front_V": np.zeros(3)}, str)
+
+
+def _no_table(path: Path) -> Table:
+    return json.loads("{}")  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize(
+    ("read", "says"),
+    [
+        (lambda path: json.loads("{"), "JSONDecodeError"),
+        (lambda path: {}["t_s"], "KeyError: 't_s'"),
+        (lambda path: [][0], "IndexError"),
+        (lambda path: struct.unpack("<d", b"1234"), "error: unpack requires"),
+        (lambda path: b"\xff".decode("utf-8"), "UnicodeDecodeError"),
+        (lambda path: next(iter(())), "StopIteration"),
+        (_two_lengths, "ValueError: its columns have different shapes: {'t_s': (2,)"),
+        (_no_table, "TypeError: it is a dict; expected: Table"),
+    ],
+)
+def test_any_exception_of_an_importer_names_the_file_and_the_importer(
+    read: Callable[[Path], Table], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = Importer("LAB", (".lab",), lambda path, profile, columns: read(path))
+    monkeypatch.setattr(importers, "importers", lambda: (broken,))
+    path = tmp_path / "a.lab"
+    path.write_bytes(b"torn")
+    with pytest.raises(RecordingError) as caught:
+        load(path, open_profile())
+    assert f"{path} cannot be read by the importer LAB: " in caught.value.what
+    assert says in caught.value.what
+    assert caught.value.cause
+    assert caught.value.fix
+
+
+def test_an_importer_that_cannot_examine_a_file_leaves_it_to_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def magic(path: Path) -> bool:
+        return bool(struct.unpack("<d", path.read_bytes()[:3]))
+
+    lab = Importer("LAB", (".lab",), NPY.read, recognises=magic)
+    monkeypatch.setattr(importers, "importers", lambda: (lab, NPY))
+    path = tmp_path / "a.npy"
+    assert importers.importer_of(path) is NPY  # it does not exist
+    assert not caplog.text
+    path.write_bytes(b"torn")
+    assert importers.importer_of(path) is NPY
+    assert f"the importer LAB cannot examine {path}: error: unpack requires" in caplog.text
