@@ -33,7 +33,7 @@ def _item(prefix: str, name: str, field: FieldInfo) -> str:
         names = {"required": "required", "absent": "optional"}
         parts.append(names.get(default, f"default {default}"))
     if key.usual is not None:
-        parts.append(f"usually {key.usual[0]:g} … {key.usual[1]:g} {unit}".strip())
+        parts.append(f"usually {key.usual[0]:g}–{key.usual[1]:g} {unit}".strip())
     elif unit and unit not in parts[1]:
         parts.append(unit)
     return f"- `{prefix}{name}`: " + "; ".join(parts)

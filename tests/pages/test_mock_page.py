@@ -10,8 +10,8 @@ from tests.pages import mock_page
 PAGE = mock_page.PAGE.read()
 
 
-def test_every_option_has_a_row():
-    assert all(f"| `{option}` |" in PAGE for option in MockOptions.names())
+def test_every_option_is_listed():
+    assert all(f"\n- `{option}`: " in PAGE for option in MockOptions.names())
 
 
 def test_the_quoted_noise_is_the_emulators():
