@@ -97,7 +97,7 @@ def test_a_bad_sample_without_a_flight_raises_and_names_the_field(bad: dict[str,
     sample = replace(Sample(0, 0.0, (0, 0, 0), (0.0, 0.0), (0.0, 0.0), Flags(0), 0.0), **bad)
     rig = StoppableRig(
         SimpleNamespace(read=lambda: sample),  # type: ignore[arg-type]
-        SimpleNamespace(asked=None),  # type: ignore[arg-type]
+        SimpleNamespace(stop_reason=None),  # type: ignore[arg-type]
     )
     with pytest.raises(DeviceError, match="cannot be used"):
         rig.read()
