@@ -1,1 +1,1 @@
-"""The drivers that ship with heli3dof; imported as ``heli3dof_drivers``."""
+"""The drivers that ship with heli3dof, one for each URL scheme: package ``heli3dof_drivers``."""

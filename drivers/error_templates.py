@@ -1,7 +1,7 @@
 """Error tables: each maps a library's error number to a message, its cause and the fix.
 
-The texts are templates. ``{name}`` is the rig's URL, ``{doing}`` the operation that failed. The
-driver fills them in, and further fields that its own table uses.
+The texts are templates. ``{name}`` stands for the rig's URL, ``{doing}`` for the operation that
+failed. The driver fills in these fields, and further ones that only its own table uses.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class ErrorTemplate(NamedTuple):
     fix: str
 
     def error(self, **fields: object) -> DeviceError:
-        """Returns the error with ``fields`` filled into its texts."""
+        """Return the DeviceError with the values ``fields`` filled into ``{…}`` of its texts."""
         what, cause, fix = (text.format(**fields) for text in self)
         return DeviceError(what, cause=cause, fix=fix)
 
@@ -29,5 +29,5 @@ ErrorTable = Mapping[int, ErrorTemplate]
 
 
 def each(numbers: Iterable[int], template: ErrorTemplate) -> dict[int, ErrorTemplate]:
-    """Returns a table that gives each of these error numbers the same template."""
+    """Return an error table that maps every number in ``numbers`` to the same ``template``."""
     return dict.fromkeys(numbers, template)

@@ -49,7 +49,7 @@ class MockDriver:
         return ["mock:"]
 
     def open(self, url: DeviceUrl, profile: Profile) -> MockRig:
-        """Open the emulated rig of the URL. It has ``profile`` unless the URL names another.
+        """Return the open emulated rig; ``profile`` applies unless the URL names another profile.
 
         Raises UsageError for a bad option, ProfileError for a bad profile.
         """
@@ -59,16 +59,16 @@ class MockDriver:
         return MockRig(own_profile(options, profile), options)
 
     def estop(self, url: DeviceUrl) -> str:
-        """Does nothing: an emulated rig exists only in the process that opened it."""
+        """Return a message only: an emulated rig exists only in the process that opened it."""
         return "an emulated rig exists only in the process that runs it: nothing else to stop"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """Returns no checks: an emulated rig has no port and needs no permission."""
+        """Return no checks: an emulated rig has no port and needs no permission."""
         return ()
 
 
 def own_profile(options: RigOptions, profile: Profile) -> Profile:
-    """Returns the profile that the URL names, else ``profile``. Raises ProfileError."""
+    """Return the profile that the URL's ``profile=`` names, else ``profile``."""
     if options.profile is None:
         return profile
     from heli3dof.rig.profile import load_profile
@@ -77,7 +77,7 @@ def own_profile(options: RigOptions, profile: Profile) -> Profile:
 
 
 def device_of(profile: Profile, options: RigOptions) -> Device:
-    """Returns the emulated electronics and plant of these options, for any transport."""
+    """Return the emulated electronics, with the plant, of this profile and these URL options."""
     from .emulator.body import setup_of
     from .emulator.device import WATCHDOG_S, Device
     from .emulator.effect_spec import parse_hide
@@ -107,7 +107,7 @@ def device_of(profile: Profile, options: RigOptions) -> Device:
 
 
 class MockRig:
-    """An open emulated rig; see `heli3dof.rig.interface.Rig`."""
+    """An open emulated rig; implements `heli3dof.rig.interface.Rig`."""
 
     def __init__(self, profile: Profile, options: MockOptions | None = None) -> None:
         if options is None:
@@ -141,22 +141,22 @@ class MockRig:
 
     @property
     def device(self) -> Device:
-        """The emulated electronics; other transports use them to reach the same rig."""
+        """Return the emulated electronics; other transports use them to reach the same rig."""
         return self._device
 
     @property
     def device_cause(self) -> str | None:
-        """Why the emulated electronics hold their output at zero; None: they do not."""
+        """Return why the emulated electronics hold their output at zero; None: they do not."""
         cause = self._device.cause
         return cause.name if cause else None
 
     @property
     def truth(self) -> Truth:
-        """The true state and parameters, for tests and benchmarks; heli3dof never reads them."""
+        """Return the true state and parameters, for tests; heli3dof itself never reads them."""
         return self._device.plant.truth
 
     def arm(self) -> Sample:
-        """Enable the output at zero volts and clear every stop; returns the first sample.
+        """Enable the output at zero volts, clear every stop, and return the first sample.
 
         A rig that starts held level is released at the first command.
         """
@@ -168,13 +168,13 @@ class MockRig:
         return self._sample()
 
     def read(self) -> Sample:
-        """Returns the present sample; with ``speed=real``, simulates the missed periods first."""
+        """Return a sample of now; ``speed=real``: first simulate the time since the last call."""
         self._check_open()
         self._catch_up(time.monotonic())
         return self._sample()
 
     def exchange(self, command: Command, due_s: float) -> Sample:
-        """Run one control period under the command; see `heli3dof.rig.interface`."""
+        """Apply ``command`` for one period, return the sample at its end. ``due_s``: its end, s."""
         self._check_open()
         device = self._device
         if not (math.isfinite(command.v_front) and math.isfinite(command.v_back)):
@@ -216,7 +216,7 @@ class MockRig:
         return self._sample()
 
     def _catch_up(self, now: float) -> None:
-        """Simulate the whole periods since the last call of the host (``speed=real`` only)."""
+        """Simulate the periods since the last call; ``now``: host's clock, s. Real time only."""
         if self._real and self._last_s is not None and now > self._last_s:
             passed = int(min(now - self._last_s, LONGEST_CATCH_UP_S) / self._dt)
             for _ in range(passed):
@@ -224,7 +224,7 @@ class MockRig:
             self._last_s = now
 
     def estop(self, reason: str) -> None:
-        """Set the output to zero volts now, until `arm`."""
+        """Set the output to zero volts until the next `arm`; ``reason`` is not used."""
         if self._open:
             self._catch_up(time.monotonic())
             self._device.stop()

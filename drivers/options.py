@@ -28,7 +28,7 @@ def _speed(value: Any) -> float:
 
 
 class RigOptions(UrlOptions):
-    """Options that describe an emulated rig, over every transport."""
+    """URL options that describe an emulated rig; the same for every way to connect to it."""
 
     profile: str | None = Field(default=None, description="the rig's own profile, a TOML file")
     hide: tuple[str, ...] = Field(
@@ -76,7 +76,7 @@ class MockOptions(RigOptions):
 
 
 class LinkOptions(UrlOptions):
-    """Options of every driver that uses the link protocol (docs/reference/protocol.md)."""
+    """URL options of every driver that uses the link protocol (docs/reference/protocol.md)."""
 
     stream: Literal["1", "0"] = Field(
         default="1", description="1: the device times its samples; 0: the host asks for each one"
@@ -111,7 +111,7 @@ class UsbOptions(LinkOptions):
 
 
 class UsbMockOptions(UsbOptions, RigOptions):
-    """Options of ``usb+mock:``. Where both parents have an option, that of `UsbOptions` counts."""
+    """URL options of ``usb+mock:``. If both parents define one, that of `UsbOptions` counts."""
 
     bus: tuple[str, ...] = Field(
         default=(), description="faults of the bus: KIND@SECONDS[:FOR_SECONDS]"

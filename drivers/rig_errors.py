@@ -1,4 +1,4 @@
-"""Errors that several drivers raise with the same text."""
+"""Errors that several drivers raise with the same text, such as "not armed"."""
 
 from __future__ import annotations
 

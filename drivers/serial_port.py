@@ -32,25 +32,25 @@ class SerialDriver:
     """The fields of `SerialOptions`, named again because a stop must not import pydantic (slow)"""
 
     def find(self) -> Sequence[str]:
-        """Returns the serial ports on USB. Only opening one shows whether a rig is connected."""
+        """Return the URLs of the serial ports on USB, whether a rig is connected or not."""
         from .link.serial_ports import usb_ports
 
         return [f"serial://{port}" for port in usb_ports()]
 
     def is_rig(self, url: DeviceUrl) -> bool:
-        """True if its USB vendor and product are a known rig's, or a heli3dof process holds it."""
+        """Return True if the port's USB IDs are a known rig's, or heli3dof has locked the port."""
         from .link.serial_ports import is_known
 
         return is_known(url.where)
 
     def persistent_name(self, url: DeviceUrl) -> str:
-        """Returns a name with the USB serial number: the port's name may mean another rig later."""
+        """Return a name with the USB serial number, as another rig may later get this port."""
         from .link.serial_ports import plugged_in
 
         return url.where if "+" in url.scheme else plugged_in(url.where)
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
-        """Open the port exclusively and identify the rig."""
+        """Open the port exclusively, identify the rig and return it."""
         from .link.rig import LinkRig
         from .link.serial_line import open_line, pyserial_url
         from .options import SerialOptions
@@ -69,7 +69,7 @@ class SerialDriver:
         )
 
     def estop(self, url: DeviceUrl) -> str:
-        """Stop the rig's motors, even where another process holds its port."""
+        """Stop the rig's motors, even if another process has its port open; return a message."""
         from .link.emergency_stop import stop_over
         from .link.serial_line import open_line, open_shared, pyserial_url
 
@@ -85,7 +85,7 @@ class SerialDriver:
             line.close()
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """Checks the port's file, permission, holder and latency timer; does not open the port."""
+        """Return checks of the port (file, permission, users, latency timer) without opening it."""
         from .link.serial_line import pyserial_url
         from .link.serial_port_checks import checks
         from .options import SerialOptions
@@ -96,7 +96,7 @@ class SerialDriver:
 
 
 def _baud(url: DeviceUrl) -> int:
-    """Returns the baud rate for a stop; loads the slow option model only to explain an error."""
+    """Return the baud rate of ``url`` for a stop; a bad one raises UsageError."""
     text = url.one("baud", str(BAUD))
     if str(text).isdecimal():
         return int(str(text))

@@ -12,7 +12,7 @@ _IDS = re.compile(r'^[^#]*idVendor\}=="([0-9a-fA-F]{4})".*idProduct\}=="([0-9a-f
 
 
 def install_command() -> str:
-    """Returns the shell command that installs the rule and applies it to connected devices."""
+    """Return the shell command that installs the rule and applies it to connected devices."""
     return (
         f"sudo cp '{RULES}' {INSTALLED.parent}/ && sudo udevadm control --reload && "
         "sudo udevadm trigger"
@@ -20,7 +20,7 @@ def install_command() -> str:
 
 
 def known_ids() -> set[tuple[int, int]]:
-    """Returns (vendor, product) of each rig in the rule and in its installed copy.
+    """Return the USB vendor and product numbers of each rig in the rule and its installed copy.
 
     A laboratory may add its own rigs to the installed copy.
     """
@@ -34,7 +34,7 @@ def known_ids() -> set[tuple[int, int]]:
 
 
 def installed() -> bool | None:
-    """True if the rule is installed unchanged; None where there is no udev (not Linux)."""
+    """Return True if the rule is installed unchanged; None on systems without udev (not Linux)."""
     if not sys.platform.startswith("linux"):
         return None
     try:

@@ -23,25 +23,28 @@ EXPECTED = "expected"
 
 
 def expected(what: str) -> PydanticCustomError:
-    """Returns a validator's error. ``what``: in words, what the value must be."""
+    """Return a validator's error that states in words, ``what``, what the value must be."""
     return PydanticCustomError(EXPECTED, "{what}", {"what": what})
 
 
 class UrlOptions(BaseModel):
-    """Fields with a description are URL options; the others come from the part before the ``?``."""
+    """Base class: its fields with a description are URL options, after the ``?`` of the URL.
+
+    The other fields come from the part before the ``?``.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
-        """Returns the names of the options that a URL may have."""
+        """Return the names of the options that the URL may contain."""
         return tuple(row[0] for row in cls.rows())
 
     @classmethod
     def of(cls, url: DeviceUrl, **place: Any) -> Self:
-        """Returns the checked options of a URL. ``place``: values of the other fields.
+        """Return the checked options of ``url``; ``place``: values of fields that are no options.
 
-        The last value of a repeated option counts, except where the field is a tuple of strings.
+        If an option is repeated, its last value counts, except if the field is a tuple of strings.
         Raises UsageError for an unknown option, naming the nearest, and for a value out of bounds.
         """
         url.check_options(cls.names())
@@ -74,7 +77,7 @@ class UrlOptions(BaseModel):
 
     @classmethod
     def rows(cls) -> list[tuple[str, str, str]]:
-        """Returns name, default and description of each option, for a table."""
+        """Return (name, default, description) of each option, for a table in the documentation."""
         return [
             (name, _shown_default(field), field.description)
             for name, field in cls.model_fields.items()
@@ -91,7 +94,7 @@ def _bound(field: FieldInfo, name: str) -> float:
 
 
 def _expectation(field: FieldInfo) -> str:
-    """Returns in words what a value must be, by the field's type and bounds."""
+    """Return in words which values ``field`` accepts, by its type and bounds."""
     if choices := _choices(field):
         return f"one of {', '.join(choices)}"
     kind = "a whole number" if field.annotation is int else "a number"
@@ -99,7 +102,7 @@ def _expectation(field: FieldInfo) -> str:
 
 
 def _shown_default(field: FieldInfo) -> str:
-    """Returns the default as a URL states it, or the field's example value if it has one."""
+    """Return the default of ``field`` as written in a URL, or its example value if it has one."""
     if field.examples:
         return str(field.examples[0])
     return f"{field.default:g}" if isinstance(field.default, float) else str(field.default)

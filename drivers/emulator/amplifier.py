@@ -18,7 +18,7 @@ RAMP_US = 200_000
 
 
 class Amplifier:
-    """Decides the voltages at the motors. ``now_us`` is the time on the device's clock."""
+    """Computes the emulated motor voltages. ``now_us``: time on the device's clock, µs."""
 
     def __init__(self, v_max_uV: int, watchdog_us: int, ramp_us: int = RAMP_US) -> None:
         self.v_max_uV = v_max_uV
@@ -50,7 +50,7 @@ class Amplifier:
         return self._state == ENABLED
 
     def arm_code(self, ticket: int) -> Code:
-        """Returns the result that an ARM with this ticket would get: OK, or why it is refused."""
+        """Return the result of an ARM that carries ``ticket``: OK, or why it is refused."""
         if self.enabled:
             return Code.ALREADY_ARMED
         if ticket != self.ticket:
@@ -58,7 +58,11 @@ class Amplifier:
         return Code.FAULT if self.faulty else Code.OK
 
     def arm(self, now_us: int, number: int, watchdog_us: int) -> None:
-        """Enable the output at zero volts; `mean_V` averages from here. ``number``: the ARM's."""
+        """Enable the output at zero volts, and start the mean of `mean_V`.
+
+        ``number``: that of the ARM frame; ``watchdog_us``: µs without a command until the output
+        ramps to zero; ``now_us``: time on the device's clock, µs.
+        """
         self._enter(now_us, ENABLED, Cause.NONE)
         self.last = number
         self._watchdog_us = watchdog_us
@@ -67,15 +71,15 @@ class Amplifier:
         self._mean_from_us = now_us
 
     def disarm(self, now_us: int) -> None:
-        """Set zero volts. ARMED becomes IDLE; LATCHED and STOPPED stay."""
+        """Set zero volts at ``now_us`` (µs). ARMED becomes IDLE; LATCHED and STOPPED stay."""
         self._enter(now_us, 0 if self.enabled else self._state, self.cause)
 
     def stop(self, now_us: int, cause: int, flag: int = STOPPED) -> None:
-        """Set zero volts at once, in every state. Samples then carry ``cause`` and ``flag``."""
+        """Set zero volts in every state. ``cause`` and ``flag`` are put into the next samples."""
         self._enter(now_us, flag, cause)
 
     def command(self, now_us: int, number: int, front_uV: int, back_uV: int) -> bool:
-        """Apply a command. Returns False if ``number`` is not newer or the state not ARMED."""
+        """Apply voltages in µV. Returns False if ``number`` is not newer or the state not ARMED."""
         if not self.enabled or not 0 < (number - self.last) & 0xFFFFFFFF < 0x80000000:
             return False
         self._sum(now_us)
@@ -88,7 +92,7 @@ class Amplifier:
         return True
 
     def advance(self, now_us: int) -> None:
-        """Change from ARMED to LATCHED if the watchdog has expired."""
+        """Change the state from ARMED to LATCHED if the watchdog has expired by ``now_us`` (µs)."""
         if self.enabled and now_us > self._fed_us + self._watchdog_us:
             self._sum(self._expired_us)
             self._state, self._saturated = LATCHED, False
@@ -97,7 +101,7 @@ class Amplifier:
             self._new_ticket()
 
     def output_uV(self, now_us: int) -> tuple[int, int]:
-        """Returns the output (front, back) at ``now_us``, which must not decrease between calls."""
+        """Return the output (front, back) in µV at ``now_us`` (µs; not before the last call's)."""
         self.advance(now_us)
         if self._state == ENABLED:
             return self._uV
@@ -108,7 +112,7 @@ class Amplifier:
         return (0, 0)
 
     def mean_V(self, now_us: int) -> tuple[float, float]:
-        """Returns the mean output (front, back) in V since the last call or the arming."""
+        """Return the mean output (front, back) in V since the last call or the arming."""
         self._sum(now_us)
         span = max(1, now_us - self._mean_from_us)
         front, back = self._impulse
@@ -130,7 +134,7 @@ class Amplifier:
         self.ticket = (self.ticket + 1) & 0xFFFFFFFF
 
     def _sum(self, now_us: int) -> None:
-        """Integrate the output until ``now_us``, on the linear ramp by the midpoint rule."""
+        """Integrate the output voltages over time until ``now_us`` (µs)."""
         self.advance(now_us)
         start = self._summed_us
         if now_us <= start:
@@ -148,7 +152,7 @@ class Amplifier:
 
 
 def _part(uV: int, left: int, whole: int) -> int:
-    """Returns uV·left/whole, rounded towards zero; 0 for left ≤ 0."""
+    """Return the ramp's voltage uV · left / whole in µV; ``left`` of ``whole`` µs remain."""
     if left <= 0:
         return 0
     part = abs(uV) * left // whole

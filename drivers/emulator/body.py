@@ -56,11 +56,11 @@ class Body:
 
     @property
     def J(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw inertia of the level rig in kg·m², without ``dJ`` of the shafts."""
+        """Return J_roll, J_pitch, J_yaw in kg·m² at level, without ``dJ`` of the joints' shafts."""
         return self.J_w + self.I_bb, self.I_aa, self.J_w + self.I_bb + self.I_aa
 
     def vector(self) -> np.ndarray:
-        """Returns the parameters as a (BODY_SIZE,) array in the layout of `plant_layout`."""
+        """Return the parameters as an array (BODY_SIZE,) with the indices of `plant_layout`."""
         b = np.zeros(at.BODY_SIZE)
         b[at.L_A], b[at.L_H] = self.L_a, self.L_h
         b[at.K_F], b[at.T_G], b[at.J_W] = self.K_f, self.T_g, self.J_w
@@ -73,7 +73,7 @@ class Body:
 
 
 def body_of(profile: Profile) -> Body:
-    """Returns the rigid body of a profile, with thrust linear in voltage and no other effect."""
+    """Return the rigid body of a profile, with thrust linear in voltage and no hidden effect."""
     m_f, m_b, m_w = profile.mass.m_f, profile.mass.m_b, profile.mass.m_w
     L_w, L_a, L_h = profile.geometry.L_w, profile.geometry.L_a, profile.geometry.L_h
     K_f, V_o = profile.motor.K_f, profile.motor.V_o
@@ -98,9 +98,10 @@ def body_of(profile: Profile) -> Body:
 
 
 def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
-    """Returns the body with K_f, T_g, J_w, I_aa and I_bb each multiplied by a random 1 + u.
+    """Return ``body`` with K_f, T_g, J_w, I_aa and I_bb each multiplied by a random 1 + u.
 
-    u is uniform in ± ``spread``. The lengths stay as they are: they are easily measured.
+    u is uniform within ± ``spread``, drawn from ``rng``. The lengths are unchanged: they are easily
+    measured.
     """
     k = 1 + spread * rng.uniform(-1, 1, size=5)
     return replace(
@@ -116,7 +117,7 @@ def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
 
 @dataclass(frozen=True)
 class Setup:
-    """An emulated rig before it is switched on. Effects may change it once (`Effect.setup`)."""
+    """An emulated rig before it is switched on; effects may change it once (`Effect.setup`)."""
 
     body: Body
     nominal: Body
@@ -136,10 +137,10 @@ class Setup:
 
 
 def setup_of(profile: Profile, start: str) -> Setup:
-    """Returns the setup of a profile's rig. ``start``: ``rest`` (on its table) or ``level``.
+    """Return the emulated rig of a profile. ``start``: ``rest`` (on its table) or ``level``.
 
     The table is at the profile's rest angles, where the counts are zero. Raises UsageError for rest
-    angles outside −90 … 0° of roll or beyond the pitch stops.
+    angles of roll outside −90 … 0°, or of pitch beyond its stops.
     """
     body = body_of(profile)
     rest = tuple(profile.encoder.rest_rad.tolist())

@@ -24,7 +24,7 @@ FULL_CURRENT_A = 4.0
 
 
 class Device:
-    """The electronics between the host's commands and the plant."""
+    """The emulated electronics, between the host's commands and the simulated mechanics."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class Device:
         self._silent_s = 0.0
 
     def arm(self) -> None:
-        """Enable the output at zero volts; clear latch, stop and fault flags."""
+        """Enable the output at zero volts; clear the latched, stopped and fault states."""
         self.enabled, self.latched, self.stopped, self.saturated = True, False, False, False
         self.fault = Flags(0)
         self.cause = Cause.NONE
@@ -59,7 +59,7 @@ class Device:
         self._silent_s = 0.0
 
     def stop(self) -> None:
-        """Set the output to zero volts now, until `arm`."""
+        """Set the output to zero volts until the next `arm`."""
         self.stopped, self.saturated = True, False
         self.cause = Cause.HOST_ESTOP
         self.v = self._command = (0.0, 0.0)
@@ -69,9 +69,9 @@ class Device:
         self.v = self._command = (0.0, 0.0)
 
     def command(self, sequence: int, v_front: float, v_back: float) -> None:
-        """Apply these voltages (V), clipped to ± ``v_max``. NaN or infinity stops the motors.
+        """Apply these voltages in V, clipped to ± ``v_max``. NaN or infinity stops the motors.
 
-        While disabled, stopped, latched or faulty only ``sequence`` is stored.
+        If disabled, stopped, latched or faulty, only store the command's number ``sequence``.
         """
         self.sequence = sequence
         if not self.enabled or self.stopped or self.latched or self.fault:
@@ -88,7 +88,7 @@ class Device:
         self.held = False
 
     def period(self) -> bool:
-        """Run one control period with the present output. Returns False if its sample is lost."""
+        """Run one control period with the present output; return False if its sample is lost."""
         silent = self._silent_s > self.watchdog_s
         if silent and self.enabled and not self.stopped and not self.fault:
             self.latched, self.saturated = True, False
@@ -104,7 +104,7 @@ class Device:
         return arrived
 
     def _trip(self, plant: FaultyPlant) -> None:
-        """Set zero volts if the URL's ``fault=`` makes the amplifier stop in this period."""
+        """Set zero volts if the URL option ``fault=`` makes the amplifier stop in this period."""
         trip = plant.trip()
         if trip is None:
             return
@@ -118,7 +118,7 @@ class Device:
 
     @property
     def current(self) -> tuple[float, float]:
-        """Motor currents in A, front and back: a propeller's load grows with its speed squared."""
+        """Return the currents of front and back motor in A, proportional to V |V|."""
         k = FULL_CURRENT_A / self.v_max**2
         return k * self.v[0] * abs(self.v[0]), k * self.v[1] * abs(self.v[1])
 

@@ -58,14 +58,17 @@ NO_DELAY = 0xFFFF
 
 @dataclass(frozen=True, slots=True)
 class Unknown:
-    """A valid frame of an unknown type."""
+    """A valid frame of an unknown type, with its number and the type's code, ``kind``."""
 
     number: int
     kind: int
 
 
 class Endpoint:
-    """One emulated device: takes the host's bytes, returns its own. The caller gives the time."""
+    """One emulated device: it takes the host's bytes and returns its replies.
+
+    The caller passes the time ``now_us``, µs on the device's clock, to every method.
+    """
 
     def __init__(
         self,
@@ -104,7 +107,7 @@ class Endpoint:
         self._jitter_us = 0
 
     def receive(self, now_us: int, data: bytes) -> bytes:
-        """Returns the samples due by ``now_us``, then the replies to the host's ``data``."""
+        """Process the host's bytes; return the stream's samples up to ``now_us``, then replies."""
         out = self.tick(now_us)
         for frame in self._splitter.feed(data):
             self._frames += 1
@@ -113,7 +116,7 @@ class Endpoint:
         return out
 
     def tick(self, now_us: int) -> bytes:
-        """Returns the bytes of the samples that are due by ``now_us``."""
+        """Return the stream's samples up to ``now_us`` (device's clock, µs), as bytes."""
         out = b""
         while (due := self._next_sample_us()) is not None and due <= now_us:
             self._advance(due)
@@ -131,10 +134,9 @@ class Endpoint:
         return out
 
     def held_up(self, now_us: int) -> None:
-        """Skip the samples that were due a period ago or earlier, instead of sending a burst.
+        """Skip the samples that are late by a period or more, instead of sending them all at once.
 
-        Call this when the device continues after a pause. A caller that only polls late does not
-        call it: such a device was on time.
+        Call this when the device itself continues after a pause, not when only its caller was late.
         """
         due = self._next_sample_us()
         if due is None or now_us < due + self._period_us:
@@ -143,13 +145,14 @@ class Endpoint:
         self._streamed += (now_us - due) // self._period_us
 
     def next_us(self) -> int | None:
-        """Returns the time at which the stream's next sample is due; None: there is no stream."""
+        """Return the time of the stream's next sample (device's clock, µs); None: no stream."""
         return self._next_sample_us()
 
     def stop(self, now_us: int, cause: Cause = Cause.HOST_ESTOP, flag: int = STOPPED) -> bytes:
-        """Set zero volts now; returns the bytes of the samples due by now.
+        """Set zero volts at ``now_us``; return the samples up to then, as bytes.
 
-        For the stop button, a fault (``flag`` 2), a stall (``flag`` 4) or a USB control request.
+        Used for the stop button, a fault (``flag`` 2), a motor stall (``flag`` 4) or a USB control
+        request. ``cause`` and ``flag`` are put into the next samples.
         """
         out = self.tick(now_us)
         self._amplifier.stop(now_us, cause, flag)
@@ -157,12 +160,12 @@ class Endpoint:
 
     @property
     def amplifier(self) -> Amplifier:
-        """The amplifier's state and output, for transports and tests."""
+        """Return the emulated amplifier, for transports and tests."""
         return self._amplifier
 
     @property
     def truth(self) -> Truth:
-        """The plant's true state, for tests and benchmarks; no frame carries it."""
+        """Return the plant's true state, for tests and benchmarks; no frame carries it."""
         return self._device.plant.truth
 
     def _reply(self, frame: Frame | Unknown) -> bytes:
@@ -228,7 +231,7 @@ class Endpoint:
         return self._armed_us + (self._streamed + 1) * self._period_us
 
     def _advance(self, now_us: int) -> None:
-        """Simulate the plant's periods that end by ``now_us``, then check the watchdog."""
+        """Simulate the control periods that end by ``now_us`` (µs), then check the watchdog."""
         while (end := self._grid_us + round((self._steps + 1) * self._dt_us)) <= now_us:
             volts = self._amplifier.mean_V(end)
             self._steps += 1
@@ -290,7 +293,7 @@ class Endpoint:
 
 
 class _Splitter(Splitter):
-    """A splitter that also returns valid frames of unknown types, to which a device replies."""
+    """Splits bytes into frames as `Splitter` does; also returns valid frames of unknown types."""
 
     def frame(self, piece: bytes) -> Frame | Unknown | None:  # type: ignore[override]
         known = parse(piece)

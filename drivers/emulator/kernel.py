@@ -6,9 +6,9 @@ the rigid body by classical Runge–Kutta of fourth order; then dry friction and
 Dry friction is set-valued: at rest its torque holds axis i, up to its limit τ_i. So after the
 Runge–Kutta step each axis with friction gets the impulse λ_i that stops it, clipped to ±τ_i h. Each
 axis at a stop gets the one-sided impulse that ends its outward motion (inelastic). The impulses are
-iterated over the axes because M couples them (projected Gauss–Seidel). A friction torque constant
-over the substep also moves the angles by ½ h M⁻¹λ; with that correction an axis at rest does not
-creep.
+iterated over the axes because the mass matrix M couples them (projected Gauss–Seidel). A friction
+torque constant over the substep also moves the angles by ½ h M⁻¹λ; with that correction an axis at
+rest does not creep.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ BODY, VOLTAGE, THRUST, TORQUE, DRY, MEASURE = (int(stage) for stage in at.Stage)
 def _call(
     typing_context: Any, address: Any, s: Any, body: Any, par: Any, mem: Any, out: Any
 ) -> Any:
-    """Call the machine code at ``address`` with five arrays."""
+    """Call the machine code at ``address`` with the arrays of an effect (see `plant_effects`)."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         types = [context.get_value_type(t) for t in signature.args[1:]]
@@ -63,7 +63,11 @@ def _hooks(stage, s, body, first, address, par, mem, out):  # type: ignore[no-un
 
 @njit(error_model="numpy")
 def _lag(state, target_f, target_b, tau, elapsed, force):  # type: ignore[no-untyped-def]
-    """Solve tau Ḟ = target − F (N) from state[6:8]; write F after ``elapsed`` s to ``force``."""
+    """Write the thrusts of rotors with a first-order lag to ``force`` (front, back; N).
+
+    They solve τ Ḟ = target − F: ``tau`` τ in s, ``target_f`` and ``target_b`` in N, ``elapsed`` the
+    time in s since F was state[6:8].
+    """
     left = 0.0 if tau <= 0.0 else math.exp(-elapsed / tau)
     force[0] = target_f + (state[6] - target_f) * left
     force[1] = target_b + (state[7] - target_b) * left
@@ -71,7 +75,11 @@ def _lag(state, target_f, target_b, tau, elapsed, force):  # type: ignore[no-unt
 
 @njit(error_model="numpy")
 def _impulses(state, h, dry, body):  # type: ignore[no-untyped-def]
-    """Apply dry friction (limits ``dry``, N·m) and stops to ``state`` after a substep ``h`` (s)."""
+    """Apply dry friction and stops to ``state`` (angles, rates) after a substep.
+
+    ``h``: substep, s; ``dry``: largest friction torque of each axis, N·m; ``body``: parameters
+    (`plant_layout`).
+    """
     low, high = body[LOW : LOW + 3], body[HIGH : HIGH + 3]
     active = False
     for i in range(3):
@@ -126,7 +134,7 @@ def _counts(state, t, body, first, address, par, mem):  # type: ignore[no-untype
 
 
 def _sources() -> str:
-    """Returns a hash of the sources as a cache key: numba misses changes in called functions."""
+    """Return a hash of the source files as cache key: numba misses changes in called functions."""
     h = hashlib.sha256()
     for name in ("kernel.py", "lagrange.py", "plant_layout.py"):
         h.update(Path(__file__).with_name(name).read_bytes())
@@ -139,11 +147,11 @@ def _compile(digest: str) -> tuple[Any, Any]:
     def period(  # type: ignore[no-untyped-def]
         state, v_f, v_b, noise, t, dt, substeps, start_V, body0, first, address, par, mem
     ):
-        """Advance ``state`` = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) by ``dt`` s.
+        """Advance ``state`` = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) by ``dt`` s from ``t``; rad, rad/s, N.
 
-        Returns the encoders' counts at the end. The voltages ``v_f``, ``v_b`` in V and the
-        random torques ``noise`` (3,) in N·m are held throughout. ``start_V``: voltage before the
-        start. ``first`` … ``mem``: the effects, from `plant`.
+        Returns the encoders' counts at the end. Held throughout are the voltages ``v_f``, ``v_b``
+        in V and the random torques ``noise`` (3,) in N·m. ``start_V``: voltage before the start;
+        ``body0``: body parameters; ``first`` … ``mem``: the effects' arrays (`plant._attach`).
         """
         _ = digest
         h = dt / substeps
@@ -201,7 +209,10 @@ def _compile(digest: str) -> tuple[Any, Any]:
 
     @njit(cache=True, error_model="numpy")
     def measure(state, t, body, first, address, par, mem):  # type: ignore[no-untyped-def]
-        """Returns the encoders' counts (3 integers) at time ``t`` (s)."""
+        """Return the encoders' counts (3 integers) for ``state`` at time ``t`` (s).
+
+        ``body``: body parameters; ``first`` … ``mem``: the effects' arrays (`plant._attach`).
+        """
         _ = digest
         return _counts(state, t, body, first, address, par, mem)
 
@@ -210,7 +221,7 @@ def _compile(digest: str) -> tuple[Any, Any]:
 
 @cache
 def compiled() -> tuple[Any, Any]:
-    """Returns ``period`` and ``measure``, compiled for the types that `plant` calls them with."""
+    """Return the functions ``period`` and ``measure``, compiled for the types that `plant` uses."""
     period, measure = _compile(_sources())
     one, two, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     number, whole = numba.float64, numba.int64

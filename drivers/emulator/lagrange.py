@@ -51,7 +51,10 @@ from .plant_layout import DJ_P, DJ_PSI, DJ_R, G_P, I_AA, I_AB, I_BB, I_NN, J_W, 
 
 @njit(cache=True)
 def mass_matrix(body: np.ndarray, r: float, p: float) -> tuple[float, ...]:
-    """Returns M(q) in kg·m² as (rr, rp, rψ, pp, pψ, ψψ). ``body``: layout of `plant_layout`."""
+    """Return the mass matrix in kg·m² as its elements (rr, rp, rψ, pp, pψ, ψψ).
+
+    ``r``, ``p``: roll and pitch, rad; ``body``: the body's parameters (`plant_layout`).
+    """
     sr, cr, sp, cp = math.sin(r), math.cos(r), math.sin(p), math.cos(p)
     Iaa, Ibb, Inn, Iab = body[I_AA], body[I_BB], body[I_NN], body[I_AB]
     return (
@@ -72,7 +75,11 @@ def mass_matrix(body: np.ndarray, r: float, p: float) -> tuple[float, ...]:
 def velocity_torques(
     body: np.ndarray, r: float, p: float, rd: float, pd: float, yd: float
 ) -> tuple[float, float, float]:
-    """Returns Coriolis and centrifugal torques, left of Lagrange's equations, N·m; rates rad/s."""
+    """Return the Coriolis and centrifugal torques of roll, pitch and yaw in N·m.
+
+    They are on the left of Lagrange's equations. ``r``, ``p``: roll and pitch, rad; ``rd``, ``pd``,
+    ``yd``: rates, rad/s.
+    """
     sr, cr, sp, cp = math.sin(r), math.cos(r), math.sin(p), math.cos(p)
     Iaa, Ibb, Inn, Iab = body[I_AA], body[I_BB], body[I_NN], body[I_AB]
     # ∂M/∂r: the entries rr, rp and pp do not depend on r.
@@ -101,14 +108,14 @@ def velocity_torques(
 
 @njit(cache=True)
 def gravity(body: np.ndarray, r: float, p: float) -> tuple[float, float]:
-    """Returns ∂U/∂r and ∂U/∂p in N·m; U does not depend on ψ."""
+    """Return ∂U/∂r, ∂U/∂p in N·m, U the potential energy, at roll ``r`` and pitch ``p`` (rad)."""
     lean = body[G_P] * math.cos(p) * math.cos(r)
     return body[T_G] * math.cos(r) - body[G_P] * math.sin(r) * math.sin(p), lean
 
 
 @njit(cache=True)
 def solve(m: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Returns M⁻¹ (x, y, z) for the symmetric ``m`` of `mass_matrix`, by Cramer's rule."""
+    """Return M⁻¹ (x, y, z) by Cramer's rule; ``m``: the elements of M from `mass_matrix`."""
     rr, rp, ry, pp, py, yy = m
     a, b, c = pp * yy - py * py, ry * py - rp * yy, rp * py - ry * pp
     d, e, f = rr * yy - ry * ry, rp * ry - rr * py, rr * pp - rp * rp
@@ -130,7 +137,11 @@ def accelerations(
     torque: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Write q̈ in rad/s² to ``out`` (3,), from the thrusts (N) and other torques (3,) in N·m."""
+    """Write the accelerations of roll, pitch and yaw in rad/s² to ``out`` (3,).
+
+    ``q``: angles, rad; ``qd``: rates, rad/s; ``F_front``, ``F_back``: thrusts, N; ``torque`` (3,):
+    other torques, N·m; ``body``: parameters.
+    """
     r, p = q[0], q[1]
     h_r, h_p, h_y = velocity_torques(body, r, p, qd[0], qd[1], qd[2])
     g_r, g_p = gravity(body, r, p)
@@ -150,7 +161,7 @@ def accelerations(
 
 @njit(cache=True)
 def energy(body: np.ndarray, q: np.ndarray, qd: np.ndarray) -> float:
-    """Returns kinetic plus potential energy in J."""
+    """Return kinetic plus potential energy in J for angles ``q`` (rad) and rates ``qd`` (rad/s)."""
     rr, rp, ry, pp, py, yy = mass_matrix(body, q[0], q[1])
     kinetic = 0.5 * (rr * qd[0] ** 2 + pp * qd[1] ** 2 + yy * qd[2] ** 2)
     kinetic += rp * qd[0] * qd[1] + ry * qd[0] * qd[2] + py * qd[1] * qd[2]
@@ -160,6 +171,6 @@ def energy(body: np.ndarray, q: np.ndarray, qd: np.ndarray) -> float:
 
 @njit(cache=True)
 def travel_momentum(body: np.ndarray, q: np.ndarray, qd: np.ndarray) -> float:
-    """Returns ∂T/∂ψ̇ in N·m·s, the angular momentum about the vertical."""
+    """Return ∂T/∂ψ̇ in N·m·s (T kinetic energy): angular momentum about the vertical."""
     _, _, ry, _, py, yy = mass_matrix(body, q[0], q[1])
     return float(ry * qd[0] + py * qd[1] + yy * qd[2])

@@ -2,11 +2,11 @@
 
 Each torque w is an Ornstein–Uhlenbeck process, τ_c ẇ = −w + √(2 τ_c) σ ξ(t), ξ white noise. It is
 sampled exactly at the control period and held over it: w[k+1] = a w[k] + σ √(1 − a²) N(0, 1),
-a = exp(−dt/τ_c). So its standard deviation is σ and its correlation time τ_c at any control rate.
+a = exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ_c (s), at any rate.
 
 Source of σ: the fit of a noisy closed-loop run (angles y, default controller, from level) by the
-same plant without noise (angles ŷ). The fit is 100 (1 − ‖y − ŷ‖/‖y − mean y‖) %, for roll / pitch /
-yaw the mean of seeds 1–6, for pitch also the lowest and highest of them; plan seed 1:
+same plant without noise (angles ŷ). The fit is 100 (1 − ‖y − ŷ‖/‖y − mean y‖) %. The table shows
+the mean of noise seeds 1–6 for roll / pitch / yaw, and the range for pitch; the plans have seed 1:
 
 ==============  ======================  ===============
 plan            fit                     pitch
@@ -40,9 +40,10 @@ BLOCK = 512
 
 
 class TorqueNoise:
-    """Draws random torques (3,) in N·m for each control period; ``scale`` multiplies `SIGMA_NM`.
+    """Draws random torques (3,) in N·m for each control period of ``dt`` s.
 
-    Another ``correlation_s`` keeps the density at low frequencies: σ² τ_c stays the same.
+    ``scale`` multiplies the standard deviations `SIGMA_NM`. Another correlation time
+    ``correlation_s`` (s) keeps the spectral density at low frequencies: σ² τ_c stays the same.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class TorqueNoise:
         self._fill()
 
     def draw(self) -> np.ndarray:
-        """Returns the torques (3,) in N·m of the next period."""
+        """Return the random torques (3,) in N·m on roll, pitch and yaw for the next period."""
         if self._next == len(self._block):
             self._fill()
         row: np.ndarray = self._block[self._next]
@@ -74,9 +75,11 @@ class TorqueNoise:
 
 
 class Vibration:
-    """A seeded stream of (3,) torques in N·m of a lightly damped mode, with standard deviation σ.
+    """Draws random torques τ (3,) in N·m of a lightly damped mode, one set per control period.
 
-    τ[k] = Re z[k], z[k+1] = a z[k] + σ √(1 − |a|²) (N(0, 1) + i N(0, 1)), a = e^{(−ζ + i) ω dt}.
+    τ[k] = Re z[k], z[k+1] = a z[k] + σ √(1 − |a|²) (N(0, 1) + i N(0, 1)), a = e^{(−ζ + i) ω dt}. σ
+    is ``scale`` times `SIGMA_NM`; ω = 2π ``hertz``; ζ is `VIBRATION_DAMPING`; ``dt`` is the period
+    in s.
     """
 
     def __init__(self, rng: np.random.Generator, dt: float, scale: float, hertz: float) -> None:
@@ -90,7 +93,7 @@ class Vibration:
         self._z = self._sigma * self._two()
 
     def draw(self) -> np.ndarray:
-        """The torques of the next period."""
+        """Return the vibration torques (3,) in N·m on roll, pitch and yaw for the next period."""
         torque: np.ndarray = self._z.real.copy()
         self._z = self._a * self._z + self._drive * self._two()
         return torque
@@ -102,7 +105,10 @@ class Vibration:
 
 @njit(cache=True)
 def _correlate(w: np.ndarray, a: float, drive: np.ndarray) -> np.ndarray:
-    """Returns len(drive) rows of torques, w[k+1] = a w[k] + drive[k]; updates ``w`` (3,)."""
+    """Return one row of torques for each row of ``drive``: w[k+1] = ``a`` w[k] + drive[k].
+
+    ``w`` (3,): the first row, replaced by the one after the last; ``drive``: random numbers, N·m.
+    """
     block = np.empty_like(drive)
     for k in range(len(drive)):
         for i in range(3):

@@ -49,8 +49,9 @@ class Truth:
 class Plant:
     """Simulates a rig's mechanics from motor voltages to encoder counts.
 
-    ``noise`` scales the random torques. ``spread`` is the largest relative change of parameters
-    (`spread_body`). ``start_V`` is the voltage on both motors before the start.
+    ``dt``: control period, s; ``noise``: factor of the random torques; ``noise_s``: their
+    correlation time, s. ``spread``: largest relative change of parameters (`spread_body`);
+    ``start_V``: voltage on both motors before the start.
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class Plant:
         """The encoders' counts since power-up: roll, pitch, yaw"""
 
     def step(self, v_front: float, v_back: float) -> bool:
-        """Run one control period under these voltages (V). Returns False if its sample is lost."""
+        """Run one control period under these voltages (V); return False if its sample is lost."""
         self._w = self._noise.draw()
         if self._vibration is not None:
             self._w = self._w + self._vibration.draw()
@@ -136,10 +137,10 @@ class Plant:
 
 
 def _attach(hidden: tuple[Hidden, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Returns the arrays ``first``, ``address``, ``par``, ``mem`` by which `kernel` calls effects.
+    """Return the arrays ``first``, ``address``, ``par``, ``mem`` by which `kernel` calls effects.
 
-    ``address``, ``par`` and ``mem`` have one row for each compiled function, by stage. The rows of
-    stage i are ``first[i]`` to ``first[i + 1] − 1``.
+    ``address`` (machine code), ``par`` (parameters) and ``mem`` (memory) have one row per compiled
+    function, sorted by `Stage`. The rows of stage i are ``first[i]`` to ``first[i + 1] − 1``.
     """
     calls = [(stage, h) for stage in at.Stage for h in hidden if stage in h.effect.kernels]
     rows = max(1, len(calls))
@@ -156,7 +157,7 @@ def _attach(hidden: tuple[Hidden, ...]) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def _compiled() -> tuple[Any, Any]:
-    """Returns the functions of `kernel.compiled`; logs a warning if that takes over a second."""
+    """Return the functions of `kernel.compiled`; log a warning if that takes over a second."""
     timer = threading.Timer(
         1.0,
         log.warning,

@@ -42,7 +42,7 @@ MEMORY_SIZE = 1024
 
 
 class Stage(enum.IntEnum):
-    """The points of a substep at which effects are called, and the content of their ``out``."""
+    """The points of a substep at which effects are called; each defines their array ``out``."""
 
     BODY = 0
     """once a substep; `out` is the body's numbers, to be changed in place"""

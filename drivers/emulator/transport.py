@@ -19,10 +19,7 @@ FULL = 8192
 
 
 def emulated(url: str = "mock:") -> Endpoint:
-    """Start the emulated rig of a ``mock:`` URL and return its device.
-
-    The plant is compiled before this returns. Raises UsageError for a bad option.
-    """
+    """Return the emulated device of a ``mock:`` URL, ready to run. Raises UsageError."""
     from heli3dof.rig.profile import default_profile
     from heli3dof.rig.url import parse_url
 
@@ -38,7 +35,7 @@ def emulated(url: str = "mock:") -> Endpoint:
 
 
 class Delay:
-    """A line that delays every byte by ``delay_us``."""
+    """A simulated connection that delays every byte by ``delay_us`` (µs)."""
 
     def __init__(self, delay_us: int = 0) -> None:
         self._delay_us = delay_us
@@ -49,14 +46,14 @@ class Delay:
             self._pending.append((now_us + self._delay_us, data))
 
     def get(self, now_us: int) -> bytes:
-        """Returns the bytes that have arrived by ``now_us``."""
+        """Return the bytes that have arrived by ``now_us`` (µs)."""
         out = b""
         while self._pending and self._pending[0][0] <= now_us:
             out += self._pending.popleft()[1]
         return out
 
     def next_us(self) -> int | None:
-        """Returns the time in µs at which the next byte arrives; None: no byte is on its way."""
+        """Return the time in µs at which the next byte arrives; None if no byte is pending."""
         return self._pending[0][0] if self._pending else None
 
 
@@ -67,9 +64,9 @@ def serve(
     *,
     delay_us: int = 0,
 ) -> None:
-    """Run the device at descriptor ``fd`` until ``going`` returns False or the descriptor closes.
+    """Run the device at file descriptor ``fd`` until ``going`` returns False or ``fd`` closes.
 
-    ``delay_us``: delay of every byte in each direction.
+    ``delay_us``: delay of every byte in each direction, µs.
     """
     os.set_blocking(fd, False)
     start = time.monotonic_ns() // 1000

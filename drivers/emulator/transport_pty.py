@@ -1,8 +1,9 @@
-"""``python -m heli3dof_drivers.emulator.transport_pty --device 'mock:?hide=…&seed=…'``
+"""Runs the emulated rig at a pseudo-terminal, in real time, in a process of its own.
 
-Runs the emulated rig at a pseudo-terminal, in real time, in a process of its own that can be killed
-and restarted like a rig. The first line on stdout is the terminal's path, which
-``heli3dof … --device serial://PATH`` opens.
+``python -m heli3dof_drivers.emulator.transport_pty --device 'mock:?hide=…&seed=…'``
+
+The process can be killed and restarted like a rig. The first line on stdout is the terminal's path,
+which ``heli3dof … --device serial://PATH`` opens.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def main() -> None:
 
 
 def _terminal() -> tuple[int, str]:
-    """Open a raw pseudo-terminal; returns the rig's descriptor and the path of the host's end.
+    """Open a raw pseudo-terminal; return the rig's descriptor and the path for the host.
 
     This process also keeps the host's end open, so that the rig continues when its host closes it.
     """

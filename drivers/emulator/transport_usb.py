@@ -49,9 +49,9 @@ _ENDPOINT = "bLength bDescriptorType bEndpointAddress bmAttributes wMaxPacketSiz
 
 @dataclass(frozen=True, slots=True)
 class BusFault:
-    """A fault that begins ``at_s`` s after the bus was created and lasts ``for_s`` s.
+    """A fault of the emulated bus, from ``at_s`` s after its creation for ``for_s`` s.
 
-    ``for_s`` None: for good, but a stalled pipe works again once the host has cleared it.
+    ``for_s`` None: for ever, but a stalled pipe works again once the host has cleared it.
     """
 
     kind: str
@@ -60,7 +60,7 @@ class BusFault:
 
     @staticmethod
     def of(text: str) -> BusFault:
-        """Returns the fault in an option's text. Raises UsageError.
+        """Return the fault that the option's value ``text`` describes. Raises UsageError.
 
         >>> BusFault.of("silent@1:0.5")
         BusFault(kind='silent', at_s=1.0, for_s=0.5)
@@ -82,7 +82,7 @@ class BusFault:
 
 @dataclass(eq=False)
 class RigOnBus:
-    """A device on the bus, with its present and future faults."""
+    """An emulated rig on the emulated USB bus, with its present and future faults."""
 
     function: UsbFunction
     faults: Sequence[BusFault] = ()
@@ -103,7 +103,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def locked(method: F) -> F:
-    """Decorator: the method runs under the bus's lock, which a thread releases while it waits."""
+    """Decorator: run ``method`` under the bus's lock, which a thread releases while it waits."""
 
     @functools.wraps(method)
     def method_with_lock(self: EmulatedBus, *args: Any, **named: Any) -> Any:
@@ -114,7 +114,7 @@ def locked(method: F) -> F:
 
 
 class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
-    """A pyusb backend whose only devices are emulated rigs. ``clock`` returns seconds."""
+    """A pyusb backend whose only devices are emulated rigs. ``clock`` returns the time in s."""
 
     def __init__(
         self, rigs: Iterable[RigOnBus], clock: Callable[[], float] = time.monotonic
@@ -140,7 +140,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
             rig.function.configuration = 1
 
     def now_us(self) -> int:
-        """Returns the devices' clock: µs since the bus was created."""
+        """Return the time on the devices' clock: µs since the bus was created."""
         return int((self._clock() - self._began) * 1e6)
 
     def _apply_faults(self) -> None:
@@ -306,7 +306,10 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
         return rig.function
 
     def _wait(self, function: UsbFunction, deadline: float) -> None:
-        """Wait until a transfer may succeed, at most 10 ms; past ``deadline``: USBTimeoutError."""
+        """Wait until a transfer may succeed, 10 ms at most.
+
+        Raises USBTimeoutError if ``deadline`` (s on the bus's clock) has passed.
+        """
         now = self._clock()
         if now >= deadline:
             raise usb.core.USBTimeoutError("Operation timed out", errno=errno.ETIMEDOUT)

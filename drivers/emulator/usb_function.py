@@ -39,7 +39,7 @@ CONFIGURATION = (
 
 
 class UsbFunction:
-    """One USB device. A method that returns None replies STALL, USB's handshake for an error."""
+    """One emulated USB device. A method returns None to reply STALL, USB's sign of an error."""
 
     def __init__(self, endpoint: Endpoint, serial: str, *, configured: bool = True) -> None:
         self.endpoint = endpoint
@@ -54,7 +54,10 @@ class UsbFunction:
         self._to_host = b""
 
     def control(self, now_us: int, kind: int, request: int, value: int) -> bytes | None:
-        """Handle a control request, ``kind`` its bmRequestType: return a string, or stop."""
+        """Handle a control request: return the string that it asks for, or stop the motors.
+
+        ``kind``, ``request``, ``value``: bmRequestType, bRequest, wValue; ``now_us``: time in µs.
+        """
         if (kind, request, value >> 8) == (0x80, 6, 3):
             return self._string(value & 0xFF)
         if (kind, request) == (0x40, STOP):
@@ -63,14 +66,14 @@ class UsbFunction:
         return None
 
     def configure(self, now_us: int, value: int) -> None:
-        """Select configuration 1, or 0 (unconfigured), which stops the motors."""
+        """Select configuration ``value``: 1, or 0 (not configured), which stops the motors."""
         if not value:
             self.lost(now_us)
         self.configuration = value
         self.halted.clear()
 
     def take(self, now_us: int, data: bytes) -> bool | None:
-        """Accept bytes from the host. Returns False for a NAK: the host tries again."""
+        """Accept the host's bytes ``data``. Returns False for a NAK: the host must try again."""
         if OUT in self.halted | self.stuck:
             return None
         if self.silent or not self.configuration:
@@ -79,7 +82,7 @@ class UsbFunction:
         return True
 
     def give(self, now_us: int, longest: int) -> bytes | None:
-        """Returns at most ``longest`` bytes for the host; b"" is a NAK."""
+        """Return at most ``longest`` bytes for the host; b"" is a NAK, i.e. no bytes yet."""
         self._send(self.endpoint.tick(now_us))
         if IN in self.halted | self.stuck:
             return None
@@ -89,7 +92,7 @@ class UsbFunction:
         return now
 
     def lost(self, now_us: int) -> None:
-        """Stop the motors, as the bus was reset or unplugged, or the configuration removed."""
+        """Stop the motors at ``now_us`` (µs): bus reset, unplugged, or not configured any more."""
         self._stop(now_us, Cause.SUPPLY)
         self.configuration = 0
         self.halted.clear()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class UsbMockDriver:
-    """Opens emulated rigs through pyusb."""
+    """Opens emulated rigs on an emulated USB bus, through pyusb."""
 
     scheme = "usb+mock"
     options: Sequence[str] = (
@@ -33,11 +33,11 @@ class UsbMockDriver:
     """No other process can reach the rig: see `heli3dof.rig.interface.PrivateToProcess`"""
 
     def find(self) -> Sequence[str]:
-        """Returns no URLs: an emulated bus exists only while a process has it open."""
+        """Return no URLs: an emulated bus exists only while a process has it open."""
         return []
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
-        """Create a bus with the rig of the URL and open it. Raises UsageError for a bad option."""
+        """Return the rig of the URL, opened on a new bus. Raises UsageError for a bad option."""
         from ..mock import own_profile
         from ..options import UsbMockOptions
         from ..usb_bulk.driver import open_on
@@ -48,7 +48,7 @@ class UsbMockDriver:
         return open_on(EmulatedBus([rig]), url, profile, options, where="")
 
     def estop(self, url: DeviceUrl) -> str:
-        """Does nothing: an emulated rig exists only in the process that opened it."""
+        """Return a message only: an emulated rig exists only in the process that opened it."""
         return "an emulated rig exists only in the process that runs it: nothing else to stop"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
@@ -56,7 +56,7 @@ class UsbMockDriver:
 
 
 def rig_on_bus(profile: Profile, options: RigOptions, faults: tuple[str, ...] = ()) -> RigOnBus:
-    """Returns a rig to be put on an `EmulatedBus`. ``faults``: the bus's, as in ``bus=``."""
+    """Return a rig for an `EmulatedBus`. ``faults``: faults of the bus, as values of ``bus=``."""
     from ..mock import device_of
     from .endpoint import Endpoint
     from .transport_usb import BusFault, RigOnBus

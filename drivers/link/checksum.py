@@ -14,7 +14,7 @@ INITIAL = 0xFFFF
 
 
 def crc16(data: bytes) -> int:
-    """Returns the CRC-16/IBM-3740 of ``data``.
+    """Return the 16-bit check value CRC-16/IBM-3740 of ``data``.
 
     >>> hex(crc16(b"123456789"))
     '0x29b1'
@@ -23,5 +23,5 @@ def crc16(data: bytes) -> int:
 
 
 def check(data: bytes) -> bytes:
-    """Returns a frame's last four bytes: crc16 of ``data``, then of its reverse, little-endian."""
+    """Return a frame's last four bytes: CRC-16 of the others, ``data``, and of their reverse."""
     return (crc_hqx(data, INITIAL) | crc_hqx(data[::-1], INITIAL) << 16).to_bytes(4, "little")

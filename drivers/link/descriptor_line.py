@@ -1,4 +1,4 @@
-"""A `Transport` over a file descriptor: a tty, a pseudo-terminal, a socket.
+"""A `Transport` over an open file descriptor: a serial port, a pseudo-terminal or a socket.
 
 It reads as soon as the system reports bytes: a round trip takes a third of the time that it takes
 with pyserial's ``read``.
@@ -20,7 +20,10 @@ CHUNK = 4096
 
 
 class DescriptorLine:
-    """A line over an open descriptor, made non-blocking; ``release`` is called to close it."""
+    """A connection over an open file descriptor ``fd``, which it makes non-blocking.
+
+    ``name`` is the port or URL in messages; `close` calls ``release`` once to close the descriptor.
+    """
 
     def __init__(self, fd: int, name: str, release: Callable[[], None]) -> None:
         os.set_blocking(fd, False)
@@ -33,7 +36,7 @@ class DescriptorLine:
         return self._name
 
     def write(self, data: bytes) -> None:
-        """Send all of ``data``. Raises DeviceError if the port is gone or full for `WRITE_S`."""
+        """Send all of ``data``. Raises DeviceError if the port is gone or blocks for `WRITE_S`."""
         until = time.monotonic() + WRITE_S
         while data:
             try:
@@ -47,7 +50,7 @@ class DescriptorLine:
                 raise gone(self._name, problem) from problem
 
     def read(self, timeout_s: float) -> bytes:
-        """Returns the bytes that have arrived; see `Transport.read`."""
+        """Return the bytes that have arrived; b"" when none arrive within ``timeout_s`` seconds."""
         fd = self._open_fd()
         try:
             if not select.select([fd], [], [], timeout_s)[0]:
@@ -62,7 +65,7 @@ class DescriptorLine:
         return data
 
     def flush_input(self) -> None:
-        """Discard the bytes that have arrived."""
+        """Discard the bytes that have arrived from the device and were not read yet."""
         for _ in range(64):
             if not self.read(0.0):
                 return
@@ -77,10 +80,11 @@ class DescriptorLine:
             return  # the line is gone: nothing to release
 
     def _hung_up(self) -> bool:
-        """True if a line that was readable but gave no bytes has ended.
+        """Return True if the connection is closed.
 
-        On a terminal, poll then reports a hang-up. Otherwise another process, such as heli3dof
-        estop, has read the bytes first. Any other descriptor has always ended.
+        Call this after select() reported data but read() returned none. Terminal: closed if poll()
+        reports POLLHUP or an error, else another process read the bytes first. Any other
+        descriptor: always closed.
         """
         if not os.isatty(self._fd):
             return True
@@ -95,7 +99,7 @@ class DescriptorLine:
 
 
 def gone(name: str, problem: Exception | None) -> DeviceError:
-    """Returns the error for an unplugged line; ``problem``: the system's error, if any."""
+    """Return the DeviceError for a lost connection ``name``; ``problem``: the system's error."""
     return DeviceError(
         f"{name} is gone{f' ({problem})' if problem else ''}.",
         cause="the cable is out, or the device has lost its supply; its own watchdog takes the "

@@ -1,4 +1,4 @@
-"""Sends the emergency stop, in any state, until the device confirms it or the tries end."""
+"""Sends the emergency stop (ESTOP frames) until the device confirms it or the attempts end."""
 
 from __future__ import annotations
 
@@ -20,8 +20,10 @@ SHARED_TRIES = 10
 
 
 def ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:
-    """Returns a function of a frame and numbers: it returns the frame if it is the ACK of a request
-    of this type with one of the numbers, else None.
+    """Return a function of a frame and a set of frame numbers that recognises a reply.
+
+    It returns the frame if this is the ACK of a request of type ``request`` with one of the
+    numbers, else None.
     """
 
     def match(frame: Frame, numbers: set[int]) -> Ack | None:
@@ -33,10 +35,10 @@ def ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:
 
 
 def stop(client: RequestClient, tries: int = STOP_TRIES) -> bool:
-    """Send the stop up to ``tries`` times. True once an ACK or a sample shows the device stopped.
+    """Send the emergency stop, up to ``tries`` times, `STOP_EVERY_S` apart.
 
-    On a line that another program reads too, that program gets most replies; samples repeat, so
-    some arrive here.
+    Returns True once an ACK or a sample shows that the device has stopped, else False. If another
+    program reads from the same port, it gets most replies. Samples repeat, so some arrive here.
     """
     is_ack = ack_of(Type.ESTOP)
     numbers: set[int] = set()
@@ -59,10 +61,10 @@ def _is_stopped(sample: SampleFrame) -> bool:
 
 
 def stop_over(transport: Transport, *, shared: bool = False) -> str:
-    """Stop the device at the other end; returns a message for the user.
+    """Stop the device at the other end of ``transport``; return a message for the user.
 
-    ``shared``: another program holds this line and may read the reply. Raises DeviceError where
-    nothing confirms the stop.
+    ``shared``: another program has the same port open and may read the reply. Raises DeviceError if
+    neither an ACK nor a sample confirms the stop.
     """
     tries = SHARED_TRIES if shared else STOP_TRIES
     if not stop(RequestClient(transport), tries):

@@ -1,4 +1,4 @@
-"""The errors of a rig on the link, each with its cause and what to do."""
+"""The errors of a rig that uses the link protocol, each with its cause and what to do."""
 
 from __future__ import annotations
 
@@ -34,7 +34,11 @@ def not_ours(name: str) -> DeviceError:
 
 
 def not_stopped(name: str, tries: int, *, shared: bool = False) -> DeviceError:
-    """Returns the error for an unconfirmed stop. ``shared``: another program held the line too."""
+    """Return the DeviceError for an emergency stop that the device did not confirm.
+
+    ``name``: the rig's port or URL; ``tries``: ESTOP frames sent; ``shared``: another program had
+    the same port open.
+    """
     return DeviceError(
         f"{name}: the emergency stop was sent {tries} times and not acknowledged.",
         cause="the line is broken, or the program that holds the port has read the reply."
@@ -45,7 +49,12 @@ def not_stopped(name: str, tries: int, *, shared: bool = False) -> DeviceError:
 
 
 def not_arming(name: str, code: int, cause: int, period_us: int, watchdog_us: int) -> DeviceError:
-    """Returns the error for a refused ARM; ``code`` and ``cause`` are those of its ACK."""
+    """Return the DeviceError for an ARM request that the device refused.
+
+    ``code`` and ``cause`` are those of its ACK (`Code`, `Cause`). ``period_us`` and ``watchdog_us``
+    are the sample period and watchdog timeout of the request in µs; ``name`` is the rig's port or
+    URL.
+    """
     if code == Code.FAULT:
         reason = Cause(cause).name.lower() if cause in set(Cause) else f"number {cause}"
         return DeviceError(

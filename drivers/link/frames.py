@@ -28,7 +28,7 @@ _HEADER = Struct("<BBI")
 
 
 class Type(enum.IntEnum):
-    """The type of a frame; bit 7 marks those that the device sends."""
+    """Frame types of the protocol; those that the device sends have bit 7 set."""
 
     HELLO = 0x01
     ARM = 0x02
@@ -44,7 +44,7 @@ class Type(enum.IntEnum):
 
 
 class Code(enum.IntEnum):
-    """The result of a request, in its ACK."""
+    """Result codes by which the device answers a request, in its ACK frame."""
 
     OK = 0
     ALREADY_ARMED = 1
@@ -56,7 +56,7 @@ class Code(enum.IntEnum):
 
 
 class Cause(enum.IntEnum):
-    """Why the device holds its output at zero."""
+    """Reasons why the device holds its output voltage at zero."""
 
     NONE = 0
     WATCHDOG = 1
@@ -72,9 +72,10 @@ class Cause(enum.IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """Requests the device's identity. The reply, in every state, is an `IdentityFrame`.
+    """Requests the device's identity. The device replies in every state with an `IdentityFrame`.
 
-    A device that supports none of ``oldest`` … ``newest`` replies an `Ack` with `Code.VERSION`.
+    If it supports no protocol version from ``oldest`` to ``newest``, it replies an `Ack` with
+    `Code.VERSION`.
     """
 
     TYPE: ClassVar = Type.HELLO
@@ -87,7 +88,7 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """Enables the output at zero volts. The reply is an `Ack`, then, if that is OK, sample 0."""
+    """Enables the output at zero volts. The reply is an `Ack`; after code OK, sample 0 follows."""
 
     TYPE: ClassVar = Type.ARM
     BODY: ClassVar = Struct("<III")
@@ -102,7 +103,7 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class CommandFrame:
-    """Sets the voltages until the next command. ``number`` increases with every command."""
+    """Sets the motor voltages until the next command. ``number`` increases with every command."""
 
     TYPE: ClassVar = Type.COMMAND
     BODY: ClassVar = Struct("<ii")
@@ -150,7 +151,7 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class IdentityFrame:
-    """The device's identity, in reply to a `Hello`; ``number`` is that of the request."""
+    """The device's identity, in reply to a `Hello`; ``number`` repeats the request's number."""
 
     TYPE: ClassVar = Type.IDENTITY
     BODY: ClassVar = Struct("<BBIIiiiIIII16s16s16s")
@@ -179,7 +180,7 @@ class IdentityFrame:
 
 @dataclass(frozen=True, slots=True)
 class Ack:
-    """The result of a request; ``number`` is that of the request."""
+    """The result of a request; ``number`` repeats the request's number."""
 
     TYPE: ClassVar = Type.ACK
     BODY: ClassVar = Struct("<BBBBI")
@@ -194,7 +195,7 @@ class Ack:
 
 @dataclass(frozen=True, slots=True)
 class SampleFrame:
-    """One sample. ``number`` counts the samples since the device was armed, POLLed ones too."""
+    """One sample: counts, voltages, currents. ``number`` counts the samples since the ARM."""
 
     TYPE: ClassVar = Type.SAMPLE
     BODY: ClassVar = Struct("<IIiiiiihhHBB")
@@ -220,7 +221,7 @@ class SampleFrame:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The device's counters since it started."""
+    """Counters of frames, errors and delays since the device started, in reply to a `Status`."""
 
     TYPE: ClassVar = Type.REPORT
     BODY: ClassVar = Struct("<IIIIIIIBBI")
@@ -259,7 +260,7 @@ _FIELDS = {t: tuple(k.__slots__)[1:] for t, k in _KINDS.items()}
 
 
 def payload(frame: Frame) -> bytes:
-    """Returns the frame's header, body and check, before the COBS encoding."""
+    """Return ``frame`` as header, body and check bytes, before the COBS encoding."""
     kind = int(frame.TYPE)
     body = frame.BODY.pack(*(getattr(frame, name) for name in _FIELDS[kind]))
     data = _HEADER.pack(VERSION, kind, frame.number & 0xFFFFFFFF) + body
@@ -267,7 +268,7 @@ def payload(frame: Frame) -> bytes:
 
 
 def wire(frame: Frame) -> bytes:
-    """Returns the bytes on the line, with the delimiter 0 at the end.
+    """Return ``frame`` as the bytes to send: COBS-encoded, with the delimiter 0 at the end.
 
     An ESTOP also begins with a 0, so that an incomplete frame before it cannot corrupt it.
     """
@@ -276,9 +277,10 @@ def wire(frame: Frame) -> bytes:
 
 
 def parse(stuffed: bytes) -> Frame | None:
-    """Returns the frame in the bytes between two delimiters; None if they are not a valid frame.
+    """Return the frame in ``stuffed``, the COBS-encoded bytes between two delimiters.
 
-    A HELLO is valid with any version in its header, because it asks for the device's version.
+    Returns None if they are not a valid frame. A HELLO is valid with any version in its header,
+    because it asks for the device's version.
     """
     try:
         data = decode(stuffed)
@@ -293,14 +295,17 @@ def parse(stuffed: bytes) -> Frame | None:
 
 
 def command(number: int, front_uV: int, back_uV: int) -> bytes:
-    """Returns ``wire(CommandFrame(…))``, computed faster for the control loop."""
+    """Return the bytes of a command frame to send; a faster `wire` for the control loop.
+
+    ``number`` is the frame's number; ``front_uV`` and ``back_uV`` are the motor voltages in µV.
+    """
     data = pack("<BBIii", VERSION, Type.COMMAND, number, front_uV, back_uV)
     out: bytes = encode(data + check(data)) + b"\0"
     return out
 
 
 class Splitter:
-    """Splits received bytes at the delimiters and returns the valid frames."""
+    """Splits a stream of received bytes at the delimiter 0 and returns the valid frames."""
 
     def __init__(self) -> None:
         self._rest = b""
@@ -308,7 +313,7 @@ class Splitter:
         """Pieces that were not a valid frame"""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Returns the frames that these bytes complete, in order."""
+        """Return the frames that the new bytes ``data`` complete; keep an incomplete rest."""
         *whole, rest = (self._rest + data).split(b"\0")
         if len(rest) > LONGEST:  # too long for a frame: do not collect it
             rest = rest[: LONGEST + 1]
@@ -325,5 +330,5 @@ class Splitter:
         return out
 
     def frame(self, piece: bytes) -> Frame | None:
-        """Returns the frame in a piece, or None. The emulated device adds unknown types here."""
+        """Return the frame in ``piece``, the bytes between two delimiters; None: not valid."""
         return parse(piece)

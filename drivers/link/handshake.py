@@ -1,4 +1,4 @@
-"""Identifies the device and its protocol version, and compares the device with the profile."""
+"""Identifies the device at a connection and compares it with the rig's profile."""
 
 from __future__ import annotations
 
@@ -21,7 +21,11 @@ AXES = ("roll", "pitch", "yaw")
 
 
 def identify(client: RequestClient) -> IdentityFrame:
-    """Returns the device's identity. Raises DeviceError: no reply, no rig, another version."""
+    """Return the device's identity, its reply to a HELLO request.
+
+    Raises DeviceError if no byte arrives, if the device is not a rig, or if it uses another
+    protocol version.
+    """
     transport = client.transport
     transport.flush_input()
     transport.write(b"\0")
@@ -56,7 +60,7 @@ def identify(client: RequestClient) -> IdentityFrame:
 
 
 def foreign_version(received: bytes) -> int | None:
-    """Returns the version of the first valid frame of another protocol version, or None."""
+    """Return the first protocol version in the bytes ``received`` that is not ours, or None."""
     for piece in received.split(b"\0"):
         try:
             data = decode(piece)
@@ -86,9 +90,11 @@ def _shown(received: bytes) -> str:
 def check_profile(
     identity: IdentityFrame, profile: Profile, name: str, *, signs: str = "device"
 ) -> None:
-    """Check that the device is the profile's rig. Raises DeviceError that names the profile's key.
+    """Raise a DeviceError if the device's ``identity`` contradicts the ``profile``.
 
-    ``signs="profile"``: the profile gives the encoders' counting direction, not the device.
+    Compared are counts per revolution, voltage limit and sample period; the error names the
+    profile's key. ``name`` is the rig's port or URL. ``signs="profile"``: the signs of the encoder
+    counts are those of the profile and are not compared.
     """
     for axis, theirs in zip(
         AXES, (identity.counts_roll, identity.counts_pitch, identity.counts_yaw), strict=True
@@ -129,7 +135,7 @@ def check_profile(
 
 
 def period_of(profile: Profile) -> int:
-    """Returns the control period in whole µs."""
+    """Return the profile's control period (one over ``loop.rate_hz``), rounded to whole µs."""
     return round(1e6 / profile.loop.rate_hz)
 
 

@@ -1,4 +1,4 @@
-"""Counters and time distributions of a link, for recordings, ``doctor`` and benchmarks."""
+"""Counters and time distributions of a connection, for recordings, ``doctor`` and benchmarks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from heli3dof.rig.histogram import Histogram
 
 @dataclass
 class LinkStatistics:
-    """Counts and times since the link was opened."""
+    """Counts of frames and samples, and distributions of times, since the connection was opened."""
 
     sent: int = 0
     """Frames to the device"""

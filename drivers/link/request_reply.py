@@ -1,7 +1,7 @@
 """Sends requests and receives their replies over a transport, with timeouts, retries and counters.
 
-A reply carries its request's number. So a late reply to an earlier attempt is accepted, a reply to
-another request is not. Samples that arrive meanwhile are queued.
+A reply repeats its request's number. So a late reply to an earlier attempt is accepted, but a reply
+to another request is not. Samples that arrive meanwhile are queued.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ F = TypeVar("F")
 
 
 class RequestClient:
-    """The host's end of one line: sends frames, returns replies, and queues samples."""
+    """The host's end of one connection: sends frames, returns replies, and queues samples."""
 
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
@@ -39,17 +39,17 @@ class RequestClient:
         self._number = 0
 
     def next_number(self) -> int:
-        """Returns a new number for a request; commands are numbered separately."""
+        """Return a new number for a request frame; commands have numbers of their own."""
         self._number = (self._number + 1) & 0xFFFFFFFF
         return self._number
 
     def send(self, data: bytes) -> None:
-        """Send the bytes of one frame."""
+        """Send ``data``, the bytes of one frame, and count it as sent."""
         self.transport.write(data)
         self.statistics.sent += 1
 
     def receive(self, timeout_s: float) -> list[Frame]:
-        """Read bytes once. Returns the frames other than samples, which go to ``samples``."""
+        """Read for up to ``timeout_s`` s. Queue samples in ``samples``, return other frames."""
         return self._process(self.transport.read(timeout_s))
 
     def _process(self, data: bytes) -> list[Frame]:
@@ -75,10 +75,11 @@ class RequestClient:
         tries: int = TRIES,
         timeout_s: float = REPLY_TIMEOUT_S,
     ) -> F | None:
-        """Send a request and return its reply; None when none arrived in any attempt.
+        """Send a request up to ``tries`` times; return its reply, or None if no attempt got one.
 
-        ``make`` returns the request frame for a number. ``match`` is called with each received
-        frame and the numbers of all attempts; it returns the reply, or None for another frame.
+        ``make(number)`` returns the request frame with this number. ``match(frame, numbers)`` is
+        called with each received frame and the numbers of all attempts. It returns the reply, or
+        None if the frame is another one. Each attempt waits ``timeout_s`` seconds.
         """
         numbers: set[int] = set()
         self.tail = b""

@@ -5,11 +5,12 @@ Streaming (the device keeps time)::
     exchange:  COMMAND at once ──▶ ... the device's next sample
 
 Samples that were waiting when the command was sent are discarded, and of several that arrive
-together the newest is used. So a late host skips periods; it never runs two exchanges in one. If
-the line loses or delays a command, no period is lost: the next sample is used. Its echo, the number
-of the last command applied, shows that the command is missing. Polled (the host keeps time)::
+together the newest is used. So a late host skips periods; it never makes up for them. If the
+connection loses or delays a command, no period is lost: the next sample is used. Its echo, the
+number of the last command applied, shows that the command is missing. Polled (the host keeps
+time)::
 
-    exchange:  COMMAND at once, wait until due_s, POLL ──▶ SAMPLE
+    exchange:  COMMAND at once, wait until due_s (the period's end), POLL ──▶ SAMPLE
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ EMULATED = "emulated"
 
 
 class LinkRig:
-    """An open rig on the link; see `heli3dof.rig.interface.Rig`."""
+    """An open rig that uses the link protocol; implements `heli3dof.rig.interface.Rig`."""
 
     def __init__(
         self,
@@ -83,9 +84,10 @@ class LinkRig:
     ) -> None:
         """Identify the device and compare it with the profile; nothing moves.
 
-        ``stream=False``: the host polls each sample. ``watchdog_s``: replaces the device's own.
-        ``signs="profile"``: the profile gives the encoders' counting direction. Where this raises
-        DeviceError, it has closed the transport.
+        ``driver``: the driver's name, for recordings. ``stream=False``: the host requests each
+        sample. ``watchdog_s``: timeout that replaces the device's own. ``signs="profile"``: the
+        signs of the encoder counts are those of the profile. If this raises DeviceError, it has
+        closed the transport.
         """
         self._transport = transport
         self._client = RequestClient(transport)
@@ -118,16 +120,16 @@ class LinkRig:
 
     @property
     def statistics(self) -> LinkStatistics:
-        """Counters of the link since it was opened."""
+        """Return the connection's counters since it was opened."""
         return self._client.statistics
 
     @property
     def device_cause(self) -> str | None:
-        """Why the device holds its output at zero, from its last sample."""
+        """Return why the device holds its output at zero, by its last sample; None: it does not."""
         return cause_name(self._validator.cause)
 
     def arm(self) -> Sample:
-        """Clear latches and enable the output at zero volts; returns the first sample."""
+        """Clear latched stops, enable the output at zero volts, and return the first sample."""
         self._check_open()
         self._samples.armed = self._streaming = False
         self._armed_here = True
@@ -154,7 +156,7 @@ class LinkRig:
         raise self._no_sample()
 
     def read(self) -> Sample:
-        """Returns a sample taken now (of a stream: the next one), armed or not."""
+        """Return a sample taken now, or the next one of a running stream; armed or not."""
         self._check_open()
         if self._streaming:
             self._samples.discard_stale()
@@ -162,7 +164,7 @@ class LinkRig:
         return self._poll()
 
     def exchange(self, command_: Command, due_s: float) -> Sample:
-        """Run one control period under the command; see `heli3dof.rig.interface`."""
+        """Send the command, return the period's sample. ``due_s``: when to POLL (monotonic, s)."""
         self._check_open()
         v_front, v_back = command_.v_front, command_.v_back
         if not (isfinite(v_front) and isfinite(v_back)):
@@ -189,15 +191,16 @@ class LinkRig:
         self._samples.discard_stale()
 
     def report(self) -> Report | None:
-        """Returns the device's own counters; None when it does not reply."""
+        """Return the device's own counters; None if it does not reply."""
         self._check_open()
         return self._client.request(Status, _report)
 
     def close(self) -> None:
-        """Set zero volts, disable the amplifier, release the line. Idempotent.
+        """Set zero volts, disable the amplifier and close the connection; a second call does
+        nothing.
 
-        A broken line raises no error. A device that this object never armed stays as it is: another
-        program may run it.
+        A broken connection raises no error. A device that this object never armed stays as it is:
+        another program may run it.
         """
         if not self._open:
             return
@@ -228,7 +231,7 @@ class LinkRig:
         return self._checked(self._samples.first())
 
     def _next_of_stream(self) -> Sample:
-        """Returns the stream's next sample, or a polled one if the stream has ended.
+        """Return the stream's next sample, or a polled one if the stream has ended.
 
         Raises DeviceError if the device is gone or has restarted.
         """
@@ -245,7 +248,7 @@ class LinkRig:
         return self._checked(self._samples.poll())
 
     def _checked(self, sample: Sample | None) -> Sample:
-        """Returns ``sample``. Raises DeviceError if None or if another program disarmed the rig."""
+        """Return ``sample``. Raises DeviceError if None or if another program disarmed the rig."""
         if sample is None or (self._samples.armed and not sample.flags & _SINCE_ARMED):
             raise self._no_sample()
         return sample
@@ -257,11 +260,13 @@ class LinkRig:
         return ack
 
     def _no_sample(self) -> DeviceError:
-        """Returns the error for a missing sample: device gone, restarted, or armed elsewhere."""
+        """Return the DeviceError for a missing sample: rig gone, restarted, or armed elsewhere."""
         return self._connection_error() or not_ours(self._transport.name)
 
     def _connection_error(self) -> DeviceError | None:
-        """Returns the error if the device is silent or restarted since its opening, else None."""
+        """Return the DeviceError if the device is silent or has restarted since `__init__`, else
+        None.
+        """
         reply = self._client.request(
             Hello, lambda f, n: f if isinstance(f, IdentityFrame) and f.number in n else None
         )
@@ -272,12 +277,12 @@ class LinkRig:
         return None if same else restarted(self._transport.name)
 
     def _uptime_s(self) -> float | None:
-        """Returns s since the device started, modulo 2³² ms; None if it does not reply."""
+        """Return the seconds since the device started, modulo 2³² ms; None if it does not reply."""
         report = self._client.request(Status, _report)
         return None if report is None else report.uptime_ms / 1e3
 
     def _uptime_fell_back(self) -> bool:
-        """True if the uptime shows a restart; needed as some devices repeat their boot number."""
+        """Return True if the uptime shows a restart: some devices repeat their boot number."""
         uptime_s = self._uptime_s()
         if uptime_s is None or self._started_s is None:
             return False

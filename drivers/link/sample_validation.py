@@ -1,9 +1,9 @@
 """Accepts the samples of the current arming that are newer than the last one and echo a command
 that was sent.
 
-Let n be a sample's number and e its echo, the number of the last command applied. It is accepted
-where, with n_last and e_last of the last accepted sample (e_last is at first the ARM's number) and
-c the number of the last command sent,
+Let n be a sample's number and e its echo, the number of the last command applied; n_last and e_last
+those of the last accepted sample (e_last is at first the ARM's number); and c the number of the
+last command sent. The sample is accepted if
 
     0 < (n − n_last) mod 2³² < 2³¹    and    (e − e_last) mod 2³² ≤ (c − e_last) mod 2³²
 
@@ -11,8 +11,8 @@ So an accepted echo never decreases and never exceeds c. A repeated or overtaken
 an older arming, fails one of the two conditions. The device's clock (µs modulo 2³²) and its 32-bit
 counts are unwrapped here.
 
-    lost           += (n − n_last) − 1                 taken, and never arrived
-    device_skipped += (i − i_last) − (n − n_last)      never taken: the device was delayed
+    lost           += (n − n_last) − 1                 sampled, but never arrived
+    device_skipped += (i − i_last) − (n − n_last)      not sampled: the device was delayed
 
 i counts the stream's sampling instants up to the sample's time (`Instants`). It is exact: the
 device's own clock gives both this time and the period.
@@ -39,7 +39,7 @@ REMEMBERED = 1024
 
 
 class SampleValidator:
-    """Numbers commands, and turns the frames of valid samples into `Sample`s."""
+    """Numbers the commands, rejects invalid samples, and converts valid frames to `Sample`s."""
 
     def __init__(self, statistics: LinkStatistics) -> None:
         self._statistics = statistics
@@ -59,7 +59,7 @@ class SampleValidator:
         self._instants: Instants | None = None
 
     def arm(self, period_us: int = 0) -> int:
-        """Returns the number of a new ARM, above every earlier command's.
+        """Return the number of a new ARM frame, higher than that of every earlier command.
 
         ``period_us``: µs between the stream's samples; 0: no stream.
         """
@@ -71,13 +71,13 @@ class SampleValidator:
         return self.number
 
     def command(self, sequence: int) -> int:
-        """Returns the number for the frame that carries the caller's command ``sequence``."""
+        """Return a new frame number for the command that the caller numbers ``sequence``."""
         self.number = number = (self.number + 1) & _MASK
         self._sequences[number % REMEMBERED] = sequence
         return number
 
     def accept(self, frame: SampleFrame, host_time_s: float) -> Sample | None:
-        """Returns the sample in a frame that arrived at ``host_time_s``; None if it is rejected."""
+        """Return the sample in ``frame``, which arrived at ``host_time_s``; None if invalid."""
         statistics = self._statistics
         ahead = (frame.echo - self._echo) & _MASK
         step = 1 if self._last is None else (frame.number - self._last) & _MASK
@@ -100,7 +100,7 @@ class SampleValidator:
         return sample
 
     def convert(self, frame: SampleFrame, host_time_s: float) -> Sample:
-        """Returns the sample in a frame, without any check; for a rig that is not armed."""
+        """Return the sample in ``frame``, which arrived at ``host_time_s``, without a check."""
         r, p, y = self._counts
         # Signed 32-bit differences from the last counts; the first counts are near zero.
         self._counts = counts = (
@@ -131,7 +131,7 @@ class SampleValidator:
 
 
 def cause_name(cause: int) -> str | None:
-    """Returns the protocol's name of a cause; None for cause 0 (the output is not held at zero)."""
+    """Return the protocol's name of the number ``cause``; None for 0 (output not held at zero)."""
     if cause in set(Cause):
         return Cause(cause).name if cause else None
     return f"CAUSE_{cause}"

@@ -1,9 +1,9 @@
 """Reads the samples of a rig on the link: from the stream, or one for each POLL.
 
-Of several samples that arrived together the newest is used; the others, and those that arrived
+Of several samples that arrived together the newest is used. The others, and those that arrived
 before the host waited for one, are discarded as stale. A POLL without a reply is repeated after
-four times the last round trip. Then two replies may arrive, and the second was sampled before the
-next exchange's command: `_extra_replies` counts how many may still arrive.
+four times the last round trip. Then two replies may arrive, and the second does not yet show the
+next period's command. `_extra_replies` counts how many more replies may arrive.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Sampling:
         self._extra_replies = 0
 
     def next_of_stream(self) -> Sample | None:
-        """Returns the stream's next sample; None when none arrived for `SILENCE_S`."""
+        """Return the stream's next sample; None if none arrives within `SILENCE_S`."""
         deadline = time.monotonic() + SILENCE_S
         while (sample := self._newest()) is None:
             left = deadline - time.monotonic()
@@ -47,7 +47,7 @@ class Sampling:
         return sample
 
     def first(self) -> Sample | None:
-        """Returns the sample that follows the ARM of a polled device; None when none arrived."""
+        """Return the first sample after an ARM without stream; None if none arrives."""
         deadline = time.monotonic() + SILENCE_S
         while time.monotonic() < deadline:
             sample = self._newest()
@@ -59,7 +59,7 @@ class Sampling:
         return None
 
     def poll(self) -> Sample | None:
-        """Request a sample and return it; None when none arrived for `SILENCE_S`."""
+        """Request a sample and return it; None if none arrives within `SILENCE_S`."""
         client, statistics = self._client, self._client.statistics
         self.discard_stale()
         first_s, sent = time.monotonic(), 0
@@ -88,17 +88,17 @@ class Sampling:
         return None
 
     def set_round_trip(self, round_trip_s: float) -> None:
-        """Set the time until a POLL is repeated to four round trips, within its limits."""
+        """Set the wait before a POLL is repeated: 4 ``round_trip_s`` (s), within limits."""
         self._retry_s = min(max(4 * round_trip_s, SHORTEST_RETRY_S), LONGEST_RETRY_S)
 
     def discard_stale(self) -> None:
-        """Discard the samples that have already arrived."""
+        """Discard the samples that have already arrived, and count them as stale."""
         self._client.drain()
         if self._newest() is not None:
             self._client.statistics.samples_stale += 1
 
     def _newest(self) -> Sample | None:
-        """Returns the newest valid sample that has arrived; counts the others as stale."""
+        """Return the newest valid sample that has arrived, or None; count the others as stale."""
         samples = self._client.samples
         take = self._validator.accept if self.armed else self._validator.convert
         newest: Sample | None = None

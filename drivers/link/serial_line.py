@@ -1,6 +1,6 @@
-"""Opens a port or a pyserial URL as a `Transport`, and explains why one does not open.
+"""Opens a serial port or a pyserial URL as a `Transport`; explains why one does not open.
 
-A port with a file descriptor is read from the descriptor; other pyserial URLs (``loop://``,
+A port with a file descriptor is read from the descriptor. Other pyserial URLs (``loop://``,
 ``rfc2217://``, ``spy://``) are read through pyserial.
 """
 
@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 
 class PyserialLine:
-    """A port that is read through pyserial."""
+    """A connection that is read and written through pyserial."""
 
     def __init__(self, port: Serial, name: str) -> None:
         self._port = port
@@ -42,11 +42,11 @@ class PyserialLine:
         return self._name
 
     def write(self, data: bytes) -> None:
-        """Send all of ``data``. Raises DeviceError."""
+        """Send all of ``data``. Raises DeviceError if the port is gone or closed."""
         self._called(lambda: self._port.write(data))
 
     def read(self, timeout_s: float) -> bytes:
-        """Returns the bytes that have arrived; see `Transport.read`."""
+        """Return the bytes that have arrived; b"" when none arrive within ``timeout_s`` seconds."""
 
         def read() -> bytes:
             port = self._port
@@ -58,7 +58,7 @@ class PyserialLine:
         return self._called(read)
 
     def flush_input(self) -> None:
-        """Discard the bytes that have arrived."""
+        """Discard the bytes that have arrived from the device and were not read yet."""
         self._called(self._port.reset_input_buffer)
 
     def close(self) -> None:
@@ -78,7 +78,11 @@ class PyserialLine:
 
 
 def open_line(url: str, *, baud: int = BAUD, low_latency: bool = True) -> Transport:
-    """Open a port or a pyserial URL exclusively. Raises DeviceError or UsageError."""
+    """Open a port or pyserial URL, locked against other programs, at ``baud`` bits per second.
+
+    ``low_latency``: ask the port's driver to deliver bytes at once. Raises DeviceError if the port
+    does not open, UsageError for a URL that pyserial does not know.
+    """
     import serial
     from serial.urlhandler import protocol_socket
 
@@ -107,10 +111,10 @@ def open_line(url: str, *, baud: int = BAUD, low_latency: bool = True) -> Transp
 
 
 def open_shared(path: str) -> Transport | None:
-    """Open a port that another process has locked, in spite of the lock.
+    """Open the port ``path`` for a stop, although another process has locked it.
 
-    Returns None if no process has locked it, and on Windows. The port's settings stay as the other
-    process has set them. Raises DeviceError: missing or not permitted.
+    Returns None on Windows and if no process has locked the port. The port keeps the settings of
+    the other process. Raises DeviceError if it is missing or not permitted.
     """
     if os.name != "posix":
         return None
@@ -125,7 +129,7 @@ def open_shared(path: str) -> Transport | None:
 
 
 def _is_locked(fd: int) -> bool:
-    """True when another process has locked the port, as every heli3dof process does."""
+    """Return True if another process has locked the port with file descriptor ``fd``."""
     import fcntl
 
     try:
@@ -137,7 +141,7 @@ def _is_locked(fd: int) -> bool:
 
 
 def prefer_low_latency(port: Serial) -> bool:
-    """Ask the port's driver to deliver bytes at once; False where it has no such mode."""
+    """Ask the port's driver to deliver bytes at once; return False if it cannot."""
     try:
         port.set_low_latency_mode(True)
     except (AttributeError, OSError, ValueError, NotImplementedError):
@@ -146,7 +150,10 @@ def prefer_low_latency(port: Serial) -> bool:
 
 
 def refused(url: str, problem: Exception) -> DeviceError:
-    """Returns the error for a port that did not open: why, and what to do."""
+    """Return the DeviceError for a port that did not open: the cause and what to do.
+
+    ``problem`` is the exception that opening ``url`` raised.
+    """
     number = getattr(problem, "errno", None)
     if "://" in url:
         return DeviceError(
@@ -181,9 +188,10 @@ def refused(url: str, problem: Exception) -> DeviceError:
 
 
 def pyserial_url(url: DeviceUrl) -> str:
-    """Returns the port of a device URL as pyserial writes it, with pyserial's own options.
+    """Return the port or address of a device URL in pyserial's notation.
 
-    Raises UsageError for a URL without a port, and for a plain port with such an option.
+    Raises UsageError for a URL without a port, and for a plain port with an option of pyserial's
+    URLs.
 
     >>> from heli3dof.rig.url import parse_url
     >>> pyserial_url(parse_url("serial+spy:///dev/ttyACM0?file=bytes.txt&baud=9600"))

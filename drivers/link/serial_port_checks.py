@@ -1,4 +1,4 @@
-"""``doctor``'s checks of a serial port before it is opened: file, permission, holder, latency."""
+"""Checks a serial port for ``doctor`` without opening it: file, permission, users, latency."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .serial_ports import (
 
 
 def checks(path: str) -> Sequence[Check]:
-    """Returns one `Check` each of file, permission, holder and latency; does not open the port."""
+    """Return the checks of the port ``path``: device file, permission, other users, latency."""
     if not os.path.exists(path):
         there = ", ".join(usb_ports()) or "none on USB"
         return (Check("port", f"{path} is not there (ports: {there})", False, "plug the rig in"),)

@@ -17,7 +17,7 @@ LATENCY_FILES = (
 
 
 def usb_ports() -> Sequence[str]:
-    """Returns the device files of the serial ports on USB; opens none of them.
+    """Return the device files of all serial ports on USB, without opening them.
 
     A motherboard's own ports are omitted: they exist whether or not a rig is connected.
     """
@@ -27,9 +27,10 @@ def usb_ports() -> Sequence[str]:
 
 
 def is_known(path: str) -> bool:
-    """True if the port's USB vendor and product are a known rig's, or heli3dof has locked it.
+    """Return True if a rig is probably connected to the port ``path``.
 
-    The heli3dof process may be another user's, whose sessions are not visible here.
+    Its USB vendor and product numbers are a known rig's, or a heli3dof process has locked it. That
+    process may be another user's, whose sessions are not visible here.
     """
     from ..udev import known_ids
 
@@ -40,9 +41,10 @@ def is_known(path: str) -> bool:
 
 
 def plugged_in(path: str) -> str:
-    """Returns a name of the device at a port; with a serial number it is the same at every port.
+    """Return a name of the device at the port ``path``: USB vendor, product and serial number.
 
-    A pseudo-terminal's name includes its creation time, as its number is used again.
+    The name is the same at every port; without serial number it includes the USB port. A
+    pseudo-terminal's name includes its creation time, because the system uses its number again.
     """
     if path.startswith(PSEUDO):
         return f"{path} of {os.stat(path).st_ctime_ns}" if os.path.exists(path) else path
@@ -54,7 +56,7 @@ def plugged_in(path: str) -> str:
 
 
 def _on_usb(path: str) -> Any:
-    """Returns pyserial's description of a port on USB; None for another port."""
+    """Return pyserial's description of the port ``path`` if it is on USB, else None."""
     from serial.tools.list_ports import comports
 
     real = os.path.realpath(path)
@@ -70,7 +72,7 @@ def _runs_heli3dof(pid: int) -> bool:
 
 
 def holders(path: str) -> list[tuple[int, str]]:
-    """Returns (pid, name) of the processes with this device open, as far as /proc shows them."""
+    """Return (pid, name) of every process with the port ``path`` open, as far as /proc shows it."""
     try:
         wanted = os.stat(path).st_rdev
     except OSError:
@@ -95,7 +97,7 @@ def _is(fd: Path, device: int) -> bool:
 
 
 def lockers(path: str) -> list[tuple[int, str]]:
-    """Returns (pid, name) of the processes that have locked this port, as pyserial does."""
+    """Return (pid, name) of every process that has locked the port ``path``, as pyserial does."""
     try:
         file = os.stat(path)
         locks = Path("/proc/locks").read_text(encoding="ascii")
@@ -109,12 +111,12 @@ def lockers(path: str) -> list[tuple[int, str]]:
 
 
 def named(processes: list[tuple[int, str]]) -> str:
-    """Returns the processes as text: ``process 123 (python), …``."""
+    """Return the (pid, name) pairs as text: ``process 123 (python), …``."""
     return ", ".join(f"process {pid} ({name})" for pid, name in processes)
 
 
 def held_by(path: str) -> str:
-    """Returns as text the processes that have locked a port, or else those that have it open."""
+    """Return as text the processes that have locked ``path``, or else those that have it open."""
     return named(lockers(path) or holders(path)) or "a process of another user"
 
 
@@ -126,7 +128,7 @@ def _name(pid: int) -> str:
 
 
 def latency_timer(path: str) -> tuple[int, Path] | None:
-    """Returns an FTDI adapter's latency timer in ms and its file; None for other ports."""
+    """Return (ms, file) of the latency timer of an FTDI adapter at ``path``, else None."""
     name = Path(os.path.realpath(path)).name
     for place in LATENCY_FILES:
         file = Path(place.format(name))
@@ -138,7 +140,7 @@ def latency_timer(path: str) -> tuple[int, Path] | None:
 
 
 def permission_fix(path: str) -> str:
-    """Returns the shell command that lets this user open the port."""
+    """Return the shell command that gives this user permission to open the port ``path``."""
     try:
         import grp
 

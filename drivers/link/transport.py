@@ -1,7 +1,7 @@
-"""Interface of a transport, which carries the link's bytes: a serial line, USB pipes.
+"""Interface of a transport, which carries the link's bytes: a serial line or USB pipes.
 
-A transport does not interpret the bytes. It raises DeviceError where it is unplugged, not permitted
-or full.
+A transport does not interpret the bytes. It raises DeviceError if it is unplugged, not permitted,
+or accepts no more bytes.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from typing import Protocol
 
 
 class Transport(Protocol):
-    """An open line to one device. Every method but ``close`` may raise DeviceError."""
+    """An open connection to one device. Every method but ``close`` may raise DeviceError."""
 
     @property
     def name(self) -> str:
-        """The line's name in messages: a port, a USB path."""
+        """Return the connection's name for messages: a port or a URL."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -22,13 +22,13 @@ class Transport(Protocol):
         ...
 
     def read(self, timeout_s: float) -> bytes:
-        """Returns the bytes that have arrived; b"" when none arrived within ``timeout_s``."""
+        """Return the bytes that have arrived; b"" if none arrive within ``timeout_s`` seconds."""
         ...
 
     def flush_input(self) -> None:
-        """Discard the bytes that have arrived."""
+        """Discard the bytes that have arrived from the device and were not read yet."""
         ...
 
     def close(self) -> None:
-        """Release the line. Idempotent; never raises."""
+        """Close the connection. Never raises an error; a second call does nothing."""
         ...

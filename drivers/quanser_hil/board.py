@@ -31,7 +31,7 @@ FOREVER = 0xFFFFFFFF
 
 
 def library() -> Any:
-    """Returns the vendor's module ``quanser.hardware``. Raises DeviceError if it is missing."""
+    """Return the vendor's module ``quanser.hardware``. Raises DeviceError if it is missing."""
     import importlib
 
     try:
@@ -41,10 +41,10 @@ def library() -> Any:
 
 
 class Board:
-    """An open board. Methods may raise the library's HILError."""
+    """An open data acquisition board. Methods may raise the vendor library's HILError."""
 
     def __init__(self, hardware: Any, wiring: Wiring) -> None:
-        """Open the board; its outputs stay as they are. ``hardware``: the module of `library`."""
+        """Open the board; its outputs stay as they are. ``hardware``: the vendor's module."""
         self._hardware = hardware
         self._wiring = wiring
         self.error: type[Exception] = hardware.HILError
@@ -83,7 +83,7 @@ class Board:
             hil.set_encoder_counts(self._encoders, 3, array("i", [0, 0, 0]))
 
     def firmware(self) -> str:
-        """Returns the board's firmware version, or "unknown".
+        """Return the board's firmware version, or "unknown".
 
         No method reads the serial number: it is a string property, and the vendor's wrapper passes
         C a buffer of one byte for it.
@@ -93,11 +93,11 @@ class Board:
         return "unknown" if version is None else f"{version[0]}.{version[1]}"
 
     def version(self) -> str:
-        """Returns the HIL library's version, or "unknown"."""
+        """Return the version of the vendor's HIL library, or "unknown"."""
         return version_of(self._hardware)
 
     def write_volts(self, front: float, back: float) -> None:
-        """Set the motors' voltages (V): the board's output is V / gain. NaN sets zero volts."""
+        """Set the motor voltages in V; the board's output is V / gain. NaN sets zero volts."""
         if not (math.isfinite(front) and math.isfinite(back)):
             front = back = 0.0  # a converter's output for NaN is undefined
         gain = self._wiring.gain
@@ -105,19 +105,19 @@ class Board:
         self._hil.write_analog(self._motors, 2, self._volts)
 
     def write_enable(self, on: bool) -> None:
-        """Enable or disable the amplifier by its enable lines, if there are any."""
+        """Enable (``on``) or disable the amplifier by its enable lines, if the wiring has any."""
         if self._enable:
             level = self._wiring.enable_level if on else 1 - self._wiring.enable_level
             states = array("b", [level] * len(self._enable))
             self._hil.write_digital(self._enable, len(self._enable), states)
 
     def read_counts(self) -> tuple[int, int, int]:
-        """Returns the present counts of roll, pitch and yaw."""
+        """Return the encoders' counts of roll, pitch and yaw at this moment."""
         self._hil.read_encoder(self._encoders, 3, self._counts)
         return self._counts[0], self._counts[1], self._counts[2]
 
     def read_currents(self) -> tuple[float, float]:
-        """Returns the motors' currents in A, front and back; NaN where no input measures them."""
+        """Return the currents of front and back motor in A; NaN if no input measures them."""
         if not self._currents:
             return _NO_CURRENTS
         self._hil.read_analog(self._currents, 2, self._sensed)
@@ -125,9 +125,9 @@ class Board:
         return self._sensed[0] * scale, self._sensed[1] * scale
 
     def watchdog_start(self) -> None:
-        """Set what the outputs do when the watchdog expires (expiration states), then start it.
+        """Set the states of the outputs at a watchdog timeout (expiration states), then start it.
 
-        Some boards, the Q8 series among them, need the states of all their outputs or of none.
+        Some boards, such as the Q8 series, require such a state for all outputs or for none.
         """
         hil, timeout_s = self._hil, self._wiring.watchdog_s
         try:
@@ -146,10 +146,10 @@ class Board:
             hil.watchdog_start(timeout_s)
 
     def _set_expiration(self, analog: array[int], lines: array[int]) -> None:
-        """Set the expiration states of these channels.
+        """Set what the channels ``analog`` and ``lines`` (digital) do at a watchdog timeout.
 
-        Analog outputs go to 0 V, enable lines to the level that disables, others to tristate. The
-        Q8 series refuses a level: all its digital outputs go to tristate.
+        Analog outputs go to 0 V, enable lines to the level that disables, other lines to tristate.
+        The Q8 series refuses a level: all its digital outputs go to tristate.
         """
         hil, states, n = self._hil, self._hardware.DigitalState, len(lines)
         hil.watchdog_set_analog_expiration_state(
@@ -168,7 +168,7 @@ class Board:
             hil.watchdog_set_digital_expiration_state(lines, n, tristate)
 
     def watchdog_start_to_expire(self) -> None:
-        """Start the watchdog to let it expire: the last resort if the outputs cannot be written."""
+        """Start the watchdog and let it expire: last resort if the outputs refuse writing."""
         with suppress(self.error):
             self.watchdog_start()
 
@@ -177,7 +177,7 @@ class Board:
         return bool(self._hil.watchdog_reload())
 
     def watchdog_expired(self) -> bool:
-        """True if the watchdog has expired; False also if the board does not reply."""
+        """Return True if the watchdog has expired; False also if the board does not reply."""
         try:
             return bool(self._hil.watchdog_is_expired())
         except self.error:
@@ -187,11 +187,11 @@ class Board:
         self._unless(Qerr.WATCHDOG_STOP_NOT_SUPPORTED, self._hil.watchdog_stop)
 
     def watchdog_clear(self) -> None:
-        """Allow the outputs to be written again after the watchdog expired."""
+        """Allow writing to the outputs again after the watchdog has expired."""
         self._unless(Qerr.WATCHDOG_CLEAR_NOT_SUPPORTED, self._hil.watchdog_clear)
 
     def task_start(self, rate_hz: float, samples: int) -> Any:
-        """Start a task that samples the encoders at ``rate_hz``, with a buffer of ``samples``."""
+        """Return a new task that samples the encoders at ``rate_hz``; it buffers ``samples``."""
         hil = self._hil
         task = hil.task_create_encoder_reader(samples, self._encoders, 3)
         clock = self._hardware.Clock.HARDWARE_CLOCK_0 + self._wiring.clock
@@ -203,14 +203,14 @@ class Board:
         return task
 
     def task_read(self, task: Any, n: int) -> tuple[int, int, int] | None:
-        """Wait for the next ``n`` samples and return the last; None: the task has ended."""
+        """Wait for ``n`` samples, return the last one's counts; None if ``task`` has ended."""
         buffer = self._counts if n == 1 else array("i", [0] * (3 * n))
         if self._hil.task_read_encoder(task, n, buffer) < n:
             return None
         return buffer[-3], buffer[-2], buffer[-1]
 
     def task_end(self, task: Any) -> None:
-        """Stop the task and free its buffer."""
+        """Stop the encoder task ``task`` and free its buffer."""
         with suppress(self.error):
             self._hil.task_stop(task)
         with suppress(self.error):
@@ -220,7 +220,7 @@ class Board:
         self._hil.close()
 
     def _properties(self, *codes: int) -> array[int] | None:
-        """Returns integer properties of the board; None if it does not have them."""
+        """Return the board's integer properties ``codes``; None if it does not have them."""
         values = array("i", [0] * len(codes))
         try:
             self._hil.get_integer_property(array("i", codes), len(codes), values)
@@ -229,7 +229,7 @@ class Board:
         return values
 
     def _unless(self, code: int, call: Callable[[], object]) -> None:
-        """Run ``call`` and ignore a HILError with this code."""
+        """Run ``call``; ignore a HILError whose error number is ``code``."""
         try:
             call()
         except self.error as error:
@@ -238,7 +238,7 @@ class Board:
 
 
 def version_of(hardware: Any) -> str:
-    """Returns the HIL library's version, or "unknown"."""
+    """Return the version of the HIL library in module ``hardware``, or "unknown"."""
     try:
         version = hardware.HIL.get_version()
         return f"{version.major}.{version.minor}.{version.release}"

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class QuanserDriver:
-    """Opens rigs on boards. ``hardware`` returns the vendor's module, by default the installed."""
+    """Opens rigs on Quanser boards. ``hardware`` is a function that returns the vendor's module."""
 
     scheme = "quanser"
     options: Sequence[str] = (
@@ -39,15 +39,15 @@ class QuanserDriver:
         self._hardware = hardware
 
     def find(self) -> Sequence[str]:
-        """Returns no URLs: the library cannot list boards, and opening one may disturb a run."""
+        """Return no URLs: the library cannot list boards, and opening one may disturb a run."""
         return ()
 
     def persistent_name(self, url: DeviceUrl) -> str:
-        """Returns ``BOARD/NUMBER``, by which ``heli3dof estop`` finds a board opened before."""
+        """Return ``BOARD/NUMBER`` of the URL; ``heli3dof estop`` finds an open board by it."""
         return url.where
 
     def open(self, url: DeviceUrl, profile: Profile) -> QuanserRig:
-        """Open the board, set zero volts and disable the amplifier."""
+        """Return the rig on the URL's board, opened with zero volts and the amplifier disabled."""
         from .rig import QuanserRig
         from .wiring import Wiring
 
@@ -57,10 +57,11 @@ class QuanserDriver:
         return QuanserRig(self._board(url, wiring), wiring, profile, url.text)
 
     def estop(self, url: DeviceUrl) -> str:
-        """Disable the amplifier and write zero volts, on boards that a second program can open.
+        """Disable the amplifier and write zero volts; return a message.
 
-        Another program that still runs may write its volts again. With the amplifier disabled they
-        do not reach the motors; without enable lines this raises DeviceError.
+        This works on boards that a second program can open. Another program may then write its
+        volts again. They do not reach a disabled amplifier; without enable lines this raises
+        DeviceError.
         """
         from .wiring import Wiring
 
@@ -82,7 +83,7 @@ class QuanserDriver:
         return f"amplifier disabled by digital outputs {lines}, and zero volts written"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """Checks the vendor's library and that enable lines are given; does not open the board."""
+        """Return checks of the vendor's library and the enable lines; does not open the board."""
         from .wiring import Wiring
 
         wiring = Wiring.of(url)

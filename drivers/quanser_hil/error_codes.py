@@ -16,7 +16,7 @@ from ..error_templates import ErrorTable, ErrorTemplate, each
 
 
 class Qerr(IntEnum):
-    """The codes that this driver distinguishes, without their sign."""
+    """The HIL library's error numbers that this driver distinguishes, without their minus sign."""
 
     NO_PERMISSION = 11
     TIMED_OUT = 14
@@ -189,12 +189,15 @@ ERRORS: ErrorTable = {
 
 
 def code_of(error: BaseException) -> int:
-    """Returns the number of a HILError, without its sign; 0 for any other error."""
+    """Return the error number of a HILError without its minus sign; 0 for any other error."""
     return abs(int(getattr(error, "error_code", 0)))
 
 
 def explain(error: BaseException, name: str, doing: str) -> DeviceError:
-    """Returns the error for the user. ``name``: the rig's URL; ``doing``: e.g. "being armed"."""
+    """Return the DeviceError that explains ``error``, an exception of the HIL library.
+
+    ``name``: the rig's URL; ``doing``: the operation that failed, as text, e.g. "being armed".
+    """
     code = code_of(error)
     known = ERRORS.get(code)
     if known is not None:
@@ -219,7 +222,7 @@ def _message(error: BaseException) -> str:
 
 @contextmanager
 def explained(hil_error: type[Exception], name: str, doing: str) -> Iterator[None]:
-    """Context manager: turns a HILError of its block into a DeviceError (see `explain`)."""
+    """Context manager: turns an error of class ``hil_error`` into the DeviceError of `explain`."""
     try:
         yield
     except hil_error as error:
@@ -227,7 +230,10 @@ def explained(hil_error: type[Exception], name: str, doing: str) -> Iterator[Non
 
 
 def no_library(error: BaseException) -> DeviceError:
-    """Returns the error for a missing Python package of the vendor, or a missing library of it."""
+    """Return the DeviceError for a missing Python package or library of the vendor.
+
+    ``error`` is the exception that importing the package raised.
+    """
     if isinstance(error, ImportError):
         return DeviceError(
             "No Quanser board can be opened: the Python package quanser.hardware is missing.",

@@ -18,9 +18,10 @@ def task_ended(name: str) -> DeviceError:
 def not_stopped(
     name: str, problem: BaseException, watchdog_s: float, watching: bool
 ) -> DeviceError:
-    """Returns the error for a board that did not accept an emergency stop.
+    """Return the DeviceError for a board that did not accept an emergency stop.
 
-    ``watching``: the board's watchdog was started and is running.
+    ``name``: the rig's URL; ``problem``: the board's error; ``watchdog_s``: the board's watchdog
+    timeout, s; ``watching``: this watchdog is running.
     """
     message = explain(problem, name, "being stopped").what
     return DeviceError(
@@ -34,7 +35,7 @@ def not_stopped(
 
 
 def no_enable_line(name: str) -> DeviceError:
-    """Returns the error for a stop after which another program may write its volts again."""
+    """Return the DeviceError for a stop without enable line, which a running program may undo."""
     return DeviceError(
         f"{name}: zero volts were written, but may not stay.",
         cause="the URL says enable=none: a program that still runs writes its volts again.",

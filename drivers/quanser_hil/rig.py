@@ -45,10 +45,10 @@ class State(Enum):
 
 
 class QuanserRig:
-    """An open board with a helicopter on it."""
+    """An open Quanser board with a helicopter; implements `heli3dof.rig.interface.Rig`."""
 
     def __init__(self, board: Board, wiring: Wiring, profile: Profile, name: str) -> None:
-        """Switch the outputs off. If that fails, close the board and raise DeviceError."""
+        """Switch the outputs off; if that fails, close the board and raise DeviceError."""
         self._board, self._name = board, name
         self._state = State.IDLE
         self._open = True
@@ -86,16 +86,16 @@ class QuanserRig:
 
     @property
     def statistics(self) -> StreamStatistics:
-        """Counts of the board's samples since it was opened."""
+        """Return counts of the board's samples since it was opened."""
         return self._stream.statistics
 
     @property
     def device_cause(self) -> str | None:
-        """Why the output is zero: "WATCHDOG" (the board's), "HOST_ESTOP" (this program's), None."""
+        """Return why the output is zero: "WATCHDOG" (the board's), "HOST_ESTOP", or None."""
         return {State.LATCHED: "WATCHDOG", State.STOPPED: "HOST_ESTOP"}.get(self._state)
 
     def arm(self) -> Sample:
-        """Set zero volts, start the encoder task and the watchdog, then enable the amplifier."""
+        """Start encoder task and watchdog, enable the amplifier at 0 V, return the first sample."""
         self._check_open()
         board = self._board
         try:
@@ -122,7 +122,7 @@ class QuanserRig:
             raise
 
     def read(self) -> Sample:
-        """Returns the board's next sample; before the first arming, one taken now."""
+        """Return the board's next sample; before the first arming, one taken now."""
         self._check_open()
         with explained(self._board.error, self._name, "being read"):
             if self._stream.running:
@@ -131,7 +131,7 @@ class QuanserRig:
             return self._sample(counts, self._stream.now_s())
 
     def exchange(self, command: Command, due_s: float) -> Sample:
-        """Run one period of the board's clock under the command; ``due_s`` is not used."""
+        """Send a command and return the board's next sample; ``due_s`` is not used."""
         self._check_open()
         v_front, v_back = command.v_front, command.v_back
         if not (math.isfinite(v_front) and math.isfinite(v_back)):
@@ -156,10 +156,11 @@ class QuanserRig:
             raise not_stopped(self._name, problem, self._identity.watchdog_s, self._watching)
 
     def close(self) -> None:
-        """Set zero volts, disable the amplifier, stop watchdog and task, and release the board.
+        """Set zero volts, disable the amplifier, stop watchdog and task, and close the board.
 
-        After its watchdog expired the board stays latched until it is opened again. On a board that
-        did not accept the zero volts the watchdog keeps running.
+        After its watchdog has expired, the board stays latched until it is opened again. If the
+        board does not accept the zero volts, its watchdog keeps running and switches the outputs
+        off.
         """
         if not self._open:
             return
@@ -230,7 +231,7 @@ class QuanserRig:
         self._state, self._volts, self._saturated = State.LATCHED, (0.0, 0.0), False
 
     def _switch_off(self) -> BaseException | None:
-        """Set zero volts and disable the amplifier. Returns the board's error if that fails."""
+        """Set zero volts and disable the amplifier. Returns the board's error, None if none."""
         latched = self._state is State.LATCHED
         self._state, self._volts, self._saturated = State.STOPPED, (0.0, 0.0), False
         problem: BaseException | None = None

@@ -2,17 +2,17 @@
 
 The task stores sample k in a buffer at device time d = k·dt; reading a sample waits until there is
 one. The library does not report how many are waiting, and a host that was late must not use them
-one by one. So the offset θ between the two clocks is tracked. The sample of device time d is due at
-host time d + θ; if it is read at host time h,
+one by one. So the driver estimates θ, host time minus device time in s. The sample of device time d
+is expected at host time d + θ; if it is read at host time h,
 
     θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  where the read waited for the sample, so it was fresh
     θ[k] = min(h − d,  θ[k−1])             where it did not wait
     waiting = ⌊(now − d − θ) / dt⌋
 
-``now`` is the host's time and d the last sample's. Waiting samples are read together; the last one
-is used, and the device's time advances over the others. θ does not follow a jump, so a host that
-stalled while it waited notices that too. Where the host twice had to wait for samples that should
-have been waiting, θ was wrong and is restarted.
+``waiting`` is the number of samples in the buffer, ``now`` the host's time, d the last sample's.
+These samples are read together; the last one is used, and the device's time advances over the
+others. θ does not follow a jump, so a stall of the host during a read is noticed too. If the host
+twice waits for samples that should be in the buffer, θ is wrong and its estimate is restarted.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ Counts = tuple[int, int, int]
 
 
 class Overrun(Exception):
-    """The task's buffer overflowed: samples are lost, and the task has ended."""
+    """Raised when the task's buffer overflowed: samples are lost, and the task has ended."""
 
 
 class Ended(Exception):
-    """The task gives no more samples, though this program did not end it."""
+    """Raised when the encoder task has ended although this program did not end it."""
 
 
 @dataclass
 class StreamStatistics:
-    """Counts since the board was opened."""
+    """Counts of samples and encoder tasks since the board was opened."""
 
     samples: int = 0
     """Taken by the board and read by this program"""
@@ -59,7 +59,7 @@ class StreamStatistics:
 
 
 class EncoderStream:
-    """Reads the encoder task and keeps the device's time, in s since the board was opened."""
+    """Reads the board's encoder task, sampled every ``dt`` s, and keeps the device's time in s."""
 
     def __init__(self, board: Board, dt: float) -> None:
         self._board, self._dt = board, dt
@@ -77,17 +77,17 @@ class EncoderStream:
 
     @property
     def time_s(self) -> float:
-        """The device's time of the last sample, s."""
+        """Return the device's time of the last sample, in s since the board was opened."""
         return self._base_s + self._k * self._dt
 
     def now_s(self) -> float:
-        """Returns the device's time now in s; not before the last sample's."""
+        """Return the device's time now in s, but never less than the last sample's."""
         return self.time_s + max(0.0, self._late_s())
 
     def start(self, *, overrun: bool = False) -> None:
         """Start a task with an empty buffer; the device's time continues.
 
-        ``overrun``: the last task's buffer overflowed, so the periods since its last sample count
+        ``overrun``: the last task's buffer overflowed. Then the periods since its last sample count
         as lost.
         """
         self.end()
@@ -104,16 +104,16 @@ class EncoderStream:
             self._board.task_end(task)
 
     def discard_waiting(self) -> None:
-        """Discard the samples that are waiting."""
+        """Discard the samples that are waiting in the board's buffer."""
         self._drain()
 
     def next(self) -> Counts:
-        """Returns the counts of the next sample, or of the newest where several are waiting."""
+        """Return the counts of the next sample, or of the newest if several are waiting."""
         counts = self._read(1)
         return self._drain() or counts
 
     def _drain(self) -> Counts | None:
-        """Read the waiting samples and return the newest one's counts; None: there are none."""
+        """Read all waiting samples; return the newest one's counts, or None if none is waiting."""
         counts: Counts | None = None
         while waiting := self._waiting():
             start = time.monotonic()
@@ -132,7 +132,7 @@ class EncoderStream:
         return max(0, min(int(self._late_s() / self._dt), self._samples))
 
     def _late_s(self) -> float:
-        """Returns s since the last sample was due."""
+        """Return the seconds since the last sample's expected arrival; 0 before the first one."""
         if self._offset is None:
             return 0.0
         return time.monotonic() - self.time_s - self._offset

@@ -32,8 +32,11 @@ Channels = Annotated[tuple[int, ...], BeforeValidator(_channels)]
 
 
 class Wiring(UrlOptions):
-    """The board and its channels. By default the encoders are wired as on the vendor's helicopter:
-    its travel is our yaw, its elevation our roll."""
+    """The board and its channels, as the URL states them.
+
+    By default the encoders are wired as on the vendor's helicopter: its travel is our yaw, its
+    elevation our roll.
+    """
 
     board: str
     """The vendor's name of the board's type, e.g. q8_usb"""
@@ -77,12 +80,12 @@ class Wiring(UrlOptions):
 
     @property
     def motors(self) -> tuple[int, int]:
-        """Analog outputs, front and back"""
+        """Return the numbers of the analog outputs for front and back motor."""
         return self.front, self.back
 
     @property
     def encoders(self) -> tuple[int, int, int]:
-        """Encoder inputs, roll, pitch and yaw"""
+        """Return the numbers of the encoder inputs for roll, pitch and yaw."""
         return self.roll, self.pitch, self.yaw
 
     @property
@@ -91,7 +94,7 @@ class Wiring(UrlOptions):
 
     @classmethod
     def of(cls, url: DeviceUrl, **place: Any) -> Self:
-        """Returns the wiring that a URL states.
+        """Return the wiring that ``url`` states; ``place`` is not used.
 
         Raises UsageError for a URL without a board, a bad option, and a channel that is used twice.
         """

@@ -1,8 +1,9 @@
-"""Finds the rigs on the bus, and the one that a URL means.
+"""Finds the rigs on the USB bus, and the one that a URL selects.
 
-A rig is recognised by an interface of class 0xFF, subclass 0x48, protocol 0x01, with any VID:PID.
-The search reads the system's copies of the descriptors and, on Linux, of the serial numbers. It
-requests a serial number from the device only where the system has no copy.
+A rig is recognised by an interface of class 0xFF, subclass 0x48, protocol 0x01, with any VID:PID
+(USB vendor and product number). The search reads the operating system's copies of the descriptors
+and, on Linux, of the serial numbers. It requests a serial number from the device only if the system
+has no copy.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _WHERE = re.compile(r"([0-9a-fA-F]{1,4}):([0-9a-fA-F]{1,4})(?:/(.*))?|/?([^:]*)"
 
 @dataclass(frozen=True)
 class OnBus:
-    """A rig on the bus."""
+    """A rig that was found on the USB bus."""
 
     device: Any
     """usb.core.Device"""
@@ -41,11 +42,11 @@ class OnBus:
 
     @property
     def node(self) -> Path:
-        """The rig's device file on Linux."""
+        """Return the path of the rig's device file on Linux."""
         return Path(f"/dev/bus/usb/{self.device.bus or 0:03d}/{self.device.address or 0:03d}")
 
     def holder(self) -> str:
-        """Returns the processes that have the rig open, as text; "" where /proc shows none."""
+        """Return as text the processes that have the rig open; "" if /proc shows none."""
         holders = []
         for process in Path("/proc").glob("[0-9]*"):
             try:
@@ -59,7 +60,7 @@ class OnBus:
 
 
 def kernel_lists_one() -> bool:
-    """True if the kernel lists a rig's interface, or where it has no such list (not Linux).
+    """Return True if the kernel lists a rig's interface, or has no such list (not Linux).
 
     If False, there is no need to load libusb.
     """
@@ -77,7 +78,7 @@ def kernel_lists_one() -> bool:
 
 
 def system_backend() -> Any:
-    """Returns pyusb's backend for the system's libusb. Raises DeviceError if that is missing."""
+    """Return pyusb's backend for the system's libusb. Raises DeviceError if that is missing."""
     from usb.backend import libusb1
 
     backend = libusb1.get_backend()
@@ -87,7 +88,7 @@ def system_backend() -> Any:
 
 
 def on_bus(backend: Any) -> Iterator[OnBus]:
-    """Yields every rig on the bus. ``backend``: pyusb's."""
+    """Yield every rig on the bus. ``backend``: pyusb's access to the bus."""
     import usb.core
 
     for device in usb.core.find(find_all=True, backend=backend):
@@ -100,7 +101,7 @@ def on_bus(backend: Any) -> Iterator[OnBus]:
 
 
 def interface_of(device: Any) -> Any:
-    """Returns the first interface with a rig's class, subclass and protocol, or None."""
+    """Return the first interface of ``device`` that is a rig's by its class, or None."""
     wanted = (CLASS, SUBCLASS, PROTOCOL)
     for configuration in device:
         for i in configuration:
@@ -110,7 +111,7 @@ def interface_of(device: Any) -> Any:
 
 
 def _serial(device: Any) -> str | None:
-    """Returns the serial number; from sysfs where possible, which needs no permission."""
+    """Return the device's serial number, if possible from sysfs, which needs no permission."""
     import usb.core
     import usb.util
 
@@ -129,10 +130,11 @@ def _serial(device: Any) -> str | None:
 
 
 def select(backend: Any, text: str, where: str) -> OnBus:
-    """Returns the one rig that ``usb://VID:PID/SERIAL`` means; either part or both may be omitted.
+    """Return the one rig that ``usb://VID:PID/SERIAL`` selects; either part or both may be omitted.
 
-    ``text``: the whole URL, for messages; ``where``: its part ``VID:PID/SERIAL``. Raises UsageError
-    if that is malformed, DeviceError where no rig fits or several do.
+    ``text``: the whole URL, for messages; ``where``: its part ``VID:PID/SERIAL``; ``backend``:
+    pyusb's access to the bus. Raises UsageError if ``where`` is malformed, DeviceError if no rig
+    fits or several do.
     """
     match = _WHERE.fullmatch(where)
     if where.endswith("/"):

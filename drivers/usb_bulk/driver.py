@@ -27,7 +27,7 @@ STOP_TRIES = 8
 
 
 class UsbDriver:
-    """Opens rigs on USB. ``backend`` returns pyusb's backend; default: the system's libusb."""
+    """Opens rigs on USB. ``backend`` is a function that returns pyusb's access to the bus."""
 
     scheme = "usb"
     options: Sequence[str] = ("stream", "watchdog_s", "signs", "timeout_s")
@@ -37,7 +37,7 @@ class UsbDriver:
         self._backend = backend
 
     def find(self) -> Sequence[str]:
-        """Returns the URLs of the rigs on the bus; none if libusb is missing."""
+        """Return the URLs of the rigs on the bus; none if libusb is missing."""
         if self._backend is system_backend and not kernel_lists_one():
             return []
         import usb.core
@@ -48,14 +48,14 @@ class UsbDriver:
             return []
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
-        """Claim the rig and identify it. Raises DeviceError or UsageError, each with its cause."""
+        """Claim the rig of the URL, identify it and return it. Raises DeviceError or UsageError."""
         from ..options import UsbOptions
 
         options = UsbOptions.of(url)
         return open_on(self._backend(), url, profile, options)
 
     def estop(self, url: DeviceUrl) -> str:
-        """Set zero volts by a control request, even if another process holds the rig's pipes."""
+        """Stop the rig by a USB control request, even if another process uses it."""
         import usb.util
 
         from ..link.frames import Cause
@@ -68,7 +68,7 @@ class UsbDriver:
         return f"{on.url} confirmed the stop; its output is zero until it is armed again"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """Checks libusb, the udev rule, and whether the rig is present, permitted and free."""
+        """Return checks of libusb, the udev rule, and the rig (present, permitted, free)."""
         from .doctor_checks import examine
 
         return examine(self._backend, url)
@@ -77,9 +77,9 @@ class UsbDriver:
 def open_on(
     bus: Any, url: DeviceUrl, profile: Profile, options: UsbOptions, where: str | None = None
 ) -> Rig:
-    """Open a rig on a bus that pyusb reaches through the backend ``bus``.
+    """Return the rig of ``url``, opened through pyusb's backend ``bus``.
 
-    ``where``: ``VID:PID/SERIAL``, if not that of ``url``.
+    ``where``: ``VID:PID/SERIAL`` of the rig; None: as in ``url``.
     """
     from .rig import UsbRig
     from .transport import UsbTransport

@@ -73,7 +73,7 @@ ERRORS: ErrorTable = {
 
 
 def no_libusb() -> DeviceError:
-    """Returns the error for a system where pyusb is installed, but not libusb."""
+    """Return the error for a system where pyusb is installed, but not libusb."""
     return DeviceError(
         "No USB rig can be opened: libusb is missing.",
         cause="pyusb needs the system's libusb 1.0 and does not find it.",
@@ -84,9 +84,10 @@ def no_libusb() -> DeviceError:
 def explain(
     error: BaseException, name: str, doing: str, holder: Callable[[], str] = lambda: ""
 ) -> DeviceError:
-    """Returns the error for the user. ``name``: the rig's URL; ``doing``: e.g. "taking a command".
+    """Return the DeviceError that explains ``error``, an exception of pyusb.
 
-    ``holder`` returns the process that holds the rig; it is called only for EBUSY.
+    ``name``: the rig's URL; ``doing``: the operation that failed, as text, e.g. "taking a command".
+    ``holder`` returns the process that uses the rig; it is called only if the rig is busy.
     """
     if isinstance(error, NotImplementedError):
         return _NO_DRIVER.error(name=name)
@@ -105,7 +106,7 @@ def explain(
 
 @contextmanager
 def explained(name: str, doing: str, holder: Callable[[], str] = lambda: "") -> Iterator[None]:
-    """Context manager: turns an error of the bus in its block into a DeviceError (`explain`)."""
+    """Context manager: turns a USB error of its block into the DeviceError of `explain`."""
     import usb.core
 
     failures: tuple[Any, ...] = (usb.core.USBError, NotImplementedError)

@@ -41,15 +41,15 @@ READ_S = 0.05
 
 
 def _ms(seconds: float) -> int:
-    """Returns a libusb timeout: whole milliseconds, at least 1 (0 would wait for ever)."""
+    """Return ``seconds`` as a libusb timeout: whole ms, at least 1 (0 would wait for ever)."""
     return max(1, math.ceil(seconds * 1000))
 
 
 def stop(device: Any, reason: int, name: str, tries: int = 1) -> None:
-    """Set zero volts by a control request.
+    """Set zero volts by a control request to ``device``; ``reason`` is a number of `Cause`.
 
-    It works while the pipes are stalled or another process has claimed them. It is repeated after a
-    timeout, up to ``tries`` times in all.
+    It works even if the pipes stall or another process has claimed them. It is repeated after a
+    timeout, up to ``tries`` times in all. ``name``: the rig's URL, for messages.
     """
     import usb.core
 
@@ -64,13 +64,17 @@ def stop(device: Any, reason: int, name: str, tries: int = 1) -> None:
 
 
 class UsbTransport:
-    """An open pair of pipes to one rig; see `heli3dof_drivers.link.transport.Transport`."""
+    """An open pair of USB pipes to one rig; implements `link.transport.Transport`."""
 
     def __init__(
         self, device: Any, name: str, *, write_s: float = WRITE_S,
         holder: Callable[[], str] = lambda: "",
     ) -> None:  # fmt: skip
-        """Claim the rig's interface. Raises DeviceError (gone, busy, not permitted)."""
+        """Claim the rig's interface. Raises DeviceError if it is gone, busy or not permitted.
+
+        ``name``: the rig's URL; ``write_s``: s that the rig may take to accept a frame; ``holder``
+        returns the process that uses a busy rig.
+        """
         self._name = name
         self._device = device
         self._write_s = write_s
@@ -89,7 +93,7 @@ class UsbTransport:
         return self._name
 
     def write(self, data: bytes) -> None:
-        """Send all of ``data``, or raise DeviceError."""
+        """Send all of ``data``; raises DeviceError if the rig does not accept it in time."""
         import usb.core
 
         self._check_open()
@@ -108,7 +112,7 @@ class UsbTransport:
                 raise explain(timeout, self._name, "taking a frame")
 
     def read(self, timeout_s: float) -> bytes:
-        """Returns the bytes that have arrived; b"" when none arrived within ``timeout_s``."""
+        """Return the bytes that have arrived; b"" if none arrive within ``timeout_s`` seconds."""
         self._check_open()
         if self._ended is not None:
             raise self._ended
@@ -124,7 +128,7 @@ class UsbTransport:
         return b"".join(out)
 
     def flush_input(self) -> None:
-        """Discard the bytes that have arrived."""
+        """Discard the bytes that have arrived from the device and were not read yet."""
         with suppress(queue.Empty):
             while True:
                 item = self._received.get_nowait()
@@ -132,7 +136,7 @@ class UsbTransport:
                     self._ended = item
 
     def stop(self, reason: int) -> None:
-        """Set zero volts now, by a control request. The rig does not reply on the pipe."""
+        """Set zero volts now, by a control request; ``reason`` is a number of `Cause`."""
         self._check_open()
         stop(self._device, reason, self._name)
 
@@ -147,7 +151,7 @@ class UsbTransport:
                 os.sched_setscheduler(self._reader.native_id, policy, priority)
 
     def close(self) -> None:
-        """Release the interface. Idempotent; no error where the rig is gone."""
+        """Release the interface. A second call does nothing; an unplugged rig raises no error."""
         import usb.core
         import usb.util
 
@@ -158,7 +162,7 @@ class UsbTransport:
                 usb.util.dispose_resources(self._device)
 
     def _read_loop(self) -> None:
-        """Run the reading thread: one IN transfer after another, until closed or the bus fails."""
+        """Run the reading thread: one IN transfer after another until close or a USB error."""
         import usb.core
 
         buffer = array("B", bytes(LONGEST_READ))
@@ -181,7 +185,11 @@ class UsbTransport:
             self._received.put(explain(error, self._name, "sending a sample"))
 
     def _recover(self, error: Any, pipe: int, stalled: bool, doing: str) -> None:
-        """Clear a first stall of ``pipe``; raise a second one (``stalled``) and other errors."""
+        """Clear the stall of a pipe that caused ``error``; raise a DeviceError for other errors.
+
+        ``stalled``: this is the second stall in a row, which is raised too. ``doing``: the
+        operation that failed, as text.
+        """
         if error.errno != errno.EPIPE or stalled:
             raise explain(error, self._name, doing) from error
         self.stalls += 1
@@ -194,7 +202,7 @@ class UsbTransport:
 
 
 def _claim(device: Any, name: str) -> None:
-    """Claim the rig's interface. Raises DeviceError or usb.core.USBError."""
+    """Claim the interface of the rig ``device``. Raises DeviceError or usb.core.USBError."""
     import usb.core
     import usb.util
 

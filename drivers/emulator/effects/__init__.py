@@ -18,7 +18,7 @@ __all__ = ["Effect", "Hidden", "Parameter", "catalogue"]
 
 @cache
 def catalogue() -> dict[str, Effect]:
-    """Returns every effect by its name, in alphabetical order."""
+    """Return every effect, with its name as key, in alphabetical order."""
     effects: list[Effect] = []
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")

@@ -1,6 +1,7 @@
 """Effects of the air and the rotors on thrust and torque.
 
-The symbols are those of `lagrange`; a, h₀, k and κ are the effects' parameters.
+r, p, ψ are roll, pitch and yaw in rad, Q their torques; F is a thrust, F_f and F_b front and back.
+ω_a, ω_b are the body's rates about arm and bar (`lagrange`); a, h₀, k, κ are parameters.
 
 - Ground effect: near the table the thrust is F (1 + a exp(−h/h₀)); h = L_a (sin r − sin r_rest) is
   the body's height above the table.

@@ -1,4 +1,4 @@
-"""Defines how an effect is described: name, parameters with units and bounds, where it acts."""
+"""Defines how an effect is described: name, parameters with units and bounds, and its functions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ALL_AXES = ("roll", "pitch", "yaw")
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect; `parse_hide` rejects values outside ``low`` … ``high``."""
+    """One number of an effect; values outside ``low`` … ``high`` are rejected."""
 
     name: str
     unit: str
@@ -27,11 +27,11 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Effect:
-    """Behaviour of a rig that the base simulation does not have.
+    """Physics that ``hide=`` adds to the ideal rig, e.g. friction.
 
-    ``kernels`` are compiled functions, called at their `Stage` of each integration substep.
-    ``setup(setup, axis, values)`` is called once before the rig runs and returns the changed
-    `Setup`. Effects of one stage act in ascending ``order``, the order of the signal's path.
+    ``kernels`` are compiled functions, called at their `Stage` (a point of the computation) in each
+    integration substep. ``setup(setup, axis, values)`` is called once before the rig runs and
+    returns the changed `Setup`. Effects of the same stage act in ascending ``order``.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Hidden:
-    """An effect that ``hide=`` selects, with axis (0 roll, 1 pitch, 2 yaw; −1: none) and values."""
+    """One effect that ``hide=`` names, with axis (0 roll, 1 pitch, 2 yaw; −1: none) and values."""
 
     effect: Effect
     axis: int
@@ -54,7 +54,7 @@ class Hidden:
 
     @property
     def text(self) -> str:
-        """The effect as ``hide=`` takes it, e.g. ``friction.coulomb.yaw:0.03``."""
+        """Return the effect in the notation of ``hide=``, e.g. ``friction.coulomb.yaw:0.03``."""
         from heli3dof.axes import AXES
 
         name = self.effect.name + (f".{AXES[self.axis]}" if self.axis >= 0 else "")

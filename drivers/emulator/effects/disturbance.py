@@ -1,4 +1,4 @@
-"""External torques on an axis: a constant τ, and τ sin(2π f t) with t on the device's clock."""
+"""External torques on an axis: a constant τ (N·m), and τ sin(2π f t) with f in Hz, t in s."""
 
 from __future__ import annotations
 

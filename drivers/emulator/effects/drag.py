@@ -1,4 +1,4 @@
-"""Air drag of the moving arm and body: −d |q̇| q̇ on the axis of rate q̇; d is the parameter."""
+"""Air drag on an axis of rate q̇ (rad/s): torque −d |q̇| q̇ in N·m; d is the effect's parameter."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Effects of the motors, from the commanded voltage to the thrust, along the signal's path.
 
-V is the voltage of one motor, V_o its hover voltage; T, k, V_d, s, m, τ_m are the parameters:
+V is one motor's voltage (V_o at hover), F its thrust; T, k, V_d, s, m, τ_m are the parameters:
 
 1. ``motor.delay``: V(t − T), exactly: the mean of the delayed voltage over each substep.
 2. ``motor.supply_sag``: the supply voltage drops under load: V (1 − k (|V_f| + |V_b|)).
