@@ -1,4 +1,4 @@
-"""Starts the command line by ``python -m heli3dof``."""
+"""Start the heli3dof command line with ``python -m heli3dof``."""
 
 from heli3dof.cli.app import main
 

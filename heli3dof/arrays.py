@@ -1,4 +1,4 @@
-"""Array types of the public functions and classes; docstrings give shapes and units."""
+"""Array types used in the signatures of the package; each docstring gives shapes and units."""
 
 from __future__ import annotations
 

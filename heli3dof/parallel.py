@@ -49,7 +49,7 @@ def one_blas_thread(function: Callable[P, X]) -> Callable[P, X]:
 
 @functools.cache
 def _free() -> threading.Semaphore:
-    """Return the semaphore that counts the helper threads that may still be started."""
+    """Return the semaphore that counts how many more helper threads may start."""
     return threading.Semaphore(worker_count() - 1)
 
 
@@ -70,7 +70,7 @@ def parallel_map(work: Callable[[int], X], count: int, *, what: str = "") -> lis
     """Compute ``work(0)`` … ``work(count − 1)`` in parallel and return the results in order.
 
     ``what`` names the work items in the plural for `report_progress`; empty: no progress reports.
-    If calls fail, no more are started, and the error of the lowest number is raised.
+    If a call fails, no more calls start. Of several errors, that of the lowest number is raised.
     """
     pieces = _Pieces(work, count, what)
     helpers: list[threading.Thread] = []
@@ -89,7 +89,7 @@ def parallel_map(work: Callable[[int], X], count: int, *, what: str = "") -> lis
 
 
 class _Pieces(Generic[X]):
-    """The work items of one `parallel_map` call, with their results and errors."""
+    """The calls ``work(i)`` of one `parallel_map`, with their results and errors."""
 
     def __init__(self, work: Callable[[int], X], count: int, what: str) -> None:
         self._work, self._count, self._what = work, count, what
@@ -101,7 +101,7 @@ class _Pieces(Generic[X]):
 
     @property
     def left(self) -> int:
-        """The number of work items that have not been started; 0 after a failure."""
+        """Return the number of calls that have not been started; 0 after a failure."""
         return 0 if self._failed else self._count - self._next
 
     def help(self) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 
 def use_plugins(group: str, kind: str, use: Callable[[Any], None]) -> None:
-    """Load each entry point of ``group`` and call ``use`` with the object that it names.
+    """Load each Python entry point of ``group`` and call ``use`` with the object that it names.
 
     If the import or ``use`` raises, logs a warning with the ``kind`` of plug-in ("driver") and its
     name, and continues with the next.

@@ -21,14 +21,14 @@ REPR_LINES = 3
 
 
 class Result:
-    """Base class that displays a result as text, HTML or figure; a subclass defines `summary`.
+    """Base class of results that can be displayed as text, HTML or figure.
 
-    Subclasses add ``to_dict()`` and ``to_dataframe()``. A dataclass needs ``repr=False``:
-    otherwise its generated repr, all arrays included, replaces this one.
+    A subclass defines `summary`, ``to_dict()`` and ``to_dataframe()``. A dataclass needs
+    ``repr=False``: otherwise its generated repr, all arrays included, replaces this one.
     """
 
     def summary(self) -> str:
-        """Return a short text; its first three lines are the repr."""
+        """Return a short text about the result; Python shows its first three lines as the repr."""
         raise NotImplementedError
 
     def plot(self, **options: Any) -> Figure:

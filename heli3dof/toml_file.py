@@ -43,7 +43,7 @@ MISTAKEN_UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
 
 @dataclass(frozen=True)
 class Key:
-    """The description of a TOML key. Its ranges (in ``unit``, closed) are of the absolute value."""
+    """The description of a TOML key: meaning, unit, how to measure it, ranges of its |value|."""
 
     meaning: str
     unit: str = "–"
@@ -78,7 +78,7 @@ class Key:
         return value
 
     def slip(self, value: float) -> str:
-        """Return a question that names the unit probably used; empty if none fits the range."""
+        """Return a hint at the unit probably used for ``value``; empty if none fits the range."""
         expected = self.usual or self.plausible
         if expected is None:
             return ""
@@ -89,7 +89,7 @@ class Key:
 
 
 def within(value: Any, bounds: Range) -> bool:
-    """True if a number's absolute value lies in the closed range, or if value is not a number."""
+    """Return True if a number's absolute value lies in the closed range, or for a non-number."""
     return not isinstance(value, (int, float)) or bounds[0] <= abs(value) <= bounds[1]
 
 
@@ -105,13 +105,16 @@ class Section(BaseModel):
 
 
 def section_of(field: FieldInfo) -> type[Section] | None:
-    """Return the `Section` subclass that a field holds, optional or not; None for other values."""
+    """Return the `Section` subclass that is a field's type, optional or not; else None."""
     options = [field.annotation, *getattr(field.annotation, "__args__", ())]
     return next((o for o in options if isinstance(o, type) and issubclass(o, Section)), None)
 
 
 def keys(model: type[Section], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
-    """Yield the dotted name and the pydantic field of every key, in the order of the model."""
+    """Yield the dotted name and the pydantic field of every key of ``model``, in its order.
+
+    ``prefix`` is put before each name.
+    """
     for name, field in model.model_fields.items():
         inner = section_of(field)
         if inner is None:
@@ -152,7 +155,7 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Problem:
-    """One error in a file, at the dotted ``key`` (empty: the whole file): what, cause and fix."""
+    """One error in a TOML file: dotted ``key`` (empty: the whole file), what, cause and fix."""
 
     key: str
     what: str
@@ -191,7 +194,8 @@ def check(
 def problems_of(problem: ValidationError, model: type[BaseModel], source: str) -> list[Problem]:
     """Return all errors: unknown keys first, one entry for all missing keys, then wrong values.
 
-    A misspelt key is both unknown and missing; only the unknown one is reported.
+    ``problem`` is pydantic's error for ``model``, ``source`` the file's name. A misspelt key is
+    both unknown and missing; only the unknown one is reported.
     """
     errors = problem.errors(include_url=False)
     out: list[Problem] = []
@@ -248,7 +252,7 @@ def _wrong_value(e: ErrorDetails, source: str) -> Problem:
 
 
 def _required(model: type[BaseModel], path: Sequence[str]) -> list[str]:
-    """Return the dotted keys missing with ``path``: of a missing section, all its required keys."""
+    """Return the dotted keys missing with ``path``: for a section, all its required keys."""
     field = _section_at(model, path[:-1])[0].model_fields.get(path[-1])
     inner = None if field is None else section_of(field)
     if inner is None:
@@ -257,13 +261,13 @@ def _required(model: type[BaseModel], path: Sequence[str]) -> list[str]:
 
 
 def _keys_at(model: type[BaseModel], path: Sequence[str]) -> tuple[list[str], str]:
-    """Return the keys of the section at ``path`` and where they are: "in [motor]"."""
+    """Return the valid keys of the section at ``path`` and its name for messages: "in [motor]"."""
     section, name = _section_at(model, path)
     return list(section.model_fields), f"in [{name}]" if name else "at the top level"
 
 
 def _section_at(model: type[BaseModel], path: Sequence[str]) -> tuple[type[BaseModel], str]:
-    """Return the section class at ``path`` (the deepest one on it) and its dotted name."""
+    """Return the class of the TOML table at ``path`` (the deepest one on it) and dotted name."""
     names: list[str] = []
     for part in path:
         field = model.model_fields.get(part)

@@ -1,12 +1,12 @@
 """Convert an OSError from writing a file into a heli3dof error with cause and fix.
 
-==========================================  ===============  ====
-cause of the OSError                        error            exit
-==========================================  ===============  ====
+==========================================  ===============  ===========
+cause of the OSError                        error            exit status
+==========================================  ===============  ===========
 disk or quota full, file too large          `NoSpace`        5
 not permitted, read-only                    `UsageError`     2
 path cannot hold a file, I/O error          `UsageError`     2
-==========================================  ===============  ====
+==========================================  ===============  ===========
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ ELSEWHERE = "another place with -o"
 
 
 def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofError | None:
-    """Convert an OSError from writing ``path`` to a heli3dof error; None if it is unrelated."""
+    """Return the heli3dof error for an OSError from writing ``path``; None if unrelated to it."""
     if error.errno in FULL:
         return NoSpace(
             f"There is no space left for {path}.",

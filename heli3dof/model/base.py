@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LoopTask:
-    """The input of a closed-loop simulation over N control periods of length ``dt``."""
+    """The input of a closed-loop simulation: references, controller, N periods of ``dt`` s."""
 
     reference: FloatArray
     """(N, 3) rad, references before their rate limiter; NaN counts as zero."""
@@ -44,7 +44,7 @@ class LoopTask:
 
 @dataclass(frozen=True, eq=False)
 class LoopResult:
-    """The result of a closed-loop simulation: arrays over the task's N samples."""
+    """The result of a closed-loop simulation: angles, voltages and references at N samples."""
 
     t: FloatArray
     """(N,) s"""
@@ -63,31 +63,31 @@ class LoopResult:
 
 
 class Model(Protocol):
-    """A model of the rig that simulates and predicts."""
+    """Interface of a model of the rig: simulates the closed loop and predicts recorded angles."""
 
     @property
     def name(self) -> str:
-        """The name shown in tables and figures."""
+        """Return the model's name as shown in tables and figures."""
         ...
 
     @property
     def kind(self) -> str:
-        """The kind of model: ``hover``, ``statespace``, ``tf4``, ``oe``, ``greybox`` …"""
+        """Return the kind of model: ``hover``, ``statespace``, ``tf4``, ``oe``, ``greybox`` …"""
         ...
 
     def fly(self, task: LoopTask) -> LoopResult:
-        """Simulate the closed loop. A diverging loop gives inf or NaN, not an exception."""
+        """Return the simulated closed loop; inf or NaN, no exception, if it diverges."""
         ...
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
-        """Return the closed-loop poles (complex, rad/s) with the gain; control period ``dt`` s."""
+        """Return the closed-loop poles (complex, rad/s) with a controller of period ``dt`` s."""
         ...
 
     def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
-        """Return (N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
+        """Return (N, 3) rad: row k predicts the recorded ``angle[k]``, ``horizon_s`` s ahead.
 
-        It uses the voltages of all rows before k, and the angles up to ``horizon_s`` before row k.
-        NaN in the first rows and on an axis that is not modelled.
+        The prediction uses the angles up to ``horizon_s`` before row k, and the voltages of all
+        rows before k. It is NaN in the first rows and on an axis that the model does not contain.
         """
         ...
 
@@ -96,5 +96,5 @@ class Model(Protocol):
         ...
 
     def to_dict(self) -> Mapping[str, Any]:
-        """Return the content of the model file; see `heli3dof.model.model_file`."""
+        """Return the model as a dict for its JSON model file; see `heli3dof.model.model_file`."""
         ...

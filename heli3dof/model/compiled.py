@@ -43,7 +43,7 @@ def compiled(function: Callable[..., Any], *, leaf: bool = False, **options: Any
 
 @cache
 def _digest(function: Callable[..., Any]) -> str:
-    """Return a hash of the function's file, its global numbers and its compiled callees."""
+    """Return a hash of the function's file, its global numbers and the functions it calls."""
     function = getattr(function, "py_func", function)
     h = hashlib.sha256(_source(inspect.getfile(function)))
     names: dict[str, Any] = getattr(function, "__globals__", {})
@@ -62,7 +62,7 @@ def _source(path: str) -> bytes:
 
 
 def _with_cell(function: Callable[..., Any], content: str) -> Callable[..., Any]:
-    """Copy a function with ``content`` as an unused closure cell, a part of numba's cache key."""
+    """Return a copy of ``function`` whose cache key also contains the string ``content``."""
     code = function.__code__
     code = code.replace(co_freevars=(*code.co_freevars, "_digest"))
     cells = (*(function.__closure__ or ()), types.CellType(content))
@@ -76,7 +76,7 @@ def _with_cell(function: Callable[..., Any], content: str) -> Callable[..., Any]
 
 @contextmanager
 def announced(sentence: str, after_s: float = 1.5) -> Iterator[None]:
-    """Context manager: log ``sentence`` if the block (a compilation) takes over ``after_s``."""
+    """Context manager: log ``sentence`` if the block, a compilation, takes over ``after_s`` s."""
     timer = threading.Timer(after_s, logging.getLogger("heli3dof").warning, (sentence,))
     timer.daemon = True
     timer.start()

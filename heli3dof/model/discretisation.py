@@ -46,7 +46,8 @@ class Sampled(Protocol):
 class Continuous:
     """The model ẋ = A x + B ũ, ỹ = C x + D ũ; ũ (V) and ỹ (rad) are deviations from the trim.
 
-    ``method``, the inverse of the sampling: ``hold`` (exact at the samples) or ``bilinear``.
+    ``method`` states how it was computed from a discrete-time model: ``hold``, by the inverse of
+    the zero-order hold (exact at the samples), or ``bilinear``.
     """
 
     A: np.ndarray
@@ -99,8 +100,9 @@ def continuous(model: Sampled) -> Continuous:
 def numerators(model: Continuous) -> tuple[np.ndarray, np.ndarray]:
     """Return the transfer functions' coefficients (num, den), highest power of s first.
 
-    num[i, j] (3, 2, n + 1) is from motor j (V) to axis i (rad); den (n + 1,) is det(sI − A). From
-    det(sI − A + B_j C_i) = den · (1 + T_ij), T_ij without feedthrough; D · den is added after.
+    num[i, j] (3, 2, n + 1) is from motor j (V) to axis i (rad); den (n + 1,) is det(sI − A). The
+    numerators follow from det(sI − A + B_j C_i) = den · (1 + T_ij), T_ij the transfer function
+    without feedthrough. D · den is then added.
     """
     den = np.real(np.poly(model.A))
     num = np.zeros((3, 2, len(den)))
@@ -116,8 +118,9 @@ def to_control(
 ) -> control.StateSpace:
     """Return a python-control ``StateSpace`` about the trim: from V − u0 (V) to y − y0 (rad).
 
-    It is discrete at the model's dt, or in continuous time (see `continuous`). ``states`` are the
-    states' names. A bilinear conversion ignores them, because it mixes states: x[0], x[1], …
+    u0 (V) and y0 (rad) are the trim's voltages and angles. The result is discrete at the model's
+    sample interval, or in continuous time (see `continuous`). ``states`` are the states' names. A
+    bilinear conversion ignores them, because it mixes states, and uses x[0], x[1], …
     """
     import control
 
@@ -150,7 +153,7 @@ def to_transfer_function(model: Sampled) -> control.TransferFunction:
 
 
 def _reduced(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (num, den) without leading zeros and common powers of s, up to rounding."""
+    """Return the transfer function num/den without leading zeros and common powers of s."""
     num = np.where(abs(num) > 1e-12 * np.max(abs(den)), num, 0.0)
     if not num.any():
         return np.zeros(1), np.ones(1)

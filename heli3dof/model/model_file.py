@@ -129,7 +129,7 @@ def _unusable(path: Path, what: str, cause: str, fix: str) -> RecordingError:
 
 
 def jsonable(value: Any) -> Any:
-    """Convert to plain JSON: arrays to lists, complex to [re, im], NaN and ∞ to null."""
+    """Return plain JSON data: arrays become lists, complex numbers [re, im], NaN and ∞ null."""
     if isinstance(value, Mapping):
         return {str(k): jsonable(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):

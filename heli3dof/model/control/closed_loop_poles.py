@@ -1,13 +1,15 @@
-"""Closed-loop poles of a model with the controller gain K (2 × 8), without limiters.
+"""Closed-loop poles of a linear model with the controller gain K (2 × 8), without limiters.
 
-Continuous loop with ideal rates, as in the paper with the integrals ξ of erratum E6::
+Continuous loop with exact rates ẏ as in the paper, and the integrals ξ (rad·s) of erratum E6::
 
     ẋ = A x + B u,   ξ̇_r = r_ref − r,   ξ̇_ψ = ψ_ref − ψ
     u = K_p (y_ref − y) − K_d ẏ + K_i ξ          K = [K_p (2×3)  K_d (2×3)  K_i (2×2)]
 
-Sampled loop, as on the rig: the rates are the Tustin-filtered derivatives of `controller`, and each
-integral advances by dt × error after the voltage is computed. The poles omit an integral whose
-column of K is zero or whose axis is not modelled.
+y = (r, p, ψ) is roll, pitch, yaw (rad), y_ref their references, u the voltages (V) from the trim.
+
+Sampled loop, as on the rig: the rates are derivatives by the Tustin-discretised filter of
+`controller`. Each integral advances by dt × error after the voltage is computed. The poles omit an
+integral whose column of K is zero or whose axis is not modelled.
 """
 
 from __future__ import annotations
@@ -26,10 +28,12 @@ INTEGRATED = (0, 2)
 def closed_loop(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, K: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the continuous loop with ideal rates: states (x, ξ_r, ξ_ψ), input y_ref (3,) rad.
+    """Return (A_cl, B_cl, F): the loop of ẋ = A x + B u, y = C x under the gain K (2, 8).
 
-    The result is A_cl (n+2, n+2), B_cl (n+2, 3) and F (2, n+2) with u = F [x; ξ] + K_p y_ref. If
-    C B ≠ 0, the rate ẏ = C A x + C B u depends on u directly; the equation is solved for u.
+    The loop is continuous with exact rates. Its states z = (x, ξ_r, ξ_ψ) contain the integrals of
+    the roll and yaw errors; its input is y_ref (3,) rad: ż = A_cl z + B_cl y_ref, u = F z + K_p
+    y_ref. Shapes: A_cl (n+2, n+2), B_cl (n+2, 3), F (2, n+2); K_p is K[:, :3]. If C B ≠ 0, the rate
+    ẏ = C A x + C B u depends on u directly; the equation is solved for u.
     """
     n = A.shape[0]
     Kp, Kd, Ki = K[:, :3], K[:, 3:6], K[:, 6:]
@@ -46,7 +50,7 @@ def closed_loop(
 
 
 def ideal_loop_poles(model: LinearParameters, controller: ControllerSpec) -> np.ndarray:
-    """Return the poles (rad/s, rightmost first) of the continuous loop with ideal rates."""
+    """Return the poles (rad/s, rightmost first) of the continuous loop with exact angular rates."""
     c = continuous(model)
     C = np.where(model.modelled[:, None], c.C, 0.0)
     A_cl, _, _ = closed_loop(c.A, c.B, C, controller.K_g)
@@ -89,11 +93,11 @@ def sampled_loop_poles(
 
 
 def _integrals_in_the_loop(model: LinearParameters, controller: ControllerSpec) -> np.ndarray:
-    """Return (2,) bool: True if the loop has the roll integral, and the yaw integral."""
+    """Return (2,) bool: whether the loop contains the integral of the roll and of the yaw error."""
     return np.asarray((controller.K_g[:, 6:] != 0).any(axis=0) & model.modelled[list(INTEGRATED)])
 
 
 def rightmost_first(poles: np.ndarray) -> np.ndarray:
-    """Return the poles by falling real part; of a complex pair, that above the real axis first."""
+    """Return the poles by falling real part; in a complex pair, positive imaginary part first."""
     poles = np.asarray(poles, dtype=complex)
     return poles[np.lexsort((-poles.imag, -poles.real.round(9)))]

@@ -50,11 +50,12 @@ def control_law(
     extra: Sequence[float],
     out: MutableSequence[float],
 ) -> None:
-    """Compute one control period: write out (4) V and update the state s.
+    """Compute one control period: write the voltages to ``out`` (4) V and update the state ``s``.
 
-    Inputs: parameters p (`parameters`), angle (3) rad, reference (3) rad, extra (2) V. Output: the
-    commanded voltages (front, back), then the same after the limiter ±v_max. Runs unchanged in
-    Python on lists and under ``numba.njit`` on float64 arrays.
+    ``p``: parameters, from `parameters`; ``s``: state, from `state_at_rest`; ``angle``,
+    ``reference`` (3) rad: measured angles and references; ``extra`` (2) V: excitation. ``out`` gets
+    the commanded voltages (front, back), then the same limited to ±v_max. Runs unchanged in Python
+    on lists and under ``numba.njit`` on float64 arrays.
     """
     for i in range(3):
         y = angle[i]
@@ -93,7 +94,10 @@ def control_law(
 
 
 def parameters(spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> list[float]:
-    """Return the flat parameter list that `control_law` reads. V_o, v_max in V, dt in s."""
+    """Return the flat parameter list that `control_law` reads, from the controller's specification.
+
+    ``V_o``: hover voltage (V); ``v_max``: voltage limit (V); ``dt``: control period (s).
+    """
     b0, a1, a2 = derivative_filter(spec, dt)
     ref_step = float(np.deg2rad(spec.reference_rate_limit_deg_per_s)) * dt
     # The motor with the smaller gain reaches the clamp last.
@@ -104,9 +108,10 @@ def parameters(spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> lis
 
 
 def derivative_filter(spec: ControllerSpec, dt: float) -> tuple[float, float, float]:
-    """Return (b0, a1, a2) of ω² s / (s² + 2 ζ ω s + ω²) by Tustin, s = (2/dt)(z − 1)/(z + 1).
+    """Return the coefficients (b0, a1, a2) of the filter from an angle (rad) to its rate (rad/s).
 
-    H(z) = b0 (1 − z⁻²) / (1 + a1 z⁻¹ + a2 z⁻²); angle in rad, rate in rad/s.
+    H(z) = b0 (1 − z⁻²) / (1 + a1 z⁻¹ + a2 z⁻²) is ω² s / (s² + 2 ζ ω s + ω²) discretised by Tustin,
+    s = (2/dt)(z − 1)/(z + 1). ω (rad/s) and ζ are in ``spec``; ``dt`` s is the control period.
     """
     w = 2 * np.pi * spec.derivative_cutoff_hz
     zeta = spec.derivative_damping
@@ -120,9 +125,10 @@ def derivative_filter(spec: ControllerSpec, dt: float) -> tuple[float, float, fl
 
 
 def state_at_rest(p: Sequence[float], angle: Sequence[float]) -> list[float]:
-    """Return the controller state at rest at ``angle`` (3,) rad.
+    """Return the controller state for a rig at rest at ``angle`` (3,) rad.
 
-    The limited references equal the angles; filtered rates and integrals are zero.
+    ``p`` is from `parameters`. The rate-limited references equal the angles; filtered rates and
+    integrals are zero.
     """
     angle = [a if abs(a) < _LARGEST_ANGLE else 0.0 for a in angle]
     s = [0.0] * N_STATE
@@ -151,12 +157,12 @@ class Controller:
 
     @classmethod
     def of(cls, profile: Any) -> Controller:
-        """Return the controller of a `Profile` at its loop rate; the default one if it has none."""
+        """Return the controller of a `Profile` at its loop rate; by default the paper's."""
         profile = profile.with_controller()
         return cls(profile.controller, profile.motor.V_o, profile.motor.v_max, profile.dt)
 
     def reset(self, angle: Sequence[float] | np.ndarray) -> None:
-        """Set the state to rest at ``angle`` (3,) rad; see `state_at_rest`."""
+        """Set the controller state to that of a rig at rest at ``angle`` (3,) rad."""
         self._s = state_at_rest(self._p, [float(a) for a in angle])
 
     def step(
@@ -165,9 +171,10 @@ class Controller:
         reference: Sequence[float] | np.ndarray,
         extra: Sequence[float] | np.ndarray = (0.0, 0.0),
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Compute one control period from angle (3,) rad, reference (3,) rad and extra (2,) V.
+        """Compute one control period from measured angles and references (3,) rad.
 
-        Returns (v_cmd, v), each (front, back) in V: before and after the ±v_max limiter.
+        ``extra`` (2,) V is an excitation added to the controller's output. Returns (v_cmd, v), each
+        (front, back) in V: before and after the limiter ±v_max.
         """
         out = self._out
         # Python floats: numpy scalars would be several times slower in the law.
@@ -183,17 +190,17 @@ class Controller:
 
     @property
     def limited_reference(self) -> tuple[float, float, float]:
-        """(3,) rad: the references after the rate limiter, from the last `step`."""
+        """Return (3,) rad: the references after the rate limiter, from the last `step`."""
         s = self._s
         return s[_LIMITED], s[_LIMITED + 1], s[_LIMITED + 2]
 
     @property
     def rates(self) -> tuple[float, float, float]:
-        """(3,) rad/s: the filtered derivatives of the angles, from the last `step`."""
+        """Return (3,) rad/s: the filtered derivatives of the angles, from the last `step`."""
         s = self._s
         return s[_RATE], s[_RATE + 1], s[_RATE + 2]
 
     @property
     def integrals(self) -> tuple[float, float]:
-        """(∫ roll error, ∫ yaw error) in rad·s, after the last `step`."""
+        """Return (∫ roll error dt, ∫ yaw error dt) in rad·s, after the last `step`."""
         return self._s[_XI], self._s[_XI + 1]

@@ -26,7 +26,7 @@ from heli3dof.model.linear.hover import Hover
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """The simulated response at N instants."""
+    """The simulated response at N instants: times (s), angles (rad) and motor voltages (V)."""
 
     t: np.ndarray
     """(N,) s"""
@@ -39,9 +39,9 @@ class Response:
 def paper_gain(hover: Hover) -> np.ndarray:
     """Return the LQR gain (2, 8) of the six states and two integrals, with the paper's Q and R.
 
-    For the corrected model with V_o from (6) it equals the paper's gain (14) up to its truncated
-    digits. That is the evidence for errata E3 and E4. K = R⁻¹BᵀP with
-    the Riccati equation AᵀP + PA − PBR⁻¹BᵀP + Q = 0.
+    K = R⁻¹BᵀP, where P solves the Riccati equation AᵀP + PA − PBR⁻¹BᵀP + Q = 0. For the corrected
+    hover model with V_o from eq (6) it equals the paper's gain (14) up to its truncated digits.
+    That is the evidence for errata E3 and E4.
     """
     A = np.zeros((8, 8))
     A[:6, :6] = hover.A
@@ -53,10 +53,11 @@ def paper_gain(hover: Hover) -> np.ndarray:
 
 
 def with_rotor_lag(hover: Hover, tau: float) -> Hover:
-    """Return the model with first-order rotors, τ V̇_r = V − V_r; tau in s.
+    """Return the hover model extended by first-order rotors, τ V̇_r = V − V_r, with τ = ``tau`` s.
 
-    It has two more states, V_r − V_o in V. This is not in the paper; the lag may explain why its
-    rig overshot far more than its model.
+    V is a motor voltage and V_r the voltage that determines the thrust. The two additional states
+    are V_r − V_o in V. This is not in the paper; the lag may explain why its rig overshot far more
+    than its model.
     """
     A, B = np.zeros((8, 8)), np.zeros((8, 2))
     A[:6, :6], A[:6, 6:], A[6:, 6:] = hover.A, hover.B, -np.eye(2) / tau
@@ -65,7 +66,7 @@ def with_rotor_lag(hover: Hover, tau: float) -> Hover:
 
 
 def loop_poles(hover: Hover, K: np.ndarray) -> np.ndarray:
-    """Return the closed-loop poles (rad/s, rightmost first) with the gain K (2, 8)."""
+    """Return the closed-loop poles (rad/s, rightmost first) of ``hover`` with the gain K (2, 8)."""
     return rightmost_first(la.eigvals(closed_loop(hover.A, hover.B, hover.C, K)[0]))
 
 
@@ -122,9 +123,10 @@ def _exact(
     reference: Callable[[float], np.ndarray],
     slope: np.ndarray,
 ) -> np.ndarray:
-    """Return x (N, n) at t from ẋ = A x + B r, with ṙ = ``slope`` of each axis until its corner.
+    """Return the exact states x (N, n) of ẋ = A x + B r at the times t (N,) s, with x(0) = ``x0``.
 
-    It uses one matrix exponential per corner and one for the time step.
+    ``reference`` gives r (3,) rad at a time: r_i has the slope ``slope``[i] (rad/s) up to
+    ``corners``[i] (s), then it is constant. One matrix exponential per corner, one for the step.
     """
     n = len(A)
     M = np.zeros((n + 6, n + 6))
@@ -155,7 +157,11 @@ def _limited(
     reference: Callable[[float], np.ndarray],
     v_max: float,
 ) -> np.ndarray:
-    """Return x at t from ẋ = A x + B u, u = F x + K_p r, |V_o + u| ≤ v_max, by Runge–Kutta 4."""
+    """Return x at the times t (s) of ẋ = A x + B u, x(0) = ``x0``, by Runge–Kutta 4.
+
+    ``hover`` with two error integrals is the plant. u = F x + K_p r is limited so that |V_o + u| ≤
+    ``v_max`` (V); ``reference`` gives r (3,) rad at a time, K_p = K[:, :3].
+    """
     A, B, C, V_o, Kp = hover.A, hover.B, hover.C, hover.V_o, K[:, :3]
     n = len(A)
 

@@ -1,8 +1,8 @@
 """Check the closed loop of a profile before a flight: poles, disk margin, simulated steps.
 
 The margin is for the sampled loop (filtered rates, integrals), broken at both motors' voltages at
-once. With the 2 × 2 loop gain L(z) there and the sensitivity S = (I + L)⁻¹, the disk margin for
-independent factors f_F, f_B on the two motors' gain and phase is::
+once. L(z) is the 2 × 2 loop gain there and S = (I + L)⁻¹ the sensitivity. The factors f_F and f_B
+change gain and phase of the front and back motor independently. Their disk margin is::
 
     α = 1 / max_ω μ(S − I/2),       μ: the structured singular value for diag(f_F, f_B)
 
@@ -51,7 +51,7 @@ yaw step by 16 % and a roll step by 19 %."""
 
 @dataclass(frozen=True)
 class StepCheck:
-    """The result of one simulated step of a reference."""
+    """The result of one simulated reference step: peak angle, voltage, saturation, safety trip."""
 
     name: str
     axis: str
@@ -71,7 +71,7 @@ class StepCheck:
 
 @dataclass(frozen=True)
 class LoopCheck:
-    """The result of `check_loop_of`; an unstable loop has no margin and no steps."""
+    """The result of `check_loop_of`: poles; for a stable loop also disk margin and steps."""
 
     poles: FloatArray
     """(n,) rad/s, rightmost first, of the sampled loop about hover"""
@@ -85,7 +85,7 @@ class LoopCheck:
 
     @property
     def gain_margin(self) -> float | None:
-        """The factor by which each motor's gain may rise or fall, independently of the other."""
+        """Return the factor by which each motor's gain may change, independently of the other."""
         if self.disc_margin is None:
             return None
         half = min(self.disc_margin / 2, 0.999)
@@ -93,7 +93,7 @@ class LoopCheck:
 
     @property
     def phase_margin_deg(self) -> float | None:
-        """The additional phase lag in ° that each motor may have at any frequency."""
+        """Return the additional phase lag (°) that each motor may have at any frequency."""
         return None if self.disc_margin is None else degrees(2 * atan(self.disc_margin / 2))
 
     def unusual(self) -> Iterator[str]:
@@ -120,7 +120,7 @@ class LoopCheck:
 
 
 def check_loop_of(profile: Profile) -> LoopCheck:
-    """Check the profile's controller: poles, and for a stable loop the margins and steps."""
+    """Return the check of the profile's controller: poles; if stable, margin and steps as well."""
     profile = profile.with_controller()
     spec = profile.controller
     assert spec is not None
@@ -132,7 +132,7 @@ def check_loop_of(profile: Profile) -> LoopCheck:
 
 
 def disc_margin(profile: Profile, spec: ControllerSpec) -> float:
-    """Return the disk margin α at both motors, for the hover model; see the module."""
+    """Return the disk margin α (see module) at both motors' voltages, for the hover model."""
     model = hover_model(profile)
     w = np.geomspace(LOWEST_RAD_PER_S, np.pi / profile.dt, FREQUENCIES)[:-1]
     z = np.exp(1j * w * profile.dt)
@@ -149,7 +149,7 @@ def disc_margin(profile: Profile, spec: ControllerSpec) -> float:
 
 
 def _controller(spec: ControllerSpec, dt: float, z: FloatArray) -> FloatArray:
-    """Return the negative transfer from angles to voltages, (n, 2, 3) V/rad, at the n values z."""
+    """Return the controller C(z), (n, 2, 3) V/rad, at n values z: voltages = −C(z) · angles."""
     b0, a1, a2 = derivative_filter(spec, dt)
     K = spec.K_g
     rate = b0 * (1 - z**-2) / (1 + a1 * z**-1 + a2 * z**-2)
@@ -160,7 +160,7 @@ def _controller(spec: ControllerSpec, dt: float, z: FloatArray) -> FloatArray:
 
 
 def _steps(profile: Profile, spec: ControllerSpec) -> Iterator[StepCheck]:
-    """Simulate a take-off from the table, a roll step and a yaw step."""
+    """Yield the simulated take-off from the table, roll step and yaw step."""
     rest = profile.encoder.rest_rad
     yield _step(profile, spec, "take-off", 0, 0.0, rest)
     yield _step(profile, spec, "a 10° roll step", 0, 10.0, np.zeros(3))
@@ -202,7 +202,10 @@ def _step(
 def _trip(
     profile: Profile, t: FloatArray, angle: FloatArray, command: FloatArray, voltage: FloatArray
 ) -> str | None:
-    """Return the first safety trip along a simulated flight; None without one."""
+    """Return the first trip of a safety monitor in a simulated flight; None without one.
+
+    At the times t (s): ``angle`` (N, 3) rad; voltages before (``command``) and after the limiter.
+    """
     envelope = Envelope(profile)
     with np.errstate(invalid="ignore"):
         rate = np.gradient(angle, profile.dt, axis=0)

@@ -4,6 +4,8 @@ The voltage that `control_law` computes is a sum of contributions of each axis i
 
     c_im = K_mi (i_ref − i) − K_m,3+i i̇ + clamp(K_m,6+j ξ_j)        (ξ: roll and yaw only)
 
+with the gain K (2 × 8), the reference i_ref, the filtered rate i̇ and the error integral ξ_j.
+
 Each axis has a mode in each control period:
 
     CLOSED  unchanged
@@ -16,7 +18,7 @@ an open axis is its own angle, so its integral does not grow. When the loop clos
 returns to the plan's at the rate `RETURN`, without a jump. A recording contains the references and
 extra voltages as changed here, so V = law(angle, reference) + extra and a replay needs no modes.
 
-The supplied plans open roll or yaw and keep pitch closed: with both voltages frozen, 1 % of
+The built-in plans open roll or yaw and keep pitch closed: with both voltages frozen, 1 % of
 mismatch between the motors tips a body without pitch stiffness over in seconds. If an angle or rate
 exceeds `SHARE` of the safety envelope, all loops are closed until no axis has the mode OPEN.
 """
@@ -57,9 +59,10 @@ N_OPENING = 26
 
 
 def free_within(limits: Limits) -> list[float]:
-    """Return the bounds for an open loop: [roll low, roll high, |pitch|, |yaw|, three |rates|].
+    """Return the bounds within which a loop may be open: `SHARE` of the safety envelope ``limits``.
 
-    Angles are in rad, rates (roll, pitch, yaw) in rad/s.
+    The list is [roll low, roll high, |pitch|, |yaw|, |roll rate|, |pitch rate|, |yaw rate|] in rad
+    and rad/s.
     """
     middle = (limits.roll_max_deg + limits.roll_min_deg) / 2
     half = SHARE * (limits.roll_max_deg - limits.roll_min_deg) / 2
@@ -74,9 +77,10 @@ def free_within(limits: Limits) -> list[float]:
 
 
 def opening(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the arguments (mode, room, z) of `before_law` for a compiled simulation.
+    """Return the arguments (mode, room, z) of `before_law` for a compiled simulation of ``task``.
 
-    The modes are (N, 3), or (0, 3) if the task opens no loop.
+    ``mode``: the modes of the N control periods (N, 3), or (0, 3) if the task opens no loop.
+    ``room``: the bounds of `free_within`. ``z``: the initial state, `N_OPENING` zeros.
     """
     modes = np.zeros((0, 3), dtype=np.int8) if task.opened is None else task.opened
     return (
@@ -98,11 +102,11 @@ def before_law(
 ) -> None:
     """Call before `control_law`: decide which axes are open, and set their references.
 
-    ``p`` and ``s`` are the law's parameters and state; ``mode`` (3), ``angle`` and ``reference``
-    (3) rad, ``extra`` (2) V. ``room`` is from `free_within`; ``z`` is the state of this module
-    (`N_OPENING` zeros at the start). ``reference`` is overwritten with the one to apply. ``extra``
-    is moved to ``z`` for `after_law` and set to zero. Both functions run on Python lists and under
-    ``numba.njit`` on float64 arrays.
+    ``p`` and ``s`` are the law's parameters and state; ``mode`` (3): 0 CLOSED, 1 LEARN, 2 OPEN for
+    each axis; ``angle`` (3) rad: measured; ``room``: bounds from `free_within`; ``z``: the state of
+    this module, `N_OPENING` zeros at the start. ``reference`` (3) rad is overwritten with the one
+    to apply. The excitation ``extra`` (2) V is moved to ``z`` for `after_law` and set to zero. Both
+    functions run on Python lists and under ``numba.njit`` on float64 arrays.
     """
     anything = False
     for i in range(3):
@@ -144,10 +148,11 @@ def after_law(
     extra: MutableSequence[float],
     out: MutableSequence[float],
 ) -> None:
-    """Call after `control_law`: average or replace contributions, and add the extra voltage.
+    """Call after `control_law`: average or replace axes' contributions, add the extra voltage.
 
-    ``extra`` (2) V and the law's output ``out`` (4) V are overwritten with the values to apply. The
-    other arguments are those of `before_law`.
+    ``extra`` (2) V and the law's output ``out`` (4) V are overwritten with the values to apply.
+    ``p`` and ``s`` are the law's parameters and state, ``z`` the state of this module; ``mode``
+    (3): 0 CLOSED, 1 LEARN, 2 OPEN for each axis.
     """
     for m in range(2):
         replaced = 0.0
@@ -178,7 +183,7 @@ def after_law(
 
 
 class OpenedController(Controller):
-    """The default controller in plain Python, with loops that a plan can open."""
+    """The default controller in plain Python, which opens the loops of axes as a plan requests."""
 
     def __init__(self, spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> None:
         super().__init__(spec, V_o, v_max, dt)
@@ -187,7 +192,7 @@ class OpenedController(Controller):
 
     @classmethod
     def of(cls, profile: Any) -> OpenedController:
-        """Return the controller of a `Profile`, with bounds from the profile's safety envelope."""
+        """Return the controller of a `Profile`, with its bounds for open loops (`free_within`)."""
         made = super().of(profile)
         assert isinstance(made, cls)
         made._room = free_within(profile.limits)
@@ -202,9 +207,10 @@ class OpenedController(Controller):
     ) -> tuple[
         tuple[float, float, float], tuple[float, float], tuple[float, float], tuple[float, float]
     ]:
-        """Compute one control period with the axes' modes (3).
+        """Compute one control period in which the loops of some axes may be open.
 
-        Returns reference (rad) and extra (V) as applied, and v_cmd, v (V) of `Controller.step`.
+        ``mode`` (3): 0 CLOSED, 1 LEARN, 2 OPEN for each axis. Returns reference (3,) rad and extra
+        voltage (2,) V as applied, then the motor voltages (2,) V before and after the limiter.
         """
         r, e, out = list(reference), list(extra), self._out
         before_law(self._p, self._s, self._room, self._z, mode, angle, r, e)

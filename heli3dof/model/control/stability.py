@@ -1,4 +1,7 @@
-"""Checks before a flight that the gain stabilises the chosen model (exit code 6)."""
+"""Check before a flight that the controller gain stabilises the chosen model of the rig.
+
+If it does not, the functions raise UnstableLoop, and the command exits with status 6.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +23,9 @@ MARGIN = 1e-4
 def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarray:
     """Return the closed-loop poles (rad/s, rightmost first); raise UnstableLoop if any is unstable.
 
-    The error names the poles with real part ≥ −`MARGIN`. Linear models are checked twice: with
-    `Model.loop_poles`, and with the loop sampled every ``dt`` s with the filtered derivative, where
-    a low loop rate can cause instability.
+    The error names the poles with real part ≥ −`MARGIN` (rad/s). Linear models are checked twice:
+    with `Model.loop_poles`, and with the loop sampled every ``dt`` s with the derivative filter. A
+    low loop rate can make the second unstable.
     """
     poles = model.loop_poles(controller, dt)
     unstable = poles[~(poles.real < -MARGIN)]
@@ -48,7 +51,7 @@ def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarra
 
 
 def check_hover_loop(profile: Profile) -> np.ndarray:
-    """Call `check_loop` with the profile's gain (or the default gain) and its hover model."""
+    """Return the hover model's poles (rad/s), checked by `check_loop` with the profile's gain."""
     controller = profile.with_controller().controller
     assert controller is not None
     return check_loop(hover_model(profile), controller, profile.dt)
@@ -63,7 +66,7 @@ def _cause(model: Model) -> str:
 
 
 def _poles(poles: Sequence[complex] | np.ndarray) -> str:
-    """Return words for a message: "the pole +1.469 rad/s is", "the poles … rad/s are"."""
+    """Return words for a message: "the pole +1.469 rad/s is" or "the poles … rad/s are"."""
     words = []
     for s in poles:
         if abs(s.imag) < 1e-9:

@@ -24,7 +24,7 @@ GROUP = "heli3dof.effects"
 
 @dataclass(frozen=True)
 class PlugIn:
-    """The entry point and the package from which an effect of another package was loaded."""
+    """The Python entry point and the package from which an effect of another package was loaded."""
 
     entry_point: str
     """``module:attribute`` that holds the `Effect`"""
@@ -85,17 +85,17 @@ def _all() -> _Catalogue:
 
 
 def effects() -> Mapping[str, Effect]:
-    """Return {name: effect}. A plug-in that does not load or compile is skipped with a warning."""
+    """Return {name: effect}; a plug-in that does not load or compile is skipped with a warning."""
     return dict(sorted(_all().effects.items()))
 
 
 def plug_ins() -> Mapping[str, PlugIn]:
-    """Return {name of the effect: the plug-in that provides it}, for effects of other packages."""
+    """Return {effect name: its plug-in} for the effects that other installed packages provide."""
     return _all().plug_ins
 
 
 def broken() -> list[str]:
-    """Return one message for each plug-in that did not load."""
+    """Return one error message for each effect plug-in that did not load."""
     return list(_all().broken)
 
 
@@ -122,7 +122,7 @@ def _in_a_line(error: BaseException) -> str:
 
 
 def term(name: str) -> Term:
-    """Return the term of a name such as ``friction.coulomb.yaw``.
+    """Return the term (an effect on an axis) of a name such as ``friction.coulomb.yaw``.
 
     Raises UsageError for an unknown name, with the nearest known one, or if the axis is missing.
     """
@@ -143,7 +143,7 @@ def term(name: str) -> Term:
 
 
 def _unknown(name: str) -> UsageError:
-    """Return the error for an effect name that no module and no loaded plug-in defines."""
+    """Return the UsageError for an effect name that neither heli3dof nor a plug-in defines."""
     cause = "a typing error, a plug-in that is not installed, or a model of a newer heli3dof; "
     fix = "python -c 'from heli3dof.model.effects import all_names; print(all_names())'"
     if broken():
@@ -157,7 +157,7 @@ def _unknown(name: str) -> UsageError:
 
 
 def terms(names: Iterable[str]) -> tuple[Term, ...]:
-    """Return the terms with these names. Raises UsageError for an unknown or repeated name."""
+    """Return the terms (effect, axis) with these names; raise UsageError if unknown or repeated."""
     result = tuple(term(n) for n in names)
     seen = [t.name for t in result]
     for n in seen:
@@ -167,7 +167,7 @@ def terms(names: Iterable[str]) -> tuple[Term, ...]:
 
 
 def all_names() -> list[str]:
-    """Return all effect names that `term` accepts, with their axis where they need one."""
+    """Return all effect names that `term` accepts, such as ``friction.coulomb.yaw``."""
     return [
         n
         for e in effects().values()

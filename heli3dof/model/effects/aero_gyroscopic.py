@@ -1,9 +1,14 @@
-"""Gyroscopic torques of the propellers, angular momentum H = k (Ω_f + Ω_b) along the normal n.
+"""Gyroscopic torques of the propellers, whose angular momentum is H = k (Ω_f + Ω_b).
 
-The couple on a body that turns at ω is −ω × H n. With ω's components along arm (a) and bar (b),
-ω_a = ṗ + sin r ψ̇ and ω_b = −cos p ṙ + cos r sin p ψ̇, it is (−H ω_b, H ω_a) along (a, b), so by
-virtual work τ_roll = −cos p H ω_a, τ_pitch = −H ω_b, τ_yaw = H (cos r sin p ω_a − sin r ω_b). It
-does no work. Ω are the rotors' speeds as their steady-state voltages in V, k in N·m·s/V.
+H points along the body's normal n. Ω_f, Ω_b are the rotors' speeds, expressed as the voltages (V)
+that cause them in steady state; k in N·m·s/V. At the angular velocity ω the body gets the couple
+−ω×H n. Along arm (a) and bar (b), with roll r, pitch p, yaw ψ,
+
+    ω_a = ṗ + sin r ψ̇             ω_b = −cos p ṙ + cos r sin p ψ̇
+
+the couple is (−H ω_b, H ω_a). By virtual work, without work done on the body,
+
+    τ_roll = −cos p H ω_a,  τ_pitch = −H ω_b,  τ_yaw = H (cos r sin p ω_a − sin r ω_b)
 """
 
 from __future__ import annotations

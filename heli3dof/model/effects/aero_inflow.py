@@ -1,8 +1,9 @@
 """A rotor that moves along its axis thrusts less: F → F − k F_h |F/F_h|ⁿ v_n, k in s/m.
 
-v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇) is the rotor's speed along the body's
-normal in m/s, + for the front rotor. F_h = K_f V_o is the thrust at hover. There the loss is
-k F_h v_n for every n.
+F is a rotor's thrust (N), F_h = K_f V_o its thrust at hover. v_n = L_a (cos p ṙ − cos r sin p ψ̇) ±
+L_h (ṗ + sin r ψ̇) is its speed along the body's normal in m/s, + for the front rotor. r, p, ψ are
+roll, pitch, yaw; L_a and L_h the distances of body and rotors (m). At hover the loss is k F_h v_n
+for every n.
 
 * n = 1: the loss is proportional to the thrust, F (1 − k v_n).
 * n = 1/2: it is proportional to the rotor's speed Ω, with F ∝ Ω², as for a propeller.

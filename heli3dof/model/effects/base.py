@@ -49,14 +49,14 @@ class Parameter:
 
     @property
     def started(self) -> float:
-        """The starting value of a fit, and the mean of the prior."""
+        """Return the starting value of a fit, which is also the mean of the prior."""
         if self.start is not None:
             return self.start
         return self.typical if self.log else self.null
 
     @property
     def spread(self) -> float:
-        """The prior's standard deviation; default 10 · ``typical``, or 1.5 if ``log``."""
+        """Return the prior's standard deviation; default 10 · ``typical``, or 1.5 if ``log``."""
         if self.prior_std is not None:
             return self.prior_std
         return 1.5 if self.log else 10 * self.typical
@@ -69,11 +69,12 @@ SMALL = 0.1
 
 
 def share(meaning: str) -> Parameter:
-    """Return the parameter that scales a part of the equations: 0 without it, 1 with all of it.
+    """Return a parameter that scales a part of the equations: 0 omits it, 1 includes all of it.
 
-    The true value is 0 or 1. So once the model has this parameter, a fit starts at 1 with the prior
-    N(1, `SHARE_STD`²). A flight at few heights determines the share poorly, and without the prior
-    its estimate would predict other heights badly. It may lie slightly outside 0 … 1.
+    ``meaning`` describes the part. The true value is 0 or 1. So once the model has this parameter,
+    a fit starts at 1 with the prior N(1, `SHARE_STD`²). A flight at few heights determines the
+    parameter poorly, and without the prior its estimate would predict other heights badly. It may
+    lie slightly outside 0 … 1.
     """
     return Parameter("share", "–", 0.0, -0.3, 2.0, 0.2, meaning, prior_std=SHARE_STD, start=1.0)
 
@@ -129,23 +130,24 @@ class Effect:
 
     @property
     def of_base(self) -> bool:
-        """True for a part of the body's equations (`formal` or `missing`), which is no defect.
+        """Return True for a form or part of the body's equations, which is no defect of the rig.
 
-        A diagnosis adds no penalty for its parameter, because the prior of a `share` is tight.
+        These are the effects with `formal` or `missing`. A diagnosis adds no penalty for their
+        parameter, because the prior of a `share` is tight.
         """
         return self.formal or self.missing
 
     @property
     def missing(self) -> bool:
-        """True for a part that every rig has and only a simplified base model omits."""
+        """Return True for a part of the equations that only a simplified base model omits."""
         return bool(self.within) and not self.formal
 
     @property
     def screened(self) -> bool:
-        """True if a score test on the innovations of a model without it can detect it.
+        """Return True if a score test on innovations of a model without the effect can detect it.
 
-        False with ``starts`` (the likelihood must be evaluated at those) and without hooks (jitter
-        and lost samples, which time stamps show).
+        It is False for effects with ``starts``, whose likelihood must be evaluated at those values,
+        and for effects without equations (jitter and lost samples, which time stamps show).
         """
         return bool(self.hooks) and not self.starts
 
@@ -159,15 +161,15 @@ class Term:
 
     @property
     def name(self) -> str:
-        """Name with the axis, for instance ``friction.coulomb.yaw``."""
+        """Return the effect's name with the axis, for instance ``friction.coulomb.yaw``."""
         return self.effect.name if self.axis is None else f"{self.effect.name}.{self.axis}"
 
     @property
     def evidence(self) -> str:
-        """The variable against which a report plots the effect, such as ``yaw_rate``."""
+        """Return the variable against which a report plots the effect, such as ``yaw_rate``."""
         return self.effect.evidence.format(axis=self.axis)
 
     @property
     def axis_index(self) -> int:
-        """Index of the axis: 0 roll, 1 pitch, 2 yaw; −1 for an effect without axes."""
+        """Return the index of the axis: 0 roll, 1 pitch, 2 yaw; −1 for an effect without axes."""
         return -1 if self.axis is None else AXES.index(self.axis)

@@ -1,8 +1,8 @@
 """The switch for ``--base hover``: the paper's linear hover model replaces the rigid body.
 
-s[LINEAR] = 1 selects the first-order equations about level hover
-(`heli3dof.model.physics.rigid_body`). Other effects act as on the rigid body. The
-effect `geometry` then estimates how far the recordings need the rigid body instead.
+s[LINEAR] = 1 in the simulation's parameter array s selects the first-order equations about level
+hover (`heli3dof.model.physics.rigid_body`). Other effects act as on the rigid body. The effect
+`geometry` then estimates how far the recordings need the rigid body instead.
 """
 
 from __future__ import annotations

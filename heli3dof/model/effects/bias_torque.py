@@ -1,6 +1,7 @@
 """A constant torque: from an unbalanced body on pitch, a tilted base or a draught on yaw.
 
-τ = τ_b in N·m, positive in the angle's direction. On roll the gravity torque T_g contains it.
+τ = τ_b in N·m, positive in the direction of the growing angle. On roll the estimated gravity torque
+T_g of the arm contains it.
 """
 
 from __future__ import annotations

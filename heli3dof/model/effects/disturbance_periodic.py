@@ -1,4 +1,4 @@
-"""A periodic torque: τ = τ_0 sin(2π f t + φ), t from the recording's first sample."""
+"""A periodic torque τ_0 sin(2π f t + φ) in N·m; f in Hz, t in s from the recording's start."""
 
 from __future__ import annotations
 

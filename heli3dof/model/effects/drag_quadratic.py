@@ -1,4 +1,4 @@
-"""Air drag: τ = −d |q̇| q̇, d in N·m·s²/rad², q̇ the axis' rate in rad/s."""
+"""Air drag torque τ = −d |q̇| q̇ on an axis with the rate q̇ (rad/s), d in N·m·s²/rad²."""
 
 from __future__ import annotations
 

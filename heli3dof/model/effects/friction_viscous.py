@@ -1,4 +1,4 @@
-"""Friction proportional to the axis' rate q̇: τ = −c q̇, c in N·m·s/rad."""
+"""Viscous friction torque τ = −c q̇ on an axis with the rate q̇ (rad/s), c in N·m·s/rad."""
 
 from __future__ import annotations
 

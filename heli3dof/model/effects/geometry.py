@@ -1,10 +1,10 @@
 """The parts of the rigid body that the hover model omits: q̈ = (1 − a) q̈_hover + a q̈_rigid.
 
-q̈ are the angular accelerations. a = 1 is the complete rigid body
-(`heli3dof.model.physics.rigid_body`): gravity torque proportional to cos r, thrust that tilts with
-the body (L_a cos p F, −L_a cos r sin p F instead of −T_g p), L_h sin r D, configuration-dependent
-inertias, Coriolis and centrifugal torques. q̈ is linear in a, because both accelerations are for the
-same state, thrusts and parameters.
+q̈ are the angular accelerations of roll r, pitch p, yaw ψ. a = 1 is the complete rigid body, with
+the symbols of `heli3dof.model.physics.rigid_body`: gravity torque proportional to cos r, thrust F
+that tilts with the body (L_a cos p F, −L_a cos r sin p F instead of −T_g p), yaw torque L_h sin r D
+of the thrust difference D, configuration-dependent inertias, Coriolis and centrifugal torques. q̈
+is linear in a, because both accelerations are for the same state, thrusts and parameters.
 
 A score test at a = 0 shows whether recordings need it. In a model with this effect, a has the prior
 N(1, 0.2²) (`heli3dof.model.effects.base.share`).

@@ -1,12 +1,13 @@
 """A product of inertia: centrifugal force moves masses below the roll axis outwards.
 
-With P = Σ m x z (mass m at x along the level arm, z below it), at roll r and yaw rate ψ̇
+With P = Σ m x z in kg·m² (mass m at x along the level arm, z below it), at roll r and yaw rate ψ̇
 
     τ_roll = P cos 2r ψ̇²          τ_yaw = −2 P cos 2r ṙ ψ̇
 
 from the kinetic energy ½ ψ̇² Σ m (x cos r + z sin r)². A body below the arm makes it a pendulum
-(`stiffness.pendulum`, k = g Σ m z) and gives P > 0; a counterweight that hangs below reduces P.
-The change of J_yaw by P sin 2r is neglected: a few per cent at the angles of flight.
+(effect `stiffness.pendulum`, k = g Σ m z with gravity g) and gives P > 0. A counterweight that
+hangs below reduces P. The change of the yaw inertia J_yaw by P sin 2r is neglected: a few per cent
+at the angles of flight.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""A mass m is added to the body during the flight, at the distance L_a on the pitch axis.
+"""A mass m (kg) is added to the body during the flight, at the distance L_a (m) on the pitch axis.
 
-τ_roll = −m g L_a cos r after the estimated time. The torque grows over 0.1 s centred at that time,
-because a step is not differentiable with respect to its time. The inertia m L_a² on roll and yaw is
-neglected: a few per cent of the weight's effect in slow flight.
+τ_roll = −m g L_a cos r after the estimated time, with roll r and gravity g. The torque grows over
+0.1 s centred at that time, because a step is not differentiable with respect to its time. The
+inertia m L_a² on roll and yaw is neglected: a few per cent of the weight's effect in slow flight.
 """
 
 from __future__ import annotations

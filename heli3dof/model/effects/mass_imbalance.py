@@ -1,7 +1,7 @@
-"""The gravity torque on the arm differs from nominal: −τ cos r on roll, τ > 0 for a heavier body.
+"""The gravity torque on the arm differs from nominal by −τ cos r on roll r; τ in N·m.
 
-A fit estimates the gravity torque T_g instead. This effect is for simulations, and for rigs whose
-weight (or thrust) differs between recordings.
+τ > 0 for a heavier body. A fit estimates the gravity torque T_g instead. This effect is for
+simulations, and for rigs whose weight (or thrust) differs between recordings.
 """
 
 from __future__ import annotations

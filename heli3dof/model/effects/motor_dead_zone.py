@@ -1,4 +1,4 @@
-"""Dead zone of the motors: the voltage V acts as sgn(V) max(0, |V| − V_d)."""
+"""Dead zone V_d of the motors: the voltage V acts as sgn(V) max(0, |V| − V_d), both in V."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A constant delay from the voltage to the motors: V(t − T).
+"""A constant delay T (s) of the motors: at time t they have the commanded voltage V(t − T).
 
 In the sample interval in which a delayed voltage arrives, the motor has the previous voltage first.
 The model uses the time-weighted mean of both, exact to second order in the interval.

@@ -1,6 +1,7 @@
-"""First-order lag of each rotor's thrust: τ_m Ḟ_i = f(V_i) − F_i, f(V) the steady-state thrust.
+"""First-order lag of each rotor's thrust F_i (N): τ_m Ḟ_i = f(V_i) − F_i, τ_m in s.
 
-The solution is exact: V is held between samples, so F approaches f(V) as exp(−t/τ_m).
+f(V) is the steady-state thrust at the voltage V. The solution is exact: V is held between samples,
+so F approaches f(V) as exp(−t/τ_m).
 """
 
 from __future__ import annotations

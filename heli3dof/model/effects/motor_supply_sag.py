@@ -1,4 +1,4 @@
-"""The supply voltage sags under load: V acts as V (1 − k (|V_f| + |V_b|)), k in 1/V."""
+"""Supply sag under load: a motor's voltage V acts as V (1 − k (|V_front| + |V_back|)), k in 1/V."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Equations with a constant inertia about the vertical: J_ψ ψ̈ instead of J_ψ(r) ψ̈.
+"""Equations with a constant inertia about the vertical: J_ψ ψ̈ instead of J_ψ(r) ψ̈, ψ the yaw.
 
 At roll r the rigid body has J_ψ(r) = (J_ψ − J_p) cos² r + J_p, 7 % less at 15°, and its change
-causes a torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). The share ν
-omits both. It is a choice of equations, which a diagnosis does not report as a finding.
+causes a torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). The parameter
+ν (0 … 1) omits both. A diagnosis does not report this choice of equations as a finding.
 """
 
 from __future__ import annotations

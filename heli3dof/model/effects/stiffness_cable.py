@@ -1,4 +1,4 @@
-"""Torsional stiffness of the cable on yaw: τ = −k ψ, k in N·m/rad."""
+"""Torsional stiffness of the cable: torque τ = −k ψ on yaw ψ (rad), k in N·m/rad."""
 
 from __future__ import annotations
 

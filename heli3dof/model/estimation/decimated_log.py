@@ -23,7 +23,7 @@ NEAR = 0.02
 
 
 def decimation(recording: Recording) -> int:
-    """Return m, the loop rate over the log's rate if that is near an integer above 1; else 1."""
+    """Return m, the loop rate over the log's rate, if that is near an integer above 1; else 1."""
     if len(recording) < 2:
         return 1
     ratio = recording.dt / recording.profile.dt
@@ -32,9 +32,10 @@ def decimation(recording: Recording) -> int:
 
 
 def mean_voltage(recording: Recording) -> np.ndarray:
-    """Return the mean motor voltage v̄ (N, 2) V from each row to the next (module docstring).
+    """Return the mean motor voltage v̄ (N, 2) V (module) from each row of the log to the next.
 
-    In the last row and before a gap it is the logged voltage v_0."""
+    In the last row and before a gap it is the logged voltage.
+    """
     m, v = decimation(recording), recording.voltage
     if m == 1:
         return v

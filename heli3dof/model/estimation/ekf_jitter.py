@@ -41,7 +41,7 @@ DIFFERENCE_STEP = 1e-6
 
 
 def _place(par, where, q, value):  # type: ignore[no-untyped-def]
-    """Write ``value`` to all places of the q-th parameter in b; ``where`` is from `positions`."""
+    """Write the q-th varying parameter's ``value`` to its places in ``par`` (``where``)."""
     for z in range(where.shape[0]):
         if where[z, 2] == q:
             par[where[z, 0], where[z, 1]] = value
@@ -54,10 +54,11 @@ def _filter(  # type: ignore[no-untyped-def]
     s0, first, address, par0, mem0, where, b_std, blocks, free, t, h, V, y, a2, jitter, R2,
     loglik, X,
 ):  # fmt: skip
-    """Filter all blocks: write the states X (N, 6 + B) after each row's update and ``loglik`` (3,).
+    """Filter all blocks: write the states to X (N, 6 + B) and log-likelihoods to ``loglik`` (3,).
 
-    ``where`` (W, 3) is from `positions`; ``b_std`` (B,) is σ_b; ``a2``, ``R2`` (3,) are process and
-    reading variances. `filter_jittered` shows the other arguments.
+    X has the states after each row's readings. ``s0``, ``first``, ``address``, ``par0``, ``mem0``:
+    the model (`Structure`); ``where`` (W, 3): from `positions`; ``b_std`` (B,): σ_b; ``blocks`` …
+    ``y``: from `Data`; ``a2``, ``R2`` (3,): process and reading variances; ``jitter`` (s): σ_t.
     """
     N, B = V.shape[0], b_std.shape[0]
     n = 6 + B
@@ -165,7 +166,7 @@ def _filter(  # type: ignore[no-untyped-def]
 
 
 def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: ignore[no-untyped-def]
-    """Write ∂q̈/∂(q, q̇, b) (3, 6 + B) into A, by finite differences."""
+    """Write ∂q̈/∂x (3, 6 + B) at x = (q, q̇, b) and thrusts F to A; others: see `integrator`."""
     s[F_FRONT], s[F_BACK] = F[0], F[1]
     for i in range(6):
         s[R + i] = x[i]
@@ -188,11 +189,11 @@ _slopes = compiled(_slopes_py, error_model="numpy")
 
 
 def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
-    """Advance the covariance P (n, n) of x by one step of h s, with A from `_slopes`.
+    """Advance the covariance P (n, n) of x by one step of h s, in place.
 
-    P ← Φ P Φᵀ + process noise of intensity a2 (3,), as in
-    `heli3dof.model.estimation.ekf_quantised`; Φ is the identity plus h q̇ + ½h² A x in the rows of q
-    and h A x in those of q̇. ``AP`` and ``W`` (n, n) are work space.
+    P ← Φ P Φᵀ + process noise of intensity a2 (3,) on the rates, as in
+    `heli3dof.model.estimation.ekf_quantised`. A (3, n) is ∂q̈/∂x. Φ is the identity plus h q̇ + ½h²
+    A x in the rows of q and h A x in those of q̇. ``AP`` and ``W`` (n, n) are work space.
     """
     half = 0.5 * h * h
     for i in range(3):
@@ -249,9 +250,10 @@ def filter_jittered(
     jitter_s: float,
     varying: Mapping[str, float] | None = None,
 ) -> FilterResult:
-    """Filter ``data`` with the parameter ``values`` (n,) of ``structure``.
+    """Return the filtered states and log-likelihood of ``data``, by the filter of this module.
 
-    ``noise`` (3,) rad/s²/√Hz is the process noise, ``jitter_s`` σ_t. ``varying``: {name: σ_b} of
+    ``values`` (n,) are the parameters of ``structure``, ``noise`` (3,) rad/s²/√Hz the process
+    noise, ``jitter_s`` (s) the standard deviation of sampling instants. ``varying``: {name: σ_b} of
     the B parameters that the filter re-estimates in each run.
     """
     varying = varying or {}
@@ -270,7 +272,10 @@ def filter_jittered(
 
 
 def positions(structure: Structure, names: tuple[str, ...]) -> np.ndarray:
-    """Return (W, 3) int64: row and column in ``par`` and index in ``names`` of the parameters."""
+    """Return the places of the parameters ``names`` in the array ``par`` of `Structure.arrays`.
+
+    The result is (W, 3) int64: row and column in ``par``, index in ``names``.
+    """
     out = []
     at = 4
     for i, term in enumerate(structure.terms):

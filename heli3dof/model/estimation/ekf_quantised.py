@@ -58,9 +58,11 @@ STILL = 1e-5
 
 
 def _grow(P, A, h, a2, W):  # type: ignore[no-untyped-def]
-    """Advance P (6, 6) by one step of h s; A (3, 6) = ∂q̈/∂(q, q̇), a2 (3,) = a².
+    """Advance the filter's covariance P (6, 6) by one step of h s: P ← Φ P Φᵀ + process noise.
 
-    W (3, 6) is work space. Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ], to first order in h.
+    A (3, 6) holds the derivatives ∂q̈/∂(q, q̇) of the angular accelerations by angles q and rates
+    q̇. So Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ], to first order in h. a2 (3,) is the process
+    noise's intensity on each axis ((rad/s²)²/Hz), W (3, 6) work space.
     """
     for i in range(3):
         for j in range(6):
@@ -96,7 +98,7 @@ grow = compiled(_grow, leaf=True, error_model="numpy")
 
 
 def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
-    """Write ∂q̈/∂(q, q̇) (3, 6) into A, by finite differences."""
+    """Write ∂q̈/∂(q, q̇) (3, 6) at the state x and thrusts F to A; others: see `integrator`."""
     s[F_FRONT], s[F_BACK] = F[0], F[1]
     for i in range(6):
         s[R + i] = x[i]
@@ -117,14 +119,16 @@ def _filter(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, grid, t, h, V, y, a2, jitter, R2, keep,
     loglik, row, state, C, G, W, K, X,
 ):  # fmt: skip
-    """Filter all blocks of a `Data`; return the number of events E. See the module.
+    """Filter all blocks of a `Data`; return the number of events E (measurement updates).
 
-    R2 (3,) rad² is the noise of an edge, ``jitter`` (s) that of sampling instants. ``loglik`` (3,)
-    gets Σ ln Z of each axis. ``keep`` selects what else is stored:
-    ≥ 1: for each event its ``row``, ``state`` (0–2 an angle's reading, 3–5 a rate, 6–8 a rate with
-    opposite sign), prediction C, score G, information W and gain K (6,);
-    ≥ 2: X (N, 6), the states after the updates of a row;
-    ≥ 3: X (N, 9), which also has ``loglik`` up to that row.
+    ``s0``, ``first``, ``address``, ``par``, ``mem0``: the model (`Structure`); ``blocks`` … ``y``:
+    from `Data`; ``a2`` (3,): process noise. R2 (3,) rad² is the noise of an encoder edge,
+    ``jitter`` (s) that of sampling instants. ``loglik`` (3,) gets Σ ln Z of each axis. ``keep``
+    selects what else is stored:
+    - ≥ 1: for each event its ``row``, ``state`` (0–2 an angle's reading, 3–5 a rate, 6–8 a rate
+      with opposite sign), prediction C, score G, information W and gain K (6,);
+    - ≥ 2: X (N, 6), the states after the updates of a row;
+    - ≥ 3: X (N, 9), which also has ``loglik`` up to that row.
     """
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
@@ -265,11 +269,12 @@ filter_blocks = compiled(_filter, error_model="numpy", nogil=True)
 def _follow(  # type: ignore[no-untyped-def]
     s0, first, address, pars, mem0, blocks, free, t, h, V, y, row, state, C, G, W, K, D
 ):  # fmt: skip
-    """Predict the events with J other parameter sets and the filter's gains; write δc to D (J, E).
+    """Predict the events of `_filter` with J other parameter sets; write δc to D (J, E).
 
-    s0 (J, SIZE) and pars (J, H + 1, PARAMETERS) are the sets; row, state, C, G, W, K are the events
-    that `_filter` stored. The integration is coarser than the filter's: make the filter's own set
-    the first one and subtract its row of D.
+    δc is the change of a predicted angle or rate, with the filter's gains kept. s0 (J, SIZE) and
+    pars (J, H + 1, PARAMETERS) are the sets. row, state, C, G, W, K are the events that `_filter`
+    stored; other arguments as there. The integration is coarser than the filter's: make the
+    filter's own set the first one and subtract its row of D.
     """
     N, E = V.shape[0], row.shape[0]
     seen = first[MEASURE + 1] > first[MEASURE]

@@ -1,8 +1,8 @@
 """Convert recordings to arrays for the Kalman filters.
 
-A run is an interval of usable rows. Up to `LEAD_S` of earlier rows, the lead-in, are added before
-it, so that their voltages determine the thrusts at its start. An axis that was not measured counts
-as fixed.
+A run is an interval of usable rows. The lead-in, up to `LEAD_S` seconds of earlier rows, is added
+before it, so that the voltages there determine the thrusts at its start. The filters treat an axis
+that was not measured as fixed.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ON_GRID = 0.03
 
 
 class Run(Protocol):
-    """An interval of rows, start … stop − 1, of the recording with the index ``source``."""
+    """Protocol of a run: rows start … stop − 1 of the recording with index ``source``."""
 
     @property
     def source(self) -> int: ...
@@ -48,7 +48,7 @@ class Run(Protocol):
 
 @dataclass(frozen=True)
 class Stretch:
-    """A `Run` as a plain record of its three numbers."""
+    """A run as a record: rows start … stop − 1 of the recording with index ``source``."""
 
     source: int
     start: int
@@ -57,7 +57,7 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """The rows of B runs in sequence, each with its lead-in: N rows in B blocks."""
+    """The input arrays of a Kalman filter: B runs, each with its lead-in (B blocks), N rows."""
 
     t: np.ndarray
     """(N,) s since the first sample of the recording."""
@@ -79,12 +79,12 @@ class Data:
 
     @property
     def rows(self) -> int:
-        """The number of rows without the lead-ins."""
+        """Return the number of rows that are used as measurements (without the lead-ins)."""
         return int((self.blocks[:, 2] - self.blocks[:, 1]).sum())
 
     @property
     def axes(self) -> np.ndarray:
-        """(3,) bool: the axes that were measured in any run."""
+        """Return (3,) bool: the axes that were measured in any run."""
         return np.asarray(self.free.any(axis=0))
 
 
@@ -93,8 +93,8 @@ def data_of(
 ) -> Data:
     """Return the runs of these recordings as arrays. Raises RecordingError if there are no runs.
 
-    With ``read_every_s`` only one reading of the angles per that time (s) is kept, but all
-    voltages: for logs whose sampling jitter exceeds their period.
+    With ``read_every_s`` > 0, only one angle reading per that time (s) is kept, but all voltages.
+    This is for logs whose sampling jitter exceeds their period.
     """
     if not runs:
         raise RecordingError(
@@ -147,12 +147,12 @@ def data_of(
 
 
 def encoder_noise(data: Data, steps: float = ENCODER_NOISE) -> np.ndarray:
-    """Return the variance (3,) rad² of the angle at an encoder edge, (``steps`` · step)²."""
+    """Return the variance (3,) rad² of the angle at an encoder edge: (``steps`` encoder steps)²."""
     return np.asarray((steps * data.rad_per_count) ** 2)
 
 
 def starts_on_table(recording: Recording) -> bool:
-    """True if the rig rests on its table in the first rows; its rotors are then at standstill."""
+    """Return True if the rig rests on its table in the first rows; its rotors then stand still."""
     roll = recording.angle[:, 0]
     if np.isnan(roll[0]) or not roll[0] < ON_TABLE_BELOW:
         return False
@@ -162,10 +162,10 @@ def starts_on_table(recording: Recording) -> bool:
 
 
 def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
-    """Return the number of rows of ``roll`` (rad), which starts at lift-off, until the climb ends.
+    """Return the number of rows from lift-off, the first row, to the end of the initial climb.
 
-    It ends when roll is above half of ``rest`` (rad, negative) and has not risen for `CLIMB_S`.
-    During the climb the rotors spin up, and time stamps are least accurate.
+    It ends when ``roll`` (rad) is above half of ``rest`` (on the table, negative) and has not risen
+    for `CLIMB_S`. In the climb rotors spin up and time stamps (every ``dt`` s) are least accurate.
     """
     ahead = max(1, round(CLIMB_S / dt))
     later = roll[np.minimum(np.arange(len(roll)) + ahead, len(roll) - 1)]
@@ -176,7 +176,7 @@ def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
 def hold_last(
     voltage: np.ndarray, before: np.ndarray | tuple[float, float] = (0.0, 0.0)
 ) -> np.ndarray:
-    """Return ``voltage`` with each NaN replaced by the last known value, first by ``before``."""
+    """Return ``voltage`` with each NaN replaced by the last valid value, initially ``before``."""
     v = np.array(voltage, dtype=float, order="C")
     for j in range(v.shape[1]):
         good = np.isfinite(v[:, j])
@@ -197,7 +197,7 @@ def _lead(recording: Recording, start: int) -> int:
 
 
 def _on_grid(y: np.ndarray, step: float) -> bool:
-    """True if 98 % of the readings differ from the first by whole multiples of ``step`` (rad)."""
+    """Return True if 98 % of the angles y are whole multiples of ``step`` (rad) from the first."""
     y = y[np.isfinite(y)]
     counts = (y - y[0]) / step
     return bool((np.abs(counts - np.round(counts)) < ON_GRID).mean() > 0.98)

@@ -40,7 +40,7 @@ an update."""
 
 
 def _tail(x: float) -> float:
-    """Return Mills' ratio exp(x²/2) √(2π) Q(x), x ≥ 0, Q the upper tail of the normal density."""
+    """Return Mills' ratio exp(x²/2) √(2π) Q(x), x ≥ 0; Q is the normal density's upper tail."""
     if x < 5.0:
         return SQRT2PI * 0.5 * math.erfc(x / SQRT2) * math.exp(0.5 * x * x)
     d = x
@@ -53,7 +53,10 @@ tail = compiled(_tail, leaf=True, error_model="numpy")
 
 
 def _interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
-    """Return (ln Z, g, w) of the event that a variable N(0, S) lies in (lo, hi); see the module."""
+    """Return (ln Z, g, w) at m = 0 for the probability Z = P(lo < X < hi), X ~ N(m, S).
+
+    g = ∂ ln Z/∂m and w = −∂² ln Z/∂m² are score and information.
+    """
     sd = math.sqrt(S)
     a, b = lo / sd, hi / sd
     sign = 1.0
@@ -81,7 +84,10 @@ interval = compiled(_interval, leaf=True, error_model="numpy")
 
 
 def _rate_event(v: float, var: float) -> tuple[float, float, float]:
-    """Return (ln E[q̇⁺], g, w) of a rate q̇ with mean v and variance var, q̇⁺ = max(q̇, 0)."""
+    """Return (ln Z, g, w), Z = E[max(q̇, 0)] of a rate q̇ ~ N(v, ``var``).
+
+    g = ∂ ln Z/∂v and w = −∂² ln Z/∂v² are score and information.
+    """
     sd = math.sqrt(var)
     u = v / sd
     phi = math.exp(-0.5 * u * u) / SQRT2PI
@@ -101,7 +107,11 @@ rate_event = compiled(_rate_event, leaf=True, error_model="numpy")
 
 
 def _apply_event(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
-    """Update x (6,) and P by an event with g and w on ``scale`` · x[c]; ``column``: work space."""
+    """Update the filter's state x (6,) and covariance P (6, 6) by one measurement, in place.
+
+    The measurement depends on y = ``scale`` · x[c], a predicted encoder reading or rate. If Z is
+    its likelihood, g = ∂ ln Z/∂y and w = −∂² ln Z/∂y². ``column`` (6,) is work space.
+    """
     for j in range(6):
         column[j] = scale * P[j, c]
     for j in range(6):

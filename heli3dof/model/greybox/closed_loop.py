@@ -58,7 +58,7 @@ _fly_compiled = compiled(_fly, error_model="numpy", nogil=True)
 
 
 def fly(model: GreyBoxParameters, task: LoopTask) -> LoopResult:
-    """Simulate the task with the model, starting at rest at ``task.angle0``.
+    """Return the simulated flight of the task with the model, starting at rest at ``task.angle0``.
 
     A NaN in angle0 counts as zero. A diverging loop gives inf and NaN.
     """

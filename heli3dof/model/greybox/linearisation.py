@@ -24,7 +24,7 @@ from heli3dof.model.physics.rotor import aim
 
 
 class _Plant:
-    """The compiled functions of a model with arrays filled in; ``delayed``: with its delay."""
+    """The compiled functions of a grey-box model; ``delayed``: with its motor delay."""
 
     def __init__(self, model: GreyBoxParameters, *, delayed: bool = True) -> None:
         structure = model.structure
@@ -38,7 +38,7 @@ class _Plant:
         self.free = np.ones(3, dtype=bool)
 
     def acceleration(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """Return q̈ (3,) rad/s² at rest at q (3,) rad with thrusts F (2,) N."""
+        """Return the angular accelerations (3,) rad/s² at rest at q (3,) rad, thrusts F (2,) N."""
         a = np.empty(3)
         self.s[state_layout.R : state_layout.R + 3] = q
         self.s[state_layout.R_DOT : state_layout.R_DOT + 3] = 0.0
@@ -50,14 +50,14 @@ class _Plant:
         return a
 
     def aim(self, V: np.ndarray) -> np.ndarray:
-        """Return the steady-state thrusts (2,) N of the voltages V (2,) V."""
+        """Return the steady-state thrusts (2,) N at constant motor voltages V (2,) V."""
         out = np.empty(2)
         h = self.hooks
         aim(self.s, V.reshape(1, 2), np.ones(1), 0, 0, h.first, h.address, self.par, self.mem, out)
         return out
 
     def step(self, z: np.ndarray, V: np.ndarray, dt: float) -> np.ndarray:
-        """Return the state z (8,) after dt s under constant voltages V (2,) V."""
+        """Return the state z (8,), angles, rates, thrusts, after dt s at voltages V (2,) V."""
         x, F = z[:6].copy(), z[6:8].reshape(1, 2).copy()
         w, decay = np.zeros((8, 3)), np.full(3, -1.0)
         h = self.hooks
@@ -176,7 +176,7 @@ def linear(model: GreyBoxParameters, dt: float) -> tuple[LinearModel, tuple[str,
 def _delayed(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, periods: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, B, C) with the voltages delayed by ``periods`` samples, in additional states."""
+    """Return (A, B, C) with the input delayed by ``periods`` samples, in additional states."""
     if periods <= 0.0:
         return A, B, C
     whole = int(periods)

@@ -75,7 +75,7 @@ class GreyBoxModel(GreyBoxParameters):
         return to_control(model, in_continuous_time=in_continuous_time, states=states)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of the model file; see ``docs/reference/model-file.md``."""
+        """Return the model as a dict for its JSON file; see ``docs/reference/model-file.md``."""
         known = plug_ins()
         used = (t.effect.name for t in self.structure.terms)
         from_others = {name: asdict(known[name]) for name in used if name in known}
@@ -105,7 +105,7 @@ class GreyBoxModel(GreyBoxParameters):
 
 
 def nominal(profile: Profile, names: tuple[str, ...] = (), **values: float) -> GreyBoxModel:
-    """Return the rigid body of a profile with the terms ``names``, without an estimation.
+    """Return the rigid body of a profile with the effects ``names``, without an estimation.
 
     ``values`` are parameter values by name (``**{"motor.lag.time_constant_s": 0.1}``); other
     parameters have their starting values.

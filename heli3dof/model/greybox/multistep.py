@@ -25,9 +25,11 @@ from heli3dof.model.physics.parametrisation import Structure
 def _windows(  # type: ignore[no-untyped-def]
     s, first, address, par, mem, where, free, t, V, mean, X, low, starts, ahead, stride, out
 ):
-    """Write to out (S, M, 3) the readings ``ahead`` (M,) rows after each row of ``starts`` (S,).
+    """Simulate from S recorded states; write the encoder readings at M later rows to ``out``.
 
-    ``ahead`` is ascending; other arguments as in `errors` and `heli3dof.model.physics.integrator`.
+    ``out`` (S, M, 3) rad; ``starts`` (S,): start rows; ``ahead`` (M,), ascending: rows ahead; X:
+    states at each row; ``where``: positions of varying parameters; ``mean``: thrust integral;
+    ``low``: roll on the table (rad); ``stride``: rows per step. Others: see `integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
@@ -53,7 +55,7 @@ _windows_compiled = compiled(_windows, error_model="numpy", nogil=True)
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """The arrays of a recording with N rows that `errors` needs."""
+    """The arrays of a recording with N rows from which `errors` computes predictions."""
 
     t: np.ndarray
     """(N,) s"""
@@ -74,7 +76,7 @@ class Flight:
 
     @property
     def dt(self) -> float:
-        """s, the median sample interval."""
+        """Return the median sample interval in s."""
         return float(np.median(self.h))
 
 

@@ -25,9 +25,10 @@ from heli3dof.rig.profile import Profile
 
 @dataclass(frozen=True, eq=False)
 class GreyBoxParameters:
-    """A profile, terms (effects) and their ``values`` (n,), in the order of ``structure.free``.
+    """The data of a grey-box model: a rig's profile, its effects and their parameter values.
 
-    Reading `structure` raises UsageError for an unknown term.
+    ``values`` (n,) are in the order of ``structure.free``. Reading `structure` raises UsageError
+    for an unknown term (effect).
     """
 
     name: str
@@ -53,15 +54,15 @@ class GreyBoxParameters:
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """{name: value} in the units of `Structure.free`."""
+        """Return {parameter name: value} in the units of `Structure.free`."""
         return dict(zip(self.structure.names, self.values.tolist(), strict=True))
 
     @property
     def std(self) -> np.ndarray:
-        """(n,) standard deviations of the values, in their units."""
+        """Return the standard deviations (n,) of the parameter values, in their units."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @cached_property
     def _filtered(self) -> WeakKeyDictionary[Recording, Any]:
-        """Cache {recording: result of `heli3dof.model.greybox.prediction.filtered`}."""
+        """Return the cache {recording: result of `heli3dof.model.greybox.prediction.filtered`}."""
         return WeakKeyDictionary()

@@ -42,7 +42,11 @@ NOISE = np.array([0.05, 0.15, 0.05])
 
 
 def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]
-    """Write to out[k + n] the readings n rows after the state X[k]; other arguments: `predict`."""
+    """Simulate n rows ahead from each state X[k]; write the encoder readings to ``out[k + n]``.
+
+    ``out`` is in rad; ``mean``: thrust integral (`impulse`); ``low``: roll on the table (rad);
+    ``stride``: rows per step; ``where``: positions of varying parameters. Others: see `integrator`.
+    """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
     m, slope = np.empty(3), np.empty(3)
@@ -65,7 +69,7 @@ _roll_compiled = compiled(_roll, error_model="numpy")
 
 
 def predict(model: GreyBoxParameters, recording: Recording, horizon_s: float) -> np.ndarray:
-    """Return (N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
+    """Return (N, 3) rad: row k predicts the recorded ``angle[k]``, ``horizon_s`` s ahead.
 
     NaN in the first rows and on an axis that was not measured.
     """
@@ -91,10 +95,11 @@ def predict(model: GreyBoxParameters, recording: Recording, horizon_s: float) ->
 def filtered(
     model: GreyBoxParameters, recording: Recording
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
-    """Return (t, V, thrust integral as `impulse`, states X, roll of the table, axes that move).
+    """Return what a prediction starts from: (t, V, thrust integral, states X, table roll, axes).
 
-    X (N, 6 + B) holds angles, rates and the B parameters in ``model.varying``, which the filter
-    re-estimates. V (N, 2) is without NaN; roll of the table as `table_of`; axes (3,) bool.
+    t (s); V (N, 2) V without NaN; the integral by `impulse`. X (N, 6 + B) holds angles, rates and
+    the B parameters in ``model.varying``, which the filter re-estimates. Then the roll on the table
+    (rad) by `table_of` and the axes that move, (3,) bool.
     """
     N = len(recording)
     y, recording = recording.angle, replace(recording, voltage=hold_last(recording.voltage))
@@ -142,7 +147,7 @@ def filtered(
 
 
 def _by_edges(model: GreyBoxParameters, d: Data, a: np.ndarray) -> np.ndarray:
-    """Return the states (N, 6) of the filter for quantised encoders; a (3,): process noise."""
+    """Return the filtered states (N, 6) for quantised encoders; process noise a (3,) rad/s²/√Hz."""
     hooks = model.structure.hooks
     s, par = model.structure.arrays(model.values)
     states = np.zeros((len(d.t), 6))

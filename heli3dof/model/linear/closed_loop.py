@@ -65,7 +65,7 @@ _fly_compiled = compiled(_fly)
 
 
 def fly(model: LinearParameters, task: LoopTask) -> LoopResult:
-    """Simulate the task with the model, starting at rest at ``task.angle0``.
+    """Return the simulated flight of the task with the model, starting at rest at ``task.angle0``.
 
     The start need not be an equilibrium; the model has no table. Quantised readings are angle0 plus
     whole encoder steps. A diverging loop gives inf and NaN. An axis that is not modelled is NaN in

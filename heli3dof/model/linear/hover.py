@@ -61,10 +61,10 @@ def quiescent_voltage(profile: Profile) -> float:
 
 
 def hover(profile: Profile, *, printed: bool = False) -> Hover:
-    """Return the matrices (10)–(13) of the hover model for a rig.
+    """Return the paper's hover model, matrices (10)–(13), for a rig.
 
-    ``printed``: as the paper prints them, errata included, with V_o from (6). Otherwise they are
-    corrected, with the profile's V_o. See the module's docstring.
+    ``printed``: with the paper's errata, and V_o from its eq (6). Otherwise the errata are
+    corrected, and V_o is the profile's. See the module's docstring.
     """
     if printed:
         return _as_printed(profile)
@@ -101,8 +101,8 @@ def _as_printed(profile: Profile) -> Hover:
 def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = None) -> LinearModel:
     """Return the hover model, sampled at the control rate (or every ``dt`` s) with zero-order hold.
 
-    States (rad, rad/s) as in (8); trim u0 = V_o per motor, y0 = 0. The Kalman gain K is zero and
-    the noise covariance S is NaN, because the paper gives no noise.
+    ``printed``: with the paper's errata. States (rad, rad/s) as in (8); trim u0 = V_o per motor, y0
+    = 0. Kalman gain K zero and noise covariance S NaN, because the paper gives no noise.
     """
     from heli3dof.model.discretisation import c2d_zoh
 

@@ -19,10 +19,10 @@ _ROWS = 50
 def responses(
     model: LinearParameters, axes: np.ndarray, window_s: float = WINDOW
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return O (rows, n), G (rows, 2): free and forced response at up to 100 instants.
+    """Return O (rows, n), G (rows, 2): free and forced response of the model at up to 100 instants.
 
-    The instants span ``window_s`` s. The outputs of the ``axes`` (3,) bool minus y0, stacked by
-    instant, are O x + G ũ for the initial state x and a constant voltage u0 + ũ.
+    The instants span ``window_s`` s. O x + G ũ are the outputs of ``axes`` (3,) bool minus the trim
+    y0, stacked by instant, for the initial state x and the constant voltage u0 + ũ.
     """
     n = model.order
     steps = max(round(window_s / model.dt), n)
@@ -39,11 +39,12 @@ def responses(
 
 
 def rest_state(model: LinearParameters, angle0: np.ndarray) -> np.ndarray:
-    """Return the state (n,) in which the model is at rest at ``angle0`` (3,) rad.
+    """Return the model's state vector (n,) for a rig at rest at the angles ``angle0`` (3,) rad.
 
-    For the hover model it is [angle0 − y0, 0]. Otherwise it is the minimum-norm least-squares state
-    that, with some constant voltage, keeps the outputs at angle0 during `WINDOW`. That voltage
-    stands for any support of the rig, for instance its table. A NaN in angle0 counts as y0.
+    For the hover model it is (angle0 − y0, 0): the angles' deviations from the trim y0, and zero
+    rates. States of other models have no physical meaning. There the function solves for a state
+    and a constant voltage that keep the outputs at angle0 for `WINDOW` seconds (least squares). It
+    discards the voltage, because at rest the table may carry the rig. A NaN in angle0 counts as y0.
     """
     angle0 = np.where(np.isfinite(angle0), angle0, model.y0)
     if model.physical_state:
@@ -59,10 +60,11 @@ def rest_state(model: LinearParameters, angle0: np.ndarray) -> np.ndarray:
 
 
 def state_spread(model: LinearParameters, axes: np.ndarray) -> np.ndarray:
-    """Return the covariance (n, n) of a state with 1 rad rms of uncertainty in its free response.
+    """Return the covariance (n, n) of a state whose free response has an uncertainty of 1 rad rms.
 
-    It is the inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over `WINDOW`, for the measured ``axes``; scale
-    it by the variance wanted (rad²). Unobservable directions get zero variance.
+    It is the inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over `WINDOW` seconds, for the measured ``axes``
+    (3,) bool. For another uncertainty, multiply it by that variance (rad²). Unobservable directions
+    of the state get zero variance.
     """
     O, _ = responses(model, axes)
     W = O.T @ O / (len(O) / int(axes.sum()))

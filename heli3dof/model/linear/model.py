@@ -35,7 +35,7 @@ class LinearModel(LinearParameters):
         )
 
     def rest_state(self, angle0: FloatArray) -> FloatArray:
-        """Return the state (n,) at rest at ``angle0`` (3,) rad; see `linear.initial_state`."""
+        """Return the state (n,) of a rig at rest at ``angle0`` (3,) rad; see `initial_state`."""
         from heli3dof.model.linear.initial_state import rest_state
 
         return rest_state(self, angle0)
@@ -72,9 +72,10 @@ class LinearModel(LinearParameters):
         return continuous(self)
 
     def to_control(self, *, in_continuous_time: bool = False) -> control.StateSpace:
-        """Return a python-control ``StateSpace`` about the trim: V − u0 in V, y − y0 in rad.
+        """Return a python-control ``StateSpace`` about the trim: from V − u0 (V) to y − y0 (rad).
 
-        The states of the hover model are r, p, psi and their rates; others are x[0], x[1], …
+        u0, y0 are the trim's voltages and angles. The states of the hover model are r, p, psi and
+        their rates; others are x[0], x[1], …
         """
         from heli3dof.model.discretisation import HOVER_STATES, to_control
 
@@ -82,13 +83,13 @@ class LinearModel(LinearParameters):
         return to_control(self, in_continuous_time=in_continuous_time, states=states)
 
     def to_transfer_function(self) -> control.TransferFunction:
-        """Return continuous-time transfer functions as a python-control 3 × 2 object, rad/V."""
+        """Return the 3 × 2 continuous-time transfer functions (rad/V) as python-control object."""
         from heli3dof.model.discretisation import to_transfer_function
 
         return to_transfer_function(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of the model file; see ``docs/reference/model-file.md``."""
+        """Return the model as a dict for its JSON file; see ``docs/reference/model-file.md``."""
         return {
             "form": "linear",
             "name": self.name,

@@ -24,7 +24,11 @@ DT_TOLERANCE = 0.01
 
 @dataclass(frozen=True, eq=False)
 class LinearParameters:
-    """A model with A (n, n), B (n, 2), C (3, n), K (n, 3), S (3, 3), u0 (2,) V, y0 (3,) rad."""
+    """The matrices, trim and sample interval of a linear discrete-time model.
+
+    Shapes: A (n, n), B (n, 2), C (3, n), Kalman gain K (n, 3), innovation covariance S (3, 3). The
+    trim is u0 (2,) V and y0 (3,) rad; dt in s.
+    """
 
     name: str
     kind: str
@@ -51,7 +55,7 @@ class LinearParameters:
 
     @property
     def modelled(self) -> np.ndarray:
-        """(3,) bool: the axes whose row of C is finite and not zero."""
+        """Return (3,) bool: the axes in the model, whose row of C is finite and not zero."""
         return np.asarray(np.isfinite(self.C).all(axis=1) & (self.C != 0).any(axis=1))
 
     @property
@@ -60,11 +64,11 @@ class LinearParameters:
 
     @property
     def physical_state(self) -> bool:
-        """True if the state is (r, p, ψ, ṙ, ṗ, ψ̇), as in eq (8)."""
+        """Return True if the state is (r, p, ψ, ṙ, ṗ, ψ̇), as in the paper's eq (8)."""
         return self.exact_hold and np.array_equal(self.C, np.eye(3, 6))
 
     def at(self, dt: float) -> Self:
-        """Return this model for a sample interval ``dt`` (s), resampled if it has `exact_hold`.
+        """Return this model for the sample interval ``dt`` (s); with `exact_hold` it is resampled.
 
         Raises RecordingError if it cannot be resampled and dt differs by more than 1 % from its
         own.

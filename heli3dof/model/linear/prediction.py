@@ -49,7 +49,7 @@ _SETTLE_S = 3.0
 
 
 def predict(model: LinearParameters, recording: Recording, horizon_s: float) -> np.ndarray:
-    """Return (N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
+    """Return (N, 3) rad: row k predicts the recorded ``angle[k]``, ``horizon_s`` s ahead.
 
     It uses voltages up to k − 1 and angles up to k − h; h is the horizon in samples, at least one.
     NaN in the first h rows and on an axis that is not modelled or not measured. Raises
@@ -80,7 +80,7 @@ def predict(model: LinearParameters, recording: Recording, horizon_s: float) -> 
 def filtered_states(
     model: LinearParameters, recording: Recording, axes: np.ndarray, u: np.ndarray
 ) -> np.ndarray:
-    """Return (N + 1, n): row k is x̂[k|k−1], from angles before sample k. u (N, 2) is V − u0."""
+    """Return x̂[k|k−1] (N + 1, n), the state from angles before sample k; u (N, 2) V is V − u0."""
     gains = kalman_gains(model, recording, axes)
     y = recording.angle - model.y0
     y = np.where(axes, y, np.nan)
@@ -102,7 +102,7 @@ def filtered_states(
 
 
 def kalman_gains(model: LinearParameters, recording: Recording, axes: np.ndarray) -> np.ndarray:
-    """Return the Kalman gains (M, n, 3) at samples 0 … M − 1; the last one holds from then on."""
+    """Return the Kalman gains (M, n, 3) at samples 0 … M − 1; the last one applies from then on."""
     Q, R, cross = noise(model, recording, axes)
     A, C = model.A, model.C[axes]
     P = START**2 * state_spread(model, axes)
@@ -128,7 +128,10 @@ def kalman_gains(model: LinearParameters, recording: Recording, axes: np.ndarray
 def noise(
     model: LinearParameters, recording: Recording, axes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return noise covariances per sample: process (n, n), measurement (m, m), cross (n, m)."""
+    """Return the process (n, n), measurement (m, m) and cross (n, m) noise covariance per sample.
+
+    m is the number of ``axes`` (3,) bool that are used.
+    """
     n, m, dt = model.order, int(axes.sum()), model.dt
     encoder = np.diag(recording.profile.encoder.rad_per_count[axes] ** 2 / 12)
     if model.K.any():
@@ -145,7 +148,7 @@ def noise(
 
 
 def _forced(A: np.ndarray, B: np.ndarray, C: np.ndarray, u: np.ndarray, h: int) -> np.ndarray:
-    """Return (N, 3): row k is Σ_{i=0}^{h−2} C Aⁱ B u[k−1−i], computed by FFT."""
+    """Return the forced response (N, 3): row k is Σ_{i=0}^{h−2} C Aⁱ B u[k−1−i], by FFT."""
     taps = np.empty((h - 1, 3, 2))
     AB = B
     for i in range(h - 1):

@@ -1,9 +1,9 @@
-"""Calls effects' functions by address, so that simulations work for all combinations of effects.
+"""Calls the compiled functions of physical effects by their machine address.
 
-A simulation compiled for one set of effects would cost seconds for every candidate of a diagnosis.
-Here each effect's function is compiled once and cached on disk (0.2 s the first time, milliseconds
-after). The simulations are compiled once and call the active effects through the functions'
-addresses, which takes about 2 ns per call.
+Compiling the simulation for one set of effects would cost seconds for every candidate of a
+diagnosis. Here each effect's function is compiled once and cached on disk (0.2 s the first time,
+milliseconds after). The simulations are compiled once and call the active effects through the
+functions' addresses, which takes about 2 ns per call.
 
 Each function of an effect has the signature ``f(s, par, mem, out) -> None`` on flat float64 arrays
 (`heli3dof.model.physics.state_layout`). Tests run it in plain Python on numpy arrays.
@@ -41,7 +41,7 @@ def _code(function: Hook) -> Any:
 
 
 def address(function: Hook) -> int:
-    """Return the address of the machine code; the first call compiles it or reads the cache."""
+    """Return the machine address of an effect's function; the first call compiles or loads it."""
     return int(_code(function).address)
 
 
@@ -49,8 +49,9 @@ def address(function: Hook) -> int:
 def caller() -> Any:
     """Return the numba intrinsic ``call(address, i, s, par, mem, out)`` for compiled functions.
 
-    It calls the function at ``address[i]`` with s, row i of ``par``, row i of ``mem``, and out. It
-    passes pointers, because slicing arrays in an inner loop would cost more than the effects.
+    It calls an effect's function at ``address[i]`` with the context s, row i of the parameters
+    ``par``, row i of the memory ``mem``, and the result ``out``. It passes pointers, because
+    slicing arrays in an inner loop would cost more than the effects.
     """
     import numba
     from llvmlite import ir

@@ -45,9 +45,10 @@ call = caller()
 
 
 def _soft(v: float, sd: float, b: float) -> tuple[float, float, float]:
-    """Return (E S, ρ, Var S), see the module, of a rate N(v, sd²); v, sd, threshold b in rad/s.
+    """Return (E S, ρ, Var S) of the rate S(v) after dry friction, if it was N(v, sd²) before.
 
-    b < 0, which a fit near zero friction may try, accelerates: S(v) = v − b sgn v.
+    S(v) = sgn(v) max(|v| − b, 0) with the threshold b; ρ = E S′; v, sd, b in rad/s. b < 0, which a
+    fit near zero friction may try, accelerates: S(v) = v − b sgn v.
     """
     if abs(v) > max(b, 0.0) + SURE * sd:
         return (v - b if v > 0.0 else v + b), 1.0, sd * sd
@@ -70,8 +71,9 @@ soft = compiled(_soft, leaf=True, error_model="numpy")
 def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
     """Apply dry friction to x = (q, q̇) after a step of h s; return True if a joint has any.
 
-    w (≥ 8, 3) is work space; its row 3 holds the rates' σ. Row 2 becomes ρ, row 3 Var S, and row
-    4 + i becomes W_ji/W_ii for all joints j. Other arguments: `heli3dof.model.physics.integrator`.
+    w (≥ 8, 3) is work space; its row 3 holds the standard deviations of the rates. Row 2 becomes ρ,
+    row 3 Var S (see `_soft`), and row 4 + i becomes W_ji/W_ii for all joints j; W is the inverse
+    mass matrix. Other arguments: `heli3dof.model.physics.integrator`.
     """
     if first[DRY + 1] == first[DRY]:
         return False
@@ -151,10 +153,10 @@ settle = compiled(_settle, leaf=True, error_model="numpy")
 
 
 def _shrink(P, h, w, row):  # type: ignore[no-untyped-def]
-    """Apply to the covariance P (6, 6) of x what `_settle`, with its result w, applied to x.
+    """Apply dry friction to the covariance P (6, 6) of x; w is the result of `_settle` for x.
 
     For each joint i: P ← T P Tᵀ, T = I + t e_iᵀ, where t is the change of x per change of the rate
-    v_i. Then the variance of v_i becomes Var S. ``row`` (6,) is work space.
+    v_i. Then the variance of v_i becomes Var S. h (s) is the step, ``row`` (6,) work space.
     """
     for i in range(3):
         rho = w[2, i]

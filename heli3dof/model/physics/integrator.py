@@ -29,7 +29,7 @@ SETUP, MEASURE = int(_s.Stage.SETUP), int(_s.Stage.MEASURE)
 
 
 def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
-    """Let the effects change the rig's parameters in s; called once before a run."""
+    """Let the effects change the rig parameters in s, once before a run (arguments: module)."""
     for i in range(first[SETUP], first[SETUP + 1]):
         call(address, i, s, par, mem, s)
 
@@ -38,9 +38,10 @@ setup = compiled(_setup, leaf=True, error_model="numpy")
 
 
 def _step_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """Advance the state x from row k to the next, without dry friction (arguments: module).
+    """Advance the state x = (q, q̇) from row k to the next, without dry friction.
 
-    ``decay`` caches h, exp(−h/2τ), exp(−h/τ), τ the rotors' lag. w[7] becomes the final thrusts.
+    ``decay`` caches h, exp(−h/2τ), exp(−h/τ), τ the rotors' lag (s). w[7] becomes the final
+    thrusts. The module explains the other arguments.
     """
     if decay[0] != h[k]:
         decay[0] = h[k]
@@ -66,7 +67,10 @@ step_without_friction = compiled(_step_without_friction, leaf=True, error_model=
 
 
 def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """Advance the state x from row k to the next, with dry friction (arguments: module)."""
+    """Advance the state x = (q, q̇), angles and rates, from row k to the next, with dry friction.
+
+    t, h, V: rows' times, intervals, voltages; target, F: thrusts; ``w``, ``decay``: work space.
+    """
     step_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
     settle(s, x, h[k], first, address, par, mem, free, w)
@@ -76,7 +80,7 @@ step = compiled(_step, leaf=True, error_model="numpy")
 
 
 def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
-    """Limit roll x[0] to at least ``low`` rad (the table; −∞: none), with an inelastic impact."""
+    """Limit roll x[0] to at least ``low`` rad, its value on the table, by an inelastic impact."""
     if x[0] < low:
         x[0] = low
         if x[3] < 0.0:
@@ -87,7 +91,10 @@ stop_at_table = compiled(_stop_at_table, leaf=True, error_model="numpy")
 
 
 def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """Advance the state x from row k to the next; compute target[k] and F[k + 1] from V[k]."""
+    """Advance the state x = (q, q̇), angles and rates, and the thrusts F from row k to the next.
+
+    V[k] gives the steady-state thrusts target[k] and F[k + 1]. Other arguments: see the module.
+    """
     aim(s, V, h, 0, k, first, address, par, mem, target[k])
     step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     if k + 1 < F.shape[0]:
@@ -127,7 +134,7 @@ def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: 
     """Advance the state x from row a to row b, h s later, by one midpoint step, no dry friction.
 
     ``mean`` (N + 1, 2) N·s is the integral of the thrusts up to each row. The step uses their mean
-    over its duration.
+    over its duration. The module explains the other arguments.
     """
     s[V_FRONT], s[V_FRONT + 1] = V[a, 0], V[a, 1]
     for half in range(2):
@@ -152,6 +159,7 @@ def _coast_to(s, x, a, end, stride, t, mean, V, low, first, address, par, mem, f
     """Advance the state x from row a to row ``end`` in steps of ``stride`` rows.
 
     Each step is `_coast`, then dry friction, then the stop at the table at roll ``low`` (rad).
+    ``mean``: the integral of the thrusts; the module explains the other arguments.
     """
     while a < end:
         b = min(a + stride, end)
@@ -168,9 +176,10 @@ coast_to = compiled(_coast_to, leaf=True, error_model="numpy")
 
 
 def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
-    """Write the unquantised encoder readings, (3,) rad, into m and ∂m_i/∂q_i into ``slope``.
+    """Write the unquantised encoder readings, (3,) rad, at the state x into m.
 
-    s[FLANK + i] selects the side of an encoder's backlash (`heli3dof.model.physics.state_layout`).
+    ``slope`` (3,) becomes ∂m_i/∂q_i, with the angles q. s[FLANK + i] selects the side of an
+    encoder's backlash. The module explains the other arguments.
     """
     for i in range(3):
         m[i] = x[i]

@@ -33,7 +33,7 @@ INERTIA_PRIOR = 0.7
 
 @dataclass(frozen=True)
 class Free:
-    """A parameter to estimate; bounds, prior and scale as in `effects.base.Parameter`."""
+    """A parameter to estimate: bounds, prior and typical size as in `effects.base.Parameter`."""
 
     name: str
     unit: str
@@ -49,21 +49,21 @@ class Free:
     """The name of its term (effect on an axis); None for a base parameter."""
 
     def inward(self, value: float) -> float:
-        """Return the optimiser's coordinate of a value: value/typical; if ``log``, ln(value)."""
+        """Return the scaled coordinate for the optimiser: value/typical; if ``log``, ln(value)."""
         return math.log(value) if self.log else value / self.typical
 
     def outward(self, coordinate: float) -> float:
-        """Return the value that belongs to an optimiser's coordinate; the inverse of `inward`."""
+        """Return the parameter value for an optimiser's coordinate; the inverse of `inward`."""
         return math.exp(coordinate) if self.log else coordinate * self.typical
 
     def slope(self, value: float) -> float:
-        """Return ∂value/∂coordinate."""
+        """Return the derivative of the value by the optimiser's scaled coordinate."""
         return value if self.log else self.typical
 
 
 @dataclass(frozen=True)
 class Hooks:
-    """The H functions of the active effects, sorted by stage, then along the signal path."""
+    """The H compiled functions of the active effects, by stage of a step and calling order."""
 
     first: np.ndarray
     """(7,) int64: functions first[stage] … first[stage + 1] − 1 belong to a stage."""
@@ -75,14 +75,14 @@ class Hooks:
 
 @dataclass(frozen=True)
 class Structure:
-    """A profile with terms (effects on axes), which define the n parameters and their order."""
+    """A rig's profile and effects; they define the n parameters to estimate and their order."""
 
     profile: Profile
     terms: tuple[Term, ...]
 
     @cached_property
     def free(self) -> tuple[Free, ...]:
-        """All n parameters: the four of the rigid body, then those of the terms."""
+        """Return all n parameters to estimate: four of the rigid body, then those of effects."""
         p = self.profile
         T_g = p.trim_torque
         size = max(abs(T_g), 0.1)
@@ -106,7 +106,7 @@ class Structure:
 
     @property
     def formal(self) -> tuple[Term, ...]:
-        """The terms that select a form of the body's equations (`Effect.formal`)."""
+        """Return the effects that select a form of the body's equations (`Effect.formal`)."""
         return tuple(t for t in self.terms if t.effect.formal)
 
     @property
@@ -115,7 +115,7 @@ class Structure:
 
     @cached_property
     def hooks(self) -> Hooks:
-        """The functions of all terms, in calling order."""
+        """Return the compiled functions of all effects, in calling order."""
         calls = [
             (stage, t.effect.order, i)
             for stage in _s.Stage
@@ -132,9 +132,10 @@ class Structure:
         )
 
     def arrays(self, values: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the context s (SIZE,) and the effects' parameters par (H + 1, PARAMETERS).
+        """Return the arrays (s, par) for compiled functions, from the parameter values (n,).
 
-        ``values`` (n,) are in the units of `free`; see `heli3dof.model.physics.state_layout`.
+        s (SIZE,) holds the rig's parameters and state, par (H + 1, PARAMETERS) those of the
+        effects' H functions (`state_layout`). ``values`` are in the units of `free`.
         """
         s = context(self.profile)
         s[_s.T_G] = values[0]
@@ -157,19 +158,20 @@ class Structure:
 
     @property
     def memory(self) -> np.ndarray:
-        """(H + 1, MEMORY) zeros: the memory of the effects' functions before the first sample."""
+        """Return zeros (H + 1, MEMORY): the effects' memory before the first sample."""
         return np.zeros((len(self.hooks.owner) + 1, _s.MEMORY))
 
     def values_of(self, given: Mapping[str, float]) -> np.ndarray:
-        """Return the parameter values (n,): those ``given`` by name, the others at their start."""
+        """Return the parameter values (n,): those ``given`` by name, else starting values."""
         return np.array([given.get(f.name, f.start) for f in self.free])
 
 
 def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
-    """Return the estimated ratio of the profile's K_f to the true K_f.
+    """Return the estimated ratio of the profile's thrust per volt K_f to the true K_f.
 
-    T_g, J_r, J_p, J_ψ are estimated in units of K_f, so a wrong K_f scales all by this ratio. It is
-    the median of their four ratios to nominal, because a single deviation has other causes.
+    ``values`` start with T_g, J_r, J_p, J_ψ, estimated in units of K_f, so a wrong K_f scales all
+    by this ratio. It is the median of their four ratios to nominal, because a single deviation has
+    other causes.
     """
     nominal = (profile.trim_torque, *profile.inertias)
     ratio = sorted(v / n for v, n in zip(values[:4], nominal, strict=True) if n and v / n > 0)
@@ -180,7 +182,7 @@ def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
 
 
 def context(profile: Profile) -> np.ndarray:
-    """Return the context s (SIZE,) of a nominal rig at rest, with two equal rotors without lag."""
+    """Return the array s (SIZE,) of a nominal rig at rest; its equal rotors have no lag."""
     p = profile
     s = np.zeros(_s.SIZE)
     s[_s.L_A], s[_s.L_H], s[_s.L_W] = p.geometry.L_a, p.geometry.L_h, p.geometry.L_w

@@ -97,7 +97,7 @@ call = caller()
 
 
 def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """Change the rigid body's q̈ in ``a`` (3,) to that of the simplified equations (module)."""
+    """Replace q̈ in ``a`` by that of the simplified equations; arguments: `_body_accelerations`."""
     sr, cr = math.sin(s[R]), math.cos(s[R])
     sp, cp = math.sin(s[P]), math.cos(s[P])
     rd, yd = s[R_DOT], s[PSI_DOT]
@@ -122,9 +122,10 @@ alone = compiled(_alone, leaf=True, error_model="numpy")
 
 
 def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """Write q̈ (3,) rad/s² to ``a`` from the context s, thrusts (2,) N, effects' torques (3,) N·m.
+    """Write the angular accelerations q̈ (3,) rad/s² of the rigid body to ``a``.
 
-    An axis that is not ``free`` is fixed: its acceleration is zero.
+    s: rig parameters and state; ``force`` (2,) N: thrusts; ``torque`` (3,) N·m: the effects'
+    torques. An axis that is not ``free`` is fixed: its acceleration is zero.
     """
     sr, cr = math.sin(s[R]), math.cos(s[R])
     sp, cp = math.sin(s[P]), math.cos(s[P])
@@ -176,9 +177,10 @@ body_accelerations = compiled(_body_accelerations, leaf=True, error_model="numpy
 
 
 def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type: ignore[no-untyped-def]
-    """Write q̈ (3,) rad/s² with effects to ``a``; ``force`` (2,) and ``torque`` (3,) are work space.
+    """Write the angular accelerations q̈ (3,) rad/s² of the rig with its effects to ``a``.
 
-    ``first``, ``address``, ``par``, ``mem``: see `heli3dof.model.physics.integrator`.
+    ``force`` (2,) and ``torque`` (3,) are work space; ``s`` … ``free``: see
+    `heli3dof.model.physics.integrator`.
     """
     force[0], force[1] = s[F_FRONT], s[F_BACK]
     s[SPEED_FRONT] = s[F_FRONT] / (s[K_F] * s[GAIN_FRONT])

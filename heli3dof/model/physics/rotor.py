@@ -23,9 +23,10 @@ VOLTAGE = int(_s.Stage.VOLTAGE)
 
 
 def _lagged(F: float, target: float, tau: float, slew: float, h: float) -> float:
-    """Return F (N) after h s of τ Ḟ = target − F with Ḟ ≤ ``slew`` (N/s; 0: no limit).
+    """Return a rotor's thrust (N) after h s, from F (N) at the start: τ Ḟ = target − F.
 
-    Exact: while the limit is active, F rises linearly until target − F = slew τ.
+    ``tau`` (s) is τ; Ḟ is at most ``slew`` (N/s; 0: no limit). The solution is exact: while the
+    limit is active, F rises linearly until target − F = slew τ.
     """
     if slew > 0.0 and target - F > slew * tau:
         line = (target - F) / slew - tau
@@ -42,9 +43,11 @@ lagged = compiled(_lagged, leaf=True, error_model="numpy")
 
 
 def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
-    """Write to out (2,) N the steady-state thrusts of the voltages V that act in row k.
+    """Write to out (2,) N the steady-state thrusts of the voltages V (N, 2) that act in row k.
 
-    h (N,) s: time to the next row; the delay reaches back to row ``lead`` at most."""
+    h (N,) s: time to the next row. With a delay, voltages of earlier rows act, from row ``lead``
+    on. Other arguments: see `heli3dof.model.physics.integrator`.
+    """
     whole, part = 0, 0.0
     if s[DELAY] > 0.0:
         back = s[DELAY] / h[k]
@@ -65,10 +68,10 @@ aim = compiled(_aim, leaf=True, error_model="numpy")
 
 
 def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
-    """Write each row's steady-state thrusts and thrusts at its start, (N, 2) N, to target and F.
+    """Write each row's steady-state thrusts to ``target`` and thrusts at its start to F, (N, 2) N.
 
-    It computes rows lead … stop − 1 from the voltages V; in row lead the rotors are in steady
-    state.
+    It computes rows lead … stop − 1 from the voltages V (N, 2) held for h (N,) s. In row ``lead``
+    the rotors are in steady state. Other arguments: see `heli3dof.model.physics.integrator`.
     """
     tau = s[TAU_M]
     left, at = 0.0, -1.0

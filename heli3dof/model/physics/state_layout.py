@@ -73,7 +73,7 @@ MEMORY = 8
 
 
 class Stage(enum.IntEnum):
-    """The points of a simulation at which an effect's function is called, with its ``out``."""
+    """The points of a simulation at which an effect's ``f(s, par, mem, out)`` is called."""
 
     SETUP = 0
     """Once before a run; ``out`` is ``s``: change the rig's parameters in it."""

@@ -1,4 +1,4 @@
-"""The table on which a rig rests before and after a flight."""
+"""The roll angle that distinguishes a rig at rest on its table from one in flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reads model files of the form ``greybox``: a `GreyBoxModel`."""
+"""Read model files of the form ``greybox`` into a `GreyBoxModel`."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
 
 
 def _check_terms(names: Sequence[str], written_with: Mapping[str, Any]) -> None:
-    """Raise UsageError for a term without a loaded effect; ``written_with``: {effect: plug-in}."""
+    """Raise UsageError for an effect not installed here; ``written_with``: {effect: plug-in}."""
     for name in names:
         try:
             term(name)

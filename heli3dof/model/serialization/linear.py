@@ -1,4 +1,4 @@
-"""Reads model files of the form ``linear``: a `LinearModel` (hover, statespace, tf4, oe …)."""
+"""Read model files of the form ``linear`` into a `LinearModel` (hover, statespace, tf4, oe …)."""
 
 from __future__ import annotations
 
