@@ -39,7 +39,7 @@ def compare(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compare models with flights; without arguments, on the supplied recordings."""
+    """Compare models with flights; without arguments, on the recordings that come with heli3dof."""
     from heli3dof.cli.inputs import load_all, models_for, reference_comparison, split
     from heli3dof.comparison.compare import compare
     from heli3dof.comparison.document import comparison_document

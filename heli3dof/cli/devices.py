@@ -79,7 +79,7 @@ def devices(
 
 
 def _probe(url: str, profile: Path | None) -> dict[str, Any]:
-    """Open a rig without arming it; return its identity and encoder counts at rest, or why not."""
+    """Return a rig's identity and counts at rest, or why it cannot be opened; it is not armed."""
     from heli3dof.errors import DeviceError
     from heli3dof.rig.session.open_exclusive import open_rig
 

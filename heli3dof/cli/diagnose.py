@@ -118,7 +118,7 @@ def show_diagnosis(out: Output, document: Mapping[str, Any]) -> None:
 
 
 def _end_with_bad_data(out: Output, result: Diagnosis) -> NoReturn:
-    """Exit with the code of a bad recording. ``--quiet`` omits the tables, so print the faults."""
+    """Exit with the code of a bad recording; with ``--quiet``, print its faults first."""
     if out.quiet:
         for fault in result.faults:
             fix = f" Try: {fault.fix}" if fault.fix else ""
@@ -153,7 +153,7 @@ def _load(
 
 
 def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
-    """Return faults for swapped columns, if these and not a wrong unit made the import fail."""
+    """Return the faults for swapped columns in a log, imported without checks of its units."""
     from heli3dof.diagnosis.integrity import integrity
     from heli3dof.recording.logs.import_log import import_log
 
@@ -167,7 +167,7 @@ def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
 
 @contextmanager
 def stages(out: Output) -> Iterator[Callable[[str], None]]:
-    """Context manager: yields a function that displays a text on what the diagnosis is doing.
+    """Context manager: yields a function that displays what the diagnosis is doing, as a text.
 
     On a terminal a spinner shows the text; otherwise each text is printed as a line, except texts
     with progress (after "… ").

@@ -35,7 +35,7 @@ def recording_table(recording: Recording, title: str, note: str | None = None) -
 
 
 def recording_document(recording: Recording) -> dict[str, Any]:
-    """Return the step-response metrics of one step per axis, with units in the JSON keys."""
+    """Return the metrics of one step response per axis, as a dict with units in its keys."""
     metrics = metrics_of(recording)
     return {
         axis: {"set_deg": metrics[axis].reported.set_deg, **metrics[axis].reported.values()}

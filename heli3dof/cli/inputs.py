@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[Recording]:
-    """Load recordings and logs, and print their warnings. Raises RecordingError or UsageError."""
+    """Return recordings and logs, and print their warnings. Raises RecordingError or UsageError."""
     from heli3dof.recording.load import load
 
     used = log_profile(profile)
@@ -84,7 +84,7 @@ def check_same_rig(recordings: Sequence[Recording]) -> None:
 
 
 def _rig_numbers(r: Recording) -> dict[str, float]:
-    """Return the numbers of a recording's profile that identify the rig, by key."""
+    """Return the numbers that identify the rig in a recording's profile, as key → value."""
     p = r.profile
     parts = {"geometry": p.geometry, "mass": p.mass}
     numbers = {f"{k}.{n}": float(v) for k, part in parts.items() for n, v in part}
@@ -96,7 +96,7 @@ def _rig_numbers(r: Recording) -> dict[str, float]:
 
 
 def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """Separate a subcommand's arguments into recordings and models (built-in or ``.json``)."""
+    """Return recordings and models (built-in or ``.json``) among a subcommand's arguments."""
     from heli3dof.paper.models import BUILT_IN
 
     models = [w for w in words if w in BUILT_IN or w.endswith(".json")]
@@ -111,14 +111,14 @@ def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
 
 
 def models_for(names: Sequence[str], recording: Recording) -> list[Model]:
-    """Load models by built-in name or file; built-in ones use the recording's profile."""
+    """Return models by built-in name or file; built-in ones use the recording's profile."""
     from heli3dof.paper.models import load_model
 
     return [load_model(name, recording.profile) for name in names]
 
 
 def reference_comparison() -> tuple[list[Recording], list[Model]]:
-    """Return the supplied recordings for comparison, and models identified from the other ones."""
+    """Return recordings that come with heli3dof, and models identified from others of them."""
     from heli3dof_recordings import references
 
     from heli3dof.recording.mcap_files.reader import read_recording
@@ -129,7 +129,7 @@ def reference_comparison() -> tuple[list[Recording], list[Model]]:
 
 
 def identify_both(train: Sequence[Recording], test: Sequence[Recording]) -> list[Identification]:
-    """Identify a black box by the prediction-error method, as in the paper, and a grey box."""
+    """Return a black box (prediction-error method, as in the paper) and a grey box model."""
     from heli3dof.identification.identify import identify
 
     return [

@@ -60,7 +60,11 @@ def monitor(
 def _source(
     out: Output, device: str | None, profile_file: Path | None, stack: ExitStack
 ) -> tuple[Callable[[], dict[str, Any] | None], dict[str, Any]]:
-    """Return a function for the next reading (None: the session ended), and keys for ``--json``."""
+    """Return a function for the rig's next reading, and keys for ``--json``.
+
+    The function returns None if the session of another process, which supplies the readings, has
+    ended. ``stack`` closes what this opens.
+    """
     from heli3dof.rig.session.client import lives, running, state
     from heli3dof.rig.session.open_exclusive import open_rig, state_of
 

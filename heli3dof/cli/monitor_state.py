@@ -78,7 +78,7 @@ class MonitorState:
         return " · ".join(self._status()) if "flags" in self.last else "no answer"
 
     def _status(self) -> list[str]:
-        """Return texts: flags, and a flight's lateness or the response time of an unused rig."""
+        """Return texts: flags, and the lateness of a flight or the response time without one."""
         last = self.last
         words = [" ".join(last["flags"]) or "not enabled"]
         if "lateness_s" in last:
@@ -90,7 +90,7 @@ class MonitorState:
         return words
 
     def document(self) -> dict[str, Any]:
-        """Return the state for ``monitor --json``."""
+        """Return the state as the JSON document of ``monitor --json``."""
         return {
             "readings": self.readings,
             "last": self.last or None,

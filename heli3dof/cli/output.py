@@ -32,7 +32,7 @@ TRACEBACK = "HELI3DOF_TRACEBACK"
 
 
 def live_allowed() -> bool:
-    """True if stderr may show a spinner or live table: a terminal, and ``NO_COLOR`` is not set."""
+    """Return True if a spinner may be shown: stderr is a terminal, and ``NO_COLOR`` is not set."""
     return sys.stderr.isatty() and not os.environ.get("NO_COLOR")
 
 
@@ -72,7 +72,7 @@ class Output:
         self.err.print(text, soft_wrap=True, markup=False, style="bold red")
 
     def emit(self, document: Mapping[str, Any]) -> None:
-        """If ``--json`` is given, print the document on stdout; as ASCII if stdout is not UTF-8."""
+        """If ``--json`` is given, print the document on stdout, as ASCII if stdout is not UTF-8."""
         if self.as_json:
             plain = jsonable(document)
             text = json.dumps(plain, ensure_ascii=False, indent=2, allow_nan=False)
@@ -107,7 +107,7 @@ def _console(**options: Any) -> Console:
 
 
 def jsonable(value: Any) -> Any:
-    """Convert a value to JSON types; a number that is not finite becomes null."""
+    """Return a value converted to JSON types; a number that is not finite becomes null."""
     if isinstance(value, Mapping):
         return {str(k): jsonable(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -160,7 +160,7 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
 
 
 def _explain_os_error(error: OSError) -> Heli3dofError | None:
-    """Return the error to print for an OSError about a file or the current folder, else None."""
+    """Return the error to print for an OSError about a file or the current folder; else None."""
     try:
         os.getcwd()
     except OSError:

@@ -63,7 +63,7 @@ def prepare() -> None:
 
 
 def finish(code: str | int | None) -> str | int | None:
-    """Flush stdout and stderr; return ``code``, or an error's exit code if output was lost.
+    """Flush stdout and stderr; return ``code``, or an error's exit code if output was not written.
 
     It is no error if the program that reads the output ended first, as ``head`` does.
     """
@@ -89,7 +89,7 @@ def lost(error: OSError) -> int:
 
 
 def reader_has_gone(end: SystemExit) -> bool:
-    """True if a library ended this process because the program that reads its output had ended."""
+    """Return True if a library ended this process because the reader of its output had ended."""
     return isinstance(end.__context__, BrokenPipeError)
 
 
@@ -102,7 +102,7 @@ def _discard(stream: TextIO) -> None:
 
 
 def printable(text: str, encoding: str | None) -> str:
-    """Return the text with ASCII in place of the characters that the encoding lacks.
+    """Return the text with ASCII in place of the characters that the ``encoding`` lacks.
 
     >>> printable("5 °/s, χ² ≤ 2, ψ in cp1252", "ascii")
     '5 deg/s, chi^2 <= 2, psi in cp1252'
@@ -115,7 +115,7 @@ def printable(text: str, encoding: str | None) -> str:
 
 
 def carries(text: str, encoding: str | None) -> bool:
-    """True if a stream of this encoding prints the text unchanged: ASCII text, or a UTF stream."""
+    """Return True if a stream of this encoding prints the text as it is: ASCII, or a UTF stream."""
     if not (encoding or "").lower().replace("_", "-").startswith("utf"):
         return text.isascii()
     try:

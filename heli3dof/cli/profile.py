@@ -192,7 +192,7 @@ def update(
 
 
 def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> None:
-    """Add the masses' hover voltage and a comment to a profile's ``data`` and ``remarks``."""
+    """Add the masses' hover voltage to the profile ``data``, its comment to ``remarks``."""
     from heli3dof.rig.profile import profile_from_dict
     from heli3dof.rig.profile_file import put
     from heli3dof.rig.profile_remarks import estimated_hover_voltage
@@ -206,7 +206,7 @@ def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> Non
 
 
 def _design_gain(data: dict[str, Any], remarks: dict[str, str]) -> None:
-    """Add an LQR gain and a comment to ``data`` and ``remarks``, unless it is the default gain."""
+    """Add an LQR gain to the profile ``data``, its comment to ``remarks``, unless it is default."""
     from heli3dof.model.control.lqr import is_default_gain, lqr_gain
     from heli3dof.rig.profile import profile_from_dict
     from heli3dof.rig.profile_file import put
@@ -239,7 +239,7 @@ def _exit_if_unstable(profile: Profile, loop: LoopCheck) -> None:
 def _report(
     out: Output, file: Path | None, profile: Profile, loop: LoopCheck, **more: Any
 ) -> list[str]:
-    """Print the loop's poles, margins and steps, warn of unusual numbers; return the warnings."""
+    """Print poles, margins and step responses of the loop; return warnings of unusual numbers."""
     from heli3dof.rig.profile_remarks import unusual_values
 
     remarks = [*unusual_values(profile), *loop.unusual()]
@@ -268,7 +268,7 @@ def _report(
 
 
 def _derived(profile: Profile) -> dict[str, tuple[float, str, str]]:
-    """Return (value, unit, meaning) by name of each quantity computed from a profile's keys."""
+    """Return each quantity computed from the profile's keys: name → (value, unit, meaning)."""
     from heli3dof.axes import AXES
     from heli3dof.rig.profile_remarks import mass_hover_voltage
 

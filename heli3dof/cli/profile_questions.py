@@ -59,7 +59,7 @@ def _is_terminal() -> bool:
 
 
 def _questions() -> Iterator[tuple[str, FieldInfo]]:
-    """Yield the keys to ask for: each required key, the profile's name, the roll angle at rest."""
+    """Yield (dotted key, field) to ask for: required keys, profile name and roll angle at rest."""
     from heli3dof.rig.profile import Profile
     from heli3dof.toml_file import keys
 

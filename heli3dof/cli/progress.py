@@ -27,7 +27,10 @@ PER_SECOND = 10.0
 
 @contextmanager
 def progress(out: Output, live: Live, name: str) -> Iterator[None]:
-    """Context manager: shows a flight's progress; not with ``--quiet`` or without a terminal."""
+    """Context manager: shows a flight's progress; not with ``--quiet`` or without a terminal.
+
+    ``live``: the loop's progress; ``name``: the plan's name.
+    """
     if out.quiet or not live_allowed() or out.err.is_dumb_terminal:
         yield
         return

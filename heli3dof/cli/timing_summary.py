@@ -63,7 +63,7 @@ def latency_text(latency: Mapping[str, Any]) -> str:
 
 
 def unacknowledged_text(latency: Mapping[str, Any]) -> str:
-    """Return as text how many commands the next sample did not echo, and how many none echoed."""
+    """Return as text how many commands the next sample did not echo, and how many no sample did."""
     never = latency["commands_never_echoed"]
     return (
         f"{latency['commands_unacknowledged']} of {latency['commands']} commands not echoed by "
@@ -72,7 +72,7 @@ def unacknowledged_text(latency: Mapping[str, Any]) -> str:
 
 
 def realtime_advice(outcome: Outcome) -> str | None:
-    """Return how to obtain a real-time permission that the operating system did not grant.
+    """Return how to obtain a real-time permission that the system refused for the flight.
 
     None if no control period was late or missed, or if the system granted all that would help.
     """

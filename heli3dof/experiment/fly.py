@@ -43,8 +43,9 @@ class Flight:
     def raise_if_cut_short(self) -> None:
         """Raise an exception if the flight did not complete its plan; else do nothing.
 
-        SafetyTrip after a trip, KeyboardInterrupt after an interrupt, otherwise the DeviceError or
-        Heli3dofError that ended the flight or was caused by what did. The recording is complete.
+        It is SafetyTrip after a safety trip and KeyboardInterrupt after Ctrl-C. Otherwise it is the
+        DeviceError or Heli3dofError that ended the flight. A Heli3dofError may have another
+        exception as its cause. The recording is complete.
         """
         self.raise_ending(self.outcome, self.path)
 
@@ -202,7 +203,7 @@ def _fly(
 
 
 def _progress(live: Live) -> dict[str, Any]:
-    """Return the flight's progress as a dict for JSON, for a second terminal."""
+    """Return the flight's progress as a dict for JSON, for display by another process."""
     return {
         "phase": live.phase,
         "done": live.done,

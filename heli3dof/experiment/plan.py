@@ -45,7 +45,7 @@ class Signals:
 
 
 class Head(Section):
-    """The keys of a plan."""
+    """The keys of a plan's TOML file: name, description, purpose and segments."""
 
     name: Annotated[str, Key("the plan's name, shown in tables and recordings")]
     description: Annotated[str, Key("what it flies, in one line")] = ""
@@ -114,7 +114,7 @@ class Plan:
 
 
 def checked(plan: Plan, profile: Profile, seed: int) -> Signals:
-    """Render and check the plan. Raises PlanError (see `Plan.render`, `check_plan`)."""
+    """Return the rendered plan after its check. Raises PlanError (`Plan.render`, `check_plan`)."""
     _check_duration(plan, profile.limits)  # before rendering, which needs memory
     signals = plan.render(profile.dt, seed)
     check_plan(plan, signals, profile)
@@ -164,7 +164,7 @@ def _ranges(limits: Limits) -> list[tuple[str, float, float]]:
 
 
 def plan_from_dict(data: Mapping[str, Any], *, source: str = "plan") -> Plan:
-    """Build a plan from nested dicts, as TOML gives them. PlanError names ``source``."""
+    """Return the plan that nested dicts, as read from TOML, describe; ``source``: for PlanError."""
     head = check(Head, data, source, PlanError)
     segments = [_segment(s, i, source) for i, s in enumerate(head.segment, start=1)]
     return Plan(head.name, tuple(segments), head.description, head.purpose)
@@ -191,7 +191,7 @@ def named_plans() -> dict[str, Path]:
 
 
 def load_plan(name_or_path: str | Path) -> Plan:
-    """Load a plan by its name, if it comes with heli3dof, or from a TOML file. Raises PlanError."""
+    """Return the plan of this name, if it comes with heli3dof, or of a TOML file."""
     text = str(name_or_path)
     known = named_plans()
     if text in known:

@@ -71,7 +71,10 @@ def check_outputs(
 
 
 def check_output(path: Path, *, force: bool, fix: str = ELSEWHERE) -> None:
-    """Raise an error if ``path`` cannot be created: OutputExists, UsageError or NoSpace."""
+    """Raise OutputExists (without ``force``), UsageError or NoSpace if ``path`` cannot be created.
+
+    ``fix``: the remedy that the message names.
+    """
     _check_name(path, force=force)
     with write_errors_explained(path, fix=fix):
         place = path.resolve()
@@ -103,7 +106,7 @@ def new_folder(folder: Path, *, fix: str = ELSEWHERE) -> Path:
 
 
 def _probe(folder: Path) -> None:
-    """Write a file to the folder and remove it. Raises OSError."""
+    """Write a small file to the folder and remove it, as a test. Raises OSError."""
     probe = folder / f".{os.getpid()}-{threading.get_ident()}.part"
     try:
         with probe.open("xb", buffering=0) as stream:
@@ -138,7 +141,11 @@ def _check_name(path: Path, *, force: bool) -> None:
 
 
 def default_output(path: Path, *, force: bool) -> Path:
-    """Return the path of an output without ``-o``: with ``force`` ``path``, else a free name."""
+    """Return the path of an output for which ``-o`` is omitted.
+
+    With ``force`` it is ``path``, which is then overwritten, else ``path`` or a free name
+    (`unused`).
+    """
     return path if force else unused(path)
 
 
@@ -155,7 +162,7 @@ def unused(path: Path) -> Path:
 
 
 def mode(path: Path, *, force: bool) -> str:
-    """Return the mode in which ``open`` is to write ``path``.
+    """Return the mode in which ``open`` must write ``path``; ``force`` permits to overwrite it.
 
     Files are opened for reading too, existing pipes and devices for writing only. A writer that
     also opened a pipe for reading would not notice that the pipe's reader has ended.

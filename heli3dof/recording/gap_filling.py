@@ -25,7 +25,10 @@ EARLY = 0.5
 
 
 def missing(t: np.ndarray, dt: float) -> np.ndarray:
-    """Count the samples missing in each interval (N − 1,) of times ``t`` (N,); period ``dt``; s."""
+    """Return how many samples are missing in each interval (N − 1,) between times ``t`` (N,).
+
+    ``t`` and the control period ``dt`` are in s.
+    """
     d = np.diff(t)
     after = np.append(d[1:], dt)
     late = np.where(after < EARLY * dt, np.clip(dt - after, 0.0, d - dt), 0.0)
@@ -33,7 +36,7 @@ def missing(t: np.ndarray, dt: float) -> np.ndarray:
 
 
 def fill_gaps(recording: Recording, longest: float) -> tuple[Recording, np.ndarray]:
-    """Return the recording with inserted rows, and the indices (N,) of its original rows there.
+    """Return the recording with inserted rows, and the indices (N,) there of its original rows.
 
     Intervals of more than ``longest`` control periods remain gaps. A recording without missing
     samples is returned unchanged.

@@ -108,7 +108,7 @@ def summary(recording: Recording) -> dict[str, Any]:
 
 
 def _stuck_clock(stuck: int, samples: int) -> list[str]:
-    """Return a warning if the time does not increase at ``stuck`` of the samples."""
+    """Return a warning if the time does not increase at ``stuck`` of the ``samples``; else []."""
     if not stuck:
         return []
     return [

@@ -28,7 +28,7 @@ class MemoryRecorder:
 
 
 def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, Any]) -> Recording:
-    """Convert rows to a recording. Its voltage is the output that the device reports."""
+    """Return rows as a recording. Its voltage is the output that the device reports."""
     n = len(rows)
 
     def column(values: list[Any], width: int) -> FloatArray:

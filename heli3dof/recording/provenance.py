@@ -33,7 +33,8 @@ def provenance(
 
     ``source`` is ``flight``, ``simulation`` or ``import``; ``device`` the rig's URL; ``identity``
     what the rig reports about itself. ``named_host=False`` omits host and command line, for
-    published recordings. ``more`` is added unchanged. Entries that are None are omitted.
+    published recordings. ``more`` is added unchanged. Entries that are None are omitted. ``plan``:
+    the plan flown; ``seed``: of its random signals.
     """
     now = datetime.now(UTC)
     meta: dict[str, Any] = {
@@ -55,7 +56,7 @@ def provenance(
 
 
 def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
-    """Return the entries ``seeds`` and ``seed`` of ``Recording.meta``.
+    """Return the entries ``seeds`` and ``seed`` of ``Recording.meta``, a recording's provenance.
 
     ``plan`` is the requested seed, ``device`` the emulated rig's (None for a real rig).
     ``plan_draws`` is True if the plan contains random signals. ``seeds`` has the seed of each, None
@@ -67,7 +68,7 @@ def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
 
 @cache
 def versions() -> Mapping[str, str]:
-    """Return the version of Python and of `PACKAGES`, and the operating system's name."""
+    """Return name → version of Python and of `PACKAGES`, and ``system``, the operating system."""
     found = {"python": platform.python_version(), "system": platform.system()}
     for name in PACKAGES:
         try:

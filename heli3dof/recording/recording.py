@@ -116,17 +116,17 @@ class Recording(Result):
 
     @property
     def dt(self) -> float:
-        """Median sample interval in s."""
+        """Return the median sample interval in s."""
         return float(np.median(np.diff(self.t)))
 
     @property
     def duration(self) -> float:
-        """Time from the first to the last sample in s."""
+        """Return the time from the first to the last sample in s."""
         return float(self.t[-1] - self.t[0])
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of the axes whose angles were measured, in the order roll, pitch, yaw."""
+        """Return the axes whose angles were measured, in the order roll, pitch, yaw."""
         return tuple(a for i, a in enumerate(AXES) if not np.isnan(self.angle[:, i]).all())
 
     def has_reference(self, axis: str) -> bool:
@@ -134,12 +134,12 @@ class Recording(Result):
 
     @property
     def has_cmd(self) -> bool:
-        """True if the voltage before the limiter was logged."""
+        """Return True if the voltage before the limiter was logged."""
         return not bool(np.isnan(self.voltage_cmd).all())
 
     @property
     def digest(self) -> str:
-        """SHA-256 of time, voltages and angles rounded to 1e-9 (s, V, rad).
+        """Return the SHA-256 of time, voltages and angles rounded to 1e-9 (s, V, rad).
 
         Because of the rounding it does not change in an export, even if a CSV in degrees changes
         the last bits of an angle.
@@ -180,7 +180,12 @@ def make_recording(
     channels: Mapping[str, np.ndarray] | None = None,
     meta: Mapping[str, Any] | None = None,
 ) -> Recording:
-    """Make a `Recording` from arrays; omitted references and voltages become columns of NaN."""
+    """Return a `Recording` of arrays; omitted references and voltages become columns of NaN.
+
+    ``t`` (N,) in s; voltages (N, 2) in V, front and back; ``angle``, ``reference`` (N, 3) in rad,
+    roll, pitch and yaw; ``channels``: name → (N,). ``voltage_cmd``: before the limiter;
+    ``voltage_extra``: added by the experiment.
+    """
     times = np.asarray(t, dtype=float)
 
     def fill(a: ArrayLike | None, columns: int) -> FloatArray:

@@ -14,13 +14,13 @@ since after a restart s_now is later than the instant of ``zero``, and s_zero ea
 =====================  ============================  ==========================================
 stored                 the device states             counts_at_rest
 =====================  ============================  ==========================================
-nothing                                              0: the device is assumed to have started
+no calibration                                       0: the device is assumed to have started
                                                      at rest
 boot, start            the same boot, the same start as stored
 boot, start            another boot, or start        0, with a note that names heli3dof zero
 boot                   the same boot, no start       as stored
 no boot, start         the same start                as stored
-no boot, no start      neither                       as stored, with a note of the date
+no boot, no start      neither boot nor start        as stored, with a note of the date
 for other encoders     other counts per rev.         0, with a note
 =====================  ============================  ==========================================
 """
@@ -51,7 +51,7 @@ START_TOLERANCE_S = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Counts of one device at the rest angles, as ``heli3dof zero`` measured them."""
+    """Encoder counts of one device at its rest angles, as ``heli3dof zero`` measured them."""
 
     serial: str
     boot: int | None
@@ -75,7 +75,7 @@ class RestCounts:
     """What the user should know; empty if nothing"""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the keys for a recording's provenance."""
+        """Return these counts and where they come from as a dict, for a recording's provenance."""
         about: dict[str, Any] = {
             "counts_at_rest": list(self.counts_at_rest),
             "known_from": self.known_from,
@@ -87,7 +87,7 @@ COUNTS_AT_POWER_UP = RestCounts((0, 0, 0), "power-up")
 
 
 def rest_counts_of(identity: Identity) -> RestCounts:
-    """Return the counts at rest of the device with this identity; see the module's table."""
+    """Return the device's encoder counts at the rest angles, by the table of the module."""
     try:
         stored = load_calibration(identity.serial)
     except ValueError as problem:
@@ -124,7 +124,10 @@ def rest_counts_of(identity: Identity) -> RestCounts:
 
 
 def _same_start(stored: Calibration, identity: Identity) -> bool | None:
-    """True if the device's uptime shows no restart since ``zero``; None: it is unknown."""
+    """Return True if the device has not restarted since ``stored`` was measured, else False.
+
+    It compares the start instants that both state; None if one is missing.
+    """
     if stored.started_s is None or identity.started_s is None:
         return None
     try:
@@ -140,7 +143,7 @@ def calibration_path(serial: str) -> Path:
 
 
 def load_calibration(serial: str) -> Calibration | None:
-    """Load the calibration of a rig; None if none is stored. ValueError: the file is damaged."""
+    """Return the rig's stored calibration, None without one. ValueError: the file is damaged."""
     try:
         path = calibration_path(serial)
     except OSError as problem:
@@ -163,7 +166,7 @@ def load_calibration(serial: str) -> Calibration | None:
 
 
 def store_calibration(calibration: Calibration) -> Path:
-    """Write the calibration atomically; return the file. Raises UsageError or NoSpace."""
+    """Write the calibration atomically; return its file's path. Raises UsageError or NoSpace."""
     own = "set XDG_STATE_HOME to a folder of your own"
     with write_errors_explained(Path("~/.local/state"), fix=own):
         path = calibration_path(calibration.serial)
@@ -191,5 +194,5 @@ def now_utc() -> str:
 
 
 def _text(value: str) -> str:
-    """Quote a TOML basic string: JSON's escapes are valid in TOML."""
+    """Return the value as a quoted TOML string: a JSON string is also valid in TOML."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,4 +1,4 @@
-"""`wait_until`: sleep until shortly before an absolute deadline, then poll the clock."""
+"""Waits for an absolute deadline: sleeps until shortly before it, then polls the clock."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ SPIN_S = 200e-6
 
 
 def wait_until(due_s: float) -> float:
-    """Wait until ``due_s`` on `time.monotonic`; return that clock's time at the end, in s."""
+    """Wait until the deadline ``due_s``; return the time at the end. Both: s, `time.monotonic`."""
     now = time.monotonic()
     while (left := due_s - now) > 0:
         if left > SPIN_S:

@@ -8,8 +8,8 @@ drift, so the estimate may rise again, by `DRIFT` at most:
     lateness[k] = h[k] − (d[k] + θ[k]) ≥ 0
 
 Lateness is the transport delay beyond the smallest one, which is part of θ. A delayed sample
-raises the estimate by the drift at most. It follows a device clock that runs up to 100 ppm slow,
-and a fast one at once.
+raises the estimate by the drift at most. So the estimate follows a device clock that is up to
+100 ppm slow, and a fast one with every sample.
 """
 
 from __future__ import annotations
@@ -19,21 +19,29 @@ DRIFT = 100e-6
 
 
 class ClockOffset:
-    """Estimates the offset θ of one device's clock; all times in seconds."""
+    """Estimates the offset θ = host's time − device's time of one device's clock, in s."""
 
     def __init__(self, device_s: float, host_s: float) -> None:
-        """Start with a sample taken at ``device_s`` that arrived at ``host_s`` (monotonic)."""
+        """Start with the first sample: taken at ``device_s``, arrived at ``host_s``.
+
+        Both in s: ``device_s`` on the device's clock, ``host_s`` on the host's monotonic clock.
+        """
         self._device = device_s
         self._offset = host_s - device_s
 
     def host(self, device_s: float) -> float:
-        """Return the host time at which a sample of that device time is due, as estimated."""
+        """Return when a sample taken at ``device_s`` should arrive: ``device_s`` + θ.
+
+        ``device_s`` is in s on the device's clock, the result in s on the host's monotonic clock.
+        θ: the estimated offset between the clocks.
+        """
         return device_s + self._offset
 
     def arrived(self, device_s: float, host_s: float) -> float:
-        """Add a sample taken at ``device_s``; return its lateness.
+        """Add a sample taken at ``device_s`` that arrived at ``host_s``; return its lateness in s.
 
-        Lateness: s from the estimated arrival (`host`) to that at ``host_s``; never negative.
+        Lateness: time from the expected arrival (`host`) to ``host_s``; never negative.
+        ``device_s`` is in s on the device's clock, ``host_s`` in s on the host's monotonic clock.
         """
         drifted = self._offset + DRIFT * max(0.0, device_s - self._device)
         self._device = device_s

@@ -21,15 +21,15 @@ GROUP = "heli3dof.drivers"
 
 
 def registered() -> dict[str, EntryPoint]:
-    """Return URL scheme → entry point of every registered driver."""
+    """Return every registered driver's entry point by URL scheme."""
     return {e.name: e for e in entry_points(group=GROUP)}
 
 
 def load_driver(scheme: str) -> Driver:
-    """Load the driver for a URL scheme. UsageError for an unknown one names the nearest.
+    """Return the driver for a URL scheme.
 
-    An unregistered scheme belongs to the driver of the part before its ``+``: ``serial+socket`` to
-    ``serial``.
+    A scheme such as ``serial+socket`` that is not registered uses the driver of ``serial``. Raises
+    UsageError, which names the nearest known scheme.
     """
     known = registered()
     if scheme not in known:
@@ -53,14 +53,14 @@ def load_driver(scheme: str) -> Driver:
 
 
 def check_url(url: str | DeviceUrl) -> DeviceUrl:
-    """Parse and check a URL. Raises UsageError for an unknown scheme or option."""
+    """Parse a device URL and return it. Raises UsageError for an unknown scheme or option."""
     parsed = parse_url(url) if isinstance(url, str) else url
     parsed.check_options(load_driver(parsed.scheme).options)
     return parsed
 
 
 def open_driver(url: str | DeviceUrl, profile: Profile) -> Rig:
-    """Open the rig of a device URL without a lock, out of the reach of ``heli3dof estop``.
+    """Open the rig of a device URL without a lock; ``heli3dof estop`` does not know this process.
 
     Applications use `heli3dof.open_rig`.
     """
@@ -69,14 +69,17 @@ def open_driver(url: str | DeviceUrl, profile: Profile) -> Rig:
 
 
 def is_private(url: str | DeviceUrl) -> bool:
-    """True for an emulated rig: each opening makes a new one (see `PrivateToProcess`)."""
+    """Return True for an emulated rig: each opening makes a new one (see `PrivateToProcess`)."""
     parsed = parse_url(url) if isinstance(url, str) else url
     driver = load_driver(parsed.scheme)
     return isinstance(driver, PrivateToProcess) and driver.private_to_process
 
 
 def with_seed(url: str, seed: int) -> str:
-    """Return the URL with ``seed`` added, if its driver has this option and the URL lacks it."""
+    """Return the URL with the option ``seed`` added, which seeds an emulated rig's noise.
+
+    The URL stays the same if its driver lacks this option or the URL already has it.
+    """
     parsed = parse_url(url)
     if "seed" not in load_driver(parsed.scheme).options or "seed" in parsed.options:
         return url
@@ -84,7 +87,7 @@ def with_seed(url: str, seed: int) -> str:
 
 
 def seed_of(url: str) -> int | None:
-    """Return the seed in the URL of an emulated rig; None without one."""
+    """Return the random seed in an emulated rig's URL; None if the URL has none."""
     parsed = parse_url(url)
     if "seed" not in load_driver(parsed.scheme).options:
         return None
@@ -93,7 +96,7 @@ def seed_of(url: str) -> int | None:
 
 
 def find_rigs() -> Iterator[tuple[str, list[str], str | None]]:
-    """Yield for each driver: its scheme, the URLs of the rigs present, and its error or None."""
+    """Yield for each driver: URL scheme, URLs of the connected rigs, error message or None."""
     for scheme in sorted(registered()):
         try:
             yield scheme, list(load_driver(scheme).find()), None
@@ -106,7 +109,10 @@ MOCK = "mock:"
 
 
 def default_device() -> str:
-    """Return the URL of the only real rig found, or `MOCK`. Raises UsageError for several."""
+    """Return the URL of the only real rig found; without a real one, `MOCK`, the emulated rig's.
+
+    Raises UsageError if several real rigs are found.
+    """
     real = [url for _, urls, _ in find_rigs() for url in urls if not is_private(url)]
     if len(real) > 1:
         raise UsageError(

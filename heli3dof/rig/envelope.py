@@ -8,6 +8,8 @@ A flight ends (exit 4, motors ramped to zero) as soon as
 
 with the numbers of the profile's ``[limits]``. The envelope never changes a command: the recorded
 voltage follows the control law until the flight ends.
+
+V[k], t[k]: a motor's voltage in control period k and the period's time since the start.
 """
 
 from __future__ import annotations
@@ -63,8 +65,8 @@ class Envelope:
     ) -> str | None:
         """Return why the flight must end now; None if it may go on.
 
-        t in s; angle and rate (3,) in rad and rad/s; command and voltage (2,) in V, before and
-        after the controller's limiter.
+        ``t``: time in the flight (s); ``angle``, ``rate`` (3,): roll, pitch, yaw in rad and rad/s;
+        ``command``, ``voltage`` (2,): V, before and after the controller's limiter.
         """
         for i in range(3):
             if not self._low[i] <= angle[i] <= self._high[i]:

@@ -41,7 +41,7 @@ class Histogram:
         return sum(self.counts)
 
     def quantile_s(self, share: float) -> float:
-        """Return the time (s) that this share of the times does not exceed; NaN without any.
+        """Return the time (s) that a ``share`` (0 … 1) of the times does not exceed; NaN if empty.
 
         >>> h = Histogram(); h.add(12e-6); h.add(80e-6); round(h.quantile_s(0.5) * 1e6, 1)
         12.1

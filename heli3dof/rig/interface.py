@@ -90,7 +90,7 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One reading of the rig."""
+    """One reading of the rig: encoder counts, applied voltages, currents, flags and times."""
 
     sequence: int
     """The sequence of the last command that the device executed."""
@@ -109,7 +109,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One line of ``heli3dof doctor``."""
+    """Result of one check of ``heli3dof doctor``, printed as one line."""
 
     what: str
     """What was examined"""
@@ -128,17 +128,18 @@ class Rig(Protocol):
     def identity(self) -> Identity: ...
 
     def arm(self) -> Sample:
-        """Enable the amplifier at zero volts, clear latches, and return a first sample."""
+        """Enable the amplifier at zero volts, clear earlier stops, and return a first sample."""
         ...
 
     def read(self) -> Sample:
-        """Return a sample now, of a rig that is not armed; nothing moves."""
+        """Return a new sample of a rig that is not armed; nothing moves."""
         ...
 
     def exchange(self, command: Command, due_s: float) -> Sample:
         """Apply the command now; return the sample at the end of the control period.
 
-        ``due_s``: that end on the host's monotonic clock, for a rig whose host keeps time.
+        ``due_s``: the end of the period on the host's monotonic clock, in s. A rig whose device
+        keeps time ignores it.
         """
         ...
 
@@ -161,10 +162,10 @@ class HasLinkStatistics(Protocol):
 
     @property
     def statistics(self) -> object:
-        """A dataclass of counters since the rig was opened; the recording's outcome stores it.
+        """Return a dataclass of the link's counters since the rig was opened.
 
-        ``lost``: samples that the device sent and the host never got. ``device_skipped``: samples
-        that the device, being held up, never took.
+        The recording's outcome stores it. ``lost``: samples that the device sent and the host never
+        received. ``device_skipped``: samples that a busy device did not take.
         """
         ...
 
@@ -175,7 +176,7 @@ class ReportsDeviceCause(Protocol):
 
     @property
     def device_cause(self) -> str | None:
-        """The cause as of the last sample, or None.
+        """Return the cause that the device stated with the last sample, or None.
 
         ``OVERCURRENT``, ``BUTTON``, ``WATCHDOG`` and the others of docs/reference/protocol.md, or
         the driver's own word.
@@ -214,12 +215,12 @@ class Driver(Protocol):
     def estop(self, url: DeviceUrl) -> str:
         """Set the rig of that URL to zero volts, even while another process holds it.
 
-        Returns what was done. Raises DeviceError where the rig cannot be reached.
+        Returns in words what was done. Raises DeviceError if the rig cannot be reached.
         """
         ...
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """Check the port for ``doctor`` before it is opened: permission, holder, latency."""
+        """Return checks of the port, made before it is opened: permission, holder, latency."""
         ...
 
 
@@ -238,7 +239,7 @@ class RecognisesRigs(Protocol):
     """A driver whose `Driver.find` may list ports at which there is no rig."""
 
     def is_rig(self, url: DeviceUrl) -> bool:
-        """True if there is certainly a rig at that URL now."""
+        """Return True if there is certainly a rig at that URL now."""
         ...
 
 
@@ -251,7 +252,7 @@ class NamesPlaces(Protocol):
     """
 
     def persistent_name(self, url: DeviceUrl) -> str:
-        """Return a name of the device at that URL, the same at whichever port it is plugged in."""
+        """Return a name for the device at that URL that does not depend on the port it uses."""
         ...
 
 

@@ -26,7 +26,10 @@ _PRESENT = {former: present for present, former in FORMER_NAMES.items()}
 
 
 def present_names(details: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a flight's outcome details with present counter names, also inside ``link``."""
+    """Return a flight's outcome details with former counter names replaced by the present ones.
+
+    The counters in its entry ``link`` are renamed, too.
+    """
     renamed = {_PRESENT.get(name, name): value for name, value in details.items()}
     if isinstance(link := renamed.get("link"), Mapping):
         renamed["link"] = {_PRESENT.get(name, name): value for name, value in link.items()}
@@ -34,9 +37,10 @@ def present_names(details: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def attribute_of(statistics: Any, counter: str) -> str | None:
-    """Return the name of the attribute of ``rig.statistics`` with this counter; None without it.
+    """Return the name of the attribute of ``statistics`` that holds this counter; None without.
 
-    A driver that still uses the former name causes a DeprecationWarning.
+    ``statistics``: the link's counters of a rig. A driver that uses the counter's former name
+    causes a DeprecationWarning.
     """
     if hasattr(statistics, counter):
         return counter
@@ -52,7 +56,7 @@ def attribute_of(statistics: Any, counter: str) -> str | None:
 
 
 def count_of(statistics: Any, counter: str) -> int | None:
-    """Return the value of a counter of ``rig.statistics``; None without it."""
+    """Return a counter's value in ``statistics``, a rig's link counters; None without it."""
     name = attribute_of(statistics, counter)
     value = getattr(statistics, name) if name else None
     return value if isinstance(value, int) else None

@@ -133,7 +133,10 @@ class Motor(Section):
 
     @property
     def hover_V(self) -> float:
-        """Scale of the hover voltage, V: max(|V_o|, v_max/8), since a balanced arm has V_o = 0."""
+        """Return max(|V_o|, v_max/8) in V, a positive scale for comparing voltages with hover.
+
+        V_o: hover voltage, which is 0 for a balanced arm; v_max: the amplifier's limit.
+        """
         return max(abs(self.V_o), self.v_max / 8)
 
 
@@ -143,7 +146,7 @@ def _moment(axis: str, typical: str, usual: Range, plausible: Range) -> Key:
 
 
 class Inertia(Section):
-    """Moments of inertia of the level rig in kg·m²; an absent one follows from the masses."""
+    """Moments of inertia at level attitude in kg·m²; the masses give those that are None."""
 
     roll: Annotated[
         Positive | None, _moment("roll (elevation)", "0.91", (0.02, 5.0), (1e-4, 100.0))
@@ -194,17 +197,20 @@ class Encoder(Section):
 
     @property
     def rad_per_count(self) -> FloatArray:
-        """(3,) rad per count, signed."""
+        """Return the angle per count (3,) of roll, pitch and yaw, in rad, signed.
+
+        It is negative if the count falls as the angle rises.
+        """
         return 2 * np.pi / np.array([self.roll, self.pitch, self.yaw], dtype=float)
 
     @property
     def rest_rad(self) -> FloatArray:
-        """(3,) rad: the rest angles, at which the counts are zero."""
+        """Return the rest angles (3,) of roll, pitch, yaw in rad, at which the counts are zero."""
         return np.radians([self.roll_rest_deg, self.pitch_rest_deg, self.yaw_rest_deg])
 
 
 class Loop(Section):
-    """The control rate in Hz."""
+    """The control loop's rate in Hz."""
 
     rate_hz: Annotated[
         Positive,
@@ -222,7 +228,7 @@ class Limits(Section):
     from rest is within the limits. The motors are ramped to zero over
     ``ramp_down_s`` after a trip or an interrupt, and over ``landing_s`` at a plan's end. Far from
     the hover voltage they go to zero at once (`heli3dof.experiment.control_loop.ramp_down`).
-    `heli3dof.experiment.safety_monitors` explains the last four keys.
+    `heli3dof.experiment.safety_monitors` explains the safety monitors' keys, the last four.
     """
 
     roll_min_deg: Annotated[
@@ -267,8 +273,8 @@ class Limits(Section):
 class ControllerSpec(Section):
     """Gains and filters of the default controller; see `heli3dof.model.control.controller`.
 
-    ``K`` is 2 × 8, rows front and back, columns V per (r, p, ψ error; ṙ, ṗ, ψ̇; ∫r, ∫ψ error),
-    radians and seconds.
+    ``K`` is 2 × 8 in V per rad and s. Rows: front, back motor. Columns: errors of roll r, pitch p
+    and yaw ψ; rates ṙ, ṗ, ψ̇; time integrals of the errors of r and ψ.
     """
 
     K: Annotated[
@@ -298,7 +304,7 @@ class ControllerSpec(Section):
 
     @property
     def K_g(self) -> FloatArray:
-        """(2, 8) gain matrix."""
+        """Return the gain ``K`` as an array (2, 8); `ControllerSpec` explains rows and columns."""
         return np.array(self.K, dtype=float)
 
 
@@ -325,21 +331,27 @@ class Profile(Section):
 
     @property
     def trim_torque(self) -> float:
-        """T_g = 2 L_a K_f V_o in N·m: the torque that the thrusts balance at level hover."""
+        """Return T_g = 2 L_a K_f V_o in N·m: the torque that the thrusts balance at level hover.
+
+        L_a: yaw axis to body (m); K_f: thrust per volt (N/V); V_o: hover voltage per motor (V).
+        """
         return 2 * self.geometry.L_a * self.motor.K_f * self.motor.V_o
 
     @property
     def gravity_torque(self) -> float:
-        """(L_w m_w − L_a m_f − L_a m_b) g in N·m: the right-hand side of eq (5).
+        """Return (L_w m_w − L_a m_f − L_a m_b) g in N·m: the right-hand side of the paper's eq (5).
 
         With Table I's masses it is +1.170 N·m, which is a *counterweight-heavy* arm (E2).
+
+        L_w, L_a: arms (m) of counterweight and body; m_w, m_f, m_b: masses (kg) of counterweight,
+        front and back motor; g = 9.81 m/s².
         """
         L, m = self.geometry, self.mass
         return (L.L_w * m.m_w - L.L_a * m.m_f - L.L_a * m.m_b) * g
 
     @property
     def mass_inertias(self) -> tuple[float, float, float]:
-        """J_roll, J_pitch, J_yaw in kg·m² of the three point masses."""
+        """Return J_roll, J_pitch, J_yaw in kg·m² at level attitude, as the point masses give."""
         L, m = self.geometry, self.mass
         J_pitch = (m.m_f + m.m_b) * L.L_h**2
         J_roll = m.m_w * L.L_w**2 + (m.m_f + m.m_b) * L.L_a**2
@@ -347,7 +359,11 @@ class Profile(Section):
 
     @property
     def inertias(self) -> tuple[float, float, float]:
-        """J_roll, J_pitch, J_yaw in kg·m² of the level rig: ``[inertia]``, else of the masses."""
+        """Return J_roll, J_pitch, J_yaw in kg·m² at level attitude.
+
+        They are those of the profile's ``[inertia]``. The point masses give the values missing
+        there.
+        """
         roll, pitch, yaw = self.mass_inertias
         if self.inertia is None:
             return roll, pitch, yaw
@@ -356,12 +372,12 @@ class Profile(Section):
 
     @property
     def dt(self) -> float:
-        """Control period in seconds."""
+        """Return the control period in s."""
         return 1.0 / self.loop.rate_hz
 
     @property
     def controller_is_known(self) -> bool:
-        """True if the controller is known, so that the closed loop can be replayed."""
+        """Return True if the profile has a controller, so that the closed loop can be replayed."""
         return self.controller is not None
 
     def with_controller(self) -> Profile:
@@ -402,12 +418,12 @@ class Profile(Section):
     __str__ = __repr__
 
     def to_dict(self) -> dict[str, Any]:
-        """Return a nested dict with the content of a TOML file, without keys that are None."""
+        """Return the profile as nested dicts with the keys of its TOML file; None is omitted."""
         return self.model_dump(mode="json", exclude_none=True)
 
 
 def load_profile(path: str | Path) -> Profile:
-    """Read a profile from a TOML file.
+    """Read a profile from a TOML file and return it.
 
     Raises ProfileError naming the key, the file and the nearest known key.
     """
@@ -418,7 +434,7 @@ def load_profile(path: str | Path) -> Profile:
 def profile_from_dict(
     data: Mapping[str, Any], *, source: str = "profile", recorded: bool = False
 ) -> Profile:
-    """Check a nested mapping (as TOML gives it) and build the profile.
+    """Check nested dicts, as read from TOML, and return the profile that they describe.
 
     ``source``: its name in errors. ``recorded``: it comes from a recording or a model file, so
     implausible numbers pass. Raises ProfileError.

@@ -81,7 +81,7 @@ def put(data: dict[str, Any], name: str, value: Any) -> None:
 
 
 def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Merge nested dicts key by key; ``above`` wins over ``below``."""
+    """Return two nested dicts merged key by key; values of ``above`` replace those of ``below``."""
     out = dict(below)
     for name, value in above.items():
         old = out.get(name)
@@ -134,7 +134,7 @@ def _entry(name: str, field: FieldInfo, value: Any, remark: str | None) -> Itera
 
 
 def literal(value: Any) -> str:
-    """Format a value as TOML; a matrix has a line for each row."""
+    """Return a value as TOML text; a matrix has a line for each row."""
     import tomlkit
 
     if isinstance(value, (list, tuple)) and value and isinstance(value[0], (list, tuple)):

@@ -30,19 +30,25 @@ INERTIA_RATIO = 1.5
 
 
 def mass_hover_voltage(profile: Profile) -> float:
-    """Return V_m in V per motor, signed; the paper's eq (6) has the opposite sign (erratum E2)."""
+    """Return the hover voltage V_m per motor that the masses give, in V, signed.
+
+    The paper's eq (6) has the opposite sign (erratum E2).
+    """
     return -profile.gravity_torque / (2 * profile.geometry.L_a * profile.motor.K_f)
 
 
 def estimated_hover_voltage(profile: Profile) -> float:
-    """Return |V_m| in V with the sign of −(rest angle): a first value until V_o is measured."""
+    """Return a first value of the hover voltage per motor (V), until it is measured.
+
+    It is |V_m| (`mass_hover_voltage`) with the sign of −(rest angle).
+    """
     size = mass_hover_voltage(profile)
     rest = profile.encoder.roll_rest_deg
     return size if rest == 0 else abs(size) * (-1 if rest > 0 else 1)
 
 
 def unusual_values(profile: Profile) -> Iterator[str]:
-    """Yield a sentence for each unusual value."""
+    """Yield a sentence for each legal but unusual value of the profile."""
     for name, field in keys(Profile):
         key, value = key_of(field), value_at(profile, name)
         if key is None or key.usual is None or value is None or within(value, key.usual):
@@ -108,7 +114,7 @@ def _hover(profile: Profile) -> Iterator[str]:
 
 
 def value_at(profile: Profile, name: str) -> Any:
-    """Return the value of a dotted key; None if its section is absent."""
+    """Return the profile's value of a dotted key (``motor.V_o``); None if its section is absent."""
     at: Any = profile
     for part in name.split("."):
         at = getattr(at, part, None)

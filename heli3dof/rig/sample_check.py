@@ -23,14 +23,14 @@ _FIX = "python -m heli3dof.rig.conformance URL, which examines a driver"
 
 
 def check_sample(sample: Any) -> None:
-    """Raise DeviceError for a sample that cannot be used."""
+    """Raise DeviceError if a field of the sample is no valid number (see `sample_problem`)."""
     trip = unusable_sample(sample)
     if trip is not None:
         raise DeviceError(f"{trip[0].upper()}{trip[1:]}.", cause=trip.cause, fix=trip.fix)
 
 
 def unusable_sample(sample: Any) -> Trip | None:
-    """Return why a sample cannot be used, as the trip that ends the flight; None if it can."""
+    """Return a `Trip` to end the flight if a field of the sample is no valid number, else None."""
     problem = sample_problem(sample)
     if problem is None:
         return None
@@ -38,9 +38,9 @@ def unusable_sample(sample: Any) -> Trip | None:
 
 
 def sample_problem(sample: Any) -> str | None:
-    """Return the first field that is not a number, in words; None without one. Takes about 1 µs.
+    """Return in words the first field of a sample that is no valid number; None if all are valid.
 
-    Counts and flags must be whole numbers, times finite ones.
+    Counts and flags must be whole numbers, times finite ones. It takes about 1 µs.
     """
     if not isinstance(sample, Sample):
         return f"{sample!r} is no Sample"

@@ -3,9 +3,9 @@
 A device takes the sample of instant i at this instant or, when it is busy, a little later. So the
 sample's time d on the device's clock is
 
-    base + i·dt ≤ d < base + (i + BUSY)·dt        base: time of instant 0, estimated
+    t_0 + i·dt ≤ d < t_0 + (i + BUSY)·dt        t_0: time of instant 0, estimated
 
-The estimate of base is the smallest d − i·dt so far. Before each sample it rises by CREEP·dt, since
+The estimate of t_0 is the smallest d − i·dt so far. Before each sample it rises by CREEP·dt, since
 the device's own period (whole µs, on its own crystal) may be longer than dt.
 """
 
@@ -18,7 +18,7 @@ CREEP = 1e-3
 
 
 class Instants:
-    """Counts the instants, ``dt`` s apart, from the first sample on; times: s, device's clock."""
+    """Counts sampling instants, ``dt`` s apart, from the first sample on, at ``first_s`` (s)."""
 
     def __init__(
         self, dt: float, first_s: float, *, busy: float = BUSY, creep: float = CREEP
@@ -27,7 +27,7 @@ class Instants:
         self._base, self._k = first_s, 0
 
     def skipped(self, device_s: float) -> int:
-        """Add a sample of time ``device_s``; return the number of instants skipped before it."""
+        """Add a sample taken at ``device_s`` (s); return how many instants the device skipped."""
         dt = self._dt
         behind = (device_s - self._base) / dt - (self._k + 1)
         skipped = max(0, int(behind + 1 - self._busy))

@@ -24,7 +24,7 @@ class Trip(str):
 
     @staticmethod
     def first(*reasons: str | None) -> Trip | None:
-        """Join the reasons to one `Trip` with the first known cause and fix; None without any."""
+        """Return the reasons joined to one `Trip`, with the first known cause and fix, or None."""
         given = [each for each in reasons if each]
         if not given:
             return None

@@ -9,10 +9,12 @@ CLOCK_TOLERANCE = 5e-3
 
 
 def wrapped_difference_s(a_s: float, b_s: float) -> float:
-    """Return a − b in s modulo W = `UPTIME_WRAP_S`, in [−W/2, W/2).
+    """Return the difference a − b of two uptimes, in s modulo W, within [−W/2, W/2).
 
     >>> wrapped_difference_s(1.0, UPTIME_WRAP_S - 1.0)
     2.0
+
+    W = `UPTIME_WRAP_S`: the uptime at which the device's counter starts again from 0.
     """
     half_s = UPTIME_WRAP_S / 2
     return (a_s - b_s + half_s) % UPTIME_WRAP_S - half_s

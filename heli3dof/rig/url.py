@@ -15,7 +15,7 @@ from heli3dof.errors import UsageError, did_you_mean
 
 @dataclass(frozen=True, slots=True)
 class DeviceUrl:
-    """A parsed device URL; ``options``: name → every value of this option."""
+    """A parsed device URL; ``options``: option name → list of the values given for it."""
 
     text: str
     scheme: str
@@ -27,7 +27,7 @@ class DeviceUrl:
         return values[-1] if values else default
 
     def check_options(self, known: Iterable[str]) -> None:
-        """Raise UsageError for an option that the driver does not know."""
+        """Raise UsageError for an option of the URL that is not in ``known``."""
         known = list(known)
         for name in self.options:
             if name not in known:
@@ -39,7 +39,7 @@ class DeviceUrl:
 
 
 def parse_url(text: str) -> DeviceUrl:
-    """Parse a device URL. Raises UsageError if the scheme is missing.
+    """Return a parsed device URL. Raises UsageError if the scheme is missing.
 
     >>> parse_url("mock:?seed=1").one("seed")
     '1'

@@ -40,7 +40,7 @@ MEASURE_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Encoder readings of an unarmed rig over some time."""
+    """Encoder readings of an unarmed rig at rest, over some time."""
 
     counts: Counts
     """The median of each axis, in the device's counts"""
@@ -50,7 +50,7 @@ class Standing:
 
 
 def watch_standing(rig: Rig, seconds: float) -> Standing:
-    """Read the unarmed rig's encoders for ``seconds``. Raises SafetyTrip if it is armed."""
+    """Read the unarmed rig's encoders for ``seconds`` (s). Raises SafetyTrip if it is armed."""
     rows = []
     until = time.monotonic() + seconds
     while True:
@@ -78,9 +78,10 @@ def calibrate(
     device: str,
     angles_deg: tuple[float | None, float | None, float | None],
 ) -> Calibration:
-    """Compute the calibration of a rig at these angles (None: the axis is at its rest angle).
+    """Return the calibration of a rig that stands at known angles.
 
-    Raises CheckFailed if the rig moved.
+    ``standing``: its encoder readings; ``angles_deg``: roll, pitch and yaw in degrees; None: the
+    axis is at its rest angle. Raises CheckFailed if the rig moved.
     """
     per_count = profile.encoder.rad_per_count
     rest = profile.encoder.rest_rad

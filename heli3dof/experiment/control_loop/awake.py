@@ -42,7 +42,8 @@ def keep_awake(undo: ExitStack, cores: Sequence[int], *, stay: bool) -> tuple[Ch
     """Keep a virtual machine's cores, all but the first of several, busy until ``undo`` closes.
 
     Returns the result as checks of ``heli3dof doctor``; none on a physical machine. ``stay``: also
-    restrict this program's threads to the busy cores, if there are two or more.
+    restrict this program's threads to the busy cores, if there are two or more. ``cores``: the core
+    numbers.
     """
     if not cores or not is_virtual():
         return ()
@@ -69,7 +70,7 @@ def keep_awake(undo: ExitStack, cores: Sequence[int], *, stay: bool) -> tuple[Ch
 
 
 def is_virtual() -> bool:
-    """True if this is Linux and reports that it runs in a virtual machine."""
+    """Return True if this is Linux and reports that it runs in a virtual machine."""
     if not sys.platform.startswith("linux"):
         return False
     try:
@@ -81,7 +82,7 @@ def is_virtual() -> bool:
 
 
 def is_rationed() -> bool:
-    """True if this program's cgroup, or one above it, has a quota of processor time."""
+    """Return True if this program's cgroup, or one above it, has a quota of processor time."""
     try:
         lines = [line.split(":", 2) for line in OWN_CGROUP.read_text().splitlines()]
     except OSError:
@@ -105,7 +106,7 @@ def _has_quota(path: Path) -> bool:
 
 
 def _reported_cores(spinner: subprocess.Popen[bytes], expected: int) -> list[str]:
-    """Return the core numbers that the spinner process reports within `START_S`."""
+    """Return the core numbers that the spinner reports within `START_S`, ``expected`` at most."""
     assert spinner.stdout is not None
     reported, until = b"", time.monotonic() + START_S
     while reported.count(b"\n") < expected:

@@ -47,12 +47,12 @@ class Period(NamedTuple):
 
     @property
     def motor_V(self) -> tuple[float, float]:
-        """V at the motors before this sample: front, back."""
+        """Return the voltages (front, back) at the motors before this sample, in V."""
         return motor_voltage(self.sample, self.sent)
 
 
 def motor_voltage(sample: Sample, sent: tuple[float, float]) -> tuple[float, float]:
-    """Return the voltages at the motors (front, back) in V: as the device reports, else as sent.
+    """Return the motors' voltages (front, back) in V, as the device reports, or else as ``sent``.
 
     ``v_applied`` is NaN if the amplifier does not report its output.
     """

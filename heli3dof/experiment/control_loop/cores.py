@@ -60,7 +60,7 @@ def isolated_cores() -> set[int]:
 
 
 def parse_cores(text: str) -> set[int]:
-    """Parse a set of cores in the kernel's notation.
+    """Return the core numbers in a text in the kernel's notation.
 
     >>> sorted(parse_cores("2-3,7"))
     [2, 3, 7]
@@ -73,7 +73,7 @@ def parse_cores(text: str) -> set[int]:
 
 
 def _claimed(undo: ExitStack) -> int | None:
-    """Claim the last core that no other flight has; None if only the first is left."""
+    """Claim and return the last core that no other flight has; None if only the first is left."""
     for core in sorted(os.sched_getaffinity(0))[:0:-1]:
         claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
@@ -87,7 +87,7 @@ def _claimed(undo: ExitStack) -> int | None:
 
 
 def move(undo: ExitStack, to: set[int], *, all_threads: bool) -> None:
-    """Restrict the calling thread, or all threads, to these cores until ``undo`` closes."""
+    """Restrict the calling thread, or all threads, to the cores ``to`` until ``undo`` closes."""
     threads = {0}
     if all_threads:
         own = threading.get_native_id()

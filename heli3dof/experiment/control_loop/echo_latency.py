@@ -10,7 +10,7 @@ transmission back. On a rig without delay it is one period less the controller's
 A device can measure this delay only modulo its period.
 
 A command is **unacknowledged** if the sample that ends its control period does not echo it: it was
-lost, refused, or is still on its way. It was **never echoed** if a later command was echoed first.
+lost, refused, or has not arrived yet. It was **never echoed** if a later command was echoed first.
 Both are counted while the device is enabled; a stopped device refuses every command.
 """
 
@@ -66,7 +66,7 @@ class EchoMeter:
         """s: latency of the newest command that the last sample echoes; 0 without a new echo"""
 
     def exchanged(self, sequence: int, sent_s: float, sample: Sample) -> None:
-        """Add command ``sequence``, sent at ``sent_s``, and the sample that ended its period."""
+        """Add a command with its number and sending time (s), and the sample that followed it."""
         self._sent_s[sequence % PENDING] = sent_s
         self.last_s = 0.0
         if not sample.flags & Flags.ENABLED:
@@ -84,7 +84,7 @@ class EchoMeter:
         self._echo = echo
 
     def measured(self) -> EchoLatency | None:
-        """Return the result; None if no command went out to an enabled device."""
+        """Return the latency measured; None if no command was sent to an enabled device."""
         if not self.commands:
             return None
         counts = (self.commands, self.unacknowledged, self.never_echoed)

@@ -61,7 +61,7 @@ class Live:
 
 @dataclass(frozen=True)
 class _End:
-    """How the flight ended, as known so far; ``detail``: in words."""
+    """How the flight ended, as known so far; ``detail``: in words, for the recording."""
 
     ending: Ending
     detail: str
@@ -89,6 +89,7 @@ def fly(
     profile must have a controller and the control rate for which the signals were rendered.
 
     Args:
+        signals: the rendered plan.
         sink: receives a row for every control period.
         stop: returns why to end the flight, or None. Called in every period of the plan, and of
             the ramp to zero if the plan was completed.
@@ -136,7 +137,7 @@ class _Flight:
         """(t in s, angles in rad, V at the motors) of the last periods"""
 
     def fly_plan(self) -> tuple[_End, Sample | None]:
-        """Fly the plan; return how it ended, and the last sample (None: the device fell silent)."""
+        """Fly the plan; return how it ended and the last sample (None: the device gave none)."""
         sample: Sample | None = None
         live = self.live
         live.total = len(self.reference)
@@ -192,7 +193,10 @@ class _Flight:
         return _after_ramp(end, ramp), ramp
 
     def outcome(self, end: _End, ramp: RampDown, granted: Realtime | None) -> Outcome:
-        """Return the flight's outcome; a trip names the wiring fault that explains it, if any."""
+        """Return the flight's outcome; a trip names the wiring fault that explains it, if any.
+
+        ``granted``: the real-time measures; None on a virtual clock.
+        """
         detail, tally = end.detail, self.tally
         if end.ending == "tripped" and isinstance(detail, Trip) and detail.by_motion:
             from heli3dof.experiment.safety_monitors.wiring_fault import Moment, with_cause
@@ -247,6 +251,7 @@ class _Flight:
         """Step the controller by period k; return (reference rad, extra V, command V, voltage V).
 
         extra: what the plan adds to the voltages; command, voltage: before and after the limiter.
+        ``angle``: rad.
         """
         # Plain floats from here on, made row by row: an hour of them would fill the memory.
         reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
@@ -258,7 +263,7 @@ class _Flight:
         """Step the controller through the periods skipped before k, interpolating the angles.
 
         ``angle`` (rad) is that of period k. Without this the controller's filters would take the
-        whole motion for that of one period.
+        whole motion for that of one period. ``skipped``: their number.
         """
         before = self.before
         for j in range(max(1, skipped - BRIDGED + 1), skipped + 1):
@@ -290,7 +295,11 @@ class _Flight:
         self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair,
         ramping_down: bool = False,
     ) -> str | None:  # fmt: skip
-        """Return the first report of a safety monitor on period k, or None; see `reason_to_end`."""
+        """Return the first report of a safety monitor on the period with index k, or None.
+
+        ``t``: s in the flight; angle in rad; command and voltage in V, before and after the
+        limiter; ``ramping_down``: True in the ramp to zero.
+        """
         if not self.monitors:
             return None
         exchange = self.exchange
@@ -302,7 +311,7 @@ class _Flight:
         return next(filter(None, (monitor(now) for monitor in self.monitors)), None)
 
     def judge_ramp(self, sample: Sample, voltage: Pair) -> str | None:
-        """Return the first report of a safety monitor on a period of the ramp to zero, or None."""
+        """Return a safety monitor's report on a period of the ramp to zero, or None. Voltage: V."""
         t = sample.device_time_s - self.t0
         return self.judge(self.flown, t, sample, self.angle(sample), voltage, voltage, True)
 
@@ -312,7 +321,7 @@ class _Flight:
     def ramp_recorder(
         self, append: Callable[[Row], None]
     ) -> Callable[[Sample, Pair, float, Sample], None]:
-        """Return a function that appends a period of the ramp as a row, with the last reference."""
+        """Return a function that records a period of the ramp, with the plan's last reference."""
         held = self.controller.limited_reference
 
         def record(sample: Sample, voltage: Pair, lateness: float, after: Sample) -> None:
@@ -344,7 +353,7 @@ def _after_ramp(end: _End, ramp: RampDown) -> _End:
 
 @contextmanager
 def _granted(identity: Identity) -> Iterator[Realtime | None]:
-    """Context manager: take and yield the real-time measures; on a virtual clock, yield None."""
+    """Context manager: take the real-time measures and yield them; on a virtual clock, None."""
     with ExitStack() as undo:
         if identity.timebase == "virtual":
             quiet_interpreter(undo)

@@ -97,7 +97,7 @@ class Outcome:
 
 
 def link_counts(rig: Any) -> dict[str, Any] | None:
-    """Return the link's counters ``rig.statistics`` as a dict for JSON; None for a rig without.
+    """Return the link's counters ``rig.statistics`` as a dict for JSON; None if it has none.
 
     A histogram of times becomes its median, 99.9 % quantile and largest time.
     """
@@ -126,15 +126,17 @@ class Tally:
 
     @property
     def worst(self) -> float:
-        """Largest delay of a sample after its deadline, s."""
+        """Return the largest delay of a sample after its deadline, in s."""
         return self.lateness.worst_s
 
     def count(
         self, lateness: float, turnaround: float, missed: int, lost: int, device_skipped: int
     ) -> None:
-        """Add a period: delay of its sample after the deadline in s, computing time in s.
+        """Add a control period.
 
-        missed, lost, device_skipped: periods skipped before it by the host, the line, the device.
+        ``lateness``: delay of its sample after the deadline (s); ``turnaround``: computing time
+        (s). ``missed``, ``lost``, ``device_skipped``: periods skipped before it by the host, the
+        connection, the device.
         """
         if lateness > LATE_S:
             self.late += 1
@@ -145,7 +147,7 @@ class Tally:
         self.device_skipped += device_skipped
 
     def punctuality(self) -> Punctuality | None:
-        """Return quantiles over the periods counted (see `Histogram`); None without a period."""
+        """Return quantiles over the counted periods (see `Histogram`); None if none was counted."""
         late, turn = self.lateness, self.turnaround
         n = late.n
         if not n:

@@ -11,12 +11,12 @@ sets down an arm that its thrust carries. From voltages far from the hover volta
 at once. The law reads no angle, because the encoders may be why the flight ends.
 `make bench TOPIC=ramp_down` compares it with other laws.
 
-* Periods that the host misses or the line loses are skipped, so the ramp takes no longer.
+* Periods that the host misses or the connection loses are skipped, so the ramp takes no longer.
 * If the device does not answer, or a second Ctrl-C arrives, the loop stops the device at once.
 * If the device stops on its own, the loop goes on recording its samples for the time of the ramp.
 * After a completed plan the ramp is slow (``landing_s``) and has a `Supervision`. A report of a
   safety monitor, a failure of the recorder or a request to end shortens the rest to
-  ``ramp_down_s``. Otherwise, if the roll count is still constant above the table after the ramp,
+  ``ramp_down_s``. Otherwise, if the roll count stays constant above the table after the ramp,
   the loop holds zero volts for `FALL_S` at most, in which a live encoder must show the arm fall.
 """
 
@@ -80,14 +80,17 @@ class RampDown:
 
 
 def ramp_start(last: Pair, motor: Motor) -> Pair:
-    """Return V_start (front, back) of the ramp to zero, from the last voltages sent, all in V."""
+    """Return V_start (front, back) of the ramp, from the last voltages sent, in V (see module)."""
     most = HOVER_BAND * motor.hover_V
     hovers = all(abs(volts - motor.V_o) <= most for volts in last)
     return last if hovers else (0.0, 0.0)
 
 
 class _Schedule:
-    """Computes the voltages of a ramp: V[i] = V_start (1 − i/n); zero after i = n."""
+    """Computes the voltages of a ramp to zero: V[i] = V_start (1 − i/n); zero after i = n.
+
+    V_start: voltages (V) at its beginning; i: control periods since then; n: its length in periods.
+    """
 
     def __init__(self, start: Pair, steps: int) -> None:
         self.voltage = self._start = start
@@ -95,7 +98,7 @@ class _Schedule:
 
     @property
     def left(self) -> int:
-        """Periods to go; negative after the end."""
+        """Return the number of control periods until the ramp's end; negative after it."""
         return self._n - self._i
 
     def advance(self, periods: int) -> Pair:
@@ -105,7 +108,7 @@ class _Schedule:
         return self.voltage
 
     def shorten(self, steps: int) -> None:
-        """Reach zero from the present voltage in ``steps`` periods, unless fewer are left."""
+        """Reach zero in ``steps`` control periods from now, unless the ramp ends earlier."""
         if steps < self.left:
             self._start, self._i, self._n = self.voltage, 0, steps
 
@@ -124,12 +127,13 @@ def ramp_to_zero(
     """Ramp to zero in ``steps`` control periods; return how it went. Exceptions become its result.
 
     Args:
-        sample: the last one; None if the device does not answer, which is then stopped.
+        exchange: sends the commands and returns the samples.
+        sample: the last sample; None if the device does not answer, which is then stopped.
         motor: the profile's; its V_o and v_max decide where the ramp starts (`ramp_start`).
         record: records each period.
         at_once: returns why to stop the device without the rest of the ramp, or None.
         known: device flags that ended the flight; they are not reported again.
-        supervision: None after a flight that did not complete its plan.
+        supervision: may shorten or extend the ramp; None if the plan was not completed.
     """
     if sample is None:
         exchange.stop("the device did not answer")
@@ -186,7 +190,7 @@ class GuardedRecorder:
 
     @property
     def problem(self) -> str | None:
-        """The failure in words; None while the recorder works."""
+        """Return the recorder's failure in words; None while it works."""
         return None if self.failure is None else f"{type(self.failure).__name__}: {self.failure}"
 
     def __call__(self, row: Row) -> None:

@@ -68,7 +68,7 @@ class Realtime:
 
     @property
     def refused(self) -> tuple[Check, ...]:
-        """Measures that were not granted and would help."""
+        """Return the measures that the system did not grant and that would help."""
         return tuple(check for check in self.checks if check.good is False)
 
     def to_dict(self) -> dict[str, Any]:
@@ -185,7 +185,7 @@ def _may_lock_everything() -> bool:
 
 
 def _idle_states(undo: ExitStack) -> tuple[Check, ...]:
-    """Turn off deep idle states until ``undo`` closes: a core takes 0.1 ms or more to wake."""
+    """Keep cores out of deep idle states, which take 0.1 ms to leave, until ``undo`` closes."""
     device = Path("/dev/cpu_dma_latency")
     if not device.exists():
         return ()

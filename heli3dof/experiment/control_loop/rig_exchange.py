@@ -46,7 +46,8 @@ class RigExchange:
     def exchange(self, since: Sample, voltage: tuple[float, float]) -> Sample:
         """Send the voltages (V) computed from the sample ``since``; return the next sample.
 
-        If that cannot be used, return ``since`` with the next period's time.
+        If a field of the next sample is no valid number, return ``since`` with the next period's
+        time.
         """
         time = self._time
         self.sequence = (self.sequence + 1) & 0xFFFFFFFF
@@ -71,7 +72,7 @@ class RigExchange:
 
     @property
     def device_cause(self) -> str | None:
-        """The reason that the device states for holding its output at zero; None if none."""
+        """Return the cause that the device states for its zero output; None if it states none."""
         return device_cause(self._rig)
 
     def stop(self, reason: str) -> None:

@@ -50,7 +50,7 @@ class StopSignals:
         )
 
     def handle(self, number: int, frame: FrameType | None) -> None:
-        """Signal handler."""
+        """Record a received signal by its ``number``; Python calls this (``frame`` is not used)."""
         self._received.append(signal.Signals(number).name)
 
 

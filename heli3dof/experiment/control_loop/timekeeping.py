@@ -1,11 +1,11 @@
 """Keeps a flight's deadlines, and measures how late each sample is and what was skipped.
 
-Deadlines are absolute: due[k+1] = due[k] + dt, whatever happened in period k.
+Deadlines due[k] of the samples k are absolute: due[k+1] = due[k] + dt, in s.
 
 =========  ==============================  ====================================================
-timebase   sample k is due                 skipped periods
+timebase   deadline of sample k            skipped periods
 =========  ==============================  ====================================================
-host       when the host asks for it       ⌊lateness / dt⌋ for a sample that came late: missed
+host       when the host requests it       ⌊lateness / dt⌋ for a sample that came late: missed
 device     by the device's clock, mapped   those that the link counted, or by which the
            to the host's (`ClockOffset`)   device's time jumped (`Instants`)
 virtual    when it arrives                 none
@@ -14,7 +14,7 @@ virtual    when it arrives                 none
 A link that numbers its samples distinguishes three kinds of skipped period (``rig.statistics``):
 
 * *lost*: the device made a sample that never arrived
-* *left out* (``device_skipped``): the device was held up and made no sample
+* *left out* (``device_skipped``): the device was busy and made no sample
 * *passed over* (``samples_stale``): the sample came too late to be used; the host *missed* it
 
 Over any other link, the device's time gives the number of skipped periods. Those that the link
@@ -42,7 +42,7 @@ Skipped = Callable[[], tuple[int, int, int]]
 
 
 class VirtualTime:
-    """A clock that advances with each sample: nothing can be late. Base class of the others."""
+    """A clock that advances with each sample: nothing can be late. Base class of other clocks."""
 
     def __init__(self, dt: float) -> None:
         self.dt = dt
@@ -66,7 +66,10 @@ class VirtualTime:
         return self.due
 
     def arrived(self, sample: Sample, since_s: float) -> None:
-        """Update lateness and skipped periods; the host began to wait at ``since_s``."""
+        """Update lateness and skipped periods with the sample that arrived.
+
+        ``since_s``: when the host began to wait for it, in s on its monotonic clock.
+        """
 
 
 class HostTime(VirtualTime):
@@ -134,7 +137,7 @@ class CountedTime(DeviceTime):
 
 
 def timekeeper(rig: Rig, dt: float) -> VirtualTime:
-    """Return the clock for this rig's timebase and control periods of ``dt`` s."""
+    """Return the clock for this rig's timebase; ``dt``: the control period in s."""
     if rig.identity.timebase == "host":
         return HostTime(dt)
     if rig.identity.timebase == "virtual":

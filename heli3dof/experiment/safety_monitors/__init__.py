@@ -33,14 +33,14 @@ class SafetyMonitor(ABC):
 
     @abstractmethod
     def __call__(self, now: Period) -> str | None:
-        """Return why the flight must end now (a `heli3dof.rig.trip.Trip`), or None."""
+        """Return why the flight must end in the period ``now`` (a `Trip`), or None."""
 
     def at_once(self) -> str | None:
         """Return why the device must be stopped without a ramp to zero, or None."""
         return None
 
     def must_still_fall(self) -> bool:
-        """True while the arm must still fall: after the ramp to zero, the loop then holds 0 V."""
+        """Return True while the arm has yet to fall after the ramp; the loop then holds 0 V."""
         return False
 
 
@@ -70,7 +70,7 @@ def monitor_classes() -> tuple[type[SafetyMonitor], ...]:
 
 
 def monitors_for(profile: Profile) -> FlightMonitors:
-    """Make new monitors for one flight with this profile."""
+    """Return new monitors for one flight with this profile."""
     monitors = tuple(kind(profile) for kind in monitor_classes())
     return FlightMonitors(
         monitors,

@@ -1,7 +1,7 @@
 """Computes each axis's expected acceleration α, and observes its motion with a filter.
 
 α follows from the rigid body, one axis at a time (paper, eqs (10) and (11), with cos and sin kept).
-V_f, V_b: voltages at the front and back motor (V); angles in rad, accelerations in rad/s²::
+V_f, V_b: front and back motor's voltages (V); roll r, pitch p in rad, accelerations in rad/s²::
 
     α_roll  = (L_a K_f cos p (V_f + V_b) − T_g cos r) / J_roll       T_g = 2 L_a K_f V_o
     α_pitch =  L_h K_f (V_f − V_b) / J_pitch
@@ -54,7 +54,10 @@ class ExpectedAcceleration:
 
     @property
     def typical(self) -> tuple[float, float, float]:
-        """|α| in rad/s² under V_h: roll by both motors, pitch by one, yaw by both at `TILT`."""
+        """Return the typical |α| (rad/s²) of roll, pitch and yaw, under the hover voltage V_h.
+
+        For roll both motors have V_h, for pitch one, for yaw both at the pitch angle `TILT`.
+        """
         return (
             2 * self.roll_per_V * self.hover_V,
             self.pitch_per_V * self.hover_V,
@@ -74,7 +77,10 @@ class ExpectedAcceleration:
 
 
 class AxisObserver:
-    """The α-β-γ filter of one axis: its `angle` θ (rad), `rate` ω (rad/s), `unmodelled` b."""
+    """Estimates the motion of one axis by the α-β-γ filter of the module.
+
+    `angle`: θ (rad); `rate`: ω (rad/s); `unmodelled`: acceleration b (rad/s²).
+    """
 
     __slots__ = ("_bandwidth", "_gains", "_h", "angle", "rate", "unmodelled")
 
@@ -85,11 +91,14 @@ class AxisObserver:
         self.angle = self.rate = self.unmodelled = 0.0
 
     def restart(self, angle: float) -> None:
-        """Start at rest at this angle (rad) with b = 0."""
+        """Restart at rest at this angle (rad), with the unmodelled acceleration b = 0."""
         self.angle, self.rate, self.unmodelled = angle, 0.0, 0.0
 
     def step(self, h: float, acceleration: float, measured: float) -> None:
-        """Advance by h (s) under α (rad/s²), and correct with the measured angle (rad)."""
+        """Advance by ``h`` (s), then correct the state with the ``measured`` angle (rad).
+
+        ``acceleration``: α (rad/s²), which the rigid body predicts.
+        """
         if abs(h - self._h) > 0.01 * h:
             m = exp(-self._bandwidth * h)
             self._h = h

@@ -26,7 +26,7 @@ COUNTER_BITS = (16, 24)
 
 
 class EncoderJump(SafetyMonitor):
-    """Compares encoder counts and device time with those of the period before."""
+    """Compares each sample's encoder counts and device time with those of the period before."""
 
     order = 20
 

@@ -82,7 +82,10 @@ MOST_FRICTION = (0.35, 1.0, 1.0)
 
 
 def frozen_trip(axis: int, what: str, *, by_motion: bool = False) -> Trip:
-    """Make the trip for a frozen encoder. ``what``: what shows it; ``by_motion``: see `Trip`."""
+    """Return the trip for a frozen encoder.
+
+    ``axis``: 0 roll, 1 pitch, 2 yaw; ``what``: what shows the fault; ``by_motion``: see `Trip`.
+    """
     return Trip(
         what,
         "the encoder is frozen: its cable is out, its supply is gone, or its disc slips on the "
@@ -133,7 +136,7 @@ class FrozenEncoder(SafetyMonitor):
         return None
 
     def must_still_fall(self) -> bool:
-        """True while the roll count is constant above the table: without thrust the arm falls."""
+        """Return True while the roll count is constant above the table: the arm should fall."""
         return self._airborne and self._axes[0].still_s > LIVE_S
 
     def _report(self, i: int, now: Period) -> Trip | None:
@@ -163,6 +166,7 @@ class _Axis:
     """One axis: its observer, its friction and clearance so far, and its standstill.
 
     ``i``: 0 roll, 1 pitch, 2 yaw; ``q``: rad per count; ``most``: friction of known rigs in rad/s².
+    ``most`` is the upper limit of F.
     """
 
     def __init__(self, i: int, q: float, most: float) -> None:
@@ -183,7 +187,7 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, angle: float) -> None:
-        """Restart the observer at rest at ``angle`` (rad), b = 0; keep the friction found."""
+        """Restart the observer at rest at this count and angle (rad); keep the friction found."""
         self._observer.restart(angle)
         self.count = count
         self._bias = self._bias_s = 0.0
@@ -205,7 +209,11 @@ class _Axis:
         self._held = self._friction
 
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
-        """Step roll by ``h`` (s) near its rest angle under the acceleration ``lift`` (rad/s²)."""
+        """Step roll by ``h`` (s) near its rest angle on the table.
+
+        ``count``: the encoder's count; ``angle``: the same in rad; ``lift``: acceleration (rad/s²)
+        by the thrust beyond the one that lifts any known rig.
+        """
         if count != self.count:
             self.restart(count, angle)
             return
@@ -214,7 +222,11 @@ class _Axis:
         self.moved += self._rate * h
 
     def step(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Step an axis in the air by ``h`` (s) under the expected acceleration ``alpha``."""
+        """Step an axis in the air by ``h`` (s).
+
+        ``alpha``: expected acceleration α (rad/s²); ``count``: the encoder's count; ``angle``: the
+        same in rad.
+        """
         observer = self._observer
         observer.step(h, alpha, angle)
         self._peak -= self._peak * h / PEAK_S
@@ -248,7 +260,11 @@ class _Axis:
             self._swing = abs(self.moved)
 
     def _observe(self, h: float, rate: float, unmodelled: float) -> None:
-        """Update the bias b and, from the difference between up and down, the friction F."""
+        """Update b and, from its difference between motion up and down, the friction F.
+
+        ``h``: time step (s); ``rate``: ω (rad/s); ``unmodelled``: unmodelled acceleration (rad/s²),
+        whose mean is b.
+        """
         self._bias_s += h
         self._bias += (unmodelled - self._bias) * h / min(self._bias_s, BIAS_S)
         self._peak_now = max(self._peak_now, abs(unmodelled - self._bias))

@@ -21,7 +21,7 @@ SHORTEST_S = 0.1
 
 
 def ahead_s() -> float:
-    """Return boottime − monotonic in s; a delay between the readings only makes it smaller."""
+    """Return CLOCK_BOOTTIME − CLOCK_MONOTONIC in s; a delay between the readings lowers it."""
     boottime = getattr(time, "CLOCK_BOOTTIME", None)
     if boottime is None:
         return 0.0
@@ -37,7 +37,7 @@ class HostSuspend(SafetyMonitor):
         self._ahead_s = max(ahead_s() for _ in range(5))
 
     def asleep_s(self) -> float:
-        """Return for how many s the computer slept in this flight; 0 below `SHORTEST_S`."""
+        """Return how long the computer slept in this flight, in s; 0 if below `SHORTEST_S`."""
         asleep = ahead_s() - self._ahead_s
         return asleep if asleep > SHORTEST_S else 0.0
 

@@ -4,7 +4,7 @@ It reports when, of the last second's samples, a share of more than ``late_max_s
 than ``late_max_s`` after their deadlines. Periods missed before a late sample count as late, too.
 
 A busy host still has some quick periods. If even the quickest tenth of the last second's commands
-took more than `SLOW_PERIODS` to be echoed, the line or the device is slow, not the host.
+took more than `SLOW_PERIODS` to be echoed, the link or the device is slow, not the host.
 """
 
 from __future__ import annotations
@@ -75,6 +75,6 @@ class Lateness(SafetyMonitor):
         )
 
     def _quickest_echo_s(self) -> float:
-        """Return the time (s) that nine tenths of the last echoes took at least; 0 without any."""
+        """Return the time (s) in which the quickest tenth of the last commands was echoed, or 0."""
         kept = sorted(self._echo_s[: min(self._echoes, len(self._echo_s))])
         return kept[int(QUICKEST * len(kept))] if kept else 0.0

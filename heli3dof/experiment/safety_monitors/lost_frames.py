@@ -1,7 +1,7 @@
-"""Detects a line that loses frames: samples by the gap they leave, commands by the missing echo.
+"""Detects a link that loses frames: samples by the gap they leave, commands by the missing echo.
 
 It reports when, for longer than ``lost_max_s``, no sample came though the host waited for it (lost
-on the line, or not made by a device that was held up), or the samples echoed no new command.
+on the link, or not made by a device that was busy), or the samples echoed no new command.
 """
 
 from __future__ import annotations

@@ -53,6 +53,6 @@ class Saturation(SafetyMonitor):
         return None
 
     def _which(self, now: Period) -> str:
-        """The motor commanded beyond its limit; the flag SATURATED alone does not name one."""
+        """Return the name of the motor beyond its limit; the flag SATURATED alone names none."""
         beyond = [m for m, v in zip(MOTORS, now.command, strict=True) if abs(v) > self._v_max]
         return f"the {beyond[0]} motor" if len(beyond) == 1 else "a motor"

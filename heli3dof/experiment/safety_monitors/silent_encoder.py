@@ -76,7 +76,7 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, t: float) -> None:
-        """Start again at ``t`` (s), in a standstill whose beginning is unknown."""
+        """Restart with this encoder count at time ``t`` (s); when the count came is unknown."""
         self._count, self.since = count, t
         self._from_change = False
         self._way = 0
@@ -85,7 +85,10 @@ class _Axis:
         self._calm_from = t + WINDOW_S
 
     def step(self, count: int, t: float, ramping_down: bool) -> None:
-        """Update the axis with the encoder's count at time ``t`` (s) while the rig is in flight."""
+        """Update the axis with the encoder's count at time ``t`` (s) while the rig is in flight.
+
+        ``ramping_down``: True in the ramp to zero, whose standstills are not learned.
+        """
         if t - self._piece_t > WINDOW_S / PIECES:
             self._piece_t = t
             self._range.pop(0)
@@ -108,7 +111,10 @@ class _Axis:
         self._way = way
 
     def longest_credible_s(self) -> float:
-        """Return T in s; infinite for an axis that has not yet wandered enough."""
+        """Return T in s, the longest standstill that a live encoder may show (see the module).
+
+        It is infinite for an axis that has not yet moved to and fro enough.
+        """
         if self._n < STANDSTILLS or self._reversals < REVERSALS or not self._from_change:
             return float("inf")
         return max(LEAST_S, self.longest_s * (1 + log(1 / FALSE_ALARM) / log(self._n)))

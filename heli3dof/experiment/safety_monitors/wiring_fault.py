@@ -73,7 +73,10 @@ class Fault(NamedTuple):
 
 
 def _mix(motor: int, gain: int) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return `Fault.mix` of a rig on which one motor (0: front) has this gain."""
+    """Return `Fault.mix` of a rig on which a motor gives ``gain`` times its thrust.
+
+    ``motor``: 0 front, 1 back; ``gain``: 0 for no thrust, −1 for the wrong direction.
+    """
     return ((gain, 0), (0, 1)) if motor == 0 else ((1, 0), (0, gain))
 
 
@@ -147,7 +150,10 @@ def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
 def _windows(
     t: np.ndarray, angle: np.ndarray, profile: Profile, window_s: float
 ) -> dict[int, slice]:
-    """Return axis → the rows of the last ``window_s`` in which it was free to move and moved."""
+    """Return axis → the rows of the last ``window_s`` in which it was free to move and moved.
+
+    ``t``: times (n,) in s; ``angle``: (n, 3) in rad; axis: 0 roll, 1 pitch, 2 yaw.
+    """
     end = len(t)
     beyond = np.flatnonzero((np.abs(angle[:, 1]) > PITCH_STOP) & (t > t[-1] - 2 * WINDOWS_S[-1]))
     if len(beyond):
@@ -177,7 +183,10 @@ def _seen(
     profile: Profile,
     expected: ExpectedAcceleration,
 ) -> np.ndarray:
-    """Return α_H (n, 3) in rad/s²: expected acceleration with this fault, as encoders show it."""
+    """Return α_H (n, 3) in rad/s²: expected acceleration with this fault, as encoders show it.
+
+    ``angle``: encoder angles (n, 3) in rad; ``applied``: voltages (n, 2) in V.
+    """
     rest, sign = profile.encoder.rest_rad, np.array(fault.sign)
     true = (rest + sign * (angle - rest)).tolist()
     volts = (np.array(fault.mix, dtype=float) @ applied.T).tolist()
@@ -195,7 +204,8 @@ def _score(
 ) -> float:
     """Return the log-likelihood of the measured angles under ``alpha`` (α_H, (n, 3) in rad/s²).
 
-    ``windows``: axis → rows to fit; ``unmodelled``: B (3,) in rad/s².
+    ``windows``: axis → rows to fit; ``unmodelled``: B (3,) in rad/s². ``t``: times (n,) in s;
+    ``angle``: (n, 3) in rad.
     """
     q = np.abs(profile.encoder.rad_per_count)
     score = 0.0
@@ -207,9 +217,10 @@ def _score(
 
 
 def _fit(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float) -> tuple[float, float]:
-    """Fit θ(t) of the module; return the mean squared residual (rad²) and b (rad/s²).
+    """Fit θ(t) of the module to an axis's angles; return mean squared residual (rad²) and b.
 
-    ``alpha``: α_H in rad/s². ``weight`` of b's prior: rad per count divided by B, in s².
+    ``t``: times in s; ``theta``: measured angles in rad; ``alpha``: α_H in rad/s². b: unmodelled
+    acceleration in rad/s². ``weight`` of its prior: rad per count divided by B, in s².
     """
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]

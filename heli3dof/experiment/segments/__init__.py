@@ -31,7 +31,7 @@ class Clock:
 
     @property
     def t(self) -> np.ndarray:
-        """(n,) s since the segment's start."""
+        """Return the times (n,) of its control periods, in s since the segment's start."""
         return np.arange(self.n) * self.dt
 
 
@@ -48,7 +48,7 @@ class BaseSegment(Section):
     yaw_deg: Annotated[Finite | None, Key("yaw reference; if absent, unchanged", "°")] = None
 
     def target(self, before: np.ndarray) -> np.ndarray:
-        """Return this segment's references (3,) in rad; ``before``: those before it."""
+        """Return this segment's references (3,) in rad; ``before``: the previous segment's."""
         given = (self.roll_deg, self.pitch_deg, self.yaw_deg)
         return np.array(
             [b if g is None else np.radians(g) for g, b in zip(given, before, strict=True)]
@@ -63,11 +63,14 @@ class BaseSegment(Section):
         return np.tile(self.target(before), (clock.n, 1)), np.zeros((clock.n, 2))
 
     def opened(self, clock: Clock) -> np.ndarray:
-        """Return loop modes (n, 3), closed by default; see `model.control.loop_opening`."""
+        """Return the mode (n, 3) of each axis's control loop: closed, learning or open.
+
+        By default all are closed; `model.control.loop_opening` explains the modes.
+        """
         return np.zeros((clock.n, 3), dtype=np.int8)
 
     def summary(self) -> str:
-        """Return a line of text for ``heli3dof run --dry-run``."""
+        """Return a line of text that describes the segment, for ``heli3dof run --dry-run``."""
         moves = [
             f"{axis} {value:g}°"
             for axis, value in zip(AXES, (self.roll_deg, self.pitch_deg, self.yaw_deg), strict=True)
@@ -77,7 +80,7 @@ class BaseSegment(Section):
         return ", ".join(filter(None, (head, self.details())))
 
     def details(self) -> str:
-        """Return the end of `summary`; by default the keys that only this kind has, with values."""
+        """Return the end of `summary`: by default, the keys with values that only this kind has."""
         own = {k: v for k, v in self if k not in BaseSegment.model_fields and v is not None}
         return ", ".join(f"{key} {_printed(value)}" for key, value in own.items())
 
@@ -114,20 +117,27 @@ class FreeSegment(BaseSegment):
     ] = 4.0
 
     def opened_after(self, clock: Clock, axis: int, approach_s: float) -> np.ndarray:
-        """Return loop modes (n, 3): ``axis`` learns for ``learn_s``, opens after the approach."""
+        """Return the mode (n, 3) of each axis's loop: ``axis`` (0 … 2) is open at the end.
+
+        First its mean voltage is measured for ``learn_s``, then the closed loop brings it to its
+        initial state for ``approach_s``, both in s.
+        """
         mode = np.zeros((clock.n, 3), dtype=np.int8)
         mode[clock.t < self.learn_s, axis] = LEARN
         mode[clock.t >= self.learn_s + approach_s, axis] = OPEN
         return mode
 
     def free_s(self, approach_s: float) -> float:
-        """Return the time in open loop (s), which begins after ``learn_s + approach_s``."""
+        """Return how long the loop is open, in s: from ``learn_s + approach_s`` to the end.
+
+        ``approach_s``: time in which the closed loop brings the axis to its initial state.
+        """
         return max(0.0, self.duration_s - self.learn_s - approach_s)
 
 
 @cache
 def kinds() -> dict[str, type[BaseSegment]]:
-    """Return kind → class of every segment in this package."""
+    """Return every kind of segment in this package: name in TOML → class."""
     found: dict[str, type[BaseSegment]] = {}
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")

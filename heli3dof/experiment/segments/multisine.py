@@ -51,8 +51,9 @@ def _low_crest(lines: np.ndarray, tilt: float, clock: Clock) -> np.ndarray:
     """Return a multisine (n,) of RMS 1 with a low crest factor; n, dt: those of ``clock``.
 
     It is the signal with the smallest peak of `DRAWS` signals with random phases, shifted
-    cyclically so that it starts near zero. ``lines``: its frequencies in multiples of 1/(n dt).
-    Its amplitudes are proportional to frequency^−tilt.
+    cyclically so that it starts near zero. ``lines``: its frequencies in multiples of 1/(n dt). Its
+    amplitudes are proportional to frequency^−tilt. n: number of control periods; dt: their length
+    in s.
     """
     best, best_peak = np.zeros(clock.n), np.inf
     amplitude = lines.astype(float) ** -tilt

@@ -7,7 +7,8 @@
 
 The frequency √(k_r/J_roll) shows a pendulum's stiffness, the decay its friction c_r. Without
 stiffness roll stays, or drifts. Pitch and yaw stay in closed loop; so does roll again beyond a
-share of the envelope (`heli3dof.model.control.loop_opening`).
+share of the envelope (`heli3dof.model.control.loop_opening`). F: sum of both thrusts (N); r, p:
+roll and pitch (rad); J_roll: inertia; L_a: arm length; T_g: gravity torque.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ AGAINST = -0.4
 
 
 def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
-    """True if 90 % of the distinct values (N,) lie on a grid of ``step`` through the first value.
+    """Return True if 90 % of the distinct values lie on a grid of ``step`` through the first one.
 
     False for fewer than ``levels`` distinct values, and if all are less than half a step apart.
     """
@@ -124,9 +124,10 @@ def _refuse(
     counts: int,
     ratio: float | None,
 ) -> None:
-    """Raise RecordingError if values that are off their unit's grid have another unit.
+    """Raise RecordingError if the angles ``values``, which are off their grid, have another unit.
 
-    ``ratio`` is the ratio of measured to explained motion from `newton`, None if not known.
+    ``source``: the log; ``name``, ``unit``: the angle's column and its stated unit; ``counts``: the
+    encoder's counts per revolution; ``ratio``: measured to explained motion (`newton`), or None.
     """
     other = OTHER[unit]
     if on_grid(values, TURN[other] / counts, levels=4):
@@ -161,7 +162,7 @@ def _refuse(
 
 
 def counts_seen(values: np.ndarray, unit: str, counts: int) -> float | None:
-    """Return an encoder's counts per revolution from the grid of its angles (N,); None: no grid.
+    """Return an encoder's counts per revolution, judged by the grid of its angles (N,), or None.
 
     ``counts`` is the profile's number. The result is this number, a fraction of it if only every
     second (third, …) count occurs, or the number of another common encoder.
@@ -186,7 +187,8 @@ def _check_reference(
     """Raise RecordingError if an angle follows its reference, but in another unit.
 
     Both (N,) are in revolutions, converted by the units in their names. An error is a correlation
-    above 0.5 with a slope outside 1/15 … 15; degrees taken for radians give 57.3.
+    above 0.5 with a slope outside 1/15 … 15; degrees taken for radians give 57.3. ``name``,
+    ``ref``: their columns' names.
     """
     spread = float(np.std(reference))
     if spread == 0 or np.std(angle) == 0:
@@ -238,7 +240,10 @@ def _moving_sum(x: np.ndarray, n: int) -> np.ndarray:
 
 
 def wrong_unit(source: str, name: str, unit: str, evidence: str) -> RecordingError:
-    """Return the error for an angle whose unit is not the one in its name."""
+    """Return the error for an angle whose unit is not the one in its name.
+
+    ``source``: the log; ``name``: the column; ``unit``: its stated unit; ``evidence``: in words.
+    """
     true_name = name.removesuffix(unit) + OTHER[unit]
     return RecordingError(
         f"{source}: {name} does not look like {FULL_NAME[unit]}: {evidence}.",

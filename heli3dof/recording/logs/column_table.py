@@ -22,7 +22,7 @@ from heli3dof.rig.profile import Profile
 def recording_from_table(
     table: Table, profile: Profile, meta: Mapping[str, Any], *, check_values: bool = True
 ) -> Recording:
-    """Check a table and convert it to a `Recording`; warnings are added to ``meta["warnings"]``.
+    """Check a table and return it as a `Recording`; warnings are added to ``meta["warnings"]``.
 
     ``check_values=False`` skips the checks of whether angles and voltages have the units they name.
     Raises RecordingError for:

@@ -22,7 +22,7 @@ from heli3dof.rig.profile import Profile
 
 
 def is_log(path: str | Path) -> bool:
-    """True if the file's format cannot contain a profile (CSV, MAT). The file need not exist."""
+    """Return True if the file's format (CSV, MAT) cannot contain a profile. It need not exist."""
     importer = importer_of(path)
     return importer is not None and not importer.carries_profile
 
@@ -69,7 +69,7 @@ def import_log(
 def _read(
     importer: Importer, path: Path, profile: Profile | None, columns: str | Sequence[str] | None
 ) -> Table:
-    """Read the file's table. Any exception of an importer's own becomes a RecordingError.
+    """Return the file's table. Any exception of an importer's own becomes a RecordingError.
 
     An importer need not convert the exceptions of its parser; an OSError keeps its own message.
     """

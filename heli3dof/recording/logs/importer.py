@@ -14,7 +14,7 @@ from heli3dof.rig.profile import Profile
 
 @dataclass(frozen=True)
 class Table:
-    """The columns (N,) of a log as they were read, by name with unit."""
+    """The columns (N,) of a log as read from its file, by name with unit."""
 
     source: str
     """The file's name, for messages"""
@@ -44,7 +44,7 @@ class Importer:
     """True if files can contain the rig's profile; others need ``--profile``"""
 
     def sniff(self, path: Path) -> bool:
-        """True if the file has this format. The file need not exist."""
+        """Return True if the file has this format. The file need not exist."""
         if self.recognises is None:
             return path.name.lower().endswith(self.endings)
         try:

@@ -25,7 +25,10 @@ Where = Callable[[int], str]
 
 
 def finite(source: str, name: str, values: np.ndarray, where: Where) -> None:
-    """Raise RecordingError if a value (N,) is not finite; it names the first one's position."""
+    """Raise RecordingError if a value (N,) of the column ``name`` is not finite.
+
+    ``source``: the log's name; ``where``: returns a sample's position in the file as text.
+    """
     bad = ~np.isfinite(values)
     if not bad.any():
         return
@@ -89,7 +92,7 @@ def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) ->
     """Raise RecordingError if time (N,) does not increase, or is not in seconds; return warnings.
 
     Warnings are on gaps, jitter and a sampling period other than the profile's control period,
-    ``period_s``.
+    ``period_s``. ``where``: returns a sample's position in the file as text.
     """
     dt = np.diff(t)
     if (dt <= 0).any():
@@ -138,7 +141,8 @@ def hidden_jitter_warnings(
 ) -> list[str]:
     """Return a warning if the angles (N, 3) rad show sampling jitter that ``t`` (N,) s does not.
 
-    The method is in `heli3dof.recording.logs.sampling_jitter`.
+    The method is in `heli3dof.recording.logs.sampling_jitter`. ``rad_per_count`` (3,): the
+    encoders' steps.
     """
     found = motion_jitter(t, angle, rad_per_count)
     if not found.found:
@@ -151,7 +155,10 @@ def hidden_jitter_warnings(
 
 
 def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> list[str]:
-    """Raise RecordingError for voltages above 20 times the limit ``v_max`` (V); return warnings."""
+    """Raise RecordingError for voltages above 20 times the limit ``v_max`` (V); return warnings.
+
+    ``front``, ``back``: the motors' voltages (N,) in V; ``source``: the log's name.
+    """
     warnings: list[str] = []
     for name, v in (("v_front_V", front), ("v_back_V", back)):
         top = float(np.abs(v).max())

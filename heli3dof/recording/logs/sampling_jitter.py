@@ -49,7 +49,7 @@ class MotionJitter:
 
     @property
     def found(self) -> bool:
-        """True if the jitter σ_t is significant at level `CHANCE` and above `WORTH_SAYING_S`."""
+        """Return True if σ_t is significant at level `CHANCE` and above `WORTH_SAYING_S`."""
         from scipy.stats import t
 
         if not self.sigma_s > WORTH_SAYING_S:
@@ -61,7 +61,7 @@ NONE_FOUND = MotionJitter(0.0, np.inf)
 
 
 def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -> MotionJitter:
-    """Estimate the jitter σ_t of samples at times t (N,) s, angles (N, 3) rad (NaN: not measured).
+    """Return the jitter σ_t of samples at times t (N,) s, angles (N, 3) rad (NaN: not measured).
 
     ``rad_per_count`` (3,) is the step of each encoder. In windows where an axis moves by less than
     two steps, it is not used. Returns σ_t = 0 for logs that are too short.
@@ -94,7 +94,10 @@ def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -
 
 
 def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """Fit parabolas to 2 ``half`` + 1 samples; return residual e and slope ẏ at their middle."""
+    """Fit parabolas to 2 ``half`` + 1 samples; return residual e and slope ẏ at their middle.
+
+    ``t``: times (N,) in s; ``y``: the angle of one axis (N,) in rad.
+    """
     width = 2 * half + 1
     windows = np.lib.stride_tricks.sliding_window_view
     T = windows(t, width) - t[half:-half, None]
@@ -114,12 +117,18 @@ def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.n
 
 
 def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
-    """Return s² (N,) in rad²: an axis' variance by its encoder's step and `SCALE_S` of jitter."""
+    """Return the variance s² (N,) of an axis's angle in rad², by quantisation and jitter.
+
+    ``rate``: ẏ (N,) in rad/s; ``step``: the encoder's step in rad; the jitter is `SCALE_S`.
+    """
     return np.asarray(step**2 / 12 + (SCALE_S * rate) ** 2)
 
 
 def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJitter:
-    """Estimate σ_t from one axis' residuals e and rates ẏ: e² = const + σ_t² ẏ², least squares."""
+    """Return σ_t estimated from one axis by least squares: e² = const + σ_t² ẏ².
+
+    ``e``: residuals (rad); ``rate``: ẏ (rad/s); ``blocks``: each sample's block number.
+    """
     there = np.isfinite(e)
     if there.sum() < 100:
         return NONE_FOUND
@@ -132,7 +141,10 @@ def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJ
 
 
 def _jackknife(top: np.ndarray, below: np.ndarray) -> MotionJitter:
-    """Estimate σ_t² = Σ top / Σ below over blocks, and its standard deviation by the jackknife."""
+    """Return σ_t² = Σ top / Σ below over blocks, with its jackknife standard deviation.
+
+    ``top``, ``below``: each block's share of numerator and denominator.
+    """
     kept = below > 0
     top, below = top[kept], below[kept]
     n = len(top)

@@ -29,7 +29,7 @@ BEFORE_LENGTH = 9
 
 
 def rows_of_chunk(rows: RowFormat) -> int:
-    """Return how many rows fit in `CHUNK_BYTES`, at least one."""
+    """Return how many rows of this format fit in `CHUNK_BYTES`, at least one."""
     return max(1, CHUNK_BYTES // rows.stride)
 
 
@@ -46,7 +46,7 @@ class ChunkMaker:
         self._allocate(rows_of_chunk(rows))
 
     def make(self, data: bytes | memoryview) -> tuple[memoryview, int, tuple[int, int]]:
-        """Encode packed rows (`RowFormat`) as an MCAP chunk.
+        """Return packed rows (`RowFormat`) encoded as an MCAP chunk.
 
         Returns the bytes of the chunk and its message indexes, valid until the next call; the
         number of rows; and their first and last log time in ns.
@@ -79,7 +79,7 @@ class ChunkMaker:
         return buffer[:at], n, (start, end)
 
     def _allocate(self, rows: int) -> None:
-        """Allocate buffers for this number of rows, even if they cannot be compressed."""
+        """Allocate buffers that hold ``rows`` rows, even if compression does not shorten them."""
         stride, offsets = self._rows.stride, self._rows.offsets
         self._most = rows
         self._entries = [np.empty((rows, 2), "<u8") for _ in offsets]

@@ -38,6 +38,8 @@ def chunk_indexes(
 
     At each yield the stream is at its end, so that the caller can append the entry. Raises OSError
     if the file does not contain these chunks any more.
+
+    ``rows``: the byte format of the chunks' rows.
     """
     at, end = span
     while at < end:

@@ -124,7 +124,7 @@ class RecordingWriter:
 
     @property
     def rows(self) -> int:
-        """The number of appended rows."""
+        """Return the number of appended rows."""
         return self._count
 
     def outcome(self, outcome: str, **details: Any) -> None:
@@ -241,5 +241,5 @@ class RecordingWriter:
 
 
 def profile_record(profile: Profile) -> dict[str, Any]:
-    """Return the content of the metadata record with the profile."""
+    """Return the profile as the content of a metadata record of the MCAP file."""
     return {"name": profile.name, "profile": profile.to_dict()}

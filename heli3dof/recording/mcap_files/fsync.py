@@ -21,7 +21,7 @@ _sync = getattr(os, "fdatasync", os.fsync)  # macOS has no fdatasync
 
 
 class Syncer:
-    """Calls fdatasync for an open file in a thread; ``failure`` is the error that stopped it."""
+    """Calls fdatasync for an open file in a thread; ``failure``: the error that stopped it."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -32,7 +32,7 @@ class Syncer:
         self._thread.start()
 
     def written(self) -> None:
-        """Ask the thread to call fdatasync, because the file has new data."""
+        """Request that the thread calls fdatasync, because the file has new data."""
         self._news.set()
 
     def close(self) -> None:

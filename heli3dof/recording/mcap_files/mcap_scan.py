@@ -60,12 +60,12 @@ class Scan:
     """Byte offset after the last complete record"""
 
     def of(self, opcode: int) -> Iterator[bytes]:
-        """Return the contents of all records with this opcode, in the file's order."""
+        """Return the contents of all records with this MCAP opcode (record type), in file order."""
         return (self.data[a:b] for kind, a, b in self.records if kind == opcode)
 
     @property
     def intact(self) -> bool:
-        """False if the data section has a checksum and it is wrong."""
+        """Return False if the data section's checksum is wrong; True if it is right or absent."""
         if not self.records or self.records[-1][0] != Opcode.DATA_END:
             return True
         _, start, end = self.records[-1]
@@ -74,7 +74,7 @@ class Scan:
 
     @cached_property
     def metadata(self) -> dict[str, dict[str, Any]]:
-        """Contents of the metadata records by name, with their JSON values decoded.
+        """Return the contents of the metadata records by name, with their JSON values decoded.
 
         Unreadable records are skipped, so that the samples remain readable.
         """
@@ -89,12 +89,12 @@ class Scan:
 
     @cached_property
     def schemas(self) -> dict[int, Schema]:
-        """Schemas of the messages by id. Those in chunks are read only if there are no others."""
+        """Return the messages' schemas by id; those in chunks only if there are no others."""
         return {s.id: s for s in (_read(Schema, c) for c in self._anywhere(Opcode.SCHEMA))}
 
     @cached_property
     def channels(self) -> dict[int, Channel]:
-        """MCAP channels by id, read like the `schemas`."""
+        """Return the MCAP channels by id; those in chunks only if there are no others."""
         return {c.id: c for c in (_read(Channel, c) for c in self._anywhere(Opcode.CHANNEL))}
 
     def _anywhere(self, opcode: int) -> Iterator[bytes]:
@@ -122,7 +122,7 @@ class Scan:
 
 
 def scan(data: bytes) -> Scan:
-    """Find the records in the bytes of an MCAP file, which must start with MCAP's magic bytes."""
+    """Return the records in an MCAP file's bytes, which must start with MCAP's magic bytes."""
     records, good = records_in(data, len(MAGIC))
     end = next((i for i, r in enumerate(records) if r[0] == Opcode.DATA_END), None)
     ended = end is not None and records[-1][0] == Opcode.FOOTER and data[good:] == MAGIC
@@ -157,7 +157,10 @@ def channel_names(found: Scan) -> list[str]:
 
 
 def records_in(data: bytes, at: int = 0) -> tuple[list[tuple[int, int, int]], int]:
-    """Return the complete records (`Scan.records`) from byte ``at`` to a footer, and their end."""
+    """Return the complete records from byte ``at`` up to a footer, and the byte where they end.
+
+    A record is (opcode, first byte of its content, byte after it).
+    """
     records: list[tuple[int, int, int]] = []
     size, unpack = len(data), _RECORD.unpack_from
     while at + 9 <= size:
@@ -217,7 +220,7 @@ def _message(content: bytes) -> tuple[int, int, bytes]:
 
 
 def _read(kind: Any, content: bytes) -> Any:
-    """Decode a record of the ``mcap`` library's class ``kind``. Raises Damaged."""
+    """Return a decoded record; ``kind``: its class in the ``mcap`` library. Raises Damaged."""
     try:
         return kind.read(ReadDataStream(BytesIO(content)))
     except (McapError, struct.error, UnicodeDecodeError) as error:
@@ -290,7 +293,7 @@ _SIGNATURES = (
 
 
 def what_is(data: bytes) -> str:
-    """Describe a file's kind by its first bytes, for an error message: ``a MAT-file``."""
+    """Return a file's kind by its first bytes, in words for an error: ``a MAT-file``."""
     if not data:
         return "an empty file"
     for signature, name in _SIGNATURES:

@@ -36,7 +36,7 @@ from heli3dof.rig.profile import Profile, profile_from_dict
 
 
 def read_recording(path: str | Path, profile: Profile | None = None) -> Recording:
-    """Read an MCAP file of heli3dof, or another program's with the columns of a log.
+    """Return an MCAP file of heli3dof, or another program's with a log's columns, as a recording.
 
     ``profile`` replaces the one in the file; another program's file needs it. Raises RecordingError
     for a file that is missing, torn (its end is missing), damaged, no MCAP, without samples, or
@@ -70,7 +70,10 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
 
 
 def open_mcap(path: Path) -> Scan:
-    """Scan an MCAP file, even if its end is missing. Raises RecordingError for other files."""
+    """Return the records of an MCAP file, even if its end is missing.
+
+    Raises RecordingError for other files.
+    """
     data = read_bytes(path)
     if not data.startswith(MAGIC):
         kind = what_is(data)
@@ -100,7 +103,7 @@ def torn(path: Path, found: Scan) -> RecordingError:
 
 
 def chunk_rows(data: bytes, form: RowFormat) -> np.ndarray | None:
-    """Return the rows of an uncompressed chunk; None if its bytes are not rows of this format."""
+    """Return the rows of an uncompressed chunk; None if its bytes are not rows of ``form``."""
     if len(data) and data[0] != Opcode.MESSAGE:  # schemas and channels may come first
         front = next((a - 9 for kind, a, _ in records_in(data)[0] if kind == Opcode.MESSAGE), None)
         data = data[len(data) if front is None else front :]
@@ -127,7 +130,7 @@ def _bulk_rows(found: Scan, form: RowFormat) -> np.ndarray | None:
 
 
 def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
-    """Read the messages one by one, in any order; those with the same log time form a row.
+    """Return rows read message by message; messages with the same log time form a row.
 
     Raises RecordingError if the topics' log times differ, Damaged for a wrong message.
     """
@@ -161,7 +164,7 @@ def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
 
 
 def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recording:
-    """Convert the rows of a file that heli3dof wrote to a `Recording`."""
+    """Return the `Recording` for the rows of a file that heli3dof wrote."""
     absent = set(found.metadata.get(COLUMNS, {}).get("absent", ()))
     stored = COLUMNS in found.metadata
     column = {

@@ -106,7 +106,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
 
 
 def salvage(path: Path, found: Scan) -> Salvage:
-    """Read the rows of the intact chunks. Raises RecordingError for another program's file."""
+    """Return the rows of the intact chunks. Raises RecordingError for another program's file."""
     try:
         layouts = our_layouts(found) if found.channels else None
     except Damaged as error:

@@ -75,7 +75,7 @@ class Layout:
 
     @cached_property
     def payload(self) -> np.dtype:
-        """numpy's type of a message's payload: ``tag1``, first value, ``tag2``, second value …"""
+        """Return numpy's type of a message's payload: ``tag1``, value 1, ``tag2``, value 2 …"""
         fields: list[tuple[str, str]] = []
         for number, column in enumerate(self.columns, 1):
             fields += [(f"tag{number}", tag_type(number)), (column.name, KINDS[column.kind][2])]
@@ -83,13 +83,13 @@ class Layout:
 
     @cached_property
     def record(self) -> np.dtype:
-        """numpy's type of an MCAP Message record: header and payload."""
+        """Return numpy's type of an MCAP Message record: header and payload."""
         descr = [(name, self.payload.fields[name][0].str) for name in self.payload.names or ()]  # type: ignore[index]
         return np.dtype([*MESSAGE_HEADER, *descr])
 
     @cached_property
     def descriptor_set(self) -> bytes:
-        """protobuf's FileDescriptorSet of the message, serialised: the schema in the MCAP file."""
+        """Return the message's schema for the MCAP file: protobuf's FileDescriptorSet as bytes."""
         fields = b"".join(
             _bytes(
                 2,
@@ -166,11 +166,11 @@ class RowFormat:
         self._fixed_bytes = self.template.view(np.uint8)[self._fixed_at]
 
     def empty(self, n: int) -> np.ndarray:
-        """Return (n,) rows with headers and tags, and zero for all values."""
+        """Return ``n`` rows (n,) with headers and tags, and zero for all values."""
         return np.repeat(self.template, n)
 
     def parse(self, data: bytes | memoryview) -> np.ndarray | None:
-        """Return the rows as a structured array; None if headers or tags differ."""
+        """Return the rows as a structured array; None if their headers or tags are wrong."""
         if len(data) % self.stride:
             return None
         raw = np.frombuffer(data, np.uint8).reshape(-1, self.stride)
@@ -210,18 +210,21 @@ class RowPacker:
 
 
 def tag_type(number: int) -> str:
-    """Return numpy's type of a protobuf tag: one byte for numbers below 16, two up to 2047."""
+    """Return numpy's type of a protobuf tag: one byte for field numbers below 16, else two."""
     return "u1" if number < 16 else "<u2"
 
 
 def tag_value(number: int, kind: str) -> int:
-    """Return a protobuf tag: the little-endian number that its one or two varint bytes make."""
+    """Return a protobuf field's tag, one or two varint bytes, as a little-endian number.
+
+    ``number``: the field's number; ``kind``: its type (a key of ``KINDS``).
+    """
     tag = number << 3 | KINDS[kind][1]
     return tag if tag < 128 else (tag & 0x7F | 0x80) | tag >> 7 << 8
 
 
 def _constants(layouts: Sequence[Layout]) -> list[tuple[tuple[str, str], int]]:
-    """Return ((layout, field), value) of the header fields and tags that all rows share."""
+    """Return ((layout's name, field's name), value) of the headers and tags that all rows share."""
     found: list[tuple[tuple[str, str], int]] = []
     for channel, layout in enumerate(layouts, 1):
         length = layout.record.itemsize - 9

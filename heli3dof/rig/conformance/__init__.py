@@ -11,7 +11,7 @@ In a driver's own tests::
 or without pytest: ``python -m heli3dof.rig.conformance lab://bench-7``. A failed case raises
 `NotConforming`; one that does not apply to this rig raises `unittest.SkipTest`, which pytest counts
 as skipped. Cases that move motors run on emulated rigs only, unless ``moves=True``: on a real rig
-they apply the amplifier's limit for a period and lift the body.
+they apply the highest voltage for a control period and lift the body.
 """
 
 from .bench import Bench, Case, Host, NotConforming, conforms

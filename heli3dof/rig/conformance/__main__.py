@@ -23,7 +23,7 @@ from heli3dof.rig.url import parse_url
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the result of each case; returns the exit code."""
+    """Print the result of each case; return the exit code. ``arguments``: the command line's."""
     parser = argparse.ArgumentParser(
         prog="python -m heli3dof.rig.conformance",
         description="Check the requirements on a driver, on one rig.",

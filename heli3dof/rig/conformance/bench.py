@@ -1,4 +1,4 @@
-"""Runs conformance cases: a device URL, its driver, and a host that keeps deadlines."""
+"""Runs conformance cases on a device URL; `Host` sends the commands at absolute deadlines."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class NotConforming(CheckFailed):
 
 
 class MovesRealRig(unittest.SkipTest):
-    """Raised by a case that moves motors, where those of a real rig must not move."""
+    """Raised by a case that moves motors, if the caller did not permit this on a real rig."""
 
 
 class Host:
-    """Sends commands to a rig at absolute deadlines, ``dt`` s apart."""
+    """Sends commands to a rig, one every ``dt`` seconds, at absolute deadlines."""
 
     def __init__(self, rig: Rig, dt: float) -> None:
         self.rig, self.dt = rig, dt
@@ -44,13 +44,17 @@ class Host:
         return sample
 
     def send(self, v_front: float, v_back: float) -> Sample:
-        """Send the voltages (V); return the sample of the next deadline not yet missed."""
+        """Send both motors' voltages (V); return the sample of the next deadline not yet past."""
         self.sequence += 1
         self.due += self.dt * max(1, math.ceil((time.monotonic() - self.due) / self.dt))
         return self.rig.exchange(Command(self.sequence, v_front, v_back), self.due)
 
     def hold(self, v_front: float, v_back: float) -> Sample:
-        """Send until a sample echoes the command, which may miss its period on a busy computer."""
+        """Send the voltages (V) every period until a sample echoes the command; return that sample.
+
+        On a busy computer a command may miss its period. Raises NotConforming if none of `PATIENCE`
+        commands is echoed.
+        """
         for _ in range(PATIENCE):
             sample = self.send(v_front, v_back)
             if sample.sequence == self.sequence:
@@ -61,7 +65,7 @@ class Host:
 
 @dataclass
 class Bench:
-    """One case's access to the driver. Rigs that it opens are closed at its end."""
+    """Gives one case access to the driver, and closes the rigs that the case opened."""
 
     url: str
     profile: Profile
@@ -75,7 +79,7 @@ class Bench:
 
     @property
     def private(self) -> bool:
-        """True for an emulated rig (`heli3dof.rig.interface.PrivateToProcess`)."""
+        """Return True for an emulated rig (`heli3dof.rig.interface.PrivateToProcess`)."""
         return is_private(self.url)
 
     def open(self) -> Host:
@@ -97,7 +101,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class Case:
-    """One requirement, tested by ``check``. ``at_rest``: the rig must not have moved before."""
+    """A requirement, tested by ``check``. ``at_rest``: it needs a rig that has not moved before."""
 
     name: str
     check: Callable[[Bench], None]
@@ -108,7 +112,7 @@ class Case:
 
 
 def cases(*checks: Callable[[Bench], None]) -> tuple[Case, ...]:
-    """Make a case of each function, named after it."""
+    """Return a `Case` for each of the test functions ``checks``; its name is the function's."""
     return tuple(Case(c.__name__, c) for c in checks)
 
 
@@ -117,8 +121,8 @@ def conforms(
 ) -> None:
     """Run one case on a device URL. Raises NotConforming, SkipTest, or the driver's own error.
 
-    ``profile``: the rig's; default: the paper's. ``moves``: True if motors may move; default: only
-    those of emulated rigs. Keep people away from a real rig.
+    ``profile``: of the rig; default: that of the paper's rig. ``moves``: True if motors may move;
+    default: only those of emulated rigs. Keep people away from a real rig.
     """
     bench = Bench(url, profile or default_profile(), moves)
     try:
@@ -128,7 +132,10 @@ def conforms(
 
 
 def require(ok: object, what: str, found: object) -> None:
-    """Raise NotConforming unless ``ok``. ``what``: the requirement; ``found``: the result."""
+    """Raise NotConforming unless ``ok`` is true.
+
+    ``what``: the requirement, ``found``: the actual result; both are for the message.
+    """
     if not ok:
         raise NotConforming(
             f"{what}; found: {found}",
@@ -144,13 +151,13 @@ def require_volts(sample: Sample, v_front: float, v_back: float, when: str) -> N
 
 
 def require_rest(sample: Sample, when: str) -> None:
-    """Require exactly 0 V and an amplifier that is not enabled. ``when``: for the message."""
+    """Require exactly 0 V and a disabled amplifier. ``when``: the situation, for the message."""
     require(sample.v_applied == (0.0, 0.0), f"zero volts {when}", sample.v_applied)
     require(not sample.flags & Flags.ENABLED, f"not enabled {when}", sample.flags)
 
 
 def require_error(call: Callable[[], object], when: str) -> DeviceError:
-    """Call ``call`` and return the DeviceError that it must raise, with cause and fix.
+    """Call ``call``, which must raise a DeviceError with cause and fix; return this error.
 
     The case fails without one; ``when`` names the situation in the message.
     """

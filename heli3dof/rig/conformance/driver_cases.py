@@ -21,7 +21,10 @@ TRIES = 3
 
 
 def _timed(call: Callable[[], Iterable[T]]) -> tuple[list[T], float]:
-    """Return a result and its time (s): of the first call within `QUICK_S`, or the last."""
+    """Call ``call`` until it takes less than `QUICK_S`; return its result and its time in s.
+
+    After `TRIES` calls, the last one counts: a busy computer may delay the others.
+    """
     for _ in range(TRIES):
         start = time.monotonic()
         found = list(call())

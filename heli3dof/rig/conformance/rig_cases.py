@@ -110,7 +110,10 @@ def a_sample_echoes_the_commands_sequence_and_voltages(bench: Bench) -> None:
 
 
 def _echoed_at_once(host: Host, sent: dict[int, tuple[float, float]]) -> int:
-    """Return how many of `ECHOES` commands the next sample echoes; ``sent``: sequence → V."""
+    """Send `ECHOES` commands; return how many of them were echoed by the next sample.
+
+    ``sent``: sequence number → voltages (V) of the commands sent so far; new ones are added.
+    """
     at_once = 0
     for k in range(ECHOES):
         volts = (3.0 + 0.1 * k, -2.0)

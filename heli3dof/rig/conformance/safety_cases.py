@@ -1,4 +1,4 @@
-"""Tests requirements on a rig when something is wrong: stops, silence, invalid volts, closing."""
+"""Tests requirements on a rig in a fault: stop, missing commands, invalid voltages, closing."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def arming_while_armed_restarts_at_zero_volts(bench: Bench) -> None:
 
 
 def _require_flight(host: Host) -> None:
-    """Require that the rig can be armed again and then applies voltages."""
+    """Raise NotConforming unless the rig can be armed again and then applies voltages."""
     flags = host.arm().flags
     require(flags == Flags.ENABLED, "ENABLED and no other flag after arming again", flags)
     require_volts(host.hold(5.0, 5.0), 5.0, 5.0, "after arming again")

@@ -49,5 +49,9 @@ def checks_of(group: str) -> Iterator[Callable[[Any], Check]]:
 
 
 def verdict(what: str, found: str, good: bool, fix: str) -> Check:
-    """Make a `Check` of these fields; ``fix`` is dropped if ``good``."""
+    """Return a `Check` with these fields.
+
+    ``what``: what was checked; ``found``: the result in words; ``good``: True if it passed;
+    ``fix``: what to do, omitted if ``good``.
+    """
     return Check(what, found, good, "" if good else fix)

@@ -51,14 +51,14 @@ class Armed:
         return sample
 
     def zero_volts(self) -> Sample:
-        """Exchange a command of zero volts for the next sample."""
+        """Send a command of zero volts; return the next sample."""
         self.sequence += 1
         self.due = max(self.due + self.dt, time.monotonic())
         return self.rig.exchange(Command(self.sequence, 0.0, 0.0), self.due)
 
 
 def traffic(armed: Armed) -> Check:
-    """Compare the samples that came with those due by the device's clock; name the losses."""
+    """Compare the samples received with those expected by the device's clock; name the losses."""
     first = last = armed.arm()
     counts_before = _missing(armed.rig)
     came = 0
@@ -89,14 +89,14 @@ def traffic(armed: Armed) -> Check:
 
 
 def _missing(rig: StoppableRig) -> dict[str, int]:
-    """Return the link's counts of missing samples by cause; empty if it lacks one of them."""
+    """Return the link's numbers of missing samples by cause; empty if it lacks a counter."""
     counts = {why: count_of(rig.statistics, why) for why in WHERE}
     found = {why: n for why, n in counts.items() if n is not None}
     return found if len(found) == len(WHERE) else {}
 
 
 def watchdog_expires(armed: Armed) -> Check:
-    """Check that the watchdog expires without commands, and that the device latches."""
+    """Check that the watchdog expires without commands, and that the device stays at zero volts."""
     what, rig = "watchdog at work", armed.rig
     if rig.identity.timebase == "virtual":
         return Check(what, "not checked: a virtual clock does not advance in the silence", None)
@@ -133,7 +133,7 @@ CHECKS: tuple[Callable[[Armed], Check], ...] = (traffic, watchdog_expires, stop_
 
 
 def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
-    """Run every check of the group; stop the rig at the end."""
+    """Yield the result of every check of the armed rig; stop the rig at the end."""
     armed = Armed(rig, profile)
     for check in checks_of(GROUP):
         yield check(armed)

@@ -22,7 +22,7 @@ SLOW_S = 0.3
 
 
 def room(folder: Path) -> Check:
-    """Check the free space in the folder."""
+    """Check the free space on the disk of ``folder``."""
     what = "room for recordings"
     free = shutil.disk_usage(folder).free
     found = f"{free / 1e9:.1f} GB free in {folder}"
@@ -31,7 +31,7 @@ def room(folder: Path) -> Check:
 
 
 def to_disk(folder: Path) -> Check:
-    """Check the time to write and synchronise a file (fsync), as the recorder does."""
+    """Check the time to write a file and force it to the disk (fsync), as the recorder does."""
     what = "time to the disk"
     try:
         with tempfile.TemporaryFile(dir=folder) as file:
@@ -49,7 +49,7 @@ CHECKS: tuple[Callable[[Path], Check], ...] = (room, to_disk)
 
 
 def checks(folder: Path) -> Iterator[Check]:
-    """Run every check of the group on the folder, or on its nearest parent that exists."""
+    """Yield the result of every check on ``folder``, or on its nearest parent that exists."""
     folder = folder.absolute()
     while not folder.is_dir():
         folder = folder.parent

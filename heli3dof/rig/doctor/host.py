@@ -23,7 +23,7 @@ RESOLUTION_S = 1e-6
 
 
 def clock(profile: Profile) -> Check:
-    """Check the resolution and the source of the monotonic clock."""
+    """Check the monotonic clock's resolution and source; ``profile`` is not used."""
     what = "clock"
     resolution = time.get_clock_info("monotonic").resolution
     source = _text(SYSTEM / "clocksource/clocksource0/current_clocksource")
@@ -43,7 +43,7 @@ def clock(profile: Profile) -> Check:
 
 
 def wake_up(profile: Profile) -> Check:
-    """Check how late this program wakes up at the control period's deadlines, for a second."""
+    """Check how late this program wakes up after the control period's deadlines, for 1 s."""
     dt = profile.dt
     n = max(10, round(WAKE_SECONDS / dt))
     start = time.monotonic() + dt
@@ -59,7 +59,7 @@ def wake_up(profile: Profile) -> Check:
 
 
 def frequency(profile: Profile) -> Check:
-    """Check the frequency governors: a core at a low clock frequency wakes up late."""
+    """Check the frequency governors: a slow core wakes up late. ``profile`` is not used."""
     what = "frequency governor"
     files = sorted((SYSTEM / "cpu").glob("cpu[0-9]*/cpufreq/scaling_governor"))
     found = sorted({text for file in files if (text := _text(file)) is not None})
@@ -72,7 +72,7 @@ def frequency(profile: Profile) -> Check:
 
 
 def load(profile: Profile) -> Check:
-    """Check the load of this computer."""
+    """Check how busy this computer is (its load average); ``profile`` is not used."""
     what = "other work"
     if not hasattr(os, "getloadavg"):
         return Check(what, "this system does not report it", None)

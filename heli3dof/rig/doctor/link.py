@@ -36,7 +36,7 @@ ONE_TURN = 360.0
 
 @dataclass(frozen=True)
 class Opened:
-    """An open rig and a series of readings."""
+    """An open rig, its profile and a series of readings, as the checks receive them."""
 
     rig: StoppableRig
     profile: Profile
@@ -50,7 +50,7 @@ class Opened:
 
 
 def listen(rig: StoppableRig, profile: Profile) -> Opened:
-    """Read the rig `POLLS` times, or as often as `LONGEST_S` allows."""
+    """Read the rig `POLLS` times, or as often as `LONGEST_S` allows; return the readings."""
     before = [count_of(rig.statistics, name) for name in COUNTERS]
     samples, took = [], []
     first = time.monotonic()
@@ -86,7 +86,7 @@ def identity(opened: Opened) -> Check:
 
 
 def watchdog(opened: Opened) -> Check:
-    """Check that the watchdog's time is short; ``--arm`` checks that it works."""
+    """Check that the watchdog's timeout is short; ``doctor --arm`` checks that it works."""
     seconds = opened.rig.identity.watchdog_s
     found = f"motors to zero after {seconds * 1e3:g} ms of silence"
     fix = "?watchdog_s=0.1 in the device URL, or the firmware's own setting"
@@ -109,7 +109,7 @@ def round_trip(opened: Opened) -> Check:
 
 
 def loss(opened: Opened) -> Check:
-    """Check that no request was repeated and no frame malformed."""
+    """Check that the driver repeated no request and received no malformed frame."""
     if opened.retries is None or opened.malformed is None:
         return Check("loss", "this driver does not count it", None)
     n = len(opened.samples)
@@ -135,7 +135,7 @@ def device_clock(opened: Opened) -> Check:
 
 
 def stands_still(opened: Opened) -> Check:
-    """Check that a resting rig's counts stay: changes are encoder noise, or a missing ground."""
+    """Check that a resting rig's counts stay: a change is encoder noise, or a missing ground."""
     spans = [
         max(column) - min(column)
         for column in zip(*(s.counts for s in opened.samples), strict=True)
@@ -148,7 +148,7 @@ def stands_still(opened: Opened) -> Check:
 
 
 def state(opened: Opened) -> Check:
-    """Check the device's state by its flags."""
+    """Check the last sample's flags: no fault, no stalled motor, not armed by a program."""
     flags = opened.samples[-1].flags
     problems = {
         Flags.FAULT: ("the amplifier reports a fault", "let it cool, check supply and motors"),
@@ -164,10 +164,10 @@ def state(opened: Opened) -> Check:
 
 
 def rest_angles(opened: Opened) -> Check:
-    """Compare the angles by the stored calibration with the profile's rest angles and limits.
+    """Compare the angles, by the stored calibration, with the profile's rest angles and limits.
 
-    A reading outside the envelope ends any flight at once. One more than `ONE_TURN` outside is an
-    error of the counter.
+    An angle outside the envelope would end any flight at once. An angle that is more than
+    `ONE_TURN` outside shows an error of the counter.
     """
     rest, profile = opened.rig.rest, opened.profile
     counts = opened.samples[-1].counts
@@ -209,7 +209,7 @@ CHECKS: tuple[Callable[[Opened], Check], ...] = (
 
 
 def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
-    """Run every check of the group on one series of readings."""
+    """Read the rig several times, then yield the result of every check on these readings."""
     opened = listen(rig, profile)
     for check in checks_of(GROUP):
         yield check(opened)

@@ -26,7 +26,7 @@ CONNECT_S = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A session of this user: a process that uses a rig."""
+    """A session of this user: a process that uses a rig, as its lock's holder file states."""
 
     device: str
     """The URL it opened"""
@@ -42,7 +42,7 @@ class Running:
 
 
 def listed(device: str | None = None) -> list[Running]:
-    """Return the sessions with a holder file, or those on one device; killed ones included."""
+    """Return the sessions with a holder file, on one device or all (None); also killed ones."""
     pattern = "*.lock" if device is None else f"{device_name(device)}*.lock"
     sessions = []
     for holder in sorted(runtime_folder().glob(pattern + HOLDER)):
@@ -53,7 +53,7 @@ def listed(device: str | None = None) -> list[Running]:
 
 
 def running(device: str | None = None) -> list[Running]:
-    """Return the live sessions, or those on one device; `mock:` means every emulated rig."""
+    """Return the live sessions on one device, or all (None); `mock:` means all emulated rigs."""
     alive = []
     for session in listed(device):
         if lives(session):
@@ -85,7 +85,7 @@ class Request:
             self.close()
 
     def answer(self, timeout_s: float) -> dict[str, Any] | None:
-        """Return the answer that comes within ``timeout_s`` of the request; None without one."""
+        """Return the session's answer if it comes within ``timeout_s`` of the request, or None."""
         line = self._line
         if line is None:
             return None
@@ -107,10 +107,10 @@ class Request:
 
     @property
     def taken(self) -> bool:
-        """True if the session accepted the connection; a hanging process does, without answering.
+        """Return True if the session accepted the connection, even if it does not answer.
 
-        Windows takes seconds to refuse a connection, and a process that hangs for long accepts no
-        more: after a timeout the lock decides.
+        A hanging process accepts connections, but after a while no more. Windows takes seconds to
+        refuse one. So after a timeout, the lock on the rig decides whether the session is alive.
         """
         return self._line is not None or (self.timed_out and is_held(self.session.lock))
 
@@ -122,7 +122,7 @@ class Request:
 
 
 def lives(session: Running) -> bool:
-    """True if the session still accepts connections."""
+    """Return True if the session still accepts connections."""
     question = Request(session, {})
     taken = question.taken
     question.close()
@@ -130,7 +130,7 @@ def lives(session: Running) -> bool:
 
 
 def state(session: Running, timeout_s: float = 0.2) -> dict[str, Any] | None:
-    """Request the present state of a session's rig; None without an answer."""
+    """Return the present state of a session's rig; None without an answer within ``timeout_s``."""
     answer = Request(session, {"do": "state"}).answer(timeout_s)
     content = None if answer is None else answer.get("state")
     return content if isinstance(content, dict) else None

@@ -47,11 +47,11 @@ class Stopped:
 
 
 def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]]:
-    """Stop one device, or (None) all running sessions and rigs; return (results, left out).
+    """Stop one device, or (None) all running sessions and rigs; return (results, URLs left out).
 
-    left out: URLs that were found and may not be rigs: nothing was sent to them. ``reason`` goes
-    into the recording. Raises UsageError for an invalid URL; a DeviceError becomes a result with
-    ``done`` False.
+    URLs left out were found and may not be rigs: nothing was sent to them. ``reason`` goes into the
+    recording. Raises UsageError for an invalid URL; a DeviceError becomes a result with ``done``
+    False.
     """
     if device is not None:
         check_url(device)
@@ -83,7 +83,11 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
 
 
 def _await(question: Request, start: float) -> Stopped | None:
-    """Wait for a session's answer; return the result, or None if it had already ended."""
+    """Wait for a session's answer to a stop request, and return the result.
+
+    Without an answer, the driver stops a real rig directly. None: the process of an emulated rig
+    has ended. ``start``: when the stop began, in s (monotonic).
+    """
     session = question.session
     who = f"pid {session.pid} (`{session.doing}`)"
     answer = question.answer(PATIENCE_S) or {}
@@ -104,7 +108,11 @@ def _await(question: Request, start: float) -> Stopped | None:
 
 
 def _all_directly(devices: Sequence[str], start: float) -> list[Stopped]:
-    """Stop each device in its own thread: an unreachable host takes seconds to fail."""
+    """Stop each device through its driver, in a thread per device; return the results.
+
+    An unreachable device takes seconds to fail and delays no other. ``start``: when the stop began,
+    in s (monotonic).
+    """
     results: dict[str, Stopped] = {}
 
     def stop(device: str) -> None:
@@ -136,7 +144,7 @@ def _directly(device: str, start: float) -> Stopped:
 
 @dataclass(frozen=True)
 class EstopResult:
-    """Result of an emergency stop for all rigs."""
+    """Result of an emergency stop: one result for each rig, and the URLs left out."""
 
     stopped: list[Stopped] = field(default_factory=list)
     unconfirmed: list[Stopped] = field(default_factory=list)
@@ -147,8 +155,8 @@ class EstopResult:
     def raise_if_not_stopped(self, device: str | None = None) -> None:
         """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
 
-        ``device``: the one that was to be stopped. Of all devices (None), one that no session holds
-        may not be a rig: if others were stopped, it need not confirm.
+        ``device``: the URL that was to be stopped; None: all. Of all devices, one that no session
+        holds may be no rig. It need not confirm if others were stopped.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:
@@ -177,7 +185,7 @@ class EstopResult:
 
 
 def request_estop(device: str | None, reason: str) -> EstopResult:
-    """Stop one device, or all (None); return the result, without an error for a failed stop."""
+    """Stop one device, or all (None); return the result, even if a stop failed."""
     reached, skipped = stop_rigs(device, reason)
     return EstopResult([s for s in reached if s.done], [s for s in reached if not s.done], skipped)
 

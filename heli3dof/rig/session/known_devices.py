@@ -27,7 +27,7 @@ MOST = 200
 
 
 def is_known(device: str) -> bool:
-    """True if a rig is known to be at this URL, so that a stop of all rigs may include it."""
+    """Return True if a rig is known to be at this URL; a stop of all rigs then includes it."""
     url = parse_url(device)
     driver = load_driver(url.scheme)
     if not isinstance(driver, RecognisesRigs) or driver.is_rig(url):
@@ -36,7 +36,7 @@ def is_known(device: str) -> bool:
 
 
 def remembered() -> Iterator[str]:
-    """Yield URLs at which a rig was opened before and where the same device is plugged in now.
+    """Yield each URL at which a rig was opened before, if the same device is connected there now.
 
     Only for drivers that cannot list every rig (`NamesPlaces`).
     """
@@ -48,7 +48,7 @@ def remembered() -> Iterator[str]:
 
 
 def serials_at(device: str) -> set[str]:
-    """Return the serial numbers of rigs opened at this URL's place, and the URL's last part."""
+    """Return the serial numbers of rigs opened at this URL before, and the URL's last part."""
     url = parse_url(device)
     name = device_name(url)
     serials = {serial for _, at, serial in _lines() if at and device_name(at) == name}
@@ -73,7 +73,7 @@ def _place(url: DeviceUrl) -> str:
 
 
 def _lines() -> list[tuple[str, str, str]]:
-    """Read (place, device URL, serial number); the last two are empty in older files."""
+    """Return (place, device URL, serial number) of each known rig; old files have places only."""
     try:
         text = _file().read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

@@ -60,7 +60,7 @@ class Lock:
 
 
 def is_held(path: Path) -> bool:
-    """True if a process holds this lock now."""
+    """Return True if a process holds this lock now."""
     try:
         Lock(path, "").release()
     except DeviceError:
@@ -73,7 +73,7 @@ def holder_path(lock: Path) -> Path:
 
 
 def read_holder(lock: Path) -> dict[str, Any]:
-    """Read the holder file; empty if it is missing or incomplete."""
+    """Return the content of a lock's holder file; empty if it is missing or incomplete."""
     try:
         content = json.loads(holder_path(lock).read_bytes())
     except (OSError, ValueError):
@@ -88,7 +88,7 @@ def device_lock_path(serial: str, boot: int | None) -> Path:
 
 
 def busy(device: str, about: Mapping[str, Any]) -> DeviceError:
-    """Make the error for a rig that another session holds; ``about``: its holder file."""
+    """Return the error for a rig that another session holds; ``about``: its holder file's data."""
     try:
         who = f"pid {about['pid']} runs `{about['doing']}` since {about['since_utc']}"
         if about["device"] != device:

@@ -58,7 +58,7 @@ def runtime_folder() -> Path:
 
 
 def state_folder() -> Path:
-    """Return the folder of what is kept between sessions; it may not exist yet.
+    """Return the folder of the files kept between sessions; it may not exist yet.
 
     Raises OSError for a user without a home folder.
     """

@@ -101,7 +101,7 @@ class Session:
             lock.write_holder(self._about)
 
     def ask_estop(self, reason: str) -> None:
-        """Request that the thread that uses the rig stops it; the first reason is kept."""
+        """Request that the thread that uses the rig stops it; only the first ``reason`` is kept."""
         with self._deciding:
             self.stop_reason = self.stop_reason or reason
             if self.private and not self._armed and self.stopped is None:
@@ -119,7 +119,7 @@ class Session:
             return self.stop_reason
 
     def confirm(self, how: str) -> None:
-        """Answer every client that requested a stop: the rig was stopped; ``how``: in words."""
+        """Answer every client that requested a stop; ``how``: how the rig was stopped, in words."""
         self.stopped = how
         if self._answering is not None:
             self._answering.wake()
@@ -207,7 +207,10 @@ class _Answering(threading.Thread):
         self._selector.register(client, selectors.EVENT_READ)
 
     def _read_request(self, client: socket.socket) -> None:
-        """Read one request by one call: it is far shorter than what a local socket holds."""
+        """Read a client's request and carry it out: stop the rig, or return its state.
+
+        One receive call reads it, since it is far shorter than the buffer of a local socket.
+        """
         self._forget(client)
         try:
             request = json.loads(client.recv(LONGEST_REQUEST))

@@ -53,7 +53,7 @@ def start_command() -> None:
 
 
 def command_began_ns() -> int:
-    """Return when the running command began, in ns on the monotonic clock."""
+    """Return when the running command began, in ns on the host's monotonic clock."""
     global _began_ns
     if hasattr(sys, "ps1"):  # an interactive interpreter has a prompt
         return time.monotonic_ns()
@@ -91,16 +91,16 @@ def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
 
 
 def names_of(device: str, serials: Iterable[str] = ()) -> list[str]:
-    """Return a rig's names in stamp files: of its place, and of each serial number it may have."""
+    """Return a rig's names in stamp files: for its URL, and for each possible serial number."""
     numbers = [f"serial-{binascii.crc32(s.encode()):08x}" for s in serials if s]
     return [device_name(device), *numbers]
 
 
 def _process_start_ns() -> int:
-    """Return when this process started, or up to 10 ms earlier (Linux); ns, monotonic.
+    """Return when this process started, or up to 10 ms earlier (Linux), in ns (monotonic).
 
-    Elsewhere psutil's value, which is off by any change of the wall clock since; without psutil,
-    the time of this module's import.
+    Other systems: psutil's value, wrong by any change of the wall clock since the start. Without
+    psutil: the time at which this module was imported.
     """
     try:
         fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()

@@ -46,16 +46,16 @@ class StoppableRig:
 
     @property
     def statistics(self) -> object:
-        """The link's counters; None for a rig without them."""
+        """Return the link's counters; None for a rig without counters."""
         return self.inner.statistics if isinstance(self.inner, HasLinkStatistics) else None
 
     @property
     def device_cause(self) -> str | None:
-        """Why the device holds its output at zero, as it states (`ReportsDeviceCause`)."""
+        """Return the cause that the device states for its zero output; None if it states none."""
         return device_cause(self.inner)
 
     def arm(self) -> Sample:
-        """Arm the rig. Raises SafetyTrip if an emergency stop forbids it."""
+        """Arm the rig and return a sample. Raises SafetyTrip if an emergency stop forbids it."""
         self._check_permission()
         sample = self._from_rest(self.inner.arm())
         self._check_permission()

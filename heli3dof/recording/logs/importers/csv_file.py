@@ -102,7 +102,7 @@ def _text(path: Path) -> str:
 
 
 def _two_bytes(data: bytes) -> str | None:
-    """Return the name of a UTF-16 encoding, with or without byte order mark; None: another one."""
+    """Return the name of the text's UTF-16 encoding, or None if it has another encoding."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
     first = data[:512]
@@ -172,10 +172,12 @@ def _exact(
     names: list[str],
     warnings: list[str],
 ) -> dict[str, np.ndarray]:
-    """Parse cell by cell. An empty cell becomes NaN.
+    """Return the log's columns, parsed cell by cell. An empty cell becomes NaN.
 
     Text in a column with an unknown name removes that column with a warning. Text in another column
     or a line with a wrong number of cells raises RecordingError.
+
+    ``body``: lines of text with line numbers ``numbers``; ``names``: the columns'.
     """
     rows = [_cells(line, separator) for line in body]
     for number, row in zip(numbers, rows, strict=True):

@@ -26,7 +26,7 @@ SKIP = {"", "-", "_"}
 def read(
     path: Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
 ) -> Table:
-    """Read a MAT log.
+    """Return the columns of a MAT log.
 
     ``columns`` names the matrix's rows or columns in order: ``t_s,v_front_V,…``, with ``-`` for one
     to skip. ``log:t_s,v_front_V,…`` takes the matrix from the variable ``log``. Without
@@ -82,7 +82,7 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def _structures(variables: dict[str, Any]) -> dict[str, np.ndarray]:
-    """Return the arrays of a file by name, the fields of structures like variables."""
+    """Return the file's arrays by name; the fields of structures are returned like variables."""
     table: dict[str, np.ndarray] = {}
     for name, value in variables.items():
         if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:

@@ -30,7 +30,7 @@ HEAD_BYTES = 1 << 16
 
 
 def is_foreign(path: Path) -> bool:
-    """True for a complete, undamaged MCAP file that heli3dof did not write."""
+    """Return True for a complete, undamaged MCAP file that heli3dof did not write."""
     try:
         with path.open("rb") as stream:
             head = stream.read(HEAD_BYTES)
@@ -98,7 +98,7 @@ def _joined(
     base: int,
     warnings: list[str],
 ) -> dict[str, np.ndarray]:
-    """Return the columns of the topic ``base``, and of every topic with the same log times.
+    """Return the columns of the topic ``base`` (a channel id) and of those with its log times.
 
     ``tables`` has the log times (ns) and columns of each topic by channel id.
     """
