@@ -60,7 +60,7 @@ def compare(
         if not names:
             out.note("No model was given: only the hover model is compared.")
     else:
-        with out.working("Identifying models from the supplied recordings …"):
+        with out.working("Identifying models from the recordings that come with heli3dof …"):
             recordings, identified = reference_comparison()
     names = names or ["hover"]
     if folder.exists():
