@@ -50,7 +50,7 @@ Models = Sequence[Model] | Callable[[Recording], Sequence[Model]]
 def compare(
     recordings: Sequence[Recording], models: Models, *, horizons_s: Sequence[float] = HORIZONS_S
 ) -> Comparison:
-    """Compare every model with every recording.
+    """Return the comparison of every model with every recording.
 
     ``models`` may be a function that makes the models for a recording. ``horizons_s`` are the
     prediction horizons; without any, nothing is predicted. If a model cannot be compared, its
@@ -66,7 +66,7 @@ def compare(
 def compare_flight(
     recording: Recording, models: Sequence[Model], *, horizons_s: Sequence[float] = HORIZONS_S
 ) -> FlightComparison:
-    """Compare several models with one recording."""
+    """Return the comparison of several models with one recording; ``horizons_s``: predictions."""
     flown = under_control(recording)
     why = why_not_replayed(flown)
     fits = tuple(h for h in horizons_s if h < flown.duration)
@@ -129,7 +129,7 @@ def _model_comparison(
 
 
 def _metrics(flown: Recording, angle: np.ndarray) -> Mapping[str, AxisMetrics]:
-    """Return the step metrics by axis of measured or replayed angles (N, 3) rad."""
+    """Return step metrics by axis of measured or replayed angles (N, 3) rad in the flight flown."""
     grain = flown.profile.encoder.rad_per_count
     return step_metrics(flown.t, angle, flown.reference, resolution=grain)
 
@@ -151,7 +151,7 @@ def _prediction_error(
 
 
 def _divergence(replayed: Replay) -> list[str]:
-    """Return a sentence if the closed loop with this model is unstable, otherwise nothing."""
+    """Return a list with a sentence if the replayed closed loop is unstable, else an empty list."""
     parts = []
     if replayed.unstable_poles:
         p = replayed.unstable_poles[0]
@@ -163,7 +163,7 @@ def _divergence(replayed: Replay) -> list[str]:
 
 
 def _attempt(work: Callable[[], T], reasons: list[str]) -> T | None:
-    """Return the result of ``work``; on a `Heli3dofError`, None, and add it to ``reasons``."""
+    """Return ``work()``; if it raises a `Heli3dofError`, add it to ``reasons`` and return None."""
     try:
         return work()
     except Heli3dofError as error:

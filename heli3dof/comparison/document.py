@@ -39,7 +39,7 @@ SCHEMA = "heli3dof.comparison/1"
 
 
 class PublishedRow(Protocol):
-    """A number that the paper prints, with its reproduction (`paper.reproduction.Reproduced`)."""
+    """The interface of a number that the paper prints, with the one simulated here."""
 
     def to_dict(self) -> dict[str, Any]: ...
 
@@ -47,7 +47,7 @@ class PublishedRow(Protocol):
 def comparison_document(
     comparison: Comparison, published: Iterable[PublishedRow] = ()
 ) -> dict[str, Any]:
-    """Return the comparison as a dict of JSON types, without NaN or numpy types."""
+    """Return the comparison, and the paper's numbers ``published``, as a dict of JSON types."""
     document: dict[str, Any] = {
         "schema": SCHEMA,
         "horizons_s": list(comparison.horizons_s),
@@ -134,5 +134,5 @@ def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def _number(value: float) -> float | None:
-    """Return the number, or None for NaN and infinity, which JSON does not have."""
+    """Return ``value``, or None for NaN and infinity, which JSON does not have."""
     return float(value) if np.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Step metrics per axis: peak, overshoot, steady error, rise and settling time.
+"""Compute step metrics per axis: peak, overshoot, steady error, rise and settling time.
 
 A *segment* is a stretch of constant reference. With the measured angle y, the set value y_r and the
 start value y_a (degrees), and s = sgn(y_r − y_a):
@@ -48,9 +48,11 @@ from heli3dof.recording.recording import Recording
 Kind = Literal["step", "start", "hold", "moving", "none"]
 
 MIN_STEP_DEG = 0.5
-"""Largest difference between first angle and first set value that is a hold (a convention)"""
+"""Degrees: a first segment whose first angle is at most this far from its set value has the kind
+``hold``, otherwise ``start`` (a convention)."""
 MIN_HOLD_S = 0.5
-"""s: a reference is moving if less than half of its rows rest this long (a convention)."""
+"""s: a reference counts as moving if less than half of its rows are in constant stretches of at
+least this length (a convention)."""
 SETTLING_BAND = 0.02
 """Half-width of the settling band as a share of the step's size (a convention)"""
 STEADY_SHARE = 0.1
@@ -72,12 +74,12 @@ class StepMetrics:
 
     kind: Kind
     start_s: float
-    """s on the recording's clock; the settling time counts from here."""
+    """s on the recording's clock: the segment's start, from which the settling time counts"""
     stop_s: float
     from_deg: float
-    """The start value y_a"""
+    """Start value y_a of the segment, degrees"""
     set_deg: float
-    """The set value y_r; NaN for a moving reference"""
+    """Set value y_r of the segment, degrees; NaN for a moving reference"""
     peak_deg: float = np.nan
     overshoot_deg: float = np.nan
     overshoot_percent: float = np.nan
@@ -86,13 +88,13 @@ class StepMetrics:
     settling_time_s: float = np.nan
 
     def values(self) -> dict[str, float]:
-        """The six metrics by name, in the order of `METRICS`."""
+        """Return the six metrics by name, in the order of `METRICS`."""
         return {name: float(getattr(self, name)) for name in METRICS}
 
 
 @dataclass(frozen=True)
 class AxisMetrics:
-    """Step metrics of an axis: of the reported segment, and of all segments."""
+    """Step metrics of one axis, for the segment that reports show and for all its segments."""
 
     reported: StepMetrics
     steps: tuple[StepMetrics, ...]
@@ -150,8 +152,8 @@ def axis_metrics(
 ) -> AxisMetrics:
     """Return the step metrics of one axis: t (N,) s, angle (N,) rad, reference (N,) rad.
 
-    A reported ``hold`` or ``moving`` segment is measured from ``since_s`` (s) on. ``resolution``
-    (rad) is the encoder's step.
+    If the reference never steps, its ``hold`` or ``moving`` segment is measured from the time
+    ``since_s`` (s) on. The settling band is at least ± ``resolution`` (rad), the encoder's step.
     """
     y, ref = np.degrees(angle), np.degrees(reference)
     segments = _segments(t, y, ref)
@@ -172,7 +174,7 @@ def axis_metrics(
 
 
 def _changes(reference: FloatArray) -> IndexArray:
-    """Return the rows at which a reference changes by more than rounding, begins or ends."""
+    """Return the row indices at which a reference changes, begins or ends (NaN: no reference)."""
     absent = np.isnan(reference)
     with np.errstate(invalid="ignore"):
         moved = np.abs(np.diff(reference)) > 1e-9
@@ -180,7 +182,7 @@ def _changes(reference: FloatArray) -> IndexArray:
 
 
 def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
-    """Return the segments of a reference: its constant stretches, one moving one, or none."""
+    """Return the segments of a reference; t (N,) in s, angle y and reference ref in degrees."""
     known = np.flatnonzero(~np.isnan(ref))
     if not len(known):
         return []
@@ -205,7 +207,10 @@ def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
 def _measure(
     t: FloatArray, y: FloatArray, ref: FloatArray, segment: _Segment, grain_deg: float
 ) -> StepMetrics:
-    """Return the six metrics of one segment; y and ref are in degrees."""
+    """Return the six metrics of one segment; t in s, angles y and reference ref in degrees.
+
+    ``grain_deg``, the encoder's step in degrees, is the least half-width of the settling band.
+    """
     rows = segment.rows
     t, y, ref = t[rows], y[rows], ref[rows]
     base = StepMetrics(segment.kind, float(t[0]), float(t[-1]), segment.from_deg, segment.set_deg)
@@ -240,12 +245,12 @@ def _measure(
 
 
 def _steady_error(t: FloatArray, error: FloatArray) -> float:
-    """Return the mean error over the segment's last tenth, in degrees."""
+    """Return the mean ``error`` (N,) in degrees over the last tenth of the times t (N,) in s."""
     return float(np.mean(error[t >= t[-1] - STEADY_SHARE * (t[-1] - t[0])]))
 
 
 def _crossing(t: FloatArray, progress: FloatArray, level: float) -> float:
-    """Return the time (s) when ``progress`` first rises through ``level``; NaN if it never does."""
+    """Return when (s) ``progress`` (N,), the share of a step, rises through ``level``, or NaN."""
     above = progress >= level
     k = int(np.argmax(above))
     if not above[k] or k == 0:
@@ -255,7 +260,7 @@ def _crossing(t: FloatArray, progress: FloatArray, level: float) -> float:
 
 
 def _settling(t: FloatArray, outside: BoolArray) -> float:
-    """Return the time (s) from the step until no later sample is ``outside``; NaN if one stays."""
+    """Return the settling time (s); ``outside`` (N,) bool: samples outside the band; may be NaN."""
     if outside[-1]:
         return np.nan
     last = np.flatnonzero(outside)

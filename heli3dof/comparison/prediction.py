@@ -1,10 +1,11 @@
-"""Multi-step prediction errors: the angle at row k, predicted from a state estimated h earlier.
+"""Compute multi-step prediction errors of models: the angle at row k is predicted h seconds ahead.
 
     e_h[k] = y[k] − ŷ[k | angles up to k − h, measured voltages],    RMSE_h = √(mean e_h²)
 
-They need no controller. The RMSE is given for three horizons h, and *over* a window of 3 s (the
-mean square over all horizons from 0 to 3 s), as in the literature on these rigs.
-The baseline is constant angles, ŷ[k] = y[k − h]; a useful model has a smaller error.
+y are the measured angles, ŷ the predicted ones. Predictions need no controller. The RMSE is given
+for three horizons h, and *over* a window of 3 s (the mean square over all horizons from 0 to 3 s),
+as in the literature on these rigs. The baseline is constant angles, ŷ[k] = y[k − h]; a useful model
+has a smaller error.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from heli3dof.recording.recording import Recording
 
 HORIZONS_S = (0.5, 1.0, 3.0)
 STEPS_DRAWN = 30
-"""Horizons per window if its curve is drawn: every 0.1 s of 3 s"""
+"""Number of horizons in a prediction window whose curve is drawn: every 0.1 s of 3 s"""
 STEPS_AVERAGED = 12
-"""Horizons per window if its error is only averaged: every 0.25 s of 3 s"""
+"""Number of horizons in a prediction window whose error is only averaged: every 0.25 s of 3 s"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,13 +31,13 @@ class Predictions:
     """A model's predictions of one recording at several horizons."""
 
     ahead: Mapping[float, FloatArray]
-    """Horizon in s → (N, 3) rad, the prediction of row k made that long before; NaN where none"""
+    """Horizon in s → (N, 3) rad: the angles of each row, predicted that long before; NaN if not"""
     instants_s: FloatArray
-    """(M,) s: the horizons that make up a window, ascending"""
+    """(M,) s: the horizons, ascending, at which a prediction window is sampled"""
 
     @property
     def window_s(self) -> float:
-        """The longest horizon, which is the length of a window."""
+        """Return the length of a prediction window in s: the longest horizon."""
         return float(self.instants_s[-1])
 
 
@@ -61,16 +62,20 @@ def predictions(
     *,
     steps: int = STEPS_DRAWN,
 ) -> Predictions:
-    """Return predictions at ``horizons_s``, and at ``steps`` horizons spread up to the longest."""
+    """Return predictions of a recording at ``horizons_s`` (s), and at evenly spaced horizons.
+
+    Those are ``steps`` horizons up to the longest one; together they form a prediction window.
+    """
     instants = np.round(max(horizons_s) * np.arange(1, steps + 1) / steps, 9)
     wanted = sorted({round(float(h), 9) for h in (*horizons_s, *instants)})
     return Predictions({h: model.predict(recording, h) for h in wanted}, instants)
 
 
 def common_rows(several: Sequence[Predictions]) -> Mapping[float, BoolArray]:
-    """Return by horizon, as (N, 3) bool, the rows that every model of the axis predicts.
+    """Return by horizon (s), as (N, 3) bool, the rows that all models predict, axis by axis.
 
-    All models are evaluated on these rows, so that one with fewer predictions has no advantage.
+    A model that predicts nothing on an axis is ignored there. All models are evaluated on these
+    rows, so that one with fewer predictions has no advantage.
     """
     rows: dict[float, BoolArray] = {}
     for h in several[0].ahead if several else ():
@@ -82,7 +87,7 @@ def common_rows(several: Sequence[Predictions]) -> Mapping[float, BoolArray]:
 def rmse_deg(
     recording: Recording, made: Predictions, rows: Mapping[float, BoolArray] | None = None
 ) -> Mapping[float, FloatArray]:
-    """Return the RMSE (3,) in degrees by horizon, over ``rows``; NaN for an unpredicted axis."""
+    """Return the RMSE (3,) in degrees, by horizon (s), of predictions ``made``; ``rows``: which."""
     return {
         h: _rms(np.degrees(y - recording.angle), None if rows is None else rows[h])
         for h, y in made.ahead.items()
@@ -90,9 +95,10 @@ def rmse_deg(
 
 
 def over_window_deg(by_horizon: Mapping[float, FloatArray], made: Predictions) -> FloatArray:
-    """Return the RMSE (3,) in degrees over a window, from horizon 0 (no error) to its end.
+    """Return the RMSE (3,) in degrees over a prediction window, from horizon 0 to its end.
 
-    ``by_horizon`` is the result of `rmse_deg`; squares are averaged by the trapezoidal rule.
+    ``by_horizon`` is what `rmse_deg` returns for the predictions ``made``. The squares are averaged
+    by the trapezoidal rule.
     """
     squares = np.array([by_horizon[float(h)] ** 2 for h in made.instants_s])
     squares = np.vstack([np.zeros((1, squares.shape[1])), squares])
@@ -101,9 +107,9 @@ def over_window_deg(by_horizon: Mapping[float, FloatArray], made: Predictions) -
 
 
 def stitched(recording: Recording, made: Predictions) -> tuple[FloatArray, FloatArray]:
-    """Return successive windows as a curve: t (M,) s, angle (M, 3) rad, a row of NaN between them.
+    """Return the predictions ``made`` as a curve of successive windows: t (M,) s, angle (M, 3) rad.
 
-    Each window starts at the measured angles and is predicted for ``made.window_s``.
+    Each window starts at the measured angles and lasts ``made.window_s``. A row of NaN follows.
     """
     h = [float(x) for x in made.instants_s]
     steps = [0, *(max(1, round(x / recording.dt)) for x in h)]
@@ -118,7 +124,7 @@ def stitched(recording: Recording, made: Predictions) -> tuple[FloatArray, Float
 
 
 def _rms(error: FloatArray, rows: BoolArray | None) -> FloatArray:
-    """Return the root mean square (3,) of each column's finite rows; NaN where there are none."""
+    """Return the root mean square (3,) of finite errors (N, 3) in ``rows`` (N, 3) bool, or NaN."""
     use = np.isfinite(error) if rows is None else np.isfinite(error) & rows
     count = use.sum(axis=0)
     total = np.where(use, error, 0.0) ** 2

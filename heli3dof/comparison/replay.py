@@ -1,12 +1,12 @@
-"""Closed-loop replay: simulate a model with a flight's references, excitation and controller.
+"""Simulate a model in closed loop with a flight's references, excitation and controller (replay).
 
     V[k] = V_o + K_g (x_ref − x)[k] + V_extra[k],   clipped to ±v_max
 
 This is eq (7) of the paper, with errata E5 and E6 corrected. V_o is the hover voltage, K_g the
-gain, x the state, V_extra the plan's excitation. The model starts at rest at the flight's first
-angles; the rig's later motion does not enter. An open-loop replay would drift, because the plant
-integrates twice (0.05 V of bias is 25° after 10 s). The loop holds model and rig to the same
-references. The controller must be known.
+gain, x the state, x_ref its reference, V_extra the plan's excitation, v_max the voltage limit. The
+model starts at rest at the flight's first angles; the rig's later motion does not enter. An
+open-loop replay would drift, because the plant integrates twice (0.05 V of bias is 25° after 10 s).
+The loop holds model and rig to the same references. The controller must be known.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from heli3dof.recording.recording import Recording
 __all__ = ["Replay", "loop_task", "replay", "under_control", "why_not_replayed"]
 
 DIVERGED_DEG = {ROLL: 180.0, PITCH: 180.0, YAW: 720.0}
-"""A model this far from its reference has diverged: no rig moves that far (a convention)."""
+"""Axis → degrees: a model further than this from its reference has diverged (a convention)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,19 +36,19 @@ class Replay:
     """A replayed flight: a model's angles and voltages at the recording's times."""
 
     t: np.ndarray
-    """(N,) s"""
+    """(N,) s: the recording's times"""
     angle: np.ndarray
-    """(N, 3) rad, NaN once it has diverged"""
+    """(N, 3) rad: the simulated angles; NaN once the model has diverged"""
     voltage: np.ndarray
-    """(N, 2) V after the limiter, NaN once it has diverged"""
+    """(N, 2) V: the voltages after the limiter; NaN once the model has diverged"""
     diverged_at_s: float | None
-    """s on the recording's clock, or None"""
+    """s on the recording's clock when the model diverged; None if it did not"""
     unstable_poles: tuple[complex, ...]
-    """rad/s: the closed-loop poles in the right half plane"""
+    """rad/s: the poles of the linear closed loop that are in the right half plane"""
 
 
 def replay(model: Model, recording: Recording) -> Replay:
-    """Simulate a model in a recording's closed loop. Raises ValueError if that is not possible."""
+    """Return the simulation of a model in a recording's closed loop; ValueError if impossible."""
     flown = under_control(recording)
     task = loop_task(flown)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -25,14 +25,14 @@ class Trace:
 
     label: str
     kind: str
-    """``replay`` of the closed loop, or ``prediction`` in successive windows"""
+    """``replay`` (closed-loop simulation) or ``prediction`` (multi-step, in successive windows)"""
     t: FloatArray
     angle: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class PredictionError:
-    """RMSE (3,) of predictions, degrees: at each horizon (s), and over all up to the longest."""
+    """RMSE (3,) of predictions in degrees, at each horizon (s) and averaged up to the longest."""
 
     ahead_deg: Mapping[float, FloatArray]
     over_window_deg: FloatArray
@@ -46,9 +46,9 @@ class ModelComparison:
     name: str
     kind: str
     metrics: Mapping[str, AxisMetrics] | None
-    """Per axis, of the replay; None if the loop is not replayed"""
+    """Step metrics by axis of the closed-loop replay; None without a replay"""
     replay_rmse_deg: FloatArray | None
-    """(3,) degrees between replay and experiment; NaN if the model diverges"""
+    """(3,) RMSE between replayed and measured angles, degrees; NaN if the model diverges"""
     diverged_at_s: float | None
     unstable_poles: tuple[complex, ...]
     prediction: PredictionError | None
@@ -62,19 +62,19 @@ class FlightComparison:
     """The comparison of every model with one recording."""
 
     recording: Recording
-    """The complete recording"""
+    """The complete recording, as loaded"""
     flown: Recording
-    """Its part in closed loop, which all other attributes describe"""
+    """The part of the recording under closed-loop control, which the other attributes describe"""
     experiment: Mapping[str, AxisMetrics]
     loop: str
-    """``replayed`` or ``not replayed``"""
+    """Whether the closed loop was simulated: ``replayed`` or ``not replayed``"""
     why: str | None
-    """Why the loop was not replayed"""
+    """Why the closed loop was not simulated; None if it was"""
     constant_angles: PredictionError | None
     models: tuple[ModelComparison, ...]
 
     def difference(self, model: ModelComparison, axis: str) -> dict[str, float]:
-        """Return the model's six metrics minus the experiment's; NaN if either is undefined."""
+        """Return the model's six step metrics on ``axis`` minus the experiment's; may be NaN."""
         if model.metrics is None:
             return dict.fromkeys(METRICS, np.nan)
         ours = model.metrics[axis].reported.values()
@@ -98,7 +98,7 @@ class Comparison(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """One sentence for each loop, model or metric that could not be computed."""
+        """Return one sentence for each loop, model or metric that could not be computed."""
         sentences = []
         for f in self.flights:
             if f.why is not None:

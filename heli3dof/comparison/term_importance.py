@@ -1,6 +1,8 @@
-"""Importance of a grey-box model's terms: the increase in prediction error without each term.
+"""Compute how much the prediction error increases without each term of a grey-box model.
 
     share_t = RMSE(model without term t) − RMSE(model)      over `HORIZON_S`, degrees
+
+A term is a physical effect of the model, on one axis where it has one.
 
 "Without" sets the term's parameters to the value at which they have no effect; a logarithmic
 parameter has none and gets its lowest value. The other parameters keep their values, so this
@@ -33,15 +35,15 @@ class Share:
 
     term: str
     without_deg: np.ndarray
-    """(3,) RMSE over a prediction window, degrees, without the term"""
+    """(3,) RMSE over a prediction window without the term, degrees, by axis"""
     whole_deg: np.ndarray
-    """(3,) RMSE with the term"""
+    """(3,) RMSE over a prediction window with the term, degrees, by axis"""
 
 
 def shares(
     model: GreyBoxModel, recordings: Sequence[Recording], horizon_s: float = HORIZON_S
 ) -> tuple[Share, ...]:
-    """Return a `Share` per term, in the model's order; squares are averaged over ``recordings``."""
+    """Return each term's errors with and without it, predicted up to ``horizon_s`` (s) ahead."""
     whole = error_deg(model, recordings, horizon_s)
     return tuple(
         Share(t, error_deg(without(model, t), recordings, horizon_s), whole) for t in model.terms
@@ -49,7 +51,7 @@ def shares(
 
 
 def without(model: GreyBoxModel, term: str) -> GreyBoxModel:
-    """Return the model with the term's parameters set to no effect, and nothing refitted."""
+    """Return the model without the effect ``term``; its other parameters keep their values."""
     values = model.values.copy()
     free = model.structure.free
     own = {f.name for f in free if f.term == term}

@@ -1,8 +1,8 @@
-"""A test for feedback: are the voltages correlated with past innovations of the angles?
+"""Test for feedback: are the voltages correlated with past innovations of the angles?
 
-Autoregressions of order p whiten both signals. e is the innovation of a VARX of the angles on past
-angles and voltages; w is that of an AR of the voltages on their own past. Without feedback w[k] is
-independent of e[k], e[k−1], …, and, over h lags,
+Autoregressions of order p whiten both signals. e is the innovation of a regression of the 3 angles
+on past angles and voltages; w is that of the 2 voltages on their own past. Without feedback w[k] is
+independent of e[k], e[k−1], …. So over h lags and N samples, with tr the trace and ~ "follows",
 
     Q = N Σ_{j=0}^{h−1} tr(R_jᵀ R_j)  ~  χ²(2·3·h),      R_j = corr(w[k], e[k−j])
 
@@ -20,14 +20,15 @@ import numpy as np
 from heli3dof.identification.black_box.pbsid import Pair, past, varx
 
 LEVEL = 1e-3
-"""Significance level"""
+"""Significance level of the feedback test"""
 SHARE_MIN = 0.005
-"""Least `Feedback.share` that counts as feedback; a smaller one hardly biases a fit."""
+"""Least share of the voltages' innovation variance, explained by the angles' innovations, that
+counts as feedback. A smaller share hardly biases a fit."""
 
 
 @dataclass(frozen=True)
 class Feedback:
-    """The result of a feedback test. ``share``: part of the voltage innovation from the angles."""
+    """The result of a feedback test; ``share``: voltage innovation variance from the angles."""
 
     statistic: float
     degrees_of_freedom: int
@@ -38,7 +39,7 @@ class Feedback:
 
 
 def feedback_test(data: Sequence[Pair], *, p: int = 10, h: int = 5) -> Feedback:
-    """Test for feedback from angles y (N, 3) rad to voltages u (N, 2) V; p: AR order, h: lags."""
+    """Test for feedback from angles (rad) to voltages (V); p: autoregression order, h: lags."""
     from scipy.stats import chi2
 
     long = [(u, y) for u, y in data if len(u) > 3 * p]
@@ -84,7 +85,7 @@ def _input_innovations(data: Sequence[Pair], p: int) -> list[np.ndarray]:
 
 
 def _whitener(cov: np.ndarray) -> np.ndarray:
-    """Return L with L cov Lᵀ = I; directions without variance are dropped."""
+    """Return a matrix L with L cov Lᵀ = I; directions in which ``cov`` is zero are dropped."""
     lam, V = np.linalg.eigh(cov)
     keep = lam > 1e-12 * lam.max()
     return np.asarray((V[:, keep] / np.sqrt(lam[keep])).T)

@@ -18,7 +18,8 @@ from heli3dof.model.estimation.filter_data import Run
 from heli3dof.recording.recording import Recording
 
 Innovations = tuple[list[np.ndarray], list[np.ndarray]]
-"""Two lists over segments: errors e (N, 3) rad, and the voltages u (N, 2) V at the same rows."""
+"""Two lists with an array per segment: prediction errors (N, 3) rad, voltages (N, 2) V at the same
+rows"""
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,9 @@ class Request:
     """s: the sampling intervals that the order search tries."""
     name: str
     terms: tuple[str, ...] | None = None
-    """Effects of a physical model by name; None: the method's default."""
+    """Names of the effects that a physical model includes; None: the method's default."""
     partial: tuple[Recording, ...] = ()
-    """Recordings that lack an angle, for methods that can use them."""
+    """Recordings that lack roll, pitch or yaw, for methods that can use them."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +48,14 @@ class Parameter:
     bound: float = np.nan
     """The Cramér–Rao bound on ``std``; NaN where the method has none."""
     nominal: float = np.nan
-    """The profile's value; NaN where it has none."""
+    """The value in the rig's profile; NaN where the profile has none."""
     verdict: str = ""
-    """Why the value is unreliable; empty otherwise."""
+    """Why the value is unreliable; empty if it is reliable."""
 
 
 @dataclass(frozen=True)
 class Pole:
-    """A continuous-time pole (1/s) with standard deviations of real and imaginary part, or NaN."""
+    """A continuous-time pole (1/s); standard deviations of its real, imaginary part, or NaN."""
 
     value: complex
     std_real: float
@@ -70,13 +71,13 @@ class Pole:
 
 
 def rightmost_first(poles: Sequence[Pole]) -> tuple[Pole, ...]:
-    """Return the poles sorted by falling real part."""
+    """Return the poles sorted by real part, the largest first."""
     return tuple(sorted(poles, key=lambda p: (-p.value.real, p.value.imag)))
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A fit that the order search tried. ``score``: mean fit (%), by which the search chooses."""
+    """A black-box fit that the order search tried; it chooses by ``score``, the mean fit in %."""
 
     order: int
     interval_s: float
@@ -84,7 +85,7 @@ class Candidate:
     log_likelihood: float
     bic: float
     problem: str
-    """Why the fit cannot be used, or empty."""
+    """Why the fit cannot be used; empty if it can."""
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -102,23 +103,24 @@ class FitResult:
     """The result of an identification method: a fitted model with its uncertainty."""
 
     model: Model
-    """At the control rate."""
+    """The fitted model, at the control rate"""
     order: int
     interval_s: float
-    """s between the samples of the fit."""
+    """s: sampling interval of the data that were fitted"""
     innovations: Callable[[Prepared, Sequence[Run]], Innovations]
-    """Function (prepared, runs) → prediction errors: one step ahead, or of the simulation if the
-    method is output error."""
+    """Function (prepared, runs) → prediction errors and voltages per run of usable rows. The errors
+    are one step ahead, or of the simulation if the method is output error."""
     poles: tuple[Pole, ...] = ()
     transfer: TransferFunctions | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     candidates: tuple[Candidate, ...] = ()
     warnings: tuple[str, ...] = ()
     response: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
-    """ω (F,) rad/s → G (F, 3, 2) and its standard deviation, rad/V."""
+    """Function: frequencies ω (F,) rad/s → frequency response (F, 3, 2) rad/V from the two motors
+    to the three angles, and its standard deviation; None without a linear response"""
     test_interval_s: float | None = None
-    """s between the errors of ``innovations``; None: ``interval_s``."""
+    """s: sampling interval of the errors that ``innovations`` returns; None: ``interval_s``."""
     correlation: np.ndarray | None = None
     """(n, n) correlation matrix of the ``parameters``, in their order."""
     method: str = ""
-    """Name of the method that fitted; empty if it is the requested one."""
+    """Name of the method that made the fit; empty if it is the one that the user requested."""

@@ -26,10 +26,10 @@ from heli3dof.recording.recording import Recording
 
 FEEDBACK_TEST_S = 0.02
 TEST_ROWS = 60
-"""The residual tests skip segments with fewer innovations than this after the filter's settling."""
+"""Rows: residual tests skip segments with fewer innovations after the filter has settled."""
 __all__ = ["Identification", "identify"]
 USEFUL_S = 0.5
-"""s: horizon at which a negative fit gives a warning; a controller needs predictions this far."""
+"""s: predictions this far ahead with a negative fit (worse than the mean) give a warning."""
 BEYOND = 2.0
 """Ratio of an axis' rms motion in held-out and in training data, above which a warning is given"""
 ORDER_MAX = 20
@@ -214,7 +214,7 @@ def _with_provenance(found: FitResult, method: str, prepared: Prepared) -> Model
 def _by_angles(
     recordings: Sequence[Recording], *, split: bool
 ) -> tuple[list[Recording], list[Recording]]:
-    """Return (recordings with all three angles, the others); all in the first if not ``split``."""
+    """Return recordings with all three angles, and the others; all in the first if not split."""
     whole = [r for r in recordings if len(r.axes) == len(AXES)]
     if not split or not whole:
         return list(recordings), []

@@ -30,7 +30,10 @@ class Method:
     method can also use recordings that lack an angle."""
 
     def fit(self, prepared: Prepared, request: Request) -> FitResult:
-        """Import the function and fit. Raises UsageError if it is missing or returns no result."""
+        """Return the fit by the method's function, which is imported first.
+
+        Raises UsageError if the function is missing or returns no `FitResult`.
+        """
         from heli3dof.identification.fit_result import FitResult
 
         module, _, name = self.function.partition(":")

@@ -1,7 +1,8 @@
 """Prepare recordings for a fit: check clocks, select rows, set held-out data aside, decimate.
 
-The amplifier holds the voltage of sample k until k + 1. So over an interval of q samples the mean
-voltage is *exactly* the integral of the input divided by the interval,
+The amplifier holds the voltage V[k] of the sample at time t[k] until t[k+1]. So over an interval of
+q samples the mean voltage ū is *exactly* the integral of the input divided by the interval. With i
+the row of the decimated data and y its angles,
 
     ū[i] = Σ_{j=iq}^{iq+q−1} V[j] (t[j+1] − t[j]) / (t[(i+1)q] − t[iq]),      y[i] = angle[iq]
 
@@ -10,8 +11,8 @@ Angles are sampled, not averaged: a centred average uses future samples and look
 A segment ends at a long gap in the clock and at a row that a linear model cannot use
 (`heli3dof.identification.row_selection`). A short gap ends no segment: the voltage was held, so its
 integral is known, and missing angles are interpolated linearly. Over a gap of g seconds and with an
-angular acceleration q̈, the interpolation error is at most |q̈| g²/8: 0.01° for 10 rad/s² and 13 ms,
-less than an encoder count.
+angular acceleration q̈, the interpolation error is at most |q̈| g²/8: 0.01° for 10 rad/s² and
+13 ms, less than an encoder count.
 """
 
 from __future__ import annotations
@@ -38,14 +39,14 @@ class Clock:
     """Sampling statistics of a recording, from its time stamps."""
 
     period_s: float
-    """Median sample interval"""
+    """Median sample interval in s"""
     nominal_s: float
-    """The profile's control period"""
+    """Control period in s, from the rig's profile"""
     jitter_s: float
-    """Standard deviation of the sample intervals that are no gaps."""
+    """Standard deviation of the sample intervals in s, gaps (lost samples) excluded"""
     gaps: int
     lost_share: float
-    """Fraction of samples that are missing."""
+    """Share of samples that are missing from the recording"""
     long_gaps: int = 0
     """Number of gaps that are too long to be interpolated."""
 
@@ -58,7 +59,7 @@ class RecordingReport:
     seconds: float
     clock: Clock
     left_out: dict[str, float]
-    """Reason → share of rows; a row counts under its first reason."""
+    """Reason for leaving rows out → share of rows. A row with several counts under the first."""
     usable_share: float
     clipped_share: float
     segments: int
@@ -81,7 +82,7 @@ class RecordingReport:
         }
 
     def sentences(self) -> list[str]:
-        """Return the report as lines of text."""
+        """Return the report as sentences of text."""
         c = self.clock
         out = [
             f"{self.name}: {self.seconds:.1f} s every {c.period_s * 1e3:.4g} ms "
@@ -104,31 +105,31 @@ class RecordingReport:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Recordings with reports, and their runs of usable rows, some of which are held out."""
+    """Recordings with their runs (ranges of usable rows) to train on and to hold out."""
 
     recordings: tuple[Recording, ...]
     train: tuple[Run, ...]
     held_out: tuple[Run, ...]
     reports: tuple[RecordingReport, ...]
     dt: float
-    """s, the common control period"""
+    """s: the control period of all recordings"""
     split: str
-    """A sentence: how the held-out data were chosen."""
+    """A sentence for the report on how the held-out data were chosen"""
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """A decimated run: u (N, 2) V, means over the intervals; y (N, 3) rad, at their starts."""
+    """A run of usable rows, decimated: mean voltages u (N, 2) V, first angles y (N, 3) rad."""
 
     u: np.ndarray
     y: np.ndarray
     source: int
     row: int
-    """The recording's row of the first sample."""
+    """Row of the recording at which the segment starts"""
 
 
 def check_clock(recording: Recording) -> Clock:
-    """Return period, jitter and gaps. Raises RecordingError where time does not increase."""
+    """Return period, jitter, gaps of time stamps. Raises RecordingError if they do not increase."""
     t = recording.t
     if len(t) < 3:
         raise RecordingError(
@@ -160,7 +161,7 @@ def prepare(
     held_out: Sequence[Recording] = (),
     held_out_share: float = 0.25,
 ) -> Prepared:
-    """Check clocks, find usable runs, and set held-out data aside.
+    """Return the recordings prepared for a fit: clocks checked, usable runs found, some held out.
 
     Args:
         recordings: recordings to fit; all need roll, pitch and yaw, and the same sample interval.
@@ -201,7 +202,7 @@ def prepare(
 
 
 def segments(prepared: Prepared, runs: Sequence[Run], factor: int) -> list[Segment]:
-    """Return each run decimated by ``factor``; runs of fewer than two intervals are skipped."""
+    """Return each run of usable rows, decimated by ``factor``; skip those under two intervals."""
     out = []
     for run in runs:
         rec = prepared.recordings[run.source].rows(slice(run.start, run.stop))

@@ -1,7 +1,8 @@
-"""Tests of innovations on held-out data: whiteness, and independence of past voltages.
+"""Test innovations on held-out data: whiteness, and independence of past voltages.
 
-Whiteness (Hosking 1980, the multivariate portmanteau test) of N innovations e with l outputs, over
-h lags:
+Innovations e are one-step prediction errors. For a correct model they are white and independent of
+past inputs. tr is the trace, ~ means "follows the distribution". Whiteness (Hosking 1980, the
+multivariate portmanteau test) of N innovations e with l outputs, over h lags:
 
     Q = N² Σ_{j=1}^{h} tr(R_jᵀ R_0⁻¹ R_j R_0⁻¹)/(N − j)  ~  χ²(l² h),     R_j = (1/N) Σ e[k] e[k−j]ᵀ
 
@@ -32,7 +33,7 @@ LEVEL = 0.01
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """The result of one test; it is passed if statistic ≤ ``bound``, the 99 % quantile of χ²."""
+    """The result of one test, passed if the statistic is ≤ ``bound``, the 99 % quantile of χ²."""
 
     name: str
     statistic: float
@@ -70,7 +71,10 @@ class ResidualTest:
 
 
 def whiteness(innovations: Sequence[np.ndarray], h: int = 20) -> ResidualTest:
-    """Test segments (N_i, l) of innovations for whiteness over ``h`` lags; skip those ≤ 2h rows."""
+    """Return the result of the whiteness test over ``h`` lags.
+
+    ``innovations`` has an array (N_i, l) per segment; segments of at most 2h rows are skipped.
+    """
     es = [e - np.vstack(list(innovations)).mean(axis=0) for e in innovations if len(e) > 2 * h]
     N = sum(len(e) for e in es)
     l = es[0].shape[1]
@@ -88,7 +92,10 @@ def whiteness(innovations: Sequence[np.ndarray], h: int = 20) -> ResidualTest:
 def past_inputs(
     innovations: Sequence[np.ndarray], inputs: Sequence[np.ndarray], h: int = 20
 ) -> ResidualTest:
-    """Test whether innovations e (N_i, l) depend on past voltages u (N_i, m), over ``h`` lags."""
+    """Return the result of the test whether innovations depend on the voltages of ``h`` past rows.
+
+    ``innovations`` has an array (N_i, l) per segment, ``inputs`` an array of voltages (N_i, m).
+    """
     E, Z = [], []
     for e, u in zip(innovations, inputs, strict=True):
         if len(e) > 2 * h:

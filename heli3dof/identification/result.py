@@ -33,13 +33,13 @@ class Identification(Result):
 
     method: str
     model: Model
-    """At the control rate, ready to fly, predict and save. Black boxes are `LinearModel`s."""
+    """The model at the control rate, ready to fly, predict and save; black boxes: `LinearModel`."""
     found: FitResult
-    """The result of the method itself."""
+    """The fit that the identification method returned"""
     metrics: Metrics
-    """On held-out data only."""
+    """Scores of the model on held-out data only"""
     residuals: tuple[ResidualTest, ...]
-    """On held-out data, at the interval of the fit."""
+    """Residual tests on held-out data, at the sampling interval of the fit"""
     feedback: Feedback
     prepared: Prepared
     warnings: tuple[str, ...]
@@ -50,17 +50,17 @@ class Identification(Result):
 
     @property
     def interval_s(self) -> float:
-        """s between the samples of the fit."""
+        """Return the sampling interval (s) of the data that were fitted."""
         return self.found.interval_s
 
     @property
     def poles(self) -> tuple[Pole, ...]:
-        """Continuous-time poles in 1/s with standard deviations, rightmost first."""
+        """Return the continuous-time poles in 1/s with standard deviations, rightmost first."""
         return self.found.poles
 
     @property
     def transfer(self) -> TransferFunctions:
-        """Continuous-time transfer functions in rad/V; their ``lines()`` print degrees/V.
+        """Return the continuous-time transfer functions in rad/V; ``lines()`` prints degrees/V.
 
         Raises UsageError for a model that has none (`FitResult.transfer` is None).
         """
@@ -91,7 +91,7 @@ class Identification(Result):
         return out
 
     def summary(self) -> str:
-        """Return three lines (method, held-out scores, residual tests), then numbers, warnings."""
+        """Return a summary: method, held-out scores, residual tests, parameters, warnings."""
         ahead = self.metrics.prediction[SUMMARY_HORIZON_S]
         replay = self.metrics.replay_note or _by_axis(self.metrics.replay)
         tests = [f"{t.name} {'passed' if t.passed else 'not passed'}" for t in self.residuals]
@@ -164,5 +164,5 @@ class Identification(Result):
 
 
 def _by_axis(score: Score) -> str:
-    """Return the fits as text: ``roll 98.1 %, pitch 92.0 %, yaw 97.0 %``."""
+    """Return the fit of each axis as text: ``roll 98.1 %, pitch 92.0 %, yaw 97.0 %``."""
     return ", ".join(f"{a} {f:.1f} %" for a, f in zip(AXES, score.fit_percent, strict=True))

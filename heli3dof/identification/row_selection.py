@@ -87,7 +87,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
 
 
 def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two masks (N,): the rows on the table, and the rows of take-off."""
+    """Return two masks (N,): rows on the table, rows of take-off; ``off``: rows with motors off."""
     roll = np.nan_to_num(recording.angle[:, ROLL], nan=0.0)
     rest = float(roll.min())
     n = len(roll)
@@ -114,7 +114,7 @@ def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
-    """Return (N,) bool: the rows with the motors ``off``, and those after until roll rises."""
+    """Return (N,) bool: rows with the motors ``off``, and those after until ``roll`` rises."""
     out = off.copy()
     for end in np.flatnonzero(off[:-1] & ~off[1:]) + 1:
         k = int(end)
@@ -125,7 +125,7 @@ def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
 
 
 def _falling(roll: np.ndarray) -> np.ndarray:
-    """Return (N,) bool: the rows after ``roll`` was last half-way from the table to level."""
+    """Return (N,) bool: the rows after ``roll`` (N,) was last half-way from the table to level."""
     out = np.zeros(len(roll), dtype=bool)
     if roll[0] < ON_TABLE_BELOW:
         up = np.flatnonzero(roll > roll[0] / 2)
@@ -135,7 +135,7 @@ def _falling(roll: np.ndarray) -> np.ndarray:
 
 
 def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
-    """Return (N,) bool: the rows at a stop, by the criterion in the module's docstring."""
+    """Return (N,) bool: rows of ``angle`` (N,) rad that rest at, or hit, a mechanical stop."""
     out = np.zeros(len(angle), dtype=bool)
     moves = np.abs(np.diff(angle))
     edges = np.concatenate([[0], np.flatnonzero(moves != 0) + 1, [len(angle)]])
@@ -156,7 +156,7 @@ def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
 
 
 def stretches(mask: np.ndarray, cuts: np.ndarray | None = None) -> list[tuple[int, int]]:
-    """Return [start, stop) of each run of True in a mask (N,), also split at the rows ``cuts``."""
+    """Return (first row, row after) per run of True in a mask (N,), split at rows ``cuts``."""
     edges = np.flatnonzero(np.diff(mask)) + 1
     edges = np.unique(np.concatenate([[0, len(mask)], edges, [] if cuts is None else cuts]))
     return [(a, b) for a, b in itertools.pairwise(edges.astype(int).tolist()) if mask[a]]

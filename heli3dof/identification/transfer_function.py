@@ -34,7 +34,7 @@ class TransferFunctions:
 
     @property
     def std(self) -> tuple[np.ndarray, np.ndarray]:
-        """Standard deviations of (num, den), in their shapes; NaN where unknown."""
+        """Return the standard deviations of num and den, in their shapes; NaN where unknown."""
         k = len(self.den)
         if self.covariance is None:
             return np.full(self.num.shape, np.nan), np.full(k, np.nan)
@@ -42,7 +42,7 @@ class TransferFunctions:
         return std[k - 1 :].reshape(self.num.shape), np.concatenate([[0.0], std[: k - 1]])
 
     def zeros(self, axis: int, motor: int) -> list[tuple[complex, float]]:
-        """Return the zeros (1/s) of num[axis, motor], each with its σ, √(var Re + var Im)."""
+        """Return zeros (1/s) of num[axis, motor], each with its deviation √(var Re + var Im)."""
         n = _without_rounding(self.num[axis, motor], float(np.abs(self.num[axis]).max()))
         k = len(self.den)
         out = []
@@ -59,7 +59,7 @@ class TransferFunctions:
         return out
 
     def lines(self, digits: int = 4) -> list[str]:
-        """Return a line of text for each of the six transfer functions, in degrees/V."""
+        """Return six lines, a transfer function (degrees/V) each, with ``digits`` digits."""
         den = polynomial(self.den, digits)
         out = []
         for j in range(2):
@@ -96,7 +96,7 @@ class TransferFunctions:
 
 
 def polynomial(coefficients: np.ndarray, digits: int = 4, scale: float = 0.0) -> str:
-    """Format a polynomial in s from its coefficients, the highest power first.
+    """Format a polynomial in s, with ``digits`` digits, from coefficients, highest power first.
 
     Leading coefficients below 1e-9 of the largest one or of ``scale`` are rounding and are omitted.
 

@@ -1,6 +1,6 @@
 """Score a model on held-out data: the fit in percent, and the RMSE, of predictions and of a replay.
 
-    fit = 100 (1 − ‖y − ŷ‖ / ‖y − ȳ‖)  %
+    fit = 100 (1 − ‖y − ŷ‖ / ‖y − ȳ‖)  %,     y measured, ŷ predicted, ȳ the mean of y
 
 Each axis is scored for predictions one sample, 0.1, 0.5, 1 and 3 s ahead. It is also scored for the
 closed-loop replay: the model flies the same references under the same controller. One sample ahead,
@@ -24,24 +24,25 @@ from heli3dof.model.estimation.filter_data import LOST, Run
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
 WARM_UP_S = 2.0
-"""s at a run's start that are not scored while the filter settles; fewer if usable rows precede."""
+"""s: the start of a run of usable rows that is not scored, because the filter still settles. Usable
+rows before the run shorten it."""
 LEAD_IN_S = 10.0
-"""s of usable rows before a run, at most, in which the filter settles"""
+"""s: longest stretch of usable rows before a run in which the filter settles; not scored"""
 AFTER_TAKE_OFF_S = 2.0
-"""s from the first usable row after take-off, before which the replay of a flight from the table is
-not scored: a linear model does not describe the rise from −27.5°, and its error must decay."""
+"""s after the first usable row of a flight from the table, in which its replay is not scored. A
+linear model does not describe the rise from −27.5° of roll, and its error must decay first."""
 
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """Fit (3,) in percent and RMSE (3,) in rad per axis, over ``rows`` rows; NaN without rows."""
+    """Fit (3,) in percent and RMSE (3,) in rad per axis, over a number of ``rows``; NaN if 0."""
 
     fit_percent: np.ndarray
     rmse: np.ndarray
     rows: int
 
     def to_json(self) -> dict[str, Any]:
-        """Return fit (%) and RMSE (degrees) by axis."""
+        """Return the score as a dict: fit (%) and RMSE (degrees) by axis."""
         return {
             axis: {"fit_percent": float(f), "rmse_deg": float(np.rad2deg(e))}
             for axis, f, e in zip(AXES, self.fit_percent, self.rmse, strict=True)
@@ -53,7 +54,7 @@ NO_SCORE = Score(np.full(3, np.nan), np.full(3, np.nan), 0)
 
 @dataclass(frozen=True, eq=False)
 class Metrics:
-    """Scores on held-out data. ``prediction``: horizon in s → score; 0.0 stands for one sample."""
+    """Scores on held-out data. ``prediction``: horizon in s → score; 0.0 means one sample ahead."""
 
     prediction: dict[float, Score]
     replay: Score
@@ -106,7 +107,10 @@ def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
 def predictions(
     model: Model, prepared: Prepared, runs: Sequence[Run], horizon_s: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return measured and predicted angles (N, 3) rad per run; NaN until the filter has settled."""
+    """Return measured and predicted angles (N, 3) rad for each run of usable rows.
+
+    The predictions are ``horizon_s`` (s) ahead; NaN until the filter has settled.
+    """
     out = []
     for run in runs:
         recording = prepared.recordings[run.source]
@@ -121,7 +125,7 @@ def predictions(
 
 
 def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
-    """Return how many usable rows, at most ``most``, precede the run and settle the filter."""
+    """Return the number of usable rows directly before the run, at most ``most``."""
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:
             t = prepared.recordings[run.source].t
@@ -132,7 +136,7 @@ def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
 
 
 def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
-    """Return why the closed loop of recordings number ``sources`` cannot be replayed, or ``""``."""
+    """Return why recordings with the indices ``sources`` have no closed-loop replay, or ``""``."""
     for i in sources:
         r = prepared.recordings[i]
         if reason := why_not_replayed(r):
@@ -147,7 +151,7 @@ def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
 def replays(
     model: Model, prepared: Prepared, runs: Sequence[Run]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return measured and replayed angles in the runs; a replay starts with its recording."""
+    """Return measured and replayed (closed-loop simulated) angles (N, 3) rad for each run."""
     out = []
     settle = round(AFTER_TAKE_OFF_S / prepared.dt)
     for source in sorted({r.source for r in runs}):

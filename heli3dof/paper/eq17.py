@@ -1,4 +1,4 @@
-"""Eq (17), the paper's identified model, as printed and corrected; it has known defects.
+"""Provide the paper's identified model, eq (17), as printed and corrected; it has known defects.
 
 All transfer functions have one denominator. T(s)_{i,j} is from motor i (1 front, 2 back) to angle j
 (1 roll, 2 pitch, 3 yaw), in degrees per volt. The defects (erratum E14):
@@ -24,7 +24,7 @@ from heli3dof.model.linear.model import LinearModel
 from heli3dof.rig.profile import Profile
 
 DENOMINATOR = (1.0, 1.379, 2.01, 1.072, 0.3533)
-"""Coefficients of s⁴ … s⁰"""
+"""Coefficients of the common denominator, s⁴ … s⁰"""
 NUMERATORS_PRINTED = (
     ((52.0, 6.568, 7.539, 3.989), (0.2395, -0.827, 1.139, 0.0), (-2.821, 0.3479, 1.807, 0.0)),
     (
@@ -33,13 +33,13 @@ NUMERATORS_PRINTED = (
         (2.19, -0.3158, -1.801, -1.047),
     ),
 )
-"""[motor][angle] → s³ … s⁰, °/V, as printed."""
+"""[motor][angle] → numerator coefficients of s³ … s⁰, °/V, as the paper prints them"""
 T11_CORRECTED = 2.52
-"""The s³ coefficient of T_11 that is very likely meant."""
+"""°/V: coefficient of s³ in T_11 that is very likely meant, in place of the printed 52"""
 
 
 def numerators_deg(*, corrected: bool = False) -> np.ndarray:
-    """Return the numerators (2, 3, 4), °/V: motor, angle, coefficients of s³ … s⁰."""
+    """Return the numerators (2, 3, 4), °/V: motor, angle, s³ … s⁰; T_11 as printed or corrected."""
     num = np.array(NUMERATORS_PRINTED)
     if corrected:
         num[0, 0, 0] = T11_CORRECTED
@@ -52,12 +52,15 @@ def poles() -> np.ndarray:
 
 
 def dc_gains_deg() -> np.ndarray:
-    """Return the DC gains (2, 3), °/V: motor, angle. Printed and corrected, they are the same."""
+    """Return the DC gains (2, 3), °/V, by motor and angle; the correction does not change them."""
     return numerators_deg()[:, :, -1] / DENOMINATOR[-1]
 
 
 def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A (8, 8), B (8, 2), C (3, 8) in rad and V: a controllable canonical form per motor."""
+    """Return A (8, 8), B (8, 2), C (3, 8) in rad and V, as printed or with T_11 ``corrected``.
+
+    Each motor has a controllable canonical form of four states.
+    """
     num = np.deg2rad(numerators_deg(corrected=corrected))
     companion = np.zeros((4, 4))
     companion[0] = -np.array(DENOMINATOR[1:])
@@ -70,7 +73,7 @@ def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.
 def paper17_model(
     profile: Profile, *, corrected: bool = False, dt: float | None = None
 ) -> LinearModel:
-    """Return eq (17), as printed or with T_11 ``corrected``, about the profile's hover voltage."""
+    """Return eq (17), printed or ``corrected``, about hover; ``dt`` (s): sample interval."""
     dt = profile.dt if dt is None else dt
     A, B, C = realisation(corrected=corrected)
     A_d, B_d = c2d_zoh(A, B, dt)

@@ -1,4 +1,4 @@
-"""Load a model for ``--model``: one of the paper's by name for a rig's profile, or a model file."""
+"""Load the model of the option ``--model``: one of the paper's by name, or a model file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ BUILT_IN: Mapping[str, Callable[[Profile], Model]] = {
 """Name for ``--model`` → function that makes the built-in model for a profile."""
 
 OLD_NAMES = {"paper-17-mended": "paper-17-corrected"}
-"""Names of an earlier version, still read with a warning."""
+"""Model name of an earlier version → its present name; the old one gives a warning."""
 
 
 def load_model(name_or_path: str | Path, profile: Profile | None = None) -> Model:

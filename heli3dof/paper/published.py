@@ -23,11 +23,11 @@ HOVER_ROLL = "eqs (7)–(14) with errata E3–E6 corrected, 10° step, K_g"
 
 @dataclass(frozen=True)
 class Published:
-    """One number that the paper prints, and whether it can be reproduced."""
+    """One number that the paper prints, with whether it can be reproduced, and why."""
 
     axis: str
     subject: Subject
-    """Whose number it is; for a difference, the model that is compared with the experiment."""
+    """Experiment or model that the number describes; for a difference, the model"""
     quantity: Quantity
     value_deg: float
     where: str
@@ -89,7 +89,7 @@ CAVEATS: tuple[str, ...] = (
 
 
 def published(axis: str, subject: Subject, quantity: Quantity) -> Published | None:
-    """Return the number that the paper prints, or None if it prints none."""
+    """Return the paper's number of a ``quantity`` on ``axis``, or None; subject: whose number."""
     for number in (*TEXT, *TABLE_II):
         if (number.axis, number.subject, number.quantity) == (axis, subject, quantity):
             return number

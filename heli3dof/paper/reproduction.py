@@ -21,18 +21,18 @@ from heli3dof.paper.published import TABLE_II, TEXT, Published
 from heli3dof.rig.profile import ControllerSpec, Profile, default_profile
 
 STEP_DEG, DURATION_S = 10.0, 10.0
-"""°, s: the paper's roll step."""
+"""Size (°) of the paper's roll step, and duration (s) of its simulation"""
 
 
 @dataclass(frozen=True)
 class Reproduced:
-    """A number of the paper with the one simulated here, ``ours_deg``; NaN if not reproducible."""
+    """A number that the paper prints, with the one simulated here, ``ours_deg`` (°) or NaN."""
 
     published: Published
     ours_deg: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the row of ``compare --json``; ``ours_deg`` is None if not reproducible."""
+        """Return the number as a row of ``compare --json``; a NaN in ``ours_deg`` becomes None."""
         ours = float(self.ours_deg)
         return {**asdict(self.published), "ours_deg": ours if isfinite(ours) else None}
 
@@ -53,7 +53,7 @@ def paper_step(profile: Profile | None = None) -> LoopTask:
 
 
 def hover_metrics(hover: Model, profile: Profile | None = None) -> Mapping[str, AxisMetrics]:
-    """Return the step metrics by axis of the hover model ``hover`` in the paper's roll step."""
+    """Return the hover model's step metrics by axis in the paper's roll step on a profile's rig."""
     task = paper_step(profile)
     result = hover.fly(task)
     return step_metrics(result.t, result.angle, task.reference)

@@ -1,4 +1,4 @@
-"""Tables of a comparison: step metrics, prediction errors, Table II, the paper's numbers.
+"""Make the tables of a comparison: step metrics, prediction errors, Table II, paper's numbers.
 
 A table is a `Grid`, which `heli3dof.report.text_table` renders.
 """
@@ -38,7 +38,7 @@ QUANTITIES = {
 
 
 def step_name(step: StepMetrics) -> str:
-    """Describe a segment of the reference, as ``0 → 10° at 5 s`` or ``held at 0° from 5 s``."""
+    """Return a segment of the reference as text: ``0 → 10° at 5 s``, ``held at 0° from 5 s``."""
     when = short(step.start_s, " s")
     if step.kind in ("step", "start"):
         return f"{short(step.from_deg)} → {short(step.set_deg, '°')} at {when}"
@@ -173,7 +173,7 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return which of the paper's models ``model`` corresponds to, hover or identified, or None."""
+    """Return which model of the paper ``model`` is among ``models``: hover, identified or None."""
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]
@@ -186,7 +186,7 @@ def _printed(axis: str, subject: Subject | None, quantity: Quantity) -> str:
 
 
 def published_table(rows: Iterable[Reproduced]) -> Grid:
-    """Return a table of the paper's numbers with their reproduction, or why there is none."""
+    """Return a table of the paper's numbers with those simulated here, or why there are none."""
     cells = []
     reasons: dict[str, str] = {}
     for r in rows:
@@ -214,14 +214,14 @@ def published_table(rows: Iterable[Reproduced]) -> Grid:
 
 
 def flight_grids(flight: FlightComparison) -> list[Grid]:
-    """Return the tables of one flight: step metrics and Table II if replayed, predictions."""
+    """Return one flight's tables: step metrics, Table II if the loop was replayed, predictions."""
     replayed = metrics_table(flight) if flight.why is None else None
     grids = (replayed, table_ii(flight), prediction_table(flight))
     return [g for g in grids if g is not None]
 
 
 def comparison_grids(comparison: Comparison, reproduced: Sequence[Reproduced] = ()) -> list[Grid]:
-    """Return the tables of all flights, then the one of the paper's numbers."""
+    """Return the tables of all flights, then that of the paper's numbers as ``reproduced`` here."""
     grids = [g for flight in comparison.flights for g in flight_grids(flight)]
     return [*grids, published_table(reproduced)] if reproduced else grids
 

@@ -26,7 +26,7 @@ class FigureData:
     wrong: HowWrong | None = None
     """The simulation error by horizon and axis"""
     evidence: Sequence[Evidence] = ()
-    """Binned residual torque of each finding that acts as a torque"""
+    """Residual torque, averaged in bins, of each finding (reported cause) that acts as a torque"""
     leftovers: Sequence[Leftover] = ()
     leftover_evidence: Sequence[Evidence] = ()
     gain: Gain | None = None
@@ -34,13 +34,13 @@ class FigureData:
     after: HeldOut | None = None
     replayed: Sequence[Replayed] = ()
     names: Sequence[str] = ()
-    """Names of the recordings on which the gain was measured"""
+    """Names of the recordings whose prediction errors were compared, without and with the causes"""
 
 
 def figure_data(
     found: Diagnosis, recordings: Sequence[Recording], holdout: Sequence[Recording] = ()
 ) -> FigureData:
-    """Return the data of a diagnosis' figures; empty if the recordings are faulty."""
+    """Return the data of the figures of the diagnosis ``found``; empty if recordings are faulty."""
     f = found.fitted
     if f is None:
         return FigureData()

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: a cause in the residual torque, and predictions before and after.
+"""Draw figures of a diagnosis: a cause in the residual torque, and predictions before and after.
 
 "Before" is the refitted model without the causes, "after" the one with them. Points are measured
 residual torques, with error bars of one standard error. The line is the cause as fitted to the
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 BEFORE = Line(VERMILION, 1.5, (6, 1.5), 5)
 AFTER = Line(BLUE, 1.6, (), 6)
 ROOM = 1.35
-"""Ratio of the figure's vertical range to the range of its points (a convention)"""
+"""Ratio of a figure's vertical range to the range of its measured points (a convention)"""
 
 
 def evidence_figure(e: Evidence) -> Figure:
-    """Draw the residual torque over the variable on which a cause depends, and the fitted cause."""
+    """Draw one cause's residual torque ``e`` over its variable, with the cause as fitted."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -58,7 +58,7 @@ def evidence_figure(e: Evidence) -> Figure:
 
 
 def stretch_figure(before: HeldOut, after: HeldOut, worst: Worst, recording: str = "") -> Figure:
-    """Draw the worst stretch of held-out data with 1 s predictions, without and with the causes."""
+    """Draw the worst stretch of held-out data, with 1 s predictions without and with causes."""
     i = AXES.index(worst.axis)
     c = before.course
     margin = 0.5 * (worst.stop_s - worst.start_s)

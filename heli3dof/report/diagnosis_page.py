@@ -20,7 +20,7 @@ def diagnosis_page(
     *,
     title: str = "",
 ) -> str:
-    """Return the HTML page of ``found``; ``document`` is its ``diagnose --json`` document."""
+    """Return the HTML page of the diagnosis ``found``; ``document``: ``diagnose --json`` of it."""
     section = diagnosis_section(document, figure_data(found, recordings, holdout))
     names = ", ".join(r.name for r in recordings)
     return flight_report(

@@ -26,7 +26,7 @@ from heli3dof.report.text_table import NONE, Grid, fixed
 def diagnosis_section(
     document: Document, p: FigureData = FigureData(), title: str = "Diagnosis"
 ) -> Section:
-    """Return the report's section on a diagnosis: its JSON ``document``, and figures from p."""
+    """Return the HTML section on a diagnosis from its JSON ``document``; p: data of the figures."""
     bad = document["verdict"] == "bad_data"
     blocks = [key(words.verdict(document))]
     blocks += [warning(s) if bad else paragraph(s) for s in words.faults(document)]
@@ -89,7 +89,7 @@ def _unmodelled(document: Document, p: FigureData) -> list[str]:
 
 
 def error_table(w: HowWrong) -> Grid:
-    """Return a table of the simulation's prediction RMSE and noise floor, per axis and horizon."""
+    """Return a table of the simulation error w: RMSE and noise floor, per axis and horizon."""
     rows = [
         [f"{h:g}", *(fixed(float(x[k, i]), 3) for i in range(3) for x in (w.rmse_deg, w.floor_deg))]
         for k, h in enumerate(w.horizons_s)

@@ -1,7 +1,8 @@
-"""The tables of a diagnosis, and its terminal output: tables and sentences in reading order.
+"""Make the tables of a diagnosis, and its terminal output: tables and sentences in reading order.
 
-The input is the document of ``diagnose --json`` (schema ``heli3dof.diagnosis/1``), so a diagnosis
-read from a file looks like a new one. `heli3dof.report.diagnosis_text` writes the sentences.
+Each function's ``document`` is that of ``diagnose --json`` (schema ``heli3dof.diagnosis/1``). So a
+diagnosis read from a file looks like a new one. `heli3dof.report.diagnosis_text` writes the
+sentences.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ UNITS = {
 
 
 def significant(value: float | None, std: float | None = None) -> str:
-    """Format a value with as many digits as show two digits of its standard deviation.
+    """Format a value so that two digits of its standard deviation ``std`` show; None: a dash.
 
     >>> significant(0.030123, 0.00042), significant(1234.5, 20.0), significant(None)
     ('0.03012', '1234', '–')
@@ -62,7 +63,7 @@ def significant(value: float | None, std: float | None = None) -> str:
 
 
 def diagnosis_tables(document: Document) -> list[Grid | str]:
-    """Return a diagnosis' tables and sentences in reading order, without the empty ones."""
+    """Return tables and sentences of the diagnosis JSON ``document`` in order, no empty ones."""
     out: list[Grid | str] = [words.verdict(document), *words.faults(document)]
     out += words.limits(document)
     for grid in (simulation_error(document), findings(document), gains(document)):
@@ -86,7 +87,7 @@ def diagnosis_tables(document: Document) -> list[Grid | str]:
 
 
 def simulation_error(document: Document) -> Grid:
-    """Return a table of prediction errors with the profile's parameters, and the noise floor."""
+    """Return a table of the diagnosis: prediction errors with the rig profile, and noise floor."""
     error = document["simulation_error"]
     rows = [
         [axis, _degrees(error[axis]["rmse_deg"]), _degrees(error[axis]["noise_floor_deg"])]
@@ -103,7 +104,7 @@ def simulation_error(document: Document) -> Grid:
 
 
 def _worst(error: Document) -> list[str]:
-    """Return a line that names the stretches with the largest errors."""
+    """Return a line that names the parts of recordings with the largest prediction errors."""
     stretches = [
         f"{axis} {fixed(w['start_s'], 1)} to {fixed(w['stop_s'], 1)} s of {w['recording']} "
         f"({fixed(w['rmse_deg'], 2, '°')})"
@@ -114,7 +115,7 @@ def _worst(error: Document) -> list[str]:
 
 
 def findings(document: Document) -> Grid:
-    """Return a table of the causes: parameters, standard deviations, gain in log-likelihood."""
+    """Return a diagnosis' causes as a table: parameters with deviations, log-likelihood gains."""
     rows = []
     for f in document["findings"]:
         gain = fixed(number(f["gain"]["holdout_log_likelihood"]), 0)
@@ -135,7 +136,7 @@ def findings(document: Document) -> Grid:
 
 
 def gains(document: Document) -> Grid:
-    """Return a table of prediction errors of the refitted models, without and with the causes."""
+    """Return a diagnosis' table of prediction errors, refitted without and with the causes."""
     heads = ["axis", "before °", "after °", "reduction °", "95 % interval", "noise floor °"]
     if not words.adopted(document):
         return Grid("", heads, [])
@@ -179,7 +180,7 @@ def interval(ends: Sequence[float | None], digits: int = 3) -> str:
 
 
 def calibration(document: Document) -> Grid:
-    """Return a table of the refitted rig parameters and their difference from the profile's."""
+    """Return a diagnosis' table of refitted rig parameters, with their change from the profile."""
     rows = []
     for c in document["calibration"]:
         nominal, value = c["nominal"], c["value"]

@@ -1,5 +1,6 @@
 """Write the sentences of a diagnosis from the JSON document of ``diagnose --json``.
 
+Each function's argument ``document`` is that document, ``finding`` an entry of its list of causes.
 `verdict` and the functions that yield strings write whole sentences. Those of `faults` and
 `next_steps` name an action. docs/reference/contract.md defines the document's keys.
 """
@@ -27,7 +28,7 @@ VERDICTS = {
 }
 UNCONFIRMED = "A further effect would fit better, but held-out data do not confirm it."
 LISTED = 6
-"""Largest number of names in a sentence; it gives the number of the others."""
+"""Largest number of names that a sentence lists; it then gives the number of the others."""
 NOISE_EXCESS = 1.5
 """Ratio of noise floor to simulation error, above which `limits` warns (a convention)."""
 SCALE_PREFIX = "encoder.scale."
@@ -36,13 +37,13 @@ NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
 
 
 def name_of(finding: Document) -> str:
-    """Return a finding's name: effect ``friction.coulomb``, axis yaw → ``friction.coulomb.yaw``."""
+    """Return a cause's name: effect ``friction.coulomb``, axis yaw → ``friction.coulomb.yaw``."""
     axis = finding.get("axis")
     return str(finding["effect"]) if axis is None else f"{finding['effect']}.{axis}"
 
 
 def variable(name: str) -> str:
-    """Return a variable's key in words.
+    """Return the key of a variable, on which a residual torque depends, in words.
 
     >>> variable("pitch*roll_rate")
     'pitch × roll rate'
@@ -51,7 +52,7 @@ def variable(name: str) -> str:
 
 
 def listed(names: Sequence[str], word: str = "and") -> str:
-    """Join names for a sentence.
+    """Return names joined for a sentence, with ``word`` before the last.
 
     >>> listed(["a", "b", "c"]), listed(["a"], "or")
     ('a, b and c', 'a')
@@ -60,7 +61,7 @@ def listed(names: Sequence[str], word: str = "and") -> str:
 
 
 def summary_of(name: str) -> str:
-    """Return the effect catalogue's description of a cause; empty if it is not in the catalogue."""
+    """Return the description of the effect ``name``; empty for an unknown name."""
     try:
         return term(name).effect.summary
     except UsageError:
@@ -68,7 +69,7 @@ def summary_of(name: str) -> str:
 
 
 def verdict(document: Document) -> str:
-    """Return the verdict with its meaning, in one to three sentences."""
+    """Return the verdict of the diagnosis JSON with its meaning, in one to three sentences."""
     word = str(document["verdict"])
     meaning = VERDICTS[word]
     if word == "nothing_found":
@@ -81,12 +82,12 @@ def verdict(document: Document) -> str:
 
 
 def possibly_off(document: Document) -> list[Document]:
-    """Return calibrated parameters that exceed the profile's tolerance, but not significantly."""
+    """Return refitted rig parameters beyond the profile's tolerance, but not significantly so."""
     return [c for c in document["calibration"] if c.get("beyond_tolerance") == "not_surely"]
 
 
 def calibration_doubts(document: Document) -> Iterator[str]:
-    """Yield a sentence per parameter of `possibly_off`, then how to measure them better."""
+    """Yield a sentence per rig parameter that may be wrong, then how to measure them better."""
     doubtful = possibly_off(document)
     for c in doubtful:
         off = number(c["value"]) / c["nominal"] - 1
@@ -118,7 +119,7 @@ def faults(document: Document) -> Iterator[str]:
 
 
 def limits(document: Document) -> Iterator[str]:
-    """Yield which recordings were not fitted, which simulation errors are missing or unreliable."""
+    """Yield sentences: recordings not fitted, simulation errors that are missing or unreliable."""
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:
         yield (
@@ -147,7 +148,7 @@ def limits(document: Document) -> Iterator[str]:
 
 
 def causes(document: Document) -> Iterator[str]:
-    """Yield a paragraph per finding: what it is, its confidence, what it is confounded with."""
+    """Yield a paragraph per cause: what it is, its confidence, what it is confounded with."""
     unmodelled = {rest["axis"] for rest in document["leftover"]}
     for f in document["findings"]:
         name = name_of(f)
@@ -173,7 +174,7 @@ def causes(document: Document) -> Iterator[str]:
 
 
 def _confounded(name: str, others: Sequence[str]) -> str:
-    """Return what the finding ``name`` is confounded with, and which measurement separates them."""
+    """Return a sentence: ``others`` are confounded with cause ``name``; how to separate them."""
     scales = [n for n in others if n.startswith(SCALE_PREFIX)]
     flights = flyable(name, others)
     weights = [n for n in others if n not in flights and n not in scales]
@@ -191,7 +192,7 @@ def _confounded(name: str, others: Sequence[str]) -> str:
 
 
 def turn_by_hand(scales: Sequence[str]) -> str:
-    """Return how to find a wrong encoder scale (counts per revolution).
+    """Return how to find a wrong encoder scale (counts per revolution); ``scales``: effect names.
 
     >>> turn_by_hand(["encoder.scale.yaw"])[:35]
     'turn yaw by hand through a known an'
@@ -204,7 +205,7 @@ def turn_by_hand(scales: Sequence[str]) -> str:
 
 
 def adopted(document: Document) -> bool:
-    """True if a cause was added to the model; faults and calibrations add none."""
+    """Return whether the diagnosis added a cause to the model (faults, calibrations add none)."""
     return any(
         f["gain"]["holdout_log_likelihood"] is not None or "measured_on" in f["gain"]
         for f in document["findings"]
@@ -212,7 +213,7 @@ def adopted(document: Document) -> bool:
 
 
 def unmodelled_effects(document: Document) -> Iterator[str]:
-    """Yield a sentence per unexplained residual torque: its axis, and on what it depends."""
+    """Yield a sentence per residual torque without a known cause: axis, what it depends on."""
     for rest in document["leftover"]:
         share = number(rest["share"])
         text = (
@@ -230,7 +231,7 @@ def unmodelled_effects(document: Document) -> Iterator[str]:
 
 
 def not_adopted(document: Document) -> Iterator[str]:
-    """Yield which candidates have no confirmed gain, and which effects are not identifiable."""
+    """Yield sentences: candidate effects without confirmed gain, effects not identifiable."""
     for x in document.get("dropped", ()):
         span = x["gain"].get("holdout_log_likelihood_interval", (None, None))
         if span is None:  # compared by multi-step predictions
@@ -261,12 +262,12 @@ def not_adopted(document: Document) -> Iterator[str]:
 
 
 def equation_changes(document: Document) -> Iterator[str]:
-    """Yield the simplifications of the equations of motion that the recordings support."""
+    """Yield a sentence per simplification of the equations of motion that recordings support."""
     yield from map(str, document.get("about", {}).get("written", ()))
 
 
 def kept_terms(document: Document) -> Iterator[str]:
-    """Yield the extended model's terms that are not reported as causes, with estimate and prior."""
+    """Yield sentences: the extended model's effects that are no causes, with estimate, prior."""
     for x in document.get("about", {}).get("kept_within_what_is_known", ()):
         sizes = ", ".join(
             f"{fixed(q['value'], 3)} ± {fixed(q['std'], 3)} {q['unit']} (prior: "
@@ -277,13 +278,13 @@ def kept_terms(document: Document) -> Iterator[str]:
 
 
 def model_deviations(document: Document) -> Iterator[str]:
-    """Yield what the extended model does not explain, apart from the residual torques."""
+    """Yield sentences: what the extended model does not explain, except residual torques."""
     for x in document.get("about", {}).get("still_hidden", ()):
         yield f"Not explained: {x['sentence']}"
 
 
 def next_steps(document: Document) -> Iterator[str]:
-    """Yield what to do next, with the command."""
+    """Yield sentences on what the user can do next, each with its command."""
     if document["verdict"] == "bad_data":
         yield "Correct the log or record again, then run heli3dof diagnose again."
         return
@@ -326,7 +327,7 @@ def next_steps(document: Document) -> Iterator[str]:
 
 
 def percent(confidence: float | None) -> str:
-    """Format a confidence in percent, above 99 % as ``> 99 %``.
+    """Format a confidence (0 to 1) in percent; above 99 % as ``> 99 %``, None as a dash.
 
     >>> percent(0.9999), percent(0.873), percent(None)
     ('> 99 %', '87 %', '–')
@@ -337,5 +338,5 @@ def percent(confidence: float | None) -> str:
 
 
 def number(value: float | None) -> float:
-    """Return the value, or NaN for None."""
+    """Return ``value`` as a float, NaN for None (an undefined number in JSON)."""
     return math.nan if value is None else float(value)

@@ -55,7 +55,7 @@ RC: Any = {
 
 @dataclass(frozen=True)
 class Line:
-    """The style of one curve."""
+    """The style of one curve in a figure: colour, line and marker."""
 
     color: str
     width: float
@@ -63,7 +63,7 @@ class Line:
     z: int = 3
 
     def kwargs(self) -> dict[str, Any]:
-        """Keyword arguments for ``Axes.plot``."""
+        """Return the style as keyword arguments of matplotlib's ``Axes.plot``."""
         style: Any = (0, self.dash) if self.dash else "-"
         return {
             "color": self.color,
@@ -130,9 +130,9 @@ def to_png(figure: Figure) -> bytes:
 
 
 def save(figure: Figure, path: str | Path, *, force: bool = False) -> Path:
-    """Write the figure as ``.svg`` or ``.png`` by the path's ending.
+    """Write the figure as ``.svg`` or ``.png``, by the path's ending; return the path.
 
-    Raises OutputExists unless ``force``, and UsageError for another ending.
+    Raises OutputExists if the file exists, unless ``force``. Raises UsageError for another ending.
     """
     path = Path(path)
     if path.suffix not in (".svg", ".png"):

@@ -71,7 +71,7 @@ def comparison_plot(
 
 
 def axis_figures(flight: FlightComparison) -> dict[str, Figure]:
-    """Draw the paper's Figures 7, 8 and 9 for one recording, by axis; one not measured has none."""
+    """Return the paper's Figures 7, 8 and 9 for one recording by axis; unmeasured ones missing."""
     return {axis: comparison_figure(flight, axis) for axis in AXES if axis in flight.recording.axes}
 
 
@@ -178,7 +178,7 @@ def _subtitle(flight: FlightComparison, axis: str) -> str:
 
 
 def _list(parts: Sequence[str]) -> str:
-    """Join parts by commas; a line can break between parts only."""
+    """Return the parts joined by commas; the text can break into lines between parts only."""
     return ",  ".join(p.replace(" ", "\u00a0") for p in parts if p)
 
 

@@ -98,7 +98,7 @@ def _flights(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _summary(r: Recording) -> dict[str, Any]:
-    """Return plan, device, outcome, duration, rate, profile, controller and voltage range."""
+    """Return a recording's plan, device, outcome, duration, rate, profile, controller, voltages."""
     gaps = np.diff(r.t) > 1.5 * r.dt
     return {
         "plan": _plan_name(r),
@@ -149,7 +149,7 @@ def _comparison(comparison: Comparison) -> list[str]:
 
 
 def in_a_sentence(flight: FlightComparison) -> str:
-    """Return the result of one flight's comparison in a few sentences."""
+    """Return the comparison of one flight with models as a few sentences."""
     if not flight.models:
         return "No model was compared."
     if flight.why is None:
@@ -187,7 +187,7 @@ def _replay_sentence(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _prediction_sentence(flight: FlightComparison) -> str:
-    """Return a sentence on the errors of roll predictions, which run without a controller."""
+    """Return a sentence on the models' errors in multi-step predictions of roll."""
     if flight.constant_angles is None:
         return ""
     named = [(m.name, m.prediction) for m in flight.models]
@@ -224,7 +224,7 @@ def _provenance(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _flat(meta: Mapping[str, Any], prefix: str = "") -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return metadata as (short values under dotted names, values that are too long for a line)."""
+    """Return metadata as two dicts by dotted name: short values, values too long for a line."""
     short: dict[str, Any] = {}
     long: dict[str, Any] = {}
     for name, value in meta.items():

@@ -1,6 +1,6 @@
 """Write a self-contained HTML page: sections of blocks, without scripts or external links.
 
-Figures are embedded. A block is a string of HTML from a function of this module, with text escaped.
+Figures are embedded. A block is a string of HTML, with special characters escaped.
 """
 
 from __future__ import annotations
@@ -180,7 +180,7 @@ def page(title: str, subtitle: str, sections: Iterable[Section], *, footer: str 
 
 
 def write_page(text: str, path: str | Path, *, force: bool = False) -> Path:
-    """Write the page to a file. Raises OutputExists if it exists, unless ``force``."""
+    """Write the page to a file, return its path. OutputExists if it exists, unless ``force``."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     return write_file(path, text.encode("utf-8"), force=force)

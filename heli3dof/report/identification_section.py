@@ -19,13 +19,13 @@ from heli3dof.report.text_table import NONE, Grid, fixed
 
 POINTS = 200
 LOWEST = 0.1
-"""rad/s: flights of a minute have no information at lower frequencies."""
+"""rad/s: lowest frequency of the Bode diagrams; one-minute flights hold no information below."""
 MIXED = 0.8
-"""Absolute correlation above which a pair of parameters gets a note (a convention)"""
+"""Absolute correlation above which a pair of estimated parameters gets a note (a convention)"""
 
 
 def identification_tables(found: Identification) -> list[Grid]:
-    """Return the tables for the terminal, without empty ones."""
+    """Return the tables of an identification for the terminal, without empty ones."""
     grids = [
         parameters_table(found),
         poles_table(found),
@@ -49,12 +49,12 @@ def parameters_table(found: Identification) -> Grid:
 
 
 def _short(name: str) -> str:
-    """Return the effect of a parameter: ``motor.lag.time_constant_s`` → ``motor.lag``."""
+    """Return a parameter's effect: ``motor.lag.time_constant_s`` → ``motor.lag``."""
     return name.rpartition(".")[0] or name
 
 
 def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
-    """Return a sentence for each pair of parameters that correlate by more than `MIXED`."""
+    """Return a sentence for each pair of parameters ``names`` that correlate above `MIXED`."""
     if correlation is None:
         return []
     return [
@@ -66,7 +66,7 @@ def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
 
 
 def poles_table(found: Identification) -> Grid:
-    """Return a table of the continuous-time poles and their errors, conjugate pairs once."""
+    """Return a table of continuous-time poles, standard deviations; conjugate pairs once."""
     rows = []
     for pole in found.poles:
         re, im = pole.value.real, pole.value.imag
@@ -143,7 +143,7 @@ def candidates_table(found: Identification) -> Grid:
 
 
 def identification_section(found: Identification) -> Section:
-    """Return the report's section on one identification."""
+    """Return the HTML report's section on one identification."""
     blocks = [paragraph(s) for s in found.sentences() if not s.startswith("Warning: ")]
     blocks += [warning(w) for w in found.warnings]
     blocks += [table(grid) for grid in identification_tables(found)]
@@ -165,7 +165,7 @@ def identification_section(found: Identification) -> Section:
 
 
 def bode_with_bands(found: Identification):  # type: ignore[no-untyped-def]
-    """Draw Bode diagrams from the front motor to each angle; None without a linear response."""
+    """Return a figure of Bode diagrams from front motor to angles; None without linear response."""
     omega = np.geomspace(LOWEST, 0.8 * np.pi / found.interval_s, POINTS)
     try:
         response, std = found.frequency_response(omega)

@@ -23,23 +23,23 @@ LABEL_GAP = 0.062
 """Height of one label, as a share of the axes' height"""
 
 TITLE_WIDTH, SUBTITLE_WIDTH, LABEL_WIDTH = 74, 120, 20
-"""Characters in a title, on a line of the subtitle, and in a label"""
+"""Largest numbers of characters in a title, on a line of the subtitle, and in a label"""
 MIN_SPAN = 2.0
 """Least range of a vertical axis, in degrees or volts (a convention)"""
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One curve of a figure: t (M,) s, y (M,) in the figure's unit; NaN interrupts it."""
+    """One curve of a figure: t (M,) s, y (M,) in the figure's unit; a NaN interrupts the line."""
 
     label: str
     t: np.ndarray
     y: np.ndarray
     line: Line
     cut_short: bool = False
-    """Mark the last point with a cross: the model diverged there."""
+    """True: a cross marks the curve's last point, because the model diverged there."""
     dotted_starts: bool = False
-    """Mark the start of each unbroken stretch with a dot: a prediction starts there."""
+    """True: a dot marks the start of each unbroken stretch, because a prediction starts there."""
 
 
 def angle_figure(
@@ -82,7 +82,7 @@ def headline(figure: Figure, title: str, height: float) -> None:
 
 
 def _marks(axes: Axes, c: Curve) -> None:
-    """Draw dots where predictions start and a cross where a model diverged."""
+    """Draw dots where predictions of the curve c start, and a cross where its model diverged."""
     style: dict[str, Any] = {"color": c.line.color, "zorder": c.line.z + 1, "clip_on": True}
     finite = np.isfinite(c.y)
     if c.dotted_starts:
@@ -94,7 +94,10 @@ def _marks(axes: Axes, c: Curve) -> None:
 
 
 def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]:
-    """Return the y range: that of the curves in ``frame``, widened at most threefold for others."""
+    """Return the lowest and highest y to plot: the range of the curves named in ``frame``.
+
+    Other curves widen it, at most threefold.
+    """
     framed = [c.y[np.isfinite(c.y)] for c in curves if not frame or c.label in frame]
     framed = [y for y in framed if len(y)]
     low = min((float(y.min()) for y in framed), default=-1.0)
@@ -111,7 +114,7 @@ def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]
 
 
 def label_ends(axes: Axes, curves: Sequence[Curve], gap: float = LABEL_GAP) -> None:
-    """Write each curve's name at the right edge, at least ``gap`` (share of the height) apart."""
+    """Write each curve's name at the right edge, at least ``gap`` (share of axes' height) apart."""
     low, high = axes.get_ylim()
     ends: list[tuple[float, Curve]] = []
     for c in curves:
@@ -144,7 +147,7 @@ def label_ends(axes: Axes, curves: Sequence[Curve], gap: float = LABEL_GAP) -> N
 
 
 def _label_exit(axes: Axes, c: Curve) -> None:
-    """Label a curve that leaves the plotted range early, at its last visible point."""
+    """Write the name of a curve whose model diverged at its last visible point."""
     from matplotlib import patheffects
 
     low, high = axes.get_ylim()
@@ -169,7 +172,7 @@ def _label_exit(axes: Axes, c: Curve) -> None:
 
 
 def spread(places: np.ndarray, gap: float) -> np.ndarray:
-    """Move sorted places apart to at least ``gap``, as little as possible and within 0…1.
+    """Return sorted label heights (0…1), moved apart to at least ``gap``, as little as possible.
 
     >>> spread(np.array([0.5, 0.5]), 0.1).tolist()
     [0.45, 0.55]
@@ -187,7 +190,10 @@ def spread(places: np.ndarray, gap: float) -> np.ndarray:
 
 
 def _start(block: list[float], gap: float) -> float:
-    """Return the place of a block's first label: the block is centred on its mean, within 0…1."""
+    """Return the height (0…1) of the lowest of a block of labels that are ``gap`` apart.
+
+    The labels are centred on the mean of the heights ``block`` that they should have.
+    """
     length = gap * (len(block) - 1)
     return float(np.clip(np.mean(block) - length / 2, 0.0, max(1.0 - length, 0.0)))
 

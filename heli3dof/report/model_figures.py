@@ -33,7 +33,7 @@ LAGS_S = 0.5
 
 @dataclass(frozen=True, eq=False)
 class BodeCurve:
-    """A model's complex response G (M,) at M frequencies, and the standard deviation of |G|."""
+    """A model's frequency response G (M,), complex, with the standard deviation (M,) of |G|."""
 
     label: str
     kind: str
@@ -153,7 +153,7 @@ def residual_figure(t: np.ndarray, residual: np.ndarray, *, title: str) -> Figur
 def autocorrelation(
     residual: np.ndarray, dt: float, lags_s: float = LAGS_S
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return lags (L,) s, R(τ)/R(0) (L,), and the 99 % bound for white noise, 2.58/√N."""
+    """Return lags τ (s), autocorrelation R(τ)/R(0), and the 99 % bound of white noise, 2.58/√N."""
     e = residual - residual.mean()
     n = len(e)
     lags = np.arange(min(round(lags_s / dt), n - 1) + 1)

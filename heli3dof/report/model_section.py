@@ -4,6 +4,8 @@ The channels of the Bode diagrams follow the rig's symmetry: from the common vol
 to roll, from the difference (V_F = −V_B = V) to pitch and yaw. With the sampling interval Δt,
 
     G(jω) = C (e^{jωΔt} I − A)⁻¹ B,     ω up to 80 % of π/Δt
+
+where A, B, C are the discrete model's matrices. V_F and V_B are the front and back motor's voltage.
 """
 
 from __future__ import annotations
@@ -26,12 +28,12 @@ CHANNELS = {
     "yaw / front − back (rad/V)": ("yaw", np.array([1.0, -1.0])),
 }
 LOWEST = 0.1
-"""rad/s: flights of a minute have no information at lower frequencies."""
+"""rad/s: lowest frequency of the Bode diagrams; one-minute flights hold no information below."""
 HIGHEST = 100.0
 
 
 def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
-    """Return the section's blocks of HTML; ``profile`` provides the controller."""
+    """Return the section as strings of HTML; ``profile`` gives the closed loop's controller."""
     if not models:
         return []
     blocks = [table(models_table(models, profile))]
@@ -44,7 +46,7 @@ def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
 
 
 def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
-    """Return a table of each model's name, kind, order, open-loop poles and closed-loop poles."""
+    """Return the models' names, kinds, orders, open-loop and closed-loop poles as a table."""
     rows = []
     for m in models:
         order, poles = NONE, NONE
@@ -98,7 +100,7 @@ def poles_text(poles: np.ndarray, most: int = 12) -> str:
 def bode_of(
     models: Sequence[LinearModel], points: int = 240
 ) -> tuple[np.ndarray, dict[str, list[BodeCurve]]]:
-    """Return ω (``points``,) in rad/s, and the models' Bode curves by channel."""
+    """Return frequencies ω (``points``,) in rad/s, and the models' Bode curves by channel name."""
     fastest = min(HIGHEST, *(0.8 * np.pi / m.dt for m in models))
     omega = np.geomspace(LOWEST, fastest, points)
     channels: dict[str, list[BodeCurve]] = {}
@@ -114,7 +116,7 @@ def bode_of(
 def discrete_response(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, dt: float, omega: np.ndarray
 ) -> np.ndarray:
-    """Return the complex frequency response (M, 3, 2) of a discrete model at ω (M,) rad/s."""
+    """Return the frequency response (M, 3, 2) at ω (M,) rad/s of discrete A, B, C, step dt (s)."""
     z = np.exp(1j * omega * dt)
     n = len(A)
     resolvent = np.linalg.solve(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 NONE = "–"
-"""The cell of an undefined number"""
+"""Text in the table cell of an undefined number"""
 MINUS = "−"
 
 
@@ -35,7 +35,7 @@ class Grid:
                 raise ValueError(f"{self.title}: {len(row)} cells in {len(self.columns)} columns")
 
     def is_number(self, column: int) -> bool:
-        """True if the column aligns right."""
+        """Return whether the column with this index holds numbers, which align right."""
         return self.text_columns <= column < len(self.columns) - self.prose_columns
 
 
@@ -53,7 +53,7 @@ def fixed(value: float, digits: int = 2, unit: str = "", *, sign: bool = False) 
 
 
 def short(value: float, unit: str = "") -> str:
-    """Format a number for a sentence: one decimal, without a trailing zero.
+    """Format a number and its unit for a sentence: one decimal, without a trailing zero.
 
     >>> short(10.04, "°"), short(-27.5)
     ('10°', '−27.5')
@@ -63,7 +63,7 @@ def short(value: float, unit: str = "") -> str:
 
 
 def to_rich(grid: Grid) -> Group:
-    """Render the table for a terminal."""
+    """Return the table rendered for a terminal, by the library rich."""
     from rich import box
     from rich.console import Group
     from rich.table import Table
@@ -137,7 +137,7 @@ def to_html(grid: Grid) -> str:
 
 
 def _groups(grid: Grid) -> bool:
-    """True if the first column repeats names; the table then prints each name once."""
+    """Return whether the first column repeats names; the table then prints each name once."""
     first = [row[0] for row in grid.rows]
     return len(set(first)) < len(first)
 

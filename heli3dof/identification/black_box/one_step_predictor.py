@@ -1,10 +1,11 @@
-"""The one-step predictor of a model in innovation form, and its sensitivities, compiled.
+"""Compute the one-step predictions of a model in innovation form, and their sensitivities.
 
     x̂[k+1] = Ã x̂[k] + B u[k] + K y[k],      Ã = A − K C
       ŷ[k] = C x̂[k] + d,                      e[k] = y[k] − ŷ[k]
 
 u (m columns) and y (l columns) are deviations from fixed trims; d (l,) is the remaining offset.
-For a direction θ_q in (Ã, B, K, C) the sensitivity ξ_q = ∂x̂/∂θ_q obeys the same recursion,
+x̂ (n,) is the state, e the innovation, A the state matrix, and k numbers the rows. A parameter θ_q
+moves (Ã, B, K, C) along the direction q. The sensitivity ξ_q = ∂x̂/∂θ_q obeys the same recursion,
 
     ξ_q[k+1] = Ã ξ_q[k] + ∂Ã x̂[k] + ∂B u[k] + ∂K y[k],      ∂ŷ/∂θ_q = C ξ_q + ∂C x̂[k]
 
@@ -21,7 +22,11 @@ from numba import njit
 def filter_states(
     At: np.ndarray, B: np.ndarray, K: np.ndarray, u: np.ndarray, y: np.ndarray, x0: np.ndarray
 ) -> np.ndarray:
-    """Return the one-step predictor's states (N, n) from x0 (n,), for inputs u, outputs y."""
+    """Return the one-step predictor's states x̂ (N, n), which start at x0 (n,).
+
+    At (n, n) is Ã = A − K C, B (n, m) the input matrix, K (n, l) the predictor's gain. u (N, m) are
+    the inputs, y (N, l) the measured outputs.
+    """
     N, n = u.shape[0], At.shape[0]
     m, l = u.shape[1], y.shape[1]
     x = np.empty((N, n))
@@ -44,7 +49,10 @@ def filter_states(
 
 @njit(cache=True)
 def free_responses(At: np.ndarray, C: np.ndarray, N: int) -> np.ndarray:
-    """Return C Ã^k (N, l, n), the output's sensitivity to the initial state; 0 below 1e-14."""
+    """Return C Ã^k (N, l, n) for k = 0 … N − 1: the output's sensitivity to the initial state.
+
+    At (n, n) is Ã = A − K C, C (l, n) the output matrix. Entries are 0 once all fall below 1e-14.
+    """
     n, l = At.shape[0], C.shape[0]
     out = np.zeros((N, l, n))
     row = C.copy()
@@ -77,10 +85,12 @@ def output_sensitivities(
     y: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Fill ``out`` (N, l, p) with the output's sensitivity to p parameters θ, and advance ``xi``.
+    """Fill ``out`` (N, l, p) with the output's sensitivity ∂ŷ/∂θ to p parameters θ.
 
-    dW (n, n+m+l, p) is ∂[Ã B K]/∂θ, dC (l, n, p) is ∂C/∂θ. xi (n, p) is ∂x̂/∂θ at the first row, and
-    then after the last. x (N, n) are the states of `filter_states`.
+    At (n, n) is Ã = A − K C, C (l, n) the output matrix, u (N, m) the inputs, y (N, l) the outputs.
+    dW (n, n+m+l, p) is ∂[Ã B K]/∂θ, dC (l, n, p) is ∂C/∂θ. x (N, n) are the states that
+    `filter_states` returns. ``xi`` (n, p) is ∂x̂/∂θ at the first row; the function overwrites it
+    with the value after the last row.
     """
     N, n = x.shape
     m, l, p = u.shape[1], y.shape[1], xi.shape[1]

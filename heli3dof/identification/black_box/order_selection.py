@@ -1,4 +1,4 @@
-"""Order search of the black boxes: fit every order at every sampling interval, and choose one fit.
+"""Search a black box's order: fit each order at each sampling interval, and choose one fit.
 
 Order and interval decide how good a black box is in closed loop. At 2 ms the encoders' rounding
 dominates the innovations; over 40 to 80 ms the rig's own motion does, and the exact mean voltages
@@ -36,18 +36,18 @@ from heli3dof.model.linear.model import LinearModel
 INTERVALS_S = (0.04, 0.08)
 ORDERS = (6, 7, 8, 9, 10)
 PAST_S = 0.5
-"""s of past samples that the VARX regresses on"""
+"""s: the VARX (vector autoregression with inputs) regresses on the samples of this past time."""
 TIE = 0.2
 """Fit in percent: the smallest order whose score is this close to the best is chosen."""
 MEMORY_S = 2.0
-"""s, the longest time constant of a predictor (pem). With little disturbance an unconstrained one
-grows to tens of seconds: it then remembers one flight's trim, which is wrong in the next."""
+"""s: longest time constant of a predictor in the method ``pem``. With little disturbance it would
+grow to tens of seconds, and remember one flight's trim, which is wrong in the next."""
 SELECT_HORIZON_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class StateSpaceFit:
-    """A black-box model at the control rate, its fit at ``interval_s``, and the data's means."""
+    """A black box: its fit at ``interval_s`` (s), model at the control rate, the data's means."""
 
     model: LinearModel
     state_space: StateSpace
@@ -59,7 +59,7 @@ class StateSpaceFit:
 
 @dataclass(frozen=True, eq=False)
 class Decimated:
-    """Data segments decimated to ``interval_s`` (s), as deviations from their common means."""
+    """Data decimated to ``interval_s`` (s); their means u_mean (V), y_mean (rad) are subtracted."""
 
     data: tuple[Pair, ...]
     u_mean: np.ndarray
@@ -68,7 +68,7 @@ class Decimated:
 
 
 def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Decimated:
-    """Decimate the runs to about ``interval_s``, a multiple of the period; subtract the means."""
+    """Return the runs of usable rows, decimated to about ``interval_s`` (s), means subtracted."""
     factor = max(1, round(interval_s / prepared.dt))
     cut = segments(prepared, runs, factor)
     u_mean = np.vstack([s.u for s in cut]).mean(axis=0)
@@ -78,9 +78,10 @@ def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Dec
 
 
 def past_window(d: Decimated, largest_order: int) -> int:
-    """Return the VARX order: `PAST_S` in samples, but enough for ``largest_order`` states.
+    """Return the VARX order for data d: `PAST_S` in samples, enough for ``largest_order`` states.
 
-    It is at least ⌈largest_order/3⌉ + 2, and at most a 30th of the number of rows.
+    The VARX is a vector autoregression with inputs. Its order is at least ⌈largest_order/3⌉ + 2,
+    and at most a 30th of the number of rows.
     """
     rows = sum(len(u) for u, _ in d.data)
     want = max(round(PAST_S / d.interval_s), -(-largest_order // 3) + 2)
@@ -88,7 +89,7 @@ def past_window(d: Decimated, largest_order: int) -> int:
 
 
 def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
-    """Return initial models by order, from PBSID-opt; one VARX serves all orders."""
+    """Return an initial model per order (number of states) by the subspace method PBSID-opt."""
     orders = sorted(orders)
     p = past_window(d, orders[-1])
     usable = [(u, y) for u, y in d.data if len(u) > p]
@@ -98,9 +99,11 @@ def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
 
 
 def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str) -> StateSpaceFit:
-    """Fit by ``method`` (pem, oe, pbsid) from the model ``start``, and resample to dt (s).
+    """Fit the data d from the model ``start``; return the fit, and the model resampled to dt (s).
 
-    Raises NoContinuousModel where the fit cannot be resampled.
+    ``method`` is ``pem`` (prediction error), ``oe`` (output error) or ``pbsid``, which keeps
+    ``start`` as it is. ``name`` becomes the model's name. Raises NoContinuousModel where the fit
+    cannot be resampled.
     """
     found = None
     model = start
@@ -127,7 +130,7 @@ def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str
 
 
 def selection_score(model: LinearModel, prepared: Prepared) -> float:
-    """Return the mean fit (%) on the training flights: 1 s ahead and, if possible, in replay."""
+    """Return the mean training fit (%): 1 s predictions and, if possible, closed-loop replay."""
     runs = prepared.train
     scores = [validation.score(validation.predictions(model, prepared, runs, SELECT_HORIZON_S))]
     if not validation.replay_obstacle(prepared, sorted({r.source for r in runs})):
@@ -144,9 +147,11 @@ def search(
     intervals_s: Sequence[float] = INTERVALS_S,
     name: str = "black box",
 ) -> tuple[StateSpaceFit, list[Candidate]]:
-    """Fit all orders and intervals; return the chosen fit and all candidates.
+    """Fit all orders at all sampling intervals; return the chosen fit, and every fit's scores.
 
-    Raises RecordingError if no candidate can be used.
+    ``method`` is ``pem``, ``oe`` or ``pbsid``. ``orders`` are numbers of states, ``name`` is the
+    model's name, ``prepared`` holds the recordings. Raises RecordingError if no candidate can be
+    used.
     """
     tried: list[tuple[Candidate, StateSpaceFit | None]] = []
     for interval_s in intervals_s:

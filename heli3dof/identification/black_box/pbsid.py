@@ -1,10 +1,12 @@
 """PBSID-opt: a state-space model in innovation form from closed-loop data, without iterations.
 
-With Ã = A − KC stable, the prediction ŷ depends (up to Ã^p) on the last p samples only:
+With Ã = A − KC stable, the prediction ŷ of the output y from the input u and past outputs depends
+(up to Ã^p) on the last p samples only. d is a constant offset:
 
     ŷ[k] = Σ_{j=1..p} Ξ_j z[k−j] + d,     z = (u, y),     Ξ_j = C Ã^{j−1} [B K]
 
-1. Find Ξ by least squares (VARX, QR). The innovations are white, so feedback causes no bias.
+1. Find Ξ by least squares (VARX: vector autoregression with inputs; by QR). The innovations are
+   white, so feedback causes no bias.
 2. The extended observability matrix times the controllability matrix, Γ 𝒦, is block upper
    triangular Toeplitz in Ξ. With Z_p the last p samples of every row, x̂ is the first n right
    singular vectors of Γ 𝒦 Z_p.
@@ -27,7 +29,10 @@ import numpy as np
 class StateSpace:
     """A discrete model about a trim in innovation form, with n states, m inputs and l outputs.
 
-    x[k+1] = A x[k] + B u[k] + K e[k],   y[k] = C x[k] + d + e[k],   S (l, l) the covariance of e.
+    x[k+1] = A x[k] + B u[k] + K e[k],   y[k] = C x[k] + d + e[k]
+
+    u (m,) and y (l,) are deviations from the trim, x (n,) is the state, e the innovation with
+    covariance S (l, l), d (l,) a constant offset.
     """
 
     A: np.ndarray
@@ -43,18 +48,22 @@ class StateSpace:
 
     @property
     def At(self) -> np.ndarray:
-        """Ã = A − K C, the predictor's state matrix."""
+        """Return Ã = A − K C (n, n), the one-step predictor's state matrix."""
         return np.asarray(self.A - self.K @ self.C)
 
 
 @dataclass(frozen=True, eq=False)
 class Varx:
-    """A fitted VARX of order p: Ξ (p, l, m+l), d (l,), innovations, their covariance S (l, l)."""
+    """A fitted VARX: a vector autoregression of order p with m inputs u and l outputs y.
+
+    y[k] = Σ_{j=1..p} Ξ_j z[k−j] + d + e[k], with z = (u, y) and the innovation e. Ξ has the shape
+    (p, l, m+l), d (l,), and the covariance S of e (l, l).
+    """
 
     Xi: np.ndarray
     d: np.ndarray
     innovations: tuple[np.ndarray, ...]
-    """Per segment, (N_i − p, l)."""
+    """Innovations e: an array (N_i − p, l) for each segment of N_i rows"""
     S: np.ndarray
 
     @property
@@ -63,18 +72,18 @@ class Varx:
 
 
 Pair = tuple[np.ndarray, np.ndarray]
-"""u (N, m) and y (N, l) of one unbroken segment."""
+"""Inputs u (N, m) and outputs y (N, l) of one segment of data without gaps"""
 
 
 def past(u: np.ndarray, y: np.ndarray, p: int) -> np.ndarray:
-    """Return the regressors (N − p, p(m+l)): row k − p holds z[k−1], …, z[k−p], z = (u, y)."""
+    """Return VARX regressors (N − p, p(m+l)): row k − p holds z[k−1], …, z[k−p], z = (u, y)."""
     z = np.hstack([u, y])
     n = len(z) - p
     return np.hstack([z[p - j : p - j + n] for j in range(1, p + 1)])
 
 
 def varx(data: Sequence[Pair], p: int) -> Varx:
-    """Fit a VARX of order p to segments by QR. Raises ValueError if they have too few rows."""
+    """Fit a vector autoregression with inputs, order p, by QR; ValueError for too few rows."""
     usable = [(u, y) for u, y in data if len(u) > p]
     m, l = data[0][0].shape[1], data[0][1].shape[1]
     Z = np.vstack([past(u, y, p) for u, y in usable])
@@ -93,7 +102,7 @@ def varx(data: Sequence[Pair], p: int) -> Varx:
 
 
 def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return the state sequence x̂ (N_i − p, n_max) of each segment, and the singular values."""
+    """Return each segment's states x̂ (N_i − p, n_max) from a VARX fit, and singular values."""
     p, l, w = fit.Xi.shape
     L = np.linalg.cholesky(np.linalg.inv(fit.S))
     GK = np.zeros((p * l, p * w))
@@ -112,7 +121,7 @@ def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray
 def realise(data: Sequence[Pair], x: Sequence[np.ndarray], p: int, n: int) -> StateSpace:
     """Return the state-space model of order n by regression on the state sequences ``x``.
 
-    ``x`` comes from `states`; p is the order of the VARX.
+    `states` returns ``x``. ``data`` are the segments, p is the order of its VARX (autoregression).
     """
     usable = [(u[p:], y[p:]) for u, y in data if len(u) > p]
     m = usable[0][0].shape[1]
@@ -132,12 +141,12 @@ def realise(data: Sequence[Pair], x: Sequence[np.ndarray], p: int, n: int) -> St
 
 
 def pbsid(data: Sequence[Pair], n: int, p: int) -> StateSpace:
-    """Identify a model of order n by PBSID-opt, with a VARX of order p."""
+    """Return a model with n states by PBSID-opt from segments ``data``; p: order of its VARX."""
     fit = varx(data, p)
     x, _ = states(data, fit, n)
     return realise(data, x, p, n)
 
 
 def _triangle(a: np.ndarray) -> np.ndarray:
-    """Return R of the QR factorisation of ``a``, which is sufficient for least squares."""
+    """Return the triangular factor R of a's QR factorisation, sufficient for least squares."""
     return np.asarray(np.linalg.qr(a, mode="r"))

@@ -39,11 +39,11 @@ class PemFit:
     model: StateSpace
     innovations: tuple[np.ndarray, ...]
     tangent: np.ndarray
-    """(n(n+m+2l), p): each column is a parameter's direction ∂vec([Ã B K], C)."""
+    """(n(n+m+2l), p): column q is the derivative of the entries of [Ã B K] and C by parameter q."""
     covariance: np.ndarray
-    """(p, p) of the parameters along those directions, in sandwich form"""
+    """(p, p): covariance of the parameters, in sandwich form (valid for coloured innovations)"""
     cost: float
-    """V at the minimum"""
+    """The criterion V = ½ log det S at the minimum, S the innovations' covariance"""
     iterations: int
     converged: bool
 
@@ -74,8 +74,8 @@ def pem(
         data: segments at one rate, u (N, m) and y (N, l), deviations from fixed trims.
         start: for instance from `heli3dof.identification.black_box.pbsid.pbsid`. Its predictor is
             made stable first.
-        max_iterations: largest number of steps.
-        tolerance: the search ends when a step lowers V by less.
+        max_iterations: largest number of Levenberg–Marquardt steps.
+        tolerance: the search ends when a step lowers V by less than this.
         rho_max: largest spectral radius of Ã = A − K C; steps beyond it are rejected.
         output_error: fix K = 0, so the innovation e is the simulation error; biased under feedback.
     """
@@ -138,7 +138,7 @@ def pem(
 
 
 def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return W = [Ã B K] and C in balanced coordinates of the n states."""
+    """Return W = [Ã B K] and C in balanced coordinates of the n states, Ã = A − K C."""
     from scipy.linalg import cholesky, solve_discrete_lyapunov, svd
 
     At = W[:, :n]
@@ -158,7 +158,11 @@ def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndar
 
 
 def _evaluate(data, W, C, d, S, rho_max) -> _Point:  # type: ignore[no-untyped-def]
-    """Return innovations and cost at W = [Ã B K], C, d; the cost is ∞ if Ã is unstable."""
+    """Return innovations and cost of the model W = [Ã B K], C, d; the cost is ∞ if Ã is unstable.
+
+    Ã = A − K C is unstable if its spectral radius exceeds ``rho_max``. ``data`` are the segments
+    (u, y). S (l, l), an earlier innovation covariance, weights the fit of the initial states.
+    """
     n = W.shape[0]
     m = data[0][0].shape[1]
     At, B, K = (np.ascontiguousarray(a) for a in np.split(W, [n, n + m], axis=1))
@@ -186,7 +190,11 @@ def _evaluate(data, W, C, d, S, rho_max) -> _Point:  # type: ignore[no-untyped-d
 
 
 def _tangent(W: np.ndarray, C: np.ndarray, output_error: bool, m: int) -> np.ndarray:
-    """Return an orthonormal basis (entries, p) of the changes of W, C that alter the predictor."""
+    """Return an orthonormal basis (entries, p) of the changes of W, C that alter the predictor.
+
+    W (n, n+m+l) is [Ã B K], C (l, n) the output matrix, m the number of inputs, ``entries`` the
+    number of entries of W and C. With ``output_error`` K stays fixed.
+    """
     n, l, w = W.shape[0], C.shape[0], W.shape[1]
     entries = n * w + l * n
     At, eye = W[:, :n], np.eye(n)
@@ -216,7 +224,11 @@ def _move(point: _Point, T: np.ndarray, step: np.ndarray, l: int):  # type: igno
 
 
 def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ignore[no-untyped-def]
-    """Return information and gradient, initial states eliminated; with ``scores`` also Σ s sᵀ."""
+    """Return the information (q, q) and gradient (q,) of the criterion at the model ``point``.
+
+    The q parameters are the p columns of T (directions of change, from `_tangent`) and the offset
+    d. Initial states are eliminated. With ``scores`` also returns Σ s sᵀ from `_score_blocks`.
+    """
     n, l = point.W.shape[0], point.C.shape[0]
     p = T.shape[1]
     w = point.W.size
@@ -256,7 +268,12 @@ def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ig
 
 
 def _score_blocks(F: np.ndarray, back: np.ndarray, n: int, block: int = 50) -> np.ndarray:
-    """Return Σ s sᵀ, s the sum of the scores of ``block`` rows; allows for coloured innovations."""
+    """Return Σ s sᵀ, s the sum of the likelihood's gradient over ``block`` rows.
+
+    Sums over blocks allow for coloured innovations. F (N, l, n + q + 1) holds, per row, the
+    derivatives by n initial states and q parameters, and the innovation. ``back`` (n, q + 1) gives
+    the initial states that are eliminated.
+    """
     F = F[:, :, n:] - F[:, :, :n] @ back
     s = np.einsum("kiq,ki->kq", F[:, :, :-1], F[:, :, -1])
     s = np.add.reduceat(s, np.arange(0, len(s), block), axis=0)

@@ -1,8 +1,8 @@
 """Resample a fit at a decimated rate to the control rate, via continuous time.
 
-A, B at the interval T = q dt become A^{1/q} and the matching B (by the matrix logarithm of
-[A B; 0 I]). The responses agree exactly at the instants of the fit, unless A has a real eigenvalue
-λ ≤ 0.001. Such a mode has no usable logarithm:
+The model's A, B at the interval T (s) of the fit, q control periods dt, become A^{1/q} and the
+matching B (by the matrix logarithm of [A B; 0 I]). The responses agree exactly at the instants of
+the fit, unless A has a real eigenvalue λ ≤ 0.001. Such a mode has no usable logarithm:
 
 * λ ≥ −0.5: it is replaced by a mode at |λ| (at least 0.001) with the same static gain.
 * λ < −0.5: it decays too slowly for that, and the fit is rejected.
@@ -31,23 +31,24 @@ from heli3dof.identification.black_box.stabilisation import kalman_gain, with_st
 from heli3dof.model.discretisation import c2d_zoh, d2c_zoh
 
 FASTEST = 1e-3
-"""A real eigenvalue λ of A up to this is replaced by max(|λ|, this)."""
+"""Dimensionless: a real eigenvalue λ of A at or below this is replaced by max(|λ|, this)."""
 SLOWEST_NEGATIVE = -0.5
 """A real eigenvalue of A below this has no continuous equivalent; the fit is rejected."""
 WELL_CONDITIONED = 1e6
-"""Condition number of A's eigenvectors below which eigenvalues are converted one by one"""
+"""Condition number of A's eigenvector matrix; below it eigenvalues are converted one by one."""
 VOLT_FOR_RADIAN = 20.0
 """V: a trim change of this many volts weighs as much as one of 1 rad."""
 
 
 class NoContinuousModel(ValueError):
-    """Raised if a fit has no continuous equivalent: a slow mode at half its sampling rate."""
+    """Raised if a fit has no continuous equivalent: a slow mode alternates every sample."""
 
 
 def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Replace real eigenvalues of A that have no usable logarithm; return A, B and their number.
+    """Return A (n, n), B (n, m) without eigenvalues that have no usable logarithm.
 
-    Raises NoContinuousModel if one is below `SLOWEST_NEGATIVE`.
+    Such real eigenvalues of the discrete state matrix A are replaced; the third result is their
+    number. Raises NoContinuousModel if one is below `SLOWEST_NEGATIVE`.
     """
     lam, V = np.linalg.eig(A)
     real = np.abs(lam.imag) <= 1e-9 * np.maximum(1, np.abs(lam))
@@ -63,10 +64,11 @@ def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return A and B in continuous time of a model at interval T (s). Raises NoContinuousModel.
+    """Return the continuous-time A and B of a model whose sampling interval is T (s).
 
-    In modal coordinates, an eigenvalue z becomes s = log(z)/T, and its row b of B becomes
-    b s/(z − 1). Where eigenvalues nearly coincide, the matrix logarithm is used instead.
+    Raises NoContinuousModel if it has no continuous equivalent. In modal coordinates, an eigenvalue
+    z becomes s = log(z)/T, and its row b of B becomes b s/(z − 1). Where eigenvalues nearly
+    coincide, the matrix logarithm is used instead.
     """
     A, B, _ = with_real_logarithm(model.A, model.B)
     z, V = np.linalg.eig(A)
@@ -85,7 +87,7 @@ def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def at_rate(model: StateSpace, T: float, dt: float) -> StateSpace:
-    """Return the model of interval T (s) resampled to dt (s). Raises NoContinuousModel."""
+    """Return the model resampled from interval T (s) to dt (s). Raises NoContinuousModel."""
     A, B = c2d_zoh(*continuous(model, T), dt)
     if not model.K.any():
         return replace(model, A=A, B=B)
@@ -102,7 +104,8 @@ def trims(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the trims (u0, y0) that are equivalent to the model's offset d about the data's means.
 
-    With G = (I − Ã)⁻¹:  [I − C G K] δy0 − C G B δu0 = d.
+    The means are u_mean (2,) V, y_mean (3,) rad; u0, y0 have the same shapes and units. δ is the
+    change from the means. With G = (I − Ã)⁻¹, Ã = A − K C:  [I − C G K] δy0 − C G B δu0 = d.
     """
     n, l = model.order, len(model.C)
     CG = model.C @ np.linalg.pinv(np.eye(n) - model.At)

@@ -1,4 +1,4 @@
-"""Make a model stable: its predictor, by another K, or its plant, by moving poles of A."""
+"""Stabilise a model: its one-step predictor by another gain K, its plant by moving poles of A."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ RHO = 0.999
 
 
 def spectral_radius(A: np.ndarray) -> float:
-    """The largest |λ| of A."""
+    """Return the spectral radius of A (n, n): the largest modulus of its eigenvalues."""
     return float(np.abs(np.linalg.eigvals(A)).max())
 
 
 def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray | None:
-    """Return the stationary Kalman gain (n, l) for noise covariances Q, R; None if none exists."""
+    """Return the Kalman gain for A, C and covariances Q (process), R (output noise), or None."""
     from scipy.linalg import LinAlgError, solve_discrete_are
 
     try:
@@ -28,11 +28,12 @@ def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> n
 
 
 def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
-    """Return the model, with a Kalman gain K if the spectral radius of A − K C exceeds ``rho``.
+    """Return the model; K is replaced by a Kalman gain if A − K C is not stable enough.
 
-    PBSID's regression on estimated states does not guarantee a stable predictor. The process noise
-    is K S Kᵀ plus the first multiple of I, from 1e-6 to 1e4 of its trace, that gives a stable
-    predictor. If none does, the result is that of `stable_plant`.
+    That is if the spectral radius of A − K C exceeds ``rho``. The subspace method PBSID's
+    regression on estimated states does not guarantee a stable predictor. The process noise is
+    K S Kᵀ plus the first multiple of I, from 1e-6 to 1e4 of its trace, that gives a stable
+    predictor; S is the innovations' covariance. If none does, the result is that of `stable_plant`.
     """
     if spectral_radius(model.At) <= rho:
         return model

@@ -1,4 +1,7 @@
-"""Fit the state-space black boxes ``pem``, ``pbsid`` and ``oe``; a search chooses their order."""
+"""Fit state-space black boxes by ``pem``, ``pbsid`` or ``oe``; a search chooses the order.
+
+``pem`` minimises prediction errors, ``oe`` simulation errors; ``pbsid`` is a subspace method.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ OPEN_RHO = 1 - 1e-6
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Fit a state-space black box and search its order. PBSID gives no standard deviations."""
+    """Return the black box that ``request`` asks for; PBSID gives no standard deviations."""
     orders = ORDERS if request.order is None else (request.order,)
     chosen, tried = search(
         request.method, prepared, orders=orders, intervals_s=request.intervals_s, name=request.name
@@ -84,7 +87,7 @@ def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
-    """Return one-step prediction errors and voltages of each run, at the interval of the fit."""
+    """Return per run the prediction errors (rad), voltages (V) at the interval of the fit."""
     ss = chosen.state_space
     if ss.K.any():
         ss = with_stable_predictor(ss, rho=OPEN_RHO)

@@ -1,12 +1,13 @@
-"""The paper's form, eq (17): six transfer functions over one fourth-order denominator.
+"""Fit the paper's form, eq (17): six transfer functions over one fourth-order denominator.
 
     y_i(s) = Σ_j N_ij(s)/D(s) u_j(s) + I_i(s)/D(s) + c_i/s
     D(s) = (s² + a₁ s + a₀)(s² + b₁ s + b₀),  a, b > 0,      deg N, deg I ≤ 3
 
-It is fitted as the paper's toolbox does by default: by *output error* with a stable denominator.
-For a given D all other coefficients enter linearly, so the search is over log(a₁, a₀, b₁, b₀) only
-(variable projection, Golub & Pereyra 1973). The input u is held over each interval. Each segment
-has its own initial condition I; the offsets c are common.
+y_i is angle i (rad), u_j the voltage of motor j (V), c_i a constant offset. N and I are polynomials
+in s; I_i stands for the initial condition. It is fitted as the paper's toolbox does by default: by
+*output error* with a stable denominator. For a given D all other coefficients enter linearly. So
+the search is over log(a₁, a₀, b₁, b₀) only (variable projection, Golub & Pereyra 1973). The input u
+is held over each interval. Each segment has its own initial condition I; the offsets c are common.
 
 The method exists to reproduce the paper. Output error assumes voltages that are independent of the
 disturbances, which does not hold in closed loop. And four stable poles cannot describe this plant,
@@ -27,12 +28,13 @@ from heli3dof.model.discretisation import c2d_zoh
 STARTS = ((0.3, 0.2, 0.3, 1.2), (0.7, 0.3, 0.7, 1.25), (1.0, 0.05, 2.0, 4.0), (2.0, 1.0, 5.0, 20.0))
 """Starts of the search, (a₁, a₀, b₁, b₀); the second is close to the denominator of (17)."""
 BLOCK_S = 2.0
-"""s: length of the blocks over which scores are summed; simulation errors are strongly coloured."""
+"""s: length of the blocks over which the cost's gradient is summed for the covariance. Blocks are
+needed because simulation errors are strongly coloured."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tf4Fit:
-    """Fitted transfer functions, offsets c (3,) rad, covariance S (3, 3) rad² of their errors."""
+    """Transfer functions, angle offsets (3,) rad, and covariance S (3, 3) rad² of the errors."""
 
     transfer: TransferFunctions
     offset: np.ndarray
@@ -40,13 +42,13 @@ class Tf4Fit:
 
 
 def denominator(log_parameters: np.ndarray) -> np.ndarray:
-    """Return the coefficients (5,) of (s² + a₁ s + a₀)(s² + b₁ s + b₀) from the logarithms."""
+    """Return the coefficients (5,) of D(s) = (s² + a₁ s + a₀)(s² + b₁ s + b₀) from logarithms."""
     a1, a0, b1, b0 = np.exp(log_parameters)
     return np.convolve([1.0, a1, a0], [1.0, b1, b0])
 
 
 def companion(den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return A, B of ẋ = A x + B u with the states s^k/D(s) u, k = 0 … 3, where ``den`` is D."""
+    """Return A (4, 4), B (4, 1) of ẋ = A x + B u, x = [1 s s² s³] u/D(s); ``den`` (5,) is D."""
     n = len(den) - 1
     A = np.eye(n, k=1)
     A[-1] = -den[:0:-1]
@@ -56,9 +58,10 @@ def companion(den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _regressors(data: Sequence[Pair], den: np.ndarray, T: float) -> np.ndarray:
-    """Return regressors for the denominator ``den``: filtered voltages, free responses, ones.
+    """Return the regressors for the denominator ``den`` (5,); the angles are linear in them.
 
-    Their shape is (ΣN, 8 + 4 per segment + 1). T (s) is the sampling interval.
+    Their 8 + 4 S + 1 columns are filtered voltages, free responses of each of the S segments
+    ``data``, and ones. There is a row for each sample. T (s) is the sampling interval.
     """
     from scipy.signal import lfilter
 
@@ -93,7 +96,10 @@ def _regressors(data: Sequence[Pair], den: np.ndarray, T: float) -> np.ndarray:
 
 
 def fit_tf4(data: Sequence[Pair], T: float) -> Tf4Fit:
-    """Fit fourth-order transfer functions to segments u (N, 2) V, y (N, 3) rad, every T seconds."""
+    """Return fourth-order transfer functions, fitted to segments of voltages and angles.
+
+    ``data`` has u (N, 2) V and y (N, 3) rad per segment; T (s) is their sampling interval.
+    """
     from scipy.optimize import least_squares
 
     Y = np.vstack([y for _, y in data])
@@ -135,7 +141,12 @@ def _covariance(
     E: np.ndarray,
     size: np.ndarray,
 ) -> np.ndarray:
-    """Return the sandwich covariance of the coefficients [den[1:], num.ravel()]."""
+    """Return the sandwich covariance of the coefficients [den[1:], num.ravel()].
+
+    ``log_p`` (4,) are the logarithms of the denominator's parameters, X (ΣN, q) the regressors at
+    them, ``theta`` (q, 3) their coefficients. E (ΣN, 3) rad are the simulation errors, ``size``
+    (3,) rad is the angles' standard deviation. T (s) is the sampling interval of ``data``.
+    """
     q, outputs = X.shape[1], E.shape[1]
     p = 4 + q * outputs
     J = np.zeros((len(E), outputs, p))
@@ -179,7 +190,7 @@ def _covariance(
 
 
 def state_space(fit: Tf4Fit, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A, B, C at the interval dt (s), with one companion block of four states per motor."""
+    """Return the fit as A (8, 8), B (8, 2), C (3, 8) at dt (s); 4 companion states per motor."""
     A, B = companion(fit.transfer.den)
     m = fit.transfer.num.shape[1]
     Ad, Bd = c2d_zoh(np.kron(np.eye(m), A), np.kron(np.eye(m), B), dt)

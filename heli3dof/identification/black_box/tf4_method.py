@@ -29,7 +29,7 @@ FOURTH_ORDER = (
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Fit transfer functions of the paper's form. Raises UsageError for an order other than 4."""
+    """Return fitted transfer functions as in the paper's eq (17); UsageError unless order 4."""
     if request.order not in (None, 4):
         raise UsageError(
             f"--method tf4 has order 4, not {request.order}.",
@@ -82,9 +82,10 @@ def _response(model: LinearModel, omega: np.ndarray) -> tuple[np.ndarray, np.nda
 def simulation_errors(
     model: LinearModel, prepared: Prepared, runs: Sequence[Run], interval_s: float
 ) -> Innovations:
-    """Return per segment the simulation errors and the voltages, every ``interval_s`` s.
+    """Return per segment the model's simulation errors (rad) and the voltages (V).
 
-    Each segment is simulated from the initial state that fits it best.
+    A segment is a run (range of usable rows of a recording in ``prepared``), decimated to
+    ``interval_s`` (s). Each is simulated from the initial state that fits it best.
     """
     d = decimated(prepared, runs, interval_s)
     at = model.at(interval_s)

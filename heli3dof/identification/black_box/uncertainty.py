@@ -1,14 +1,15 @@
-"""Standard deviations of poles, transfer functions and frequency responses (delta method).
+"""Compute standard deviations of poles, transfer functions and frequency responses (delta method).
 
-The parameters of a fit change (Ã, B, K, C) along the columns of ``PemFit.tangent``, Θ; P is their
-covariance. Any smooth function f of the model has
+A fit has p parameters θ with covariance P (p, p). They change the entries of the predictor's
+matrices (Ã, B, K, C), Ã = A − K C, along the columns of Θ, ``PemFit.tangent``. A smooth function
+f (q,) of the model, for instance its poles, has to first order the covariance
 
-    cov f = F P Fᵀ,      F = ∂f/∂θ = ∂f/∂(Ã, B, K, C) · Θ
+    cov f = F P Fᵀ,      F = ∂f/∂θ = ∂f/∂(Ã, B, K, C) · Θ      (q, p)
 
 For a simple pole λ of A = Ã + K C with left and right eigenvectors w, v (wᴴv = 1),
-∂λ = wᴴ (∂Ã + ∂K C + K ∂C) v. With the sampling interval T, s = log(λ)/T gives ∂s = ∂λ/(λ T). Other
-functions are differentiated numerically. P accounts for noise, not for a wrong order or
-nonlinearity.
+∂λ = wᴴ (∂Ã + ∂K C + K ∂C) v. With the sampling interval T (s), the continuous-time pole
+s = log(λ)/T has ∂s = ∂λ/(λ T). Other functions are differentiated numerically. P accounts for
+noise, not for a wrong order or nonlinearity.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from heli3dof.model.discretisation import Continuous, numerators
 
 
 def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
-    """Return the model with ``delta`` added to the entries of [Ã B K] and C, where Ã = A − K C."""
+    """Return the model with ``delta`` added to the entries of [Ã B K] and C; Ã = A − K C."""
     n, m, l = model.order, model.B.shape[1], len(model.C)
     dW = delta[: n * (n + m + l)].reshape(n, n + m + l)
     C = model.C + delta[n * (n + m + l) :].reshape(l, n)
@@ -35,7 +36,7 @@ def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
 
 
 def poles(fit: PemFit, T: float) -> list[Pole]:
-    """Return the continuous-time poles log(λ)/T, λ the eigenvalues of A, and their deviations.
+    """Return the continuous-time poles log(λ)/T (1/s) with standard deviations; λ: A's eigenvalues.
 
     T (s) is the sampling interval. A real λ ≤ 0 has no real logarithm; its pole is log|λ|/T.
     """
@@ -62,7 +63,7 @@ def poles(fit: PemFit, T: float) -> list[Pole]:
 
 
 def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:
-    """Return the covariance (q, q) of f(model) (q,) by central differences in the parameters."""
+    """Return the covariance (q, q) of f(model) (q,), from the covariance of the parameters."""
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
     columns = []
     for j, s in enumerate(std):
@@ -77,9 +78,10 @@ def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:
 
 
 def polynomials(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the continuous-time transfer functions num (3, 2, n+1) rad/V, den (n+1,).
+    """Return the continuous-time transfer functions of a model with n states: num, den.
 
-    T (s) is the sampling interval of ``model``.
+    num (3, 2, n+1), in rad/V, has a numerator per angle and motor; den (n+1,) is their common
+    denominator. T (s) is the sampling interval of ``model``.
     """
     A, B = continuous(model, T)
     return numerators(Continuous(A, B, model.C, np.zeros((len(model.C), B.shape[1])), "hold"))
@@ -96,7 +98,7 @@ def response(model: StateSpace, T: float, omega: np.ndarray) -> np.ndarray:
 
 
 def response_std(fit: PemFit, T: float, omega: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (F, 3, 2) rad/V of `response`, √(var Re + var Im)."""
+    """Return `response`'s standard deviation (F, 3, 2) rad/V at ω (F,); T (s): sample interval."""
 
     def parts(model: StateSpace) -> np.ndarray:
         G = response(model, T, omega).ravel()

@@ -1,9 +1,9 @@
-"""The estimate at a likelihood's maximum: values, standard deviations, bounds, verdicts.
+"""Compute values, standard deviations, bounds and verdicts at a likelihood's maximum.
 
-The noise model gives the information H = Σ w ∂c ∂cᵀ, c being a predicted reading and w its
-information. Λ is the prior's precision. The scores s are the log-likelihood's gradients; their
-actual scatter follows from their sums over blocks of half a second, B = Σ_b s_b s_bᵀ. With n
-parameters and m blocks
+The noise model gives the information matrix H = Σ w ∂c ∂cᵀ over the readings. ∂c is the gradient of
+a predicted reading by the parameters, and w the information of that reading. Λ is the prior's
+precision. The scores s are the log-likelihood's gradients; their actual scatter follows from their
+sums over blocks of half a second, B = Σ_b s_b s_bᵀ. With n parameters and m blocks
 
     κ = max(1, tr((H + Λ)⁻¹ B)/n · m/(m − n))      cov = κ (H + Λ)⁻¹
 
@@ -33,7 +33,7 @@ from heli3dof.model.physics.parametrisation import Free, Structure
 
 BLOCK_S = 0.5
 TIED = 0.9
-"""Absolute correlation above which two parameters trade off against each other"""
+"""Absolute correlation above which the data do not separate two parameters"""
 PRIOR_SHARE_MAX = 0.5
 """A parameter whose σ exceeds this share of its prior's σ is not identifiable."""
 LOG_STD_MAX = 0.4
@@ -46,11 +46,11 @@ class Verdict:
 
     identifiable: bool
     absent: bool
-    """True if the value is within two standard deviations of having no effect."""
+    """True if the value is within two standard deviations of the one with no effect."""
     tied_with: tuple[str, ...]
-    """Parameters that correlate with it by more than `TIED`"""
+    """Parameters whose absolute correlation with this one exceeds `TIED`"""
     sentence: str
-    """A warning; empty if there is none."""
+    """A warning for the report; empty if there is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class Estimate(PhysicalFit):
 
     @cached_property
     def inflation(self) -> float:
-        """Factor κ by which the scores scatter more than the noise model allows; 1 if unknown."""
+        """Return κ ≥ 1, how much more the likelihood's gradients scatter than the model expects."""
         o, n = self.optimum, len(self.free)
         scores = block_scores(self.problem.data, o, BLOCK_S)
         m = len(scores)
@@ -86,18 +86,18 @@ class Estimate(PhysicalFit):
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """Covariance (n, n) of the parameters in their units"""
+        """Return the covariance (n, n) of the parameters in their units."""
         A = self.optimum.information + np.diag(self.problem.prior_precision)
         return np.asarray(self.inflation * np.linalg.inv(A) * np.outer(self.slopes, self.slopes))
 
     @cached_property
     def bound(self) -> np.ndarray:
-        """Cramér–Rao bound (n,) on the standard deviations, in the parameters' units."""
+        """Return the Cramér–Rao bound (n,) on the parameters' standard deviations."""
         noise = self.optimum.noise * np.array([*[np.sqrt(self.inflation)] * 3, 1.0])
         return np.asarray(cramer_rao(self.problem, self.optimum.theta, noise) * self.slopes)
 
     def interval(self, z: float = 1.96) -> np.ndarray:
-        """Return confidence intervals (n, 2), ± z σ; for logarithms symmetric in the logarithm."""
+        """Return confidence intervals (n, 2), ± z deviations; of log parameters in the log."""
         theta, sd = self.optimum.theta, self.std / self.slopes
         return np.column_stack(
             [self.problem.values(theta - z * sd), self.problem.values(theta + z * sd)]
@@ -105,7 +105,7 @@ class Estimate(PhysicalFit):
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """A verdict per parameter"""
+        """Return a `Verdict` for each parameter: whether the recordings identify it."""
         prior = 1 / np.sqrt(self.problem.prior_precision)
         sd = self.std / self.slopes
         R = self.correlation
@@ -137,7 +137,11 @@ class Estimate(PhysicalFit):
 def estimate(
     problem: Likelihood, *, start: np.ndarray | None = None, noise: np.ndarray | None = None
 ) -> Estimate:
-    """Fit by maximum likelihood from ``start`` (n,); without convergence, from other values too."""
+    """Return the maximum-likelihood fit, searched from the parameter coordinates ``start`` (n,).
+
+    ``noise`` (4,) is the first noise estimate; None: defaults. If the search does not converge, it
+    is repeated from other values.
+    """
     if any(t.effect.starts for t in problem.structure.terms):
         start, noise = likeliest_start(
             problem, problem.prior_mean if start is None else start, noise
@@ -155,7 +159,7 @@ def estimate(
 
 
 def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
-    """Return sums (m, n) of the log-likelihood's gradient over ``block_s`` s each, within runs."""
+    """Return the log-likelihood's gradients (m, n), summed over each of m blocks of block_s s."""
     o = optimum
     which = np.zeros(len(data.t), dtype=np.int64)
     at = 0
@@ -168,7 +172,7 @@ def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
 
 
 def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Return the Cramér–Rao bound (n,) on each coordinate's standard deviation, prior included."""
+    """Return the Cramér–Rao bound (n,) on coordinates θ (n,), prior included; noise (4,)."""
     white = replace(
         problem,
         data=replace(problem.data, grid=np.zeros_like(problem.data.grid)),
@@ -181,7 +185,7 @@ def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.
 
 @dataclass(frozen=True)
 class Candidate:
-    """The result of `score_test` for one term, with an estimate of its parameters."""
+    """The result of `score_test` for one effect (term), with an estimate of its parameters."""
 
     name: str
     score: float

@@ -1,4 +1,4 @@
-"""The method ``freeflight``: physical parameters from free-run predictions of up to 3 s.
+"""Fit physical parameters by the method ``freeflight``: by free-run predictions of up to 3 s.
 
 It suits real rigs with sampling jitter (`heli3dof.recording.logs.sampling_jitter`) or with
 unmodelled fast motion (`heli3dof.identification.greybox.noise_check`). The method ``greybox`` calls
@@ -64,7 +64,8 @@ REAL_TERMS = (
 OFFSET = "encoder.offset.pitch.angle_deg"
 WEIGHT = "mass.imbalance.torque_Nm"
 VARYING = {OFFSET: 3.0, WEIGHT: 0.1}
-"""Parameter → standard deviation between recordings: encoder offset (°), weight (N·m)."""
+"""Parameter with a value per recording → its standard deviation between recordings: encoder offset
+(°), trim torque (N·m)"""
 PRIORS: dict[str, tuple[float, float]] = {
     "motor.rotor_curve.exponent": (2.0, 0.2),
     "motor.lag.time_constant_s": (0.1, 0.05),
@@ -90,16 +91,16 @@ PRIORS: dict[str, tuple[float, float]] = {
 priors, terms would cancel one another in flights about one trim: pitch damping and flapping act
 alike until yaw moves."""
 POSITIVE = ("friction.", "aero.flapping", "stiffness.pendulum")
-"""Effects that only dissipate energy or restore: their parameters are at least zero."""
+"""Start of the names of parameters that must not be negative (damping, restoring stiffness)"""
 COMMON_STD = 0.15
 """Prior standard deviation of the logarithm of the inertias' common factor."""
 WINDOW_S = 3.0
-"""s: length of a window, which is predicted from its first row"""
+"""s: length of a window; the model predicts it freely from the state at its first row."""
 APART_S = 0.2
-"""s between the starts of windows"""
+"""s: time between the starts of successive prediction windows"""
 LEAST_WINDOWS = 20
 LEAST_STARTS = 2
-"""Recordings with fewer windows are left out."""
+"""Recordings with fewer prediction windows than this are left out."""
 PRIOR_SHARE = 0.7
 """A parameter whose σ exceeds this share of its prior's σ is reported as not identifiable."""
 INSTEAD = (
@@ -109,7 +110,7 @@ INSTEAD = (
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Fit physical parameters to the training runs by multi-step predictions."""
+    """Return physical parameters fitted by multi-step predictions to the training runs."""
     sources = sorted({r.source for r in prepared.train})
     several = [_cut(prepared.recordings[i], prepared.train, i) for i in sources]
     found = fit_freeflight(several, request.terms or REAL_TERMS)
@@ -126,7 +127,7 @@ def fit_freeflight(
     *,
     say: Callable[[str], None] | None = None,
 ) -> MultiStepFit:
-    """Fit the terms ``names`` to recordings of one rig, each with all three angles.
+    """Return a multi-step fit of the effects ``names`` to recordings of one rig with all angles.
 
     ``say`` is called with a line of progress per iteration. Raises RecordingError if fewer than
     `LEAST_WINDOWS` windows of 3 s are clear of take-off, table and stops.
@@ -136,7 +137,7 @@ def fit_freeflight(
 
 
 def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS) -> MultiStep:
-    """Return the least-squares problem: recordings cut into windows, with this module's priors."""
+    """Return the least-squares problem of fitting the effects ``names`` to prediction windows."""
     structure = Structure(recordings[0].profile, terms(names))
     parts = [(r, flight_of(r)) for r in recordings]
     flights = [(r, f) for r, f in parts if len(f.starts) >= LEAST_STARTS]
@@ -171,7 +172,7 @@ def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERM
 
 
 def flight_of(recording: Recording) -> Flight:
-    """Return the recording as arrays, with the first rows of usable windows every `APART_S` s."""
+    """Return the recording as arrays, with the first rows of its usable prediction windows."""
     r = recording
     n, every = round(WINDOW_S / r.dt), max(1, round(APART_S / r.dt))
     bad = ~free_rows(r)
@@ -208,12 +209,12 @@ def _airborne(recording: Recording) -> list[Stretch]:
 
 
 def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:
-    """Return the recording up to its last training row."""
+    """Return the recording number ``source`` up to the last row of its training ``runs``."""
     return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
 
 
 def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
-    """Return the fitted model, with its provenance.
+    """Return the fitted model called ``name``, with names and digests of its recordings.
 
     A parameter that differs by recording (`VARYING`) gets its mean. When the model predicts a
     recording, its filter estimates that parameter from the recording.
@@ -250,7 +251,7 @@ def parameters(found: MultiStepFit) -> dict[str, Parameter]:
 
 
 def warnings(found: MultiStepFit) -> tuple[str, ...]:
-    """Return warnings: unidentifiable parameters, no convergence, values that vary by recording."""
+    """Return warnings on parameters that cannot be identified or vary, and on non-convergence."""
     out = [p.verdict for p in parameters(found).values() if p.verdict]
     if not found.converged:
         out.append(f"The fit had not converged after {found.rounds} rounds: too little motion.")
@@ -262,5 +263,5 @@ def warnings(found: MultiStepFit) -> tuple[str, ...]:
 
 
 def handed_over(found: FitResult, reason: str) -> FitResult:
-    """Return the result marked as fitted by ``freeflight``, with the reason as first warning."""
+    """Return the result, marked as made by ``freeflight``, the reason as its first warning."""
     return replace(found, method="freeflight", warnings=(f"{reason} {INSTEAD}", *found.warnings))

@@ -19,7 +19,7 @@ SETTLING = 3
 def likeliest_start(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return ``theta`` (n,) with effects at the likeliest of their ``starts``, and the noise."""
+    """Return start coordinates (n,) and noise (4,): the likeliest of the effects' ``starts``."""
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     theta = theta.copy()
     for term in problem.structure.terms:

@@ -2,6 +2,7 @@
 
     Q(z) = r(z)ᵀ r(z) + (z − z_0)ᵀ Λ (z − z_0),      D = ∂r/∂z by differences,  (dim, R)
 
+z (dim,) are the unknowns, z_0 is the prior mean, Λ (dim, dim) the prior's precision.
 `descend` computes D in every round: dim evaluations of r per step. `follow_on` starts near a
 minimum with the tangents D of a similar problem (without some rows or a term). It updates them from
 every evaluation (Broyden), with d the step and w = diag(D Dᵀ + Λ) d:
@@ -24,34 +25,35 @@ from heli3dof.parallel import parallel_map
 TRIES = 8
 DAMPING = 1e-3
 FRESH = 2
-"""How often `follow_on` may recompute D."""
+"""Number of times that `follow_on` may recompute the derivatives D by differences"""
 ENOUGH = 30
-"""Largest number of evaluations of r in `follow_on`, not counting those for differences."""
+"""Largest number of evaluations of the residuals in `follow_on`, those for differences excluded"""
 KEPT = 0.5
-"""Share of a step's predicted gain; if a gain deviated by more, D is recomputed before the end."""
+"""Share of a step's predicted cost reduction. If an actual reduction deviates by more, `follow_on`
+recomputes the derivatives D before it ends."""
 Residuals = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
-    """A least-squares problem: residuals r(z), the prior of z, and bounds."""
+    """A least-squares problem: R residuals r(z) of unknowns z (dim,), z's prior and bounds."""
 
     residuals: Residuals
     centre: np.ndarray
-    """(dim,) the prior mean z_0"""
+    """(dim,) mean z_0 of the prior of z"""
     prior: np.ndarray
-    """(dim, dim) the prior's precision Λ"""
+    """(dim, dim) precision Λ (inverse covariance) of the prior of z"""
     low: np.ndarray
     high: np.ndarray
     difference: float
-    """Step of the differences"""
+    """Step in z of the differences that approximate ∂r/∂z"""
 
     def cost(self, r: np.ndarray, z: np.ndarray) -> float:
         d = z - self.centre
         return float(r @ r + d @ self.prior @ d)
 
     def tangents(self, z: np.ndarray, r: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
-        """Return ∂r/∂z (len(which), R) by differences, for coordinates ``which`` (default all)."""
+        """Return ∂r/∂z by differences, from r (R,) at z (dim,), for coordinates ``which``."""
         side = np.where(z + self.difference < self.high, self.difference, -self.difference)
         j = np.arange(len(z)) if which is None else which
         points = [z + side * (np.arange(len(z)) == i) for i in j]
@@ -59,7 +61,11 @@ class LeastSquares:
         return np.asarray((np.array(moved).reshape(len(j), len(r)) - r) / side[j, None])
 
     def step(self, z: np.ndarray, g: np.ndarray, H: np.ndarray, damping: float) -> np.ndarray:
-        """Return z after a damped step; coordinates at a bound stay there, others are re-solved."""
+        """Return z (dim,) after a Levenberg–Marquardt step with gradient g and Hessian H.
+
+        ``damping`` multiplies the diagonal of H that is added. A coordinate at a bound stays there,
+        and the step of the others is solved again.
+        """
         A = H + damping * np.diag(np.diag(H))
         stopped = ((z <= self.low) & (g > 0)) | ((z >= self.high) & (g < 0))
         d = np.zeros(len(z))
@@ -77,14 +83,14 @@ class LeastSquares:
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """The result of `descend` or `follow_on`."""
+    """The result of the minimisations `descend` and `follow_on`."""
 
     z: np.ndarray
     cost: float
     begun: float
-    """The cost at the start"""
+    """Cost Q at the start of the search"""
     tangents: np.ndarray
-    """(dim, R), of the last round"""
+    """(dim, R) derivatives of the residuals in the last iteration"""
     rounds: int
     settled: bool
     """True if the search converged"""
@@ -94,10 +100,10 @@ def descend(
     v: LeastSquares, z: np.ndarray, *, rounds: int, settled: float,
     say: Callable[[int, float, float], None] | None = None,
 ) -> Descent:  # fmt: skip
-    """Minimise the cost from ``z``, until an iteration lowers it by less than ``settled``.
+    """Minimise the cost of problem v from ``z``, until an iteration gains less than ``settled``.
 
-    It ends after ``rounds`` iterations at the latest, and calls ``say(iteration, cost at the start,
-    cost now)`` after each.
+    It ends after ``rounds`` iterations at the latest. After each it calls ``say(iteration, cost at
+    the start, cost now)``.
     """
     r = v.residuals(z)
     here = begun = v.cost(r, z)
@@ -127,9 +133,10 @@ def follow_on(
     v: LeastSquares, z: np.ndarray, tangents: np.ndarray | None, *, settled: float,
     share: float = 0.0, enough: int = ENOUGH, fresh: int = FRESH,
 ) -> Descent:  # fmt: skip
-    """Minimise the cost from ``z``, and update ``tangents`` (dim, R) instead of recomputing them.
+    """Minimise the cost of the problem v from ``z``, with updates of the derivatives ``tangents``.
 
-    It ends when a step's predicted gain is below ``settled`` or below ``share`` of the cost, after
+    ``tangents`` (dim, R) are those of a similar problem, so few are computed by differences. It
+    ends when a step's predicted gain is below ``settled`` or below ``share`` of the cost, after
     ``enough`` evaluations at the latest. Rows of ``tangents`` that are NaN are computed first, all
     of them if it is None. Later they are recomputed ``fresh`` times at most.
     """

@@ -1,4 +1,4 @@
-"""The likelihood of recordings for a rig with given parameters, its score and information.
+"""Compute the likelihood of recordings for given rig parameters, its score and information.
 
     ℓ(θ, a) = Σ_k Σ_i ln Z_ik + ln prior(θ)
 
@@ -24,7 +24,7 @@ from heli3dof.model.estimation.filter_data import ENCODER_NOISE, Data, encoder_n
 from heli3dof.model.physics.parametrisation import Structure
 
 DIFFERENCE = 1e-4
-"""Step of the differences, in coordinates (which are of the order of one)."""
+"""Step of the finite differences, in parameter coordinates (which are of the order of one)"""
 DIVERGED = 1e4
 """rad per coordinate: a larger tangent means that the simulation diverges. In flights tangents stay
 below 10; with negative dry friction they reached 1e243, whose square overflows."""
@@ -32,20 +32,20 @@ below 10; with negative dry friction they reached 1e243, whose square overflows.
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """The result of one run of the filter over E events (readings that update it)."""
+    """The result of one run of the filter over the data. E readings update its state."""
 
     loglik: np.ndarray
-    """(3,) log-likelihood Σ ln Z by axis"""
+    """(3,) log-likelihood by axis: Σ ln Z, Z being a reading's probability given earlier ones"""
     row: np.ndarray
-    """(E,) the row of each event"""
+    """(E,) data row of each reading"""
     state: np.ndarray
-    """(E,) the state that the event informs; see `heli3dof.model.estimation.ekf_quantised`"""
+    """(E,) index of the state that each reading measures"""
     c: np.ndarray
     g: np.ndarray
     w: np.ndarray
-    """(E,) predictions, scores ∂ln Z/∂c and informations −∂²ln Z/∂c²"""
+    """(E,) each: predicted readings c, scores g = ∂ln Z/∂c, informations w = −∂²ln Z/∂c²"""
     K: np.ndarray
-    """(E, 6) the filter's gains"""
+    """(E, 6) the filter's gain for each reading"""
     X: np.ndarray | None
     """(N, 6) states after each row, or (N, 9) with the running Σ ln Z by axis, or None"""
 
@@ -57,44 +57,44 @@ class Likelihood:
     data: Data
     structure: Structure
     noise_steps: float = ENCODER_NOISE
-    """Standard deviation of a reading's noise in encoder steps."""
+    """Standard deviation of the encoder readings' noise, in encoder steps"""
 
     @cached_property
     def prior_mean(self) -> np.ndarray:
-        """(n,) coordinates"""
+        """Return the prior mean (n,) of the parameter coordinates θ."""
         return np.array([f.inward(f.start) for f in self.structure.free])
 
     @cached_property
     def prior_precision(self) -> np.ndarray:
-        """(n,) 1/variance in coordinates"""
+        """Return the prior's precision (n,): 1/variance of each parameter coordinate."""
         free = self.structure.free
         std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
         return np.asarray(1.0 / std**2)
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n,), (n,) lowest and highest coordinates"""
+        """Return the lowest (n,) and highest (n,) parameter coordinates allowed."""
         free = self.structure.free
         low = np.array([f.inward(f.low) for f in free])
         return low, np.array([f.inward(f.high) for f in free])
 
     @cached_property
     def encoder_noise(self) -> np.ndarray:
-        """(3,) rad², the variance R of the readings' white noise."""
+        """Return the variance (3,) rad² of the encoder readings' white noise, by axis."""
         return encoder_noise(self.data, self.noise_steps)
 
     def values(self, theta: np.ndarray) -> np.ndarray:
-        """Convert coordinates (n,) to values in their units."""
+        """Return the parameter values (n,) in their units at the coordinates ``theta`` (n,)."""
         return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
         return np.array([f.inward(v) for f, v in zip(self.structure.free, values, strict=True)])
 
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> Pass:
-        """Run the filter at the coordinates θ (n,) and the noise a (4,).
+        """Return the filter's run over the data at the coordinates θ (n,) and the noise a (4,).
 
-        ``keep`` selects what is returned: 0 the likelihood only, 1 also the events for `tangents`,
-        2 also the states X, 3 also the running likelihood in X.
+        ``keep`` selects what the result holds: 0 the likelihood only, 1 also each reading's
+        quantities for `tangents`, 2 also the states X, 3 also the running likelihood in X.
         """
         from heli3dof.model.estimation.ekf_quantised import filter_blocks
 
@@ -125,10 +125,10 @@ class Likelihood:
         return float(-0.5 * (self.prior_precision * (theta - self.prior_mean) ** 2).sum())
 
     def tangents(self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None) -> np.ndarray:
-        """Return the predictions' derivatives ∂c/∂θ (n, E) at the events of the run ``at``.
+        """Return the derivatives ∂c/∂θ (n, E) of the E predicted readings c of the run ``at``.
 
-        The filter's gains are fixed. ``which`` selects coordinates (default all). A derivative that
-        `diverged` is returned as zero.
+        ``theta`` (n,) are the coordinates of that run, ``which`` selects some (default all). The
+        filter's gains are fixed. A derivative that `diverged` is returned as zero.
         """
         from heli3dof.model.estimation.ekf_quantised import follow
 
@@ -153,14 +153,15 @@ class Likelihood:
 
 
 def diverged(D: np.ndarray) -> np.ndarray:
-    """Return (n,) bool: which of the tangents D (n, E) exceed `DIVERGED` or are not finite."""
+    """Return (n,) bool: rows of derivatives D (n, E) that are not finite or exceed `DIVERGED`."""
     return np.asarray(~(np.abs(D).max(axis=1, initial=0.0) < DIVERGED))
 
 
 def score_and_information(at: Pass, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the likelihood's score (n,) and information (n, n), without the prior.
 
-    They are Σ g ∂c and Σ w ∂c ∂cᵀ over the E events of the run ``at``; D (n, E) is ∂c/∂θ.
+    They are Σ g ∂c and Σ w ∂c ∂cᵀ over the E readings of the run ``at``. D (n, E) is ∂c/∂θ, the
+    derivatives of the predicted readings; g and w are fields of `Pass`.
     """
     return D @ at.g, (D * at.w) @ D.T
 

@@ -28,7 +28,7 @@ from heli3dof.model.greybox.model import GreyBoxModel
 TEST_INTERVAL_S = 0.04
 """s: prediction horizon in residual tests; one sample ahead, most of an error is rounding."""
 STEP = 1e-2
-"""Step of the differences, in standard deviations of each parameter"""
+"""Step of the finite differences, as a share of each parameter's standard deviation"""
 
 
 def linear_quantities(
@@ -38,7 +38,11 @@ def linear_quantities(
     TransferFunctions,
     Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
 ]:
-    """Return poles, transfer functions, and a function ω (F,) rad/s → response G and its σ."""
+    """Return poles, transfer functions and the frequency response of a fit, linearised about hover.
+
+    The response is a function of ω (F,) rad/s. It returns G (F, 3, 2) rad/V and its standard
+    deviation. ``dt`` (s) is the control period.
+    """
     theta = found.theta
     sd = found.std / found.slopes
     cov = found.covariance / np.outer(found.slopes, found.slopes)
@@ -88,7 +92,7 @@ def linear_quantities(
 
 
 def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
-    """Return errors of consecutive `TEST_INTERVAL_S` predictions, and the mean voltages in each."""
+    """Return errors (rad) of predictions `TEST_INTERVAL_S` ahead, and mean voltages (V)."""
     q = max(1, round(TEST_INTERVAL_S / prepared.dt))
     E, U = [], []
     for run in runs:

@@ -1,4 +1,4 @@
-"""Maximum likelihood by Gauss–Newton steps on the innovations, with the noise estimated alongside.
+"""Maximise the likelihood by Gauss–Newton steps on the innovations; also estimate the noise.
 
 Each round runs the filter at θ. It then takes a Newton step of each axis' log noise intensity, from
 the likelihood at three of them (the axes are nearly independent). Let c be the filter's prediction
@@ -7,8 +7,9 @@ filter gains, the round solves
 
     (H + Λ + λ diag(H + Λ)) δ = Σ g ∂c − Λ (θ − θ_0),     H = Σ w ∂c ∂cᵀ,   Λ the prior's precision
 
-within the bounds. The Levenberg–Marquardt factor λ grows until the likelihood does. The search ends
-when half the Newton decrement, the log-likelihood still to be gained, is below `TOLERANCE`.
+for the step δ of θ, within the bounds; θ_0 is the prior mean. The Levenberg–Marquardt factor λ
+grows until the step raises the likelihood. The search ends when half the Newton decrement, the
+log-likelihood still to be gained, is below `TOLERANCE`.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ from heli3dof.identification.greybox.likelihood import (
 from heli3dof.parallel import parallel_map
 
 TOLERANCE = 2e-3
-"""Log-likelihood still to be gained at which the search ends: a step of 0.06 standard deviations"""
+"""The search ends at this predicted log-likelihood gain: a step of 0.06 standard deviations."""
 ROUNDS = 25
 OTHER_ROUNDS = 12
-"""Largest number of rounds from each further start, tried if the first does not converge"""
+"""Largest number of iterations from each other start point, if the first does not converge"""
 SURE = 3.0
 """Log-likelihood: a step with a smaller predicted gain is accepted without evaluating the
 likelihood. That is rough at this scale: the score omits the terms by which the filter's covariance
@@ -39,13 +40,13 @@ full steps may never converge. After these rounds, each step that reverses the p
 shortens all later ones: after n reversals to 1/(n + 1) (Kesten, 1958). The steps then converge to
 the middle of the rough region, but steps with a gain above `SURE` stay full."""
 NOISE_SETTLED = 0.05
-"""Change of the log intensity at which the noise has converged."""
+"""The noise has converged when a step changes the logarithm of its intensity by less than this."""
 NOISE_START = (0.03, 0.06, 0.02, 0.0)
 """Initial process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s). The noise is
 several times a quiet rig's, so that a poor start does not diverge."""
 NOISE_LOW, NOISE_HIGH = 1e-5, 30.0
 JITTERS = (0.001, 0.002, 0.004, 0.008)
-"""s of sampling jitter, tried one after the other in the rounds `JITTER_ROUNDS`."""
+"""s: values of sampling jitter, tried in ascending order in the iterations `JITTER_ROUNDS`"""
 JITTER_ROUNDS = (2, 5)
 JITTER_WORTH = 10.0
 """Gain in log-likelihood above which a larger jitter is accepted."""
@@ -57,18 +58,18 @@ class Optimum:
     """The maximum of likelihood times prior, with the filter's run at it."""
 
     theta: np.ndarray
-    """(n,) coordinates"""
+    """(n,) parameter coordinates at the maximum"""
     noise: np.ndarray
-    """(4,) rad/s²/√Hz on roll, pitch, yaw; s of jitter"""
+    """(4,) process noise on roll, pitch, yaw in rad/s²/√Hz, and sampling jitter in s"""
     loglik: float
-    """Σ ln Z + ln prior"""
+    """Log-likelihood plus log prior at the maximum"""
     information: np.ndarray
-    """(n, n) of the likelihood alone, in coordinates"""
+    """(n, n) information of the likelihood without the prior, in parameter coordinates"""
     at: Pass
     tangents: np.ndarray
-    """(n, E) ∂c/∂θ at the run's E readings"""
+    """(n, E) derivatives of the E predicted readings by the parameter coordinates"""
     at_bound: np.ndarray
-    """(n,) bool"""
+    """(n,) bool: the coordinates that are at their lowest or highest value"""
     rounds: int
     converged: bool
 
@@ -80,7 +81,7 @@ def maximise(
     *,
     rounds: int = ROUNDS,
 ) -> Optimum:
-    """Find the maximum from ``start`` (n,), by default the prior mean, and ``noise`` (4,)."""
+    """Return the maximum found from coordinates ``start`` (n,), noise (4,) in ``rounds`` rounds."""
     low, high = problem.bounds
     theta = problem.prior_mean.copy() if start is None else np.clip(start, low, high)
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
@@ -140,8 +141,9 @@ def better_noise(
 ) -> tuple[np.ndarray, float]:
     """Return the noise (4,) after one Newton step of its log intensities, and the largest step.
 
-    Slope and curvature are differences over a factor of e^`_PROBE` up and down, because the
-    likelihood is rough at smaller scales. Only measured ``axes`` (3,) bool move.
+    ``theta`` (n,) are the parameter coordinates, ``a`` (4,) is the noise before the step. Slope and
+    curvature are differences over a factor of e^`_PROBE` up and down, because the likelihood is
+    rough at smaller scales. Only measured ``axes`` (3,) bool move.
     """
     factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)
@@ -156,7 +158,7 @@ def better_noise(
 
 
 def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the noise with a larger jitter of `JITTERS` if that gains `JITTER_WORTH`, or 0."""
+    """Return the noise ``a`` (4,) with the likeliest jitter of 0 and `JITTERS` (s)."""
     best, best_loglik = 0.0, -np.inf
     for jitter in (0.0, *JITTERS):
         loglik = float(problem.run(theta, np.append(a[:3], jitter), keep=0).loglik.sum())

@@ -42,12 +42,12 @@ DEFAULT_TERMS = (
 )
 LEAST_RUN_S = 0.5
 JITTER_SHARE = 0.2
-"""Share of the sample period. Below this jitter the likelihood, whose filter models jitter, gives
-better estimates than the multi-step fit."""
+"""Sampling jitter as a share of the sample period. Below it the likelihood, whose filter models
+jitter, gives better estimates than the multi-step fit."""
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Fit by maximum likelihood to the training runs and to the recordings that lack an angle."""
+    """Return a maximum-likelihood fit to the training runs and to recordings lacking an angle."""
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]
     runs: list[Run] = list(prepared.train)
@@ -67,14 +67,14 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
 
 
 def has_jitter(recording: Recording) -> bool:
-    """True if the motion shows sampling jitter above `JITTER_SHARE` of the period."""
+    """Return whether the motion shows sampling jitter above `JITTER_SHARE` of the period."""
     r = recording
     m = motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count)
     return m.found and m.sigma_s > JITTER_SHARE * r.dt
 
 
 def compile_first(problem: Likelihood) -> None:
-    """Compile the estimator with a message, once per process; the first time takes a while."""
+    """Compile the likelihood's code once per process, with a message, because it takes long."""
     from heli3dof.model.estimation.ekf_quantised import filter_blocks
 
     if filter_blocks.signatures:
@@ -115,10 +115,11 @@ def fit_greybox(
     read_every_s: float = 0.0,
     start: Mapping[str, float] | None = None,
 ) -> Estimate:
-    """Fit physical parameters to recordings of one rig; `model_of` makes a model of the result.
+    """Return physical parameters, fitted to recordings of one rig by maximum likelihood.
 
-    A recording may hold a single angle (the other axes count as fixed) and needs no known
-    controller. `heli3dof.identification.row_selection` selects the rows.
+    `model_of` makes a model of the result. A recording may hold a single angle (the other axes
+    count as fixed) and needs no known controller. `heli3dof.identification.row_selection` selects
+    the rows.
 
     Args:
         recordings: one or several.
@@ -140,7 +141,7 @@ def fit_greybox(
 def usable_runs(recording: Recording, source: int) -> list[Stretch]:
     """Return the stretches of usable rows of a recording, each at least `LEAST_RUN_S` s long.
 
-    A stretch ends at a gap of more than `LOST` periods. ``source`` is the recording's number.
+    A stretch ends at a gap of more than `LOST` periods. ``source`` is the recording's index.
     """
     bad = np.logical_or.reduce(list(unusable(recording).values()))
     breaks = np.flatnonzero(np.diff(recording.t) > LOST * recording.dt) + 1
@@ -149,7 +150,7 @@ def usable_runs(recording: Recording, source: int) -> list[Stretch]:
 
 
 def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
-    """Return the fitted model, ready to fly, predict and save, with its provenance."""
+    """Return the fitted model called ``name``, with the names of the recordings it is from."""
     extra: dict[str, Any] = {
         "method": "greybox",
         "recordings": [{"name": r.name, "sha256": r.digest} for r in recordings],
@@ -173,7 +174,7 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
 
 
 def parameters(found: Estimate) -> dict[str, Parameter]:
-    """Return the parameters by name: value, standard deviation, bound, nominal value, verdict."""
+    """Return each parameter by name: value, standard deviation, bound on it, nominal, verdict."""
     return {
         f.name: Parameter(
             float(v), float(s), f.unit, float(b), f.start if f.term is None else f.null, w.sentence

@@ -1,4 +1,4 @@
-"""The multi-step fit: physical parameters that minimise errors of predictions up to 3 s ahead.
+"""Fit physical parameters by minimising the errors of predictions up to 3 s ahead.
 
 It is for logs with sampling jitter or unmodelled fast motion. One step ahead, a sample taken at
 another time than its stamp causes an error in proportion to the rate. That error pulls every
@@ -41,20 +41,21 @@ from heli3dof.model.greybox.multistep import Flight, errors
 from heli3dof.model.physics.parametrisation import Structure
 
 STAGES_S = ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0))
-"""s: the horizons of each stage"""
+"""s: prediction horizons of the two successive minimisations (stages), short horizons first"""
 ROUNDS = 8
 WINDOW_S = 3.0
-"""τ, s: windows that start at least this far apart count as independent."""
+"""τ, s: prediction windows that start at least this far apart count as independent."""
 ROBUST = 4.0
 RATIO_STD, COMMON_STD = 0.04, 0.5
-"""Prior standard deviations of logarithms: of the inertias' ratios to roll's, and of roll's"""
+"""Prior standard deviations of the logarithms of J_pitch/J_roll, J_yaw/J_roll, and of J_roll. The J
+are moments of inertia."""
 DIFFERENCE = 1e-3
 SETTLED = 0.03
 NOISE_START = (0.08, 0.15, 0.06)
-"""rad/s²/√Hz: the process noise on roll, pitch, yaw before its first estimate"""
+"""rad/s²/√Hz: process noise on roll, pitch, yaw with which the fit starts"""
 JITTERS_S = (0.0, 0.001, 0.002, 0.004)
 FAR = 3.0
-"""rad: larger errors count as this."""
+"""rad: larger or infinite prediction errors are replaced by this value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,23 +63,24 @@ class MultiStep:
     """The least-squares problem of a multi-step fit: flights, their data, and a model structure.
 
     Its unknowns are coordinates z (dim,): parameters divided by their typical size, or logarithms.
-    n are common to all flights; then follow each flight's own values of those in ``varying``.
+    The first n are common to all flights. Then follow, flight by flight, the values of the
+    parameters in ``varying``.
     """
 
     structure: Structure
     flights: tuple[Flight, ...]
     data: tuple[Data, ...]
-    """One per flight: its runs for the filter, concatenated."""
+    """The rows of each flight that the filter uses"""
     rows: tuple[np.ndarray, ...]
-    """(n_i,) per flight: data row → row of the flight; −1 where there is none."""
+    """Per flight an array: the flight's row for each row of ``data``; −1 where there is none"""
     varying: Mapping[str, float] = field(default_factory=dict)
     """Parameter with a value per recording → its standard deviation between recordings."""
     spread: Mapping[str, float] = field(default_factory=dict)
-    """Prior standard deviations in the parameters' units, in place of the effects' own."""
+    """Parameter → prior standard deviation in its unit, in place of the effect's default"""
     centre: Mapping[str, float] = field(default_factory=dict)
-    """Prior means, in place of the effects' starts."""
+    """Parameter → prior mean in its unit, in place of the effect's default"""
     least: Mapping[str, float] = field(default_factory=dict)
-    """Lowest values, in place of the effects' own."""
+    """Parameter → lowest value allowed, in place of the effect's default"""
     ratio_std: float = RATIO_STD
     common_std: float = COMMON_STD
 
@@ -88,7 +90,7 @@ class MultiStep:
 
     @cached_property
     def own(self) -> np.ndarray:
-        """Indices (B,), among the n parameters, of those with a value per recording."""
+        """Return the indices (B,), among the n parameters, of those with a value per recording."""
         return np.array([self.structure.names.index(v) for v in self.varying], dtype=int)
 
     @property
@@ -97,7 +99,7 @@ class MultiStep:
 
     @cached_property
     def start(self) -> np.ndarray:
-        """(dim,) coordinates of the prior mean."""
+        """Return the optimiser's start point (dim,): the prior mean in scaled coordinates."""
         theta = np.array([f.inward(self.centre.get(f.name, f.start)) for f in self.structure.free])
         return np.concatenate([theta, np.tile(theta[self.own], len(self.flights))])
 
@@ -113,7 +115,7 @@ class MultiStep:
 
     @cached_property
     def prior(self) -> np.ndarray:
-        """Λ (dim, dim), in coordinates"""
+        """Return the prior's precision Λ (dim, dim): the inverse covariance of z."""
         free = self.structure.free
         std = []
         for f in free:
@@ -140,7 +142,7 @@ class MultiStep:
         return L
 
     def values(self, z: np.ndarray, flight: int | None = None) -> np.ndarray:
-        """Return the parameters (n,) in their units at z; with ``flight``, of that recording."""
+        """Return the parameters (n,) in their units at z (dim,), for one flight if given."""
         theta = z[: self.n].copy()
         if flight is not None:
             b = len(self.own)
@@ -148,7 +150,7 @@ class MultiStep:
         return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     def states(self, z: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:
-        """Return filtered angles, rates (N, 6) of flight i, rad and rad/s; NaN at unused rows."""
+        """Return angles (rad), rates (rad/s) (N, 6) of flight i by the filter; NaN: unused rows."""
         flight = self.flights[i]
         X = np.full((len(flight.t), 6), np.nan)
         found = filter_jittered(
@@ -159,7 +161,7 @@ class MultiStep:
         return X
 
     def errors(self, z: np.ndarray, noise: np.ndarray, horizons_s: Sequence[float]) -> list[Any]:
-        """Return prediction errors per flight: (S, M, 3) rad from S starts at M horizons."""
+        """Return each flight's prediction errors (S, M, 3) rad: S start rows, M horizons."""
         out = []
         for i, flight in enumerate(self.flights):
             ahead = np.array([max(1, round(h / flight.dt)) for h in horizons_s])
@@ -186,12 +188,13 @@ class MultiStepFit(PhysicalFit):
     problem: MultiStep
     z: np.ndarray
     noise: np.ndarray
-    """(4,) rad/s²/√Hz on roll, pitch, yaw; s of jitter"""
+    """(4,) process noise on roll, pitch, yaw in rad/s²/√Hz, and sampling jitter in s"""
     scale: np.ndarray
-    """(M, 3) rad: the errors' scales at the last stage's horizons"""
+    """(M, 3) rad: RMS prediction errors by which the residuals are divided, at the M horizons of
+    the last stage"""
     cost: float
     tangents: np.ndarray
-    """(dim, R) of the weighted residuals"""
+    """(dim, R) derivatives of the R weighted residuals by the coordinates"""
     rounds: int
     converged: bool
 
@@ -201,7 +204,7 @@ class MultiStepFit(PhysicalFit):
 
     @property
     def theta(self) -> np.ndarray:
-        """Coordinates (n,) of the parameters; the mean for those with a value per recording."""
+        """Return the coordinates (n,) of the parameters; the mean if they vary by recording."""
         theta = self.z[: self.problem.n].copy()
         if len(self.problem.own):
             theta[self.problem.own] = self._own.mean(axis=0)
@@ -214,7 +217,7 @@ class MultiStepFit(PhysicalFit):
 
     @property
     def by_recording(self) -> dict[str, np.ndarray]:
-        """The values (flights,), by name, of each parameter with a value per recording."""
+        """Return, by name, the values (flights,) of each parameter that varies by recording."""
         free = self.structure.free
         return {
             free[j].name: np.array([free[j].outward(c) for c in self._own[:, b]])
@@ -223,13 +226,13 @@ class MultiStepFit(PhysicalFit):
 
     @property
     def prior_std(self) -> np.ndarray:
-        """The prior's standard deviations (n,), in the parameters' units."""
+        """Return the prior's standard deviations (n,), in the parameters' units."""
         n = self.problem.n
         return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.problem.prior))[:n]) * self.slopes)
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """Covariance (n, n) of the parameters in their units."""
+        """Return the covariance (n, n) of the parameters in their units."""
         p = self.problem
         H = self.tangents @ self.tangents.T + p.prior
         C = np.linalg.inv(H)[: p.n, : p.n]
@@ -237,12 +240,15 @@ class MultiStepFit(PhysicalFit):
 
 
 def robust(u: np.ndarray) -> np.ndarray:
-    """Return √ρ(u) with the sign of u, ρ the robust cost in the module's docstring."""
+    """Return √ρ(u) with the sign of u, for scaled errors u.
+
+    ρ(u) = 2 c² (√(1 + (u/c)²) − 1), c = `ROBUST`, is a cost that limits the weight of outliers.
+    """
     return np.asarray(np.sign(u) * ROBUST * np.sqrt(2 * (np.sqrt(1 + (u / ROBUST) ** 2) - 1)))
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """Return the RMS (M, 3) rad of errors (S, M, 3), each limited to 1 rad; zeros are skipped."""
+    """Return the RMS (M, 3) rad of errors e (S, M, 3), each cut at 1 rad; zeros mean unmeasured."""
     there = np.maximum((e != 0).sum(axis=0), 1)
     size = np.sqrt((np.minimum(np.abs(e), 1.0) ** 2).sum(axis=0) / there)
     return np.asarray(np.maximum(size, np.radians(0.1)))
@@ -258,11 +264,11 @@ def search(
     fixed: np.ndarray | None = None,
     say: Callable[[str], None] | None = None,
 ) -> MultiStepFit:
-    """Minimise the prediction errors from the coordinates ``start`` (dim,), stage by stage.
+    """Return the fit that minimises the prediction errors, from the coordinates ``start`` (dim,).
 
-    ``noise`` (4,) and ``fixed`` (M, 3) rad give the filter's noise and the errors' scales; by
-    default each stage estimates them. ``rounds`` is the largest number of iterations per stage.
-    ``say`` is called with a line of progress per iteration.
+    ``stages_s`` are the horizons (s) of successive minimisations, of ``rounds`` iterations at most.
+    ``noise`` (4,) is the filter's, ``fixed`` (M, 3) rad are the RMS errors that scale the
+    residuals; by default each stage estimates them. ``say`` gets a line of text per iteration.
     """
     p = problem
     z = p.start.copy() if start is None else start.copy()
@@ -288,7 +294,7 @@ def search(
 def least_squares_problem(
     p: MultiStep, noise: np.ndarray, stage_s: Sequence[float], scale: np.ndarray
 ) -> LeastSquares:
-    """Return the least-squares cost for horizons ``stage_s`` (s), noise (4,), scales (M, 3) rad."""
+    """Return the problem for M horizons ``stage_s`` (s), noise (4,), error scales (M, 3) rad."""
     seconds = sum(len(f.starts) * _apart(f) for f in p.flights)
     size = len(stage_s) * sum(len(f.starts) for f in p.flights)
     weight = np.sqrt(seconds / WINDOW_S / size)
@@ -301,7 +307,7 @@ def least_squares_problem(
 
 
 def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the filter's noise (4,): the likeliest jitter, and likelier noise intensities."""
+    """Return a likelier noise (4,) than ``a`` at coordinates z: three intensities, jitter (s)."""
     a = a.copy()
     tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]
     a[3] = JITTERS_S[int(np.argmax(tried))]
@@ -320,7 +326,7 @@ def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 
 def _apart(flight: Flight) -> float:
-    """Return the time (s) between the starts of windows."""
+    """Return the time (s) between the starts of the flight's prediction windows."""
     if len(flight.starts) < 2:
         return WINDOW_S
     return float(np.median(np.diff(flight.t[flight.starts])))

@@ -1,8 +1,9 @@
-"""Check whether the likelihood can be used: not with sampling jitter or unmodelled fast motion.
+"""Check whether a maximum-likelihood fit is valid for recordings, or should not be used.
 
-One step ahead, unmodelled motion looks like a random torque, and the likelihood estimates a process
-noise to match. White angular acceleration of intensity a_i (rad/s²/√Hz) on axis i accumulates: from
-a known state, after h seconds, the angle has the standard deviation
+Sampling jitter and unmodelled fast motion make it invalid. One step ahead, unmodelled motion looks
+like a random torque, and the likelihood estimates a process noise to match. White angular
+acceleration of intensity a_i (rad/s²/√Hz) on axis i accumulates: from a known state, after h
+seconds, the angle has the standard deviation
 
     σ_i(h) = a_i √(h³/3)
 
@@ -46,7 +47,7 @@ HORIZON_S = 1.0
 TIMES = 5.0
 OVER = 1.5
 FAR = np.pi
-"""rad: larger errors count as this."""
+"""rad: larger prediction errors are replaced by this value."""
 CLOCK = (
     "The time stamps of these logs are even, but the motion shows that the samples were not: "
     "sampling jitter. One step ahead it acts as noise in proportion to the rate, which biases "
@@ -59,24 +60,24 @@ class NoiseCheck:
     """The process noise and the prediction error of a rigid-body model refitted to recordings."""
 
     noise: np.ndarray
-    """(3,) intensity of the process noise, rad/s²/√Hz"""
+    """(3,) intensity of the process noise on roll, pitch, yaw, rad/s²/√Hz"""
     rmse_deg: np.ndarray
-    """(3,) degrees, RMSE of predictions `HORIZON_S` ahead"""
+    """(3,) RMSE of predictions `HORIZON_S` ahead, degrees, by axis"""
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Error (3,) of predictions `HORIZON_S` ahead, degrees, that white noise would cause."""
+        """Return the errors (3,) in degrees that white noise causes `HORIZON_S` ahead."""
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
     def overstated(self) -> np.ndarray:
-        """(3,) bool: the axes on which both conditions of the module's docstring hold."""
+        """Return (3,) bool: axes on which the process noise contradicts the predictions."""
         loud = self.noise > TIMES * NOISE
         return np.asarray(loud & (self.expected_deg > OVER * self.rmse_deg))
 
     @property
     def usable(self) -> bool:
-        """True if the likelihood can be used."""
+        """Return whether a maximum-likelihood fit is valid: no axis is `overstated`."""
         return not self.overstated.any()
 
 
@@ -106,10 +107,11 @@ def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Fit for the method ``greybox``: by likelihood, or as ``freeflight`` if that cannot be used.
+    """Return the fit of the method ``greybox``: by maximum likelihood, else as ``freeflight``.
 
-    The likelihood is always used if the request names its terms or has recordings that lack an
-    angle.
+    ``freeflight`` fits multi-step predictions where `no_likelihood` finds the likelihood invalid.
+    The likelihood is always used if ``request`` names its terms or has recordings that lack an
+    angle. ``prepared`` holds the recordings.
     """
     if request.terms is None and not request.partial and (reason := no_likelihood(prepared)):
         return freeflight.handed_over(freeflight.fit(prepared, request), reason)
@@ -117,7 +119,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
 
 
 def no_likelihood(prepared: Prepared) -> str:
-    """Return why the training recordings rule out a likelihood, or an empty string.
+    """Return why a maximum-likelihood fit to the training recordings is invalid, or ``""``.
 
     If the controller of any of them is known, only sampling jitter is tested.
     """
@@ -128,9 +130,9 @@ def no_likelihood(prepared: Prepared) -> str:
 
 
 def likelihood_obstacle(recordings: Sequence[Recording]) -> str:
-    """Return why recordings with an unknown controller rule out a likelihood, or an empty string.
+    """Return why recordings make a maximum-likelihood fit invalid, or an empty string.
 
-    Tests sampling jitter first, then the process noise.
+    Their controller is unknown. Tests sampling jitter first, then the process noise.
     """
     if all(has_jitter(r) for r in recordings):
         return CLOCK

@@ -20,33 +20,33 @@ class PhysicalFit(ABC):
     @property
     @abstractmethod
     def theta(self) -> np.ndarray:
-        """(n,) coordinates: a parameter's logarithm, or its value divided by a typical size"""
+        """Return coordinates (n,): each parameter's logarithm, or its value over a typical size."""
 
     @property
     @abstractmethod
     def covariance(self) -> np.ndarray:
-        """Covariance (n, n) of the parameters in their units"""
+        """Return the covariance (n, n) of the parameters in their units."""
 
     def values_at(self, theta: np.ndarray) -> np.ndarray:
-        """Convert coordinates (n,) to values in their units."""
+        """Return the parameters (n,) in their units at the coordinates ``theta`` (n,)."""
         return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     @cached_property
     def values(self) -> np.ndarray:
-        """(n,) in their units"""
+        """Return the parameters (n,) in their units."""
         return self.values_at(self.theta)
 
     @cached_property
     def slopes(self) -> np.ndarray:
-        """(n,) ∂value/∂coordinate"""
+        """Return the derivative (n,) of each parameter's value by its coordinate."""
         return np.array([f.slope(v) for f, v in zip(self.structure.free, self.values, strict=True)])
 
     @property
     def std(self) -> np.ndarray:
-        """Standard deviations (n,) in the parameters' units"""
+        """Return the standard deviations (n,) in the parameters' units."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def correlation(self) -> np.ndarray:
-        """(n, n)"""
+        """Return the correlation matrix (n, n) of the parameters."""
         return np.asarray(self.covariance / np.outer(self.std, self.std))

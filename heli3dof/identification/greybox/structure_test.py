@@ -26,7 +26,8 @@ from heli3dof.model.physics.parametrisation import Structure
 SIMPLIFICATIONS = ("simplified.couplings", "simplified.yaw_inertia")
 COMBINATIONS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.array([1.0, 1.0]))
 SURE = 6.0
-"""Required gain in log-likelihood, as a multiple of κ; e⁶ means odds of 400 to 1."""
+"""Required gain in log-likelihood, as a multiple of the scatter factor κ. A gain of 6 means odds of
+e⁶ = 400 to 1."""
 
 
 def with_simplifications(found: Estimate) -> Estimate:
@@ -46,7 +47,7 @@ def with_simplifications(found: Estimate) -> Estimate:
 
 
 def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """Return the log-likelihood's gradient (2,) and curvature (2, 2) in the omitted shares."""
+    """Return the log-likelihood's gradient (2,), curvature (2, 2) by the omitted shares."""
     o, n, own = found.optimum, len(found.theta), found.structure
     wide = replace(
         found.problem, structure=Structure(own.profile, (*own.terms, *terms(SIMPLIFICATIONS)))

@@ -5,10 +5,11 @@ by parts move the derivatives from the measured angles q to φ:
 
     ∫ φ″ q dt = ∫ φ q̈(q, q̇, F; θ) dt,      φ(τ) = (1 − τ²)³,  τ ∈ [−1, 1]
 
-So nothing is differentiated twice, and sampling jitter has little effect. q are the readings,
-corrected for the modelled encoder effects. q̇ is their derivative by a local polynomial over
-`SMOOTH_S`. The thrusts F follow from the voltages. Spans of `SPANS_S` (s) cover all rows in flight.
-With e the left side minus the right side, and the prior N(θ_0, Λ⁻¹), the fit minimises
+θ are the parameters, τ is the time scaled to the span. So nothing is differentiated twice, and
+sampling jitter has little effect. q are the readings, corrected for the modelled encoder effects.
+q̇ is their derivative by a local polynomial over `SMOOTH_S`. The thrusts F follow from the
+voltages. Spans of `SPANS_S` (s) cover all rows in flight. With e the left side minus the right
+side, and the prior N(θ_0, Λ⁻¹), the fit minimises
 
     Σ (2 asinh(e/2s))² + (θ − θ_0)ᵀ Λ (θ − θ_0)
 
@@ -36,18 +37,18 @@ from heli3dof.model.physics.rigid_body import accelerations
 R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
 SPANS_S = (0.4, 1.2)
 OVERLAP = 3
-"""Spans start every third of their length."""
+"""Time spans overlap: each starts a third of its length after the previous one."""
 SMOOTH_S = 0.07
 ROUNDS = 4
 DIFFERENCE = 1e-4
 SETTLED = 1e-4
-"""Share of the cost; the search ends when a step's predicted gain is smaller."""
+"""The search ends when a step's predicted cost reduction is below this share of the cost."""
 FAR = 20.0
-"""Multiple of the scale s that replaces an error that is not finite"""
+"""An error that is not finite is replaced by this multiple of the errors' scale s."""
 
 
 def _along(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: ignore[no-untyped-def]
-    """Fill out (N, 6): angles corrected for encoder effects (rad), and accelerations (rad/s²)."""
+    """Fill ``out`` (N, 6): angles without encoder effects (rad), model accelerations (rad/s²)."""
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((3, 3))
     m, slope = np.empty(3), np.empty(3)
@@ -81,13 +82,13 @@ class Span:
     """A test function φ of L rows for the weak form, placed at n positions of a flight."""
 
     rows: np.ndarray
-    """(n,) the first row of each position"""
+    """(n,) first row of the flight at each position of the test function"""
     phi: np.ndarray
     phi_2: np.ndarray
-    """(L,) weights of ∫ φ · dt and ∫ φ″ · dt; those of φ sum to 1."""
+    """(L,) weights of the sums for ∫ φ · dt (``phi``, sum 1) and ∫ φ″ · dt (``phi_2``)"""
 
     def integrals(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return ∫ φ″ q dt − ∫ φ a dt (n, 3) rad/s², for angles q, accelerations a, both (N, 3)."""
+        """Return ∫ φ″ q dt − ∫ φ a dt (n, 3); q (N, 3) rad angles, a (N, 3) rad/s²."""
         each = np.lib.stride_tricks.sliding_window_view
         L = len(self.phi)
         if len(q) < L:
@@ -99,18 +100,19 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class SmoothedFlight:
-    """A flight: readings, smoothed readings, their rates, and a test function per span length."""
+    """A flight's readings, smoothed readings and rates, and the weak form's test functions."""
 
     flight: Flight
     y: np.ndarray
     y_smooth: np.ndarray
     y_dot: np.ndarray
-    """(N, 3) rad, rad, rad/s; gaps in y are interpolated"""
+    """(N, 3) rad/s, derivatives of ``y_smooth``. ``y`` and ``y_smooth`` are (N, 3) rad; gaps in
+    ``y`` are interpolated."""
     spans: tuple[Span, ...]
 
 
 def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
-    """Smooth a flight's readings, and place test functions in its windows of ``window_s`` s."""
+    """Return a flight with smoothed readings, and test functions in its windows of window_s s."""
     from scipy.signal import savgol_filter
 
     t, dt = flight.t, flight.dt
@@ -142,7 +144,7 @@ def span(free: np.ndarray, dt: float, width_s: float) -> Span:
 def residuals(
     problem: MultiStep, logs: Sequence[SmoothedFlight], z: np.ndarray
 ) -> list[np.ndarray]:
-    """Return the weak form's errors at coordinates z: an array (n, 3) rad/s² per span length."""
+    """Return the weak form's errors (n, 3) rad/s² at coordinates z, for each span length."""
     found: list[list[np.ndarray]] = [[] for _ in SPANS_S]
     for i, log in enumerate(logs):
         values, f, st = problem.values(z, i), log.flight, problem.structure
@@ -162,7 +164,7 @@ def residuals(
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """Return 1.48 × the median size (3,) of errors (n, 3); zeros were not measured, so skipped."""
+    """Return 1.48 × the median size (3,) of errors e (n, 3); zeros mean "not measured", skipped."""
     e = np.nan_to_num(e, nan=1e3, posinf=1e3, neginf=-1e3)
     out = np.ones(3)
     for i in range(3):  # a zero was not measured
@@ -175,7 +177,7 @@ def weak_start(
     problem: MultiStep, start: np.ndarray | None = None, rounds: int = ROUNDS, *,
     say: Callable[[str], None] | None = None,
 ) -> np.ndarray:  # fmt: skip
-    """Return coordinates (dim,) to start the multi-step fit; ``say(line)`` reports progress."""
+    """Return coordinates (dim,) to start the multi-step fit, searched from ``start`` (dim,)."""
     logs = [log_of(f) for f in problem.flights]
     z = np.clip(problem.start if start is None else start, *problem.bounds)
     for n in range(rounds):

@@ -45,7 +45,7 @@ def methods() -> Mapping[str, Method]:
 
 
 def known_method(name: str) -> Method:
-    """Return the method ``name``. Raises UsageError, which suggests the nearest known name."""
+    """Return the method called ``name``; for an unknown one raise UsageError with the nearest."""
     if name in methods():
         return methods()[name]
     raise UsageError(

@@ -1,4 +1,4 @@
-"""``freeflight``: physical parameters from multi-step predictions."""
+"""Define the method ``freeflight``: physical parameters from multi-step predictions."""
 
 from heli3dof.identification.method import Method
 

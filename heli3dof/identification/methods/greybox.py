@@ -1,4 +1,4 @@
-"""``greybox``: physical parameters by maximum likelihood."""
+"""Define the method ``greybox``: physical parameters by maximum likelihood."""
 
 from heli3dof.identification.method import Method
 

@@ -1,4 +1,4 @@
-"""``oe``: output error in state-space form."""
+"""Define the method ``oe``: a state-space black box by output error (simulation errors)."""
 
 from heli3dof.identification.method import Method
 

@@ -1,4 +1,4 @@
-"""``pbsid``: PBSID-opt, a subspace method."""
+"""Define the method ``pbsid``: a state-space black box by the subspace method PBSID-opt."""
 
 from heli3dof.identification.method import Method
 

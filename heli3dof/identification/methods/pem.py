@@ -1,4 +1,4 @@
-"""``pem``: prediction error in innovation form."""
+"""Define the method ``pem``: a state-space black box by one-step prediction errors."""
 
 from heli3dof.identification.method import Method
 

@@ -1,4 +1,4 @@
-"""``tf4``: the paper's transfer functions."""
+"""Define the method ``tf4``: fourth-order transfer functions in the paper's form, eq (17)."""
 
 from heli3dof.identification.method import Method
 
