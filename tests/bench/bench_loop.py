@@ -30,8 +30,7 @@ INTRO = (
     "privileges*: neither SCHED_FIFO nor locked memory. Kernel workers carry the bytes of a "
     "pseudo-terminal. With real-time scheduling and CAP_SYS_NICE, as here, the loop raises their "
     "priority as well. The firmware runs on other cores than the flight, as a real device does. "
-    "*Cores may idle*: without the measure that keeps the cores of a virtual machine busy in "
-    "flight. *Over TCP*: the same firmware and loop without those workers. In the same run, "
+    "*Over TCP*: the same firmware and loop without those workers. In the same run, "
     "processes of the highest priority detect host stalls on every core."
 )
 SECONDS = float(os.environ.get("FLIGHT_SECONDS", "60"))
@@ -43,8 +42,6 @@ class Kind(NamedTuple):
     rate_hz: int
     granted: bool
     tcp: bool = False
-    awake: bool = True
-    """False: the cores may enter idle states, from which those of a virtual machine wake late"""
 
     @property
     def seconds(self) -> float:
@@ -53,8 +50,8 @@ class Kind(NamedTuple):
 
 
 KINDS = (
-    Kind(500, True), Kind(500, True, awake=False), Kind(500, False),
-    Kind(500, False, awake=False), Kind(500, True, tcp=True), Kind(1000, True), Kind(1000, False),
+    Kind(500, True), Kind(500, False), Kind(500, True, tcp=True), Kind(1000, True),
+    Kind(1000, False),
 )  # fmt: skip
 
 
@@ -71,15 +68,15 @@ def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
 
     The profile's limits and the watchdog tolerate host stalls.
     """
-    rate_hz, granted, tcp, awake = kind
-    name = f"{rate_hz}-{granted}-{tcp}-{awake}"
+    rate_hz, granted, tcp = kind
+    name = f"{rate_hz}-{granted}-{tcp}"
     profile = write_profile(folder / f"{rate_hz}.toml", rate_hz=rate_hz, **PATIENT)
     output, log = (folder / f"{name}.{suffix}" for suffix in ("mcap", "late"))
     transport = ("--tcp", "0") if tcp else ()
     # A real device has its own processor: use neither the first core (the flight's) nor the last.
     apart = sorted(os.sched_getaffinity(0))[1:-1]
     options = ("--watchdog", "500", "--late", str(log), *transport)
-    without = ("permissions",) * (not granted) + ("awake",) * (not awake)
+    without = ("permissions",) * (not granted)
     with firmware(program, *options, cores=apart) as device:
         with (
             host_stalls() as stalls,
@@ -107,7 +104,7 @@ def punctual(flights: dict[Kind, dict[str, Any]]) -> list[Figure]:
     """Returns the figures at 500 Hz: late periods by cause, and samples lost on the line."""
     figures = []
     for kind, result in flights.items():
-        if kind.rate_hz != 500 or not kind.awake:
+        if kind.rate_hz != 500:
             continue
         granted, bar = kind.granted, 0.0 if kind.granted else 0.1
         assert result["realtime"]["scheduled"] is granted, "this machine grants no SCHED_FIFO"
@@ -154,7 +151,7 @@ def side_by_side(flights: dict[Kind, dict[str, Any]]) -> Table:
         turn = (p["turnaround_median_s"], p["turnaround_p999_s"])
         rows.append(
             (
-                f"{kind.rate_hz} Hz" + ", TCP" * kind.tcp + ", cores may idle" * (not kind.awake),
+                f"{kind.rate_hz} Hz" + ", TCP" * kind.tcp,
                 "all" if kind.granted else "none",
                 str(result["periods"]),
                 " / ".join(_us(v) for v in late),

@@ -27,13 +27,10 @@ SECONDS = float(os.environ.get("SECONDS", "10"))
 DRAWS = 10_000
 """Bootstrap replications"""
 MEASURES = {
-    "scheduling": "SCHED_FIFO for the loop and its threads; without it `cores` and `workers` do "
+    "scheduling": "SCHED_FIFO for the loop and its threads; without it `workers` does "
     "nothing either (`realtime_priority.py`)",
     "memory": "mlockall (`realtime_priority.py`)",
-    "cores": "one processor for all threads of the flight (`cores.py`)",
     "workers": "the kernel's unbound workers under SCHED_FIFO (`workers.py`)",
-    "awake": "a virtual machine's processors kept busy at idle priority (`awake.py`, "
-    "`spinner.py`)",
 }  # fmt: skip
 """Name in `tests.realtime.flight.WITHOUT` → description of the measure"""
 INTRO = (

@@ -39,14 +39,6 @@ from heli3dof.rig.interface import Check
 off = Check("locked memory", "switched off by a benchmark", None)
 realtime_priority._memory = lambda *ignored: off
 """,
-    "awake": """
-from heli3dof.experiment.control_loop import realtime_priority
-realtime_priority.keep_awake = lambda *ignored, **options: ()
-""",
-    "cores": """
-from heli3dof.experiment.control_loop import realtime_priority
-realtime_priority.on_one_core = lambda *ignored, **options: ()
-""",
     "workers": """
 from heli3dof.experiment.control_loop import realtime_priority
 realtime_priority.raise_workers = lambda *ignored: ()

@@ -9,9 +9,6 @@ memory         mlockall: no page of the program has to be  memlock in limits.d, 
                read from the disk in flight
 idle states    a core wakes up at once                     users who may write
                                                            /dev/cpu_dma_latency
-virtual cores  kept busy in a virtual machine (`awake`)    every user
-core           one for all threads of the flight (`cores`) users with scheduling; with
-                                                           ``isolcpus=``, every user
 workers        the kernel's workers, which serve serial    CAP_SYS_NICE
                lines, run before programs (`workers`)
 timer          sleeps end within 1 µs, not 50              every user
@@ -39,8 +36,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from heli3dof.experiment.control_loop.awake import keep_awake
-from heli3dof.experiment.control_loop.cores import available_cores, on_one_core
 from heli3dof.experiment.control_loop.workers import raise_workers
 from heli3dof.rig.interface import Check
 
@@ -89,12 +84,9 @@ def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
     """
     with ExitStack() as undo:
         quiet_interpreter(undo)
-        cores = available_cores()
         scheduling, memory = _scheduling(undo, priority), _memory(undo)
         scheduled = scheduling.good is True
         checks = [scheduling, memory, *_idle_states(undo)]
-        core = on_one_core(undo, scheduled=scheduled)
-        checks += [*keep_awake(undo, cores, stay=not core), *core]
         if scheduled:
             checks += raise_workers(undo)
         _timer(undo)
