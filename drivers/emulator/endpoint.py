@@ -136,7 +136,8 @@ class Endpoint:
     def held_up(self, now_us: int) -> None:
         """Skip the samples that are late by a period or more, instead of sending them all at once.
 
-        Call this when the device itself continues after a pause, not when only its caller was late.
+        Call this after the device's own process was suspended. If only the host was late, do not:
+        a real device would have sent these samples on time.
         """
         due = self._next_sample_us()
         if due is None or now_us < due + self._period_us:

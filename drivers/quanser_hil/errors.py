@@ -35,7 +35,10 @@ def not_stopped(
 
 
 def no_enable_line(name: str) -> DeviceError:
-    """Return the DeviceError for a stop without enable line, which a running program may undo."""
+    """Return the DeviceError for a stop of the board ``name`` whose URL says ``enable=none``.
+
+    Such a stop only writes zero volts: a program that still runs may write its volts again.
+    """
     return DeviceError(
         f"{name}: zero volts were written, but may not stay.",
         cause="the URL says enable=none: a program that still runs writes its volts again.",

@@ -169,8 +169,8 @@ def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
 def stages(out: Output) -> Iterator[Callable[[str], None]]:
     """Context manager: yields a function that displays what the diagnosis is doing, as a text.
 
-    On a terminal a spinner shows the text; otherwise each text is printed as a line, except texts
-    with progress (after "… ").
+    On a terminal a spinner shows the text; otherwise each text is printed as a line, but no text
+    that ends with a count of progress, such as "Screening … flights: 31 of 64".
     """
     if out.quiet or not live_allowed():
         yield lambda sentence: None if "… " in sentence else out.note(sentence)

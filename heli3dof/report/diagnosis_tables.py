@@ -115,7 +115,7 @@ def _worst(error: Document) -> list[str]:
 
 
 def findings(document: Document) -> Grid:
-    """Return a diagnosis' causes as a table: parameters with deviations, log-likelihood gains."""
+    """Return a table of a diagnosis' causes: parameters ± standard deviation, log-likelihood."""
     rows = []
     for f in document["findings"]:
         gain = fixed(number(f["gain"]["holdout_log_likelihood"]), 0)

@@ -30,7 +30,10 @@ _NOT_FINITE = "the controller's gains, the references or an angle are not finite
 
 
 class Envelope:
-    """Checks the control periods of one flight; a call takes a few microseconds."""
+    """Checks each control period's angles, rates and voltages against the profile's limits.
+
+    One object for each flight; a call of `check` takes a few microseconds.
+    """
 
     def __init__(self, profile: Profile) -> None:
         limits = profile.limits

@@ -74,7 +74,11 @@ class Estimate(PhysicalFit):
 
     @cached_property
     def inflation(self) -> float:
-        """Return κ ≥ 1, how much more the likelihood's gradients scatter than the model expects."""
+        """Return κ ≥ 1, by which the covariance of the estimates is multiplied.
+
+        It is the ratio of the variance of the score (the log-likelihood's gradient), computed from
+        blocks of the flight, to the variance that the noise model expects.
+        """
         o, n = self.optimum, len(self.free)
         scores = block_scores(self.problem.data, o, BLOCK_S)
         m = len(scores)

@@ -143,7 +143,8 @@ def better_noise(
 
     ``theta`` (n,) are the parameter coordinates, ``a`` (4,) is the noise before the step. Slope and
     curvature are differences over a factor of e^`_PROBE` up and down, because the likelihood is
-    rough at smaller scales. Only measured ``axes`` (3,) bool move.
+    rough at smaller scales. The intensity of an axis that was not measured (False in ``axes``, (3,)
+    bool) stays as it is.
     """
     factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)
