@@ -58,7 +58,7 @@ class Amplifier:
         return Code.FAULT if self.faulty else Code.OK
 
     def arm(self, now_us: int, number: int, watchdog_us: int) -> None:
-        """Enable the output at zero volts, and start the mean of `mean_V`.
+        """Enable the output at zero volts, and restart the average that `mean_V` returns.
 
         ``number``: that of the ARM frame; ``watchdog_us``: µs without a command until the output
         ramps to zero; ``now_us``: time on the device's clock, µs.

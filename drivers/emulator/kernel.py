@@ -44,7 +44,11 @@ BODY, VOLTAGE, THRUST, TORQUE, DRY, MEASURE = (int(stage) for stage in at.Stage)
 def _call(
     typing_context: Any, address: Any, s: Any, body: Any, par: Any, mem: Any, out: Any
 ) -> Any:
-    """Call the machine code at ``address`` with the arrays of an effect (see `plant_effects`)."""
+    """Numba intrinsic: call an effect's compiled function, which is at ``address`` in memory.
+
+    Its arguments are the arrays of a kernel: state, body, parameters, memory, output
+    (`plant_effects`). So effects can be added without compiling the plant again.
+    """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         types = [context.get_value_type(t) for t in signature.args[1:]]

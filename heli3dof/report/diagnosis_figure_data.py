@@ -1,7 +1,8 @@
 """Compute the data of a diagnosis report's figures, from the diagnosis and its recordings.
 
-Nothing is fitted. The filter runs along the recordings once per finding. Two refitted models are
-replayed with each recording's references: "before", without the causes, and "after", with them.
+This module fits nothing. It runs the Kalman filter over the recordings once per finding. It
+simulates two models, which `diagnose` has fitted, with each recording's references: "before",
+without the causes, and "after", with them.
 """
 
 from __future__ import annotations

@@ -205,7 +205,10 @@ def turn_by_hand(scales: Sequence[str]) -> str:
 
 
 def adopted(document: Document) -> bool:
-    """Return whether the diagnosis added a cause to the model (faults, calibrations add none)."""
+    """Return True if the diagnosis added at least one cause to the model.
+
+    Faults of a recording and parameters off calibration are reported, but not added.
+    """
     return any(
         f["gain"]["holdout_log_likelihood"] is not None or "measured_on" in f["gain"]
         for f in document["findings"]

@@ -143,8 +143,8 @@ def estimate(
 ) -> Estimate:
     """Return the maximum-likelihood fit, searched from the parameter coordinates ``start`` (n,).
 
-    ``noise`` (4,) is the first noise estimate; None: defaults. If the search does not converge, it
-    is repeated from other values.
+    ``noise`` (4,) are the initial noise intensities (roll, pitch, yaw, jitter); None: defaults. If
+    the search does not converge, it is repeated from other parameter values.
     """
     if any(t.effect.starts for t in problem.structure.terms):
         start, noise = likeliest_start(

@@ -251,7 +251,7 @@ def parameters(found: MultiStepFit) -> dict[str, Parameter]:
 
 
 def warnings(found: MultiStepFit) -> tuple[str, ...]:
-    """Return warnings on parameters that cannot be identified or vary, and on non-convergence."""
+    """Return warnings: parameters not identifiable, or different by recording; no convergence."""
     out = [p.verdict for p in parameters(found).values() if p.verdict]
     if not found.converged:
         out.append(f"The fit had not converged after {found.rounds} rounds: too little motion.")

@@ -22,7 +22,10 @@ from heli3dof.rig.profile import Profile
 
 
 def is_log(path: str | Path) -> bool:
-    """Return True if the file's format (CSV, MAT) cannot contain a profile. It need not exist."""
+    """Return True for a log of a format that cannot contain the rig's profile, such as CSV or MAT.
+
+    The file need not exist: usually the ending of its name decides.
+    """
     importer = importer_of(path)
     return importer is not None and not importer.carries_profile
 
