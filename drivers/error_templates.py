@@ -13,14 +13,14 @@ from heli3dof.errors import DeviceError
 
 
 class ErrorTemplate(NamedTuple):
-    """The texts of an error: what happened, its cause and the fix, with ``{fields}`` to fill in."""
+    """Texts of an error: message, cause and fix, with fields such as ``{name}`` to fill in."""
 
     what: str
     cause: str
     fix: str
 
     def error(self, **fields: object) -> DeviceError:
-        """Return the DeviceError with the values ``fields`` filled into ``{…}`` of its texts."""
+        """Return a DeviceError with these texts; ``fields`` are the values for their ``{…}``."""
         what, cause, fix = (text.format(**fields) for text in self)
         return DeviceError(what, cause=cause, fix=fix)
 

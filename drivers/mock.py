@@ -68,7 +68,7 @@ class MockDriver:
 
 
 def own_profile(options: RigOptions, profile: Profile) -> Profile:
-    """Return the profile that the URL's ``profile=`` names, else ``profile``."""
+    """Return the profile that the URL option ``profile=`` names, or ``profile`` without it."""
     if options.profile is None:
         return profile
     from heli3dof.rig.profile import load_profile
@@ -77,7 +77,7 @@ def own_profile(options: RigOptions, profile: Profile) -> Profile:
 
 
 def device_of(profile: Profile, options: RigOptions) -> Device:
-    """Return the emulated electronics, with the plant, of this profile and these URL options."""
+    """Return an emulated rig's electronics and plant for a profile and the URL's options."""
     from .emulator.body import setup_of
     from .emulator.device import WATCHDOG_S, Device
     from .emulator.effect_spec import parse_hide
@@ -141,12 +141,12 @@ class MockRig:
 
     @property
     def device(self) -> Device:
-        """Return the emulated electronics; other transports use them to reach the same rig."""
+        """Return the emulated electronics of this rig, for tests and other transports."""
         return self._device
 
     @property
     def device_cause(self) -> str | None:
-        """Return why the emulated electronics hold their output at zero; None: they do not."""
+        """Return why the emulated electronics hold their output at zero; None if they do not."""
         cause = self._device.cause
         return cause.name if cause else None
 
@@ -168,13 +168,19 @@ class MockRig:
         return self._sample()
 
     def read(self) -> Sample:
-        """Return a sample of now; ``speed=real``: first simulate the time since the last call."""
+        """Return a sample without sending a command.
+
+        With ``speed=real`` the rig first simulates the time since the last call.
+        """
         self._check_open()
         self._catch_up(time.monotonic())
         return self._sample()
 
     def exchange(self, command: Command, due_s: float) -> Sample:
-        """Apply ``command`` for one period, return the sample at its end. ``due_s``: its end, s."""
+        """Apply a command for one control period and return the sample at the period's end.
+
+        ``due_s``: end of the period in s on the host's monotonic clock.
+        """
         self._check_open()
         device = self._device
         if not (math.isfinite(command.v_front) and math.isfinite(command.v_back)):
@@ -216,7 +222,7 @@ class MockRig:
         return self._sample()
 
     def _catch_up(self, now: float) -> None:
-        """Simulate the periods since the last call; ``now``: host's clock, s. Real time only."""
+        """In real time, simulate the periods from the last call to ``now`` (host's clock, s)."""
         if self._real and self._last_s is not None and now > self._last_s:
             passed = int(min(now - self._last_s, LONGEST_CATCH_UP_S) / self._dt)
             for _ in range(passed):

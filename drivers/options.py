@@ -28,7 +28,7 @@ def _speed(value: Any) -> float:
 
 
 class RigOptions(UrlOptions):
-    """URL options that describe an emulated rig; the same for every way to connect to it."""
+    """URL options that describe an emulated rig, the same on every emulated connection."""
 
     profile: str | None = Field(default=None, description="the rig's own profile, a TOML file")
     hide: tuple[str, ...] = Field(
@@ -111,7 +111,10 @@ class UsbOptions(LinkOptions):
 
 
 class UsbMockOptions(UsbOptions, RigOptions):
-    """URL options of ``usb+mock:``. If both parents define one, that of `UsbOptions` counts."""
+    """URL options of ``usb+mock:``: those of ``usb:`` and of an emulated rig.
+
+    An option that both define is that of `UsbOptions`.
+    """
 
     bus: tuple[str, ...] = Field(
         default=(), description="faults of the bus: KIND@SECONDS[:FOR_SECONDS]"

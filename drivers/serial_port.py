@@ -38,19 +38,19 @@ class SerialDriver:
         return [f"serial://{port}" for port in usb_ports()]
 
     def is_rig(self, url: DeviceUrl) -> bool:
-        """Return True if the port's USB IDs are a known rig's, or heli3dof has locked the port."""
+        """Return True if the port probably has a rig: by its USB IDs or a lock of heli3dof."""
         from .link.serial_ports import is_known
 
         return is_known(url.where)
 
     def persistent_name(self, url: DeviceUrl) -> str:
-        """Return a name with the USB serial number, as another rig may later get this port."""
+        """Return a name of the device at the port, with its USB serial number if it has one."""
         from .link.serial_ports import plugged_in
 
         return url.where if "+" in url.scheme else plugged_in(url.where)
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
-        """Open the port exclusively, identify the rig and return it."""
+        """Open the port for this program only, and return the rig that is connected to it."""
         from .link.rig import LinkRig
         from .link.serial_line import open_line, pyserial_url
         from .options import SerialOptions
@@ -96,7 +96,6 @@ class SerialDriver:
 
 
 def _baud(url: DeviceUrl) -> int:
-    """Return the baud rate of ``url`` for a stop; a bad one raises UsageError."""
     text = url.one("baud", str(BAUD))
     if str(text).isdecimal():
         return int(str(text))

@@ -12,7 +12,7 @@ _IDS = re.compile(r'^[^#]*idVendor\}=="([0-9a-fA-F]{4})".*idProduct\}=="([0-9a-f
 
 
 def install_command() -> str:
-    """Return the shell command that installs the rule and applies it to connected devices."""
+    """Return the shell command that installs the udev rule and applies it to connected devices."""
     return (
         f"sudo cp '{RULES}' {INSTALLED.parent}/ && sudo udevadm control --reload && "
         "sudo udevadm trigger"
@@ -34,7 +34,7 @@ def known_ids() -> set[tuple[int, int]]:
 
 
 def installed() -> bool | None:
-    """Return True if the rule is installed unchanged; None on systems without udev (not Linux)."""
+    """Return True if the udev rule is installed unchanged, else False; None if not on Linux."""
     if not sys.platform.startswith("linux"):
         return None
     try:

@@ -23,7 +23,7 @@ EXPECTED = "expected"
 
 
 def expected(what: str) -> PydanticCustomError:
-    """Return a validator's error that states in words, ``what``, what the value must be."""
+    """Return pydantic's error for a value that is not what ``what`` describes in words."""
     return PydanticCustomError(EXPECTED, "{what}", {"what": what})
 
 
@@ -94,7 +94,6 @@ def _bound(field: FieldInfo, name: str) -> float:
 
 
 def _expectation(field: FieldInfo) -> str:
-    """Return in words which values ``field`` accepts, by its type and bounds."""
     if choices := _choices(field):
         return f"one of {', '.join(choices)}"
     kind = "a whole number" if field.annotation is int else "a number"
@@ -102,7 +101,6 @@ def _expectation(field: FieldInfo) -> str:
 
 
 def _shown_default(field: FieldInfo) -> str:
-    """Return the default of ``field`` as written in a URL, or its example value if it has one."""
     if field.examples:
         return str(field.examples[0])
     return f"{field.default:g}" if isinstance(field.default, float) else str(field.default)

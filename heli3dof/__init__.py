@@ -39,7 +39,7 @@ def __dir__() -> list[str]:
 
 @cache
 def _modules() -> dict[str, str]:
-    """Return {public name: module that defines it}, read from ``__init__.pyi``."""
+    """Return public name → module that defines it, as read from ``__init__.pyi``."""
     import ast
     from pathlib import Path
 

@@ -96,7 +96,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return "did you mean …?" with the name in ``known`` nearest to ``word``, else all names."""
+    """Return a hint for a message: the name in ``known`` nearest to ``word``, else all names."""
     known = list(known)
     match = nearest(word, known)
     if match is not None:

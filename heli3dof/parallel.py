@@ -49,7 +49,7 @@ def one_blas_thread(function: Callable[P, X]) -> Callable[P, X]:
 
 @functools.cache
 def _free() -> threading.Semaphore:
-    """Return the semaphore that counts how many more helper threads may start."""
+    """Return the semaphore that limits how many more helper threads may start."""
     return threading.Semaphore(worker_count() - 1)
 
 
@@ -101,7 +101,7 @@ class _Pieces(Generic[X]):
 
     @property
     def left(self) -> int:
-        """Return the number of calls that have not been started; 0 after a failure."""
+        """Return how many calls have not started; 0 after a failure, when none starts any more."""
         return 0 if self._failed else self._count - self._next
 
     def help(self) -> None:

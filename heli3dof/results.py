@@ -23,12 +23,12 @@ REPR_LINES = 3
 class Result:
     """Base class of results that can be displayed as text, HTML or figure.
 
-    A subclass defines `summary`, ``to_dict()`` and ``to_dataframe()``. A dataclass needs
-    ``repr=False``: otherwise its generated repr, all arrays included, replaces this one.
+    A subclass defines `summary`, ``to_dict()`` and ``to_dataframe()``. If it is a dataclass, it
+    needs ``repr=False``, because a generated repr would print all arrays.
     """
 
     def summary(self) -> str:
-        """Return a short text about the result; Python shows its first three lines as the repr."""
+        """Return a short text about the result; its first three lines are the object's repr."""
         raise NotImplementedError
 
     def plot(self, **options: Any) -> Figure:

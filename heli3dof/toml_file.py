@@ -43,7 +43,7 @@ MISTAKEN_UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
 
 @dataclass(frozen=True)
 class Key:
-    """The description of a TOML key: meaning, unit, how to measure it, ranges of its |value|."""
+    """The description of a TOML key: meaning, unit, how to measure it, ranges of its magnitude."""
 
     meaning: str
     unit: str = "–"
@@ -78,7 +78,7 @@ class Key:
         return value
 
     def slip(self, value: float) -> str:
-        """Return a hint at the unit probably used for ``value``; empty if none fits the range."""
+        """Return a hint that ``value`` may be in another unit; empty if no unit explains it."""
         expected = self.usual or self.plausible
         if expected is None:
             return ""
@@ -89,7 +89,7 @@ class Key:
 
 
 def within(value: Any, bounds: Range) -> bool:
-    """Return True if a number's absolute value lies in the closed range, or for a non-number."""
+    """Return True if |value| lies in the closed range ``bounds``, or if it is not a number."""
     return not isinstance(value, (int, float)) or bounds[0] <= abs(value) <= bounds[1]
 
 
@@ -155,7 +155,7 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Problem:
-    """One error in a TOML file: dotted ``key`` (empty: the whole file), what, cause and fix."""
+    """An error in a TOML file: dotted ``key`` (empty: whole file), what is wrong, cause, fix."""
 
     key: str
     what: str
@@ -252,7 +252,7 @@ def _wrong_value(e: ErrorDetails, source: str) -> Problem:
 
 
 def _required(model: type[BaseModel], path: Sequence[str]) -> list[str]:
-    """Return the dotted keys missing with ``path``: for a section, all its required keys."""
+    """Return ``path`` as a dotted key or, if it is a section, those of its required keys."""
     field = _section_at(model, path[:-1])[0].model_fields.get(path[-1])
     inner = None if field is None else section_of(field)
     if inner is None:
@@ -261,13 +261,13 @@ def _required(model: type[BaseModel], path: Sequence[str]) -> list[str]:
 
 
 def _keys_at(model: type[BaseModel], path: Sequence[str]) -> tuple[list[str], str]:
-    """Return the valid keys of the section at ``path`` and its name for messages: "in [motor]"."""
+    """Return the keys of the section at ``path``, and its place for messages: "in [motor]"."""
     section, name = _section_at(model, path)
     return list(section.model_fields), f"in [{name}]" if name else "at the top level"
 
 
 def _section_at(model: type[BaseModel], path: Sequence[str]) -> tuple[type[BaseModel], str]:
-    """Return the class of the TOML table at ``path`` (the deepest one on it) and dotted name."""
+    """Return class and dotted name of the deepest TOML table on ``path``, starting at ``model``."""
     names: list[str] = []
     for part in path:
         field = model.model_fields.get(part)

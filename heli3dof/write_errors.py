@@ -30,7 +30,7 @@ ELSEWHERE = "another place with -o"
 
 
 def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofError | None:
-    """Return the heli3dof error for an OSError from writing ``path``; None if unrelated to it."""
+    """Return a heli3dof error for an OSError from writing ``path``; None for any other OSError."""
     if error.errno in FULL:
         return NoSpace(
             f"There is no space left for {path}.",
@@ -55,7 +55,7 @@ def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofErro
 
 @contextlib.contextmanager
 def write_errors_explained(path: Path, *, fix: str = ELSEWHERE) -> Iterator[None]:
-    """Context manager: raises an OSError from writing ``path`` as the error of `refusal`."""
+    """Context manager: raise an OSError from writing ``path`` as the error of `refusal`."""
     try:
         yield
     except OSError as error:

@@ -18,7 +18,10 @@ RAMP_US = 200_000
 
 
 class Amplifier:
-    """Computes the emulated motor voltages. ``now_us``: time on the device's clock, µs."""
+    """State machine and output voltages of the emulated amplifier; see the module's equations.
+
+    ``now_us`` in its methods is the time on the device's clock, in µs.
+    """
 
     def __init__(self, v_max_uV: int, watchdog_us: int, ramp_us: int = RAMP_US) -> None:
         self.v_max_uV = v_max_uV
@@ -50,7 +53,7 @@ class Amplifier:
         return self._state == ENABLED
 
     def arm_code(self, ticket: int) -> Code:
-        """Return the result of an ARM that carries ``ticket``: OK, or why it is refused."""
+        """Return the result code of an ARM request with this ticket: OK, or why it is refused."""
         if self.enabled:
             return Code.ALREADY_ARMED
         if ticket != self.ticket:
@@ -71,15 +74,19 @@ class Amplifier:
         self._mean_from_us = now_us
 
     def disarm(self, now_us: int) -> None:
-        """Set zero volts at ``now_us`` (µs). ARMED becomes IDLE; LATCHED and STOPPED stay."""
+        """Set zero volts at ``now_us`` (µs). The state ARMED becomes IDLE; other states remain."""
         self._enter(now_us, 0 if self.enabled else self._state, self.cause)
 
     def stop(self, now_us: int, cause: int, flag: int = STOPPED) -> None:
-        """Set zero volts in every state. ``cause`` and ``flag`` are put into the next samples."""
+        """Set zero volts at ``now_us`` (µs). The next samples report ``cause`` and ``flag``."""
         self._enter(now_us, flag, cause)
 
     def command(self, now_us: int, number: int, front_uV: int, back_uV: int) -> bool:
-        """Apply voltages in µV. Returns False if ``number`` is not newer or the state not ARMED."""
+        """Apply voltages in µV and return True.
+
+        Without effect it returns False: if the state is not ARMED, or ``number`` is not newer than
+        the last accepted command's.
+        """
         if not self.enabled or not 0 < (number - self.last) & 0xFFFFFFFF < 0x80000000:
             return False
         self._sum(now_us)
@@ -101,7 +108,7 @@ class Amplifier:
             self._new_ticket()
 
     def output_uV(self, now_us: int) -> tuple[int, int]:
-        """Return the output (front, back) in µV at ``now_us`` (µs; not before the last call's)."""
+        """Return the output (front, back) in µV at ``now_us`` (µs), a time that never decreases."""
         self.advance(now_us)
         if self._state == ENABLED:
             return self._uV
@@ -112,7 +119,10 @@ class Amplifier:
         return (0, 0)
 
     def mean_V(self, now_us: int) -> tuple[float, float]:
-        """Return the mean output (front, back) in V since the last call or the arming."""
+        """Return the mean output (front, back) in V since the last call or the arming.
+
+        ``now_us``: end of the averaging in µs.
+        """
         self._sum(now_us)
         span = max(1, now_us - self._mean_from_us)
         front, back = self._impulse
@@ -134,7 +144,6 @@ class Amplifier:
         self.ticket = (self.ticket + 1) & 0xFFFFFFFF
 
     def _sum(self, now_us: int) -> None:
-        """Integrate the output voltages over time until ``now_us`` (µs)."""
         self.advance(now_us)
         start = self._summed_us
         if now_us <= start:
@@ -152,7 +161,6 @@ class Amplifier:
 
 
 def _part(uV: int, left: int, whole: int) -> int:
-    """Return the ramp's voltage uV · left / whole in µV; ``left`` of ``whole`` µs remain."""
     if left <= 0:
         return 0
     part = abs(uV) * left // whole

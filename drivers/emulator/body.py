@@ -56,7 +56,7 @@ class Body:
 
     @property
     def J(self) -> tuple[float, float, float]:
-        """Return J_roll, J_pitch, J_yaw in kg·m² at level, without ``dJ`` of the joints' shafts."""
+        """Return the level rig's inertias (roll, pitch, yaw) in kg·m², without ``dJ`` of shafts."""
         return self.J_w + self.I_bb, self.I_aa, self.J_w + self.I_bb + self.I_aa
 
     def vector(self) -> np.ndarray:
@@ -117,7 +117,7 @@ def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
 
 @dataclass(frozen=True)
 class Setup:
-    """An emulated rig before it is switched on; effects may change it once (`Effect.setup`)."""
+    """Body, effects and start of an emulated rig before it runs; `Effect.setup` may change them."""
 
     body: Body
     nominal: Body

@@ -24,7 +24,7 @@ FULL_CURRENT_A = 4.0
 
 
 class Device:
-    """The emulated electronics, between the host's commands and the simulated mechanics."""
+    """The emulated electronics: they turn commands into motor voltages and simulate the periods."""
 
     def __init__(
         self,
@@ -88,7 +88,7 @@ class Device:
         self.held = False
 
     def period(self) -> bool:
-        """Run one control period with the present output; return False if its sample is lost."""
+        """Simulate one control period at the present output; return False if its sample is lost."""
         silent = self._silent_s > self.watchdog_s
         if silent and self.enabled and not self.stopped and not self.fault:
             self.latched, self.saturated = True, False
@@ -104,7 +104,6 @@ class Device:
         return arrived
 
     def _trip(self, plant: FaultyPlant) -> None:
-        """Set zero volts if the URL option ``fault=`` makes the amplifier stop in this period."""
         trip = plant.trip()
         if trip is None:
             return
@@ -118,7 +117,7 @@ class Device:
 
     @property
     def current(self) -> tuple[float, float]:
-        """Return the currents of front and back motor in A, proportional to V |V|."""
+        """Return the currents (front, back) of the motors in A; each is proportional to V |V|."""
         k = FULL_CURRENT_A / self.v_max**2
         return k * self.v[0] * abs(self.v[0]), k * self.v[1] * abs(self.v[1])
 

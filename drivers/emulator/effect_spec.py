@@ -15,7 +15,7 @@ from .effects import Effect, Hidden, catalogue
 
 
 def parse_hide(texts: Iterable[str]) -> tuple[Hidden, ...]:
-    """Return the effects that the ``hide=`` values ``texts`` name, in the order in which they act.
+    """Return the effects in ``texts``, values of ``hide=``, in the order in which they act.
 
     Raises UsageError for an unknown effect or axis (naming the nearest), a missing or superfluous
     value, a value out of range, and an effect given twice.

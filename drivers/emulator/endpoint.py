@@ -58,7 +58,7 @@ NO_DELAY = 0xFFFF
 
 @dataclass(frozen=True, slots=True)
 class Unknown:
-    """A valid frame of an unknown type, with its number and the type's code, ``kind``."""
+    """A frame with a valid check, but of an unknown type; ``kind`` is the type's code."""
 
     number: int
     kind: int
@@ -107,7 +107,7 @@ class Endpoint:
         self._jitter_us = 0
 
     def receive(self, now_us: int, data: bytes) -> bytes:
-        """Process the host's bytes; return the stream's samples up to ``now_us``, then replies."""
+        """Process the host's bytes; return samples due by ``now_us`` and replies, as bytes."""
         out = self.tick(now_us)
         for frame in self._splitter.feed(data):
             self._frames += 1
@@ -116,7 +116,7 @@ class Endpoint:
         return out
 
     def tick(self, now_us: int) -> bytes:
-        """Return the stream's samples up to ``now_us`` (device's clock, µs), as bytes."""
+        """Return the samples due by ``now_us`` (device's clock, µs) as bytes for the host."""
         out = b""
         while (due := self._next_sample_us()) is not None and due <= now_us:
             self._advance(due)
@@ -136,8 +136,8 @@ class Endpoint:
     def held_up(self, now_us: int) -> None:
         """Skip the samples that are late by a period or more, instead of sending them all at once.
 
-        Call this after the device's own process was suspended. If only the host was late, do not:
-        a real device would have sent these samples on time.
+        Call this after the device's own process was suspended. Do not call it if only the host was
+        late: a real device would have sent these samples on time.
         """
         due = self._next_sample_us()
         if due is None or now_us < due + self._period_us:
@@ -146,7 +146,7 @@ class Endpoint:
         self._streamed += (now_us - due) // self._period_us
 
     def next_us(self) -> int | None:
-        """Return the time of the stream's next sample (device's clock, µs); None: no stream."""
+        """Return when the stream's next sample is due (device's clock, µs); None: no stream."""
         return self._next_sample_us()
 
     def stop(self, now_us: int, cause: Cause = Cause.HOST_ESTOP, flag: int = STOPPED) -> bytes:
@@ -166,7 +166,7 @@ class Endpoint:
 
     @property
     def truth(self) -> Truth:
-        """Return the plant's true state, for tests and benchmarks; no frame carries it."""
+        """Return the simulated rig's true state, for tests and benchmarks; no frame contains it."""
         return self._device.plant.truth
 
     def _reply(self, frame: Frame | Unknown) -> bytes:
@@ -294,8 +294,6 @@ class Endpoint:
 
 
 class _Splitter(Splitter):
-    """Splits bytes into frames as `Splitter` does; also returns valid frames of unknown types."""
-
     def frame(self, piece: bytes) -> Frame | Unknown | None:  # type: ignore[override]
         known = parse(piece)
         if known is not None:

@@ -47,7 +47,7 @@ ON_MOTORS = ("dead", "inverted")
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault of the emulated rig, which begins at ``at_s`` (s on the device's clock)."""
+    """A fault of the emulated rig: kind, axis, and start ``at_s`` in s on the device's clock."""
 
     kind: str
     at_s: float
@@ -58,7 +58,7 @@ class Fault:
 
 
 def parse_faults(texts: Iterable[str]) -> tuple[Fault, ...]:
-    """Return the faults that the values ``texts`` of ``fault=`` name, the earliest first.
+    """Return the faults in ``texts``, values of the URL option ``fault=``, the earliest first.
 
     Raises UsageError for an unknown kind or axis (naming the nearest) and for a bad number.
     """
@@ -113,7 +113,7 @@ def _unclear(text: str, problem: str, example: str) -> UsageError:
 
 
 class FaultyPlant:
-    """Wraps a `Plant` and adds faults; it has the same methods as the plant."""
+    """A `Plant` with faults of encoders, motors and amplifier; it has the plant's methods."""
 
     def __init__(self, plant: Plant, faults: tuple[Fault, ...]) -> None:
         self._plant = plant
@@ -126,7 +126,7 @@ class FaultyPlant:
         """Faults of the amplifier (`TRIPS`) that have not occurred yet"""
 
     def step(self, v_front: float, v_back: float) -> bool:
-        """Run one control period as `Plant.step` does (voltages in V), with the motors' faults."""
+        """Simulate one control period at these voltages (V), with faults; see `Plant.step`."""
         before = self.counts
         arrived = self._plant.step(*self._at_the_motors(v_front, v_back))
         for fault in self._faults:
@@ -137,7 +137,6 @@ class FaultyPlant:
         return arrived
 
     def _at_the_motors(self, v_front: float, v_back: float) -> tuple[float, float]:
-        """Return the voltages at the motors (V) for the amplifier's output (V)."""
         volts = [v_front, v_back]
         for fault in self._faults:
             if fault.at_s <= self._plant.t:
@@ -148,7 +147,10 @@ class FaultyPlant:
         return volts[0], volts[1]
 
     def trip(self) -> tuple[Flags, Cause] | None:
-        """Return (flag, cause) of an amplifier fault whose time has come, once each; else None."""
+        """Return the flag and cause of an amplifier fault that begins now, else None.
+
+        Each fault is returned once.
+        """
         if not self.trips or self.trips[0].at_s > self._plant.t:
             return None
         return TRIPS[self.trips.pop(0).kind]

@@ -44,10 +44,10 @@ BODY, VOLTAGE, THRUST, TORQUE, DRY, MEASURE = (int(stage) for stage in at.Stage)
 def _call(
     typing_context: Any, address: Any, s: Any, body: Any, par: Any, mem: Any, out: Any
 ) -> Any:
-    """Numba intrinsic: call an effect's compiled function, which is at ``address`` in memory.
+    """Call the effect's compiled function at the memory address ``address`` (numba intrinsic).
 
-    Its arguments are the arrays of a kernel: state, body, parameters, memory, output
-    (`plant_effects`). So effects can be added without compiling the plant again.
+    The other arguments are passed to this function (`plant_effects`). Since the plant knows only
+    addresses, effects can be added without compiling it again.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -138,7 +138,7 @@ def _counts(state, t, body, first, address, par, mem):  # type: ignore[no-untype
 
 
 def _sources() -> str:
-    """Return a hash of the source files as cache key: numba misses changes in called functions."""
+    """Return a hash of the compiled functions' source files, a part of numba's cache key."""
     h = hashlib.sha256()
     for name in ("kernel.py", "lagrange.py", "plant_layout.py"):
         h.update(Path(__file__).with_name(name).read_bytes())
@@ -225,7 +225,7 @@ def _compile(digest: str) -> tuple[Any, Any]:
 
 @cache
 def compiled() -> tuple[Any, Any]:
-    """Return the functions ``period`` and ``measure``, compiled for the types that `plant` uses."""
+    """Return the compiled functions ``period`` (simulates one control period) and ``measure``."""
     period, measure = _compile(_sources())
     one, two, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     number, whole = numba.float64, numba.int64

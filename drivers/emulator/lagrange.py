@@ -108,7 +108,7 @@ def velocity_torques(
 
 @njit(cache=True)
 def gravity(body: np.ndarray, r: float, p: float) -> tuple[float, float]:
-    """Return ∂U/∂r, ∂U/∂p in N·m, U the potential energy, at roll ``r`` and pitch ``p`` (rad)."""
+    """Return the gravity terms (∂U/∂r, ∂U/∂p) in N·m at roll ``r`` and pitch ``p`` in rad."""
     lean = body[G_P] * math.cos(p) * math.cos(r)
     return body[T_G] * math.cos(r) - body[G_P] * math.sin(r) * math.sin(p), lean
 
@@ -171,6 +171,9 @@ def energy(body: np.ndarray, q: np.ndarray, qd: np.ndarray) -> float:
 
 @njit(cache=True)
 def travel_momentum(body: np.ndarray, q: np.ndarray, qd: np.ndarray) -> float:
-    """Return ∂T/∂ψ̇ in N·m·s (T kinetic energy): angular momentum about the vertical."""
+    """Return the angular momentum about the vertical, ∂T/∂ψ̇, in N·m·s.
+
+    T: kinetic energy; ``q``: angles, rad; ``qd``: rates, rad/s; ``body``: parameters.
+    """
     _, _, ry, _, py, yy = mass_matrix(body, q[0], q[1])
     return float(ry * qd[0] + py * qd[1] + yy * qd[2])

@@ -30,7 +30,7 @@ log = logging.getLogger("heli3dof.mock")
 
 @dataclass(frozen=True)
 class Truth:
-    """The plant's true state and parameters, for tests and benchmarks; no sample carries them."""
+    """The simulated rig's true state and parameters, for tests; no sample contains them."""
 
     t: float
     """s on the device's clock, which starts with its first period in motion"""
@@ -101,7 +101,7 @@ class Plant:
         """The encoders' counts since power-up: roll, pitch, yaw"""
 
     def step(self, v_front: float, v_back: float) -> bool:
-        """Run one control period under these voltages (V); return False if its sample is lost."""
+        """Simulate one control period at these voltages (V); return False if its sample is lost."""
         self._w = self._noise.draw()
         if self._vibration is not None:
             self._w = self._w + self._vibration.draw()
@@ -157,7 +157,6 @@ def _attach(hidden: tuple[Hidden, ...]) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def _compiled() -> tuple[Any, Any]:
-    """Return the functions of `kernel.compiled`; log a warning if that takes over a second."""
     timer = threading.Timer(
         1.0,
         log.warning,

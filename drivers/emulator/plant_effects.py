@@ -19,7 +19,7 @@ Function = Callable[[Row, Row, Row, Row, Row], None]
 
 
 class Kernel:
-    """Decorator for an effect's function; compiles it at first use, and caches it on disk."""
+    """Decorator that compiles an effect's function at its first use and caches it on disk."""
 
     def __init__(self, function: Function) -> None:
         self.function = function
@@ -27,7 +27,7 @@ class Kernel:
 
     @property
     def address(self) -> int:
-        """Return the address of the compiled function in this process."""
+        """Return the memory address of the effect's function, which is compiled if necessary."""
         if self._compiled is None:
             import numba
 

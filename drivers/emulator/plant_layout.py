@@ -42,7 +42,10 @@ MEMORY_SIZE = 1024
 
 
 class Stage(enum.IntEnum):
-    """The points of a substep at which effects are called; each defines their array ``out``."""
+    """The points of an integration substep at which the plant calls effects.
+
+    Each point defines the meaning of the array ``out``, which the effects change.
+    """
 
     BODY = 0
     """once a substep; `out` is the body's numbers, to be changed in place"""

@@ -35,7 +35,7 @@ def emulated(url: str = "mock:") -> Endpoint:
 
 
 class Delay:
-    """A simulated connection that delays every byte by ``delay_us`` (µs)."""
+    """Queue for one direction of a simulated connection; it delays bytes by ``delay_us`` µs."""
 
     def __init__(self, delay_us: int = 0) -> None:
         self._delay_us = delay_us

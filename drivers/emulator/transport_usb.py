@@ -51,7 +51,8 @@ _ENDPOINT = "bLength bDescriptorType bEndpointAddress bmAttributes wMaxPacketSiz
 class BusFault:
     """A fault of the emulated bus, from ``at_s`` s after its creation for ``for_s`` s.
 
-    ``for_s`` None: for ever, but a stalled pipe works again once the host has cleared it.
+    ``for_s`` is None for a lasting fault, but a stalled pipe works again once the host has cleared
+    it.
     """
 
     kind: str
@@ -82,7 +83,7 @@ class BusFault:
 
 @dataclass(eq=False)
 class RigOnBus:
-    """An emulated rig on the emulated USB bus, with its present and future faults."""
+    """An emulated rig plugged into the emulated USB bus, with the list of its bus faults."""
 
     function: UsbFunction
     faults: Sequence[BusFault] = ()
@@ -103,7 +104,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def locked(method: F) -> F:
-    """Decorator: run ``method`` under the bus's lock, which a thread releases while it waits."""
+    """Decorator: a method of `EmulatedBus` runs while its thread holds the bus's lock."""
 
     @functools.wraps(method)
     def method_with_lock(self: EmulatedBus, *args: Any, **named: Any) -> Any:
@@ -114,7 +115,7 @@ def locked(method: F) -> F:
 
 
 class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
-    """A pyusb backend whose only devices are emulated rigs. ``clock`` returns the time in s."""
+    """USB bus without hardware, for pyusb: its only devices are emulated rigs."""
 
     def __init__(
         self, rigs: Iterable[RigOnBus], clock: Callable[[], float] = time.monotonic
@@ -144,7 +145,6 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
         return int((self._clock() - self._began) * 1e6)
 
     def _apply_faults(self) -> None:
-        """Begin the faults whose time has come and end those whose time is over."""
         t = self._clock() - self._began
         for rig in self.rigs:
             waiting = []

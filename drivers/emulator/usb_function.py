@@ -39,7 +39,7 @@ CONFIGURATION = (
 
 
 class UsbFunction:
-    """One emulated USB device. A method returns None to reply STALL, USB's sign of an error."""
+    """Emulated USB device. Its methods return None to reply STALL, USB's sign of an error."""
 
     def __init__(self, endpoint: Endpoint, serial: str, *, configured: bool = True) -> None:
         self.endpoint = endpoint
@@ -66,14 +66,17 @@ class UsbFunction:
         return None
 
     def configure(self, now_us: int, value: int) -> None:
-        """Select configuration ``value``: 1, or 0 (not configured), which stops the motors."""
+        """Select configuration ``value`` at ``now_us`` (µs): 1, or 0, which stops the motors."""
         if not value:
             self.lost(now_us)
         self.configuration = value
         self.halted.clear()
 
     def take(self, now_us: int, data: bytes) -> bool | None:
-        """Accept the host's bytes ``data``. Returns False for a NAK: the host must try again."""
+        """Accept ``data`` from the host at ``now_us`` (µs); return True.
+
+        A return value of False means NAK: the host must send the bytes again. None means STALL.
+        """
         if OUT in self.halted | self.stuck:
             return None
         if self.silent or not self.configuration:
@@ -82,7 +85,10 @@ class UsbFunction:
         return True
 
     def give(self, now_us: int, longest: int) -> bytes | None:
-        """Return at most ``longest`` bytes for the host; b"" is a NAK, i.e. no bytes yet."""
+        """Return at most ``longest`` bytes for the host at ``now_us`` (µs).
+
+        An empty result means NAK: there are no bytes yet. None means STALL.
+        """
         self._send(self.endpoint.tick(now_us))
         if IN in self.halted | self.stuck:
             return None
@@ -92,7 +98,7 @@ class UsbFunction:
         return now
 
     def lost(self, now_us: int) -> None:
-        """Stop the motors at ``now_us`` (µs): bus reset, unplugged, or not configured any more."""
+        """Stop the motors at ``now_us`` (µs), because the bus was reset or the device unplugged."""
         self._stop(now_us, Cause.SUPPLY)
         self.configuration = 0
         self.halted.clear()

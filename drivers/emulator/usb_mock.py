@@ -37,7 +37,7 @@ class UsbMockDriver:
         return []
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
-        """Return the rig of the URL, opened on a new bus. Raises UsageError for a bad option."""
+        """Return the emulated rig of ``url``, opened on a bus of its own. Raises UsageError."""
         from ..mock import own_profile
         from ..options import UsbMockOptions
         from ..usb_bulk.driver import open_on
@@ -56,7 +56,7 @@ class UsbMockDriver:
 
 
 def rig_on_bus(profile: Profile, options: RigOptions, faults: tuple[str, ...] = ()) -> RigOnBus:
-    """Return a rig for an `EmulatedBus`. ``faults``: faults of the bus, as values of ``bus=``."""
+    """Return an emulated rig for an `EmulatedBus`; ``faults`` are values of the option ``bus=``."""
     from ..mock import device_of
     from .endpoint import Endpoint
     from .transport_usb import BusFault, RigOnBus

@@ -23,5 +23,5 @@ def crc16(data: bytes) -> int:
 
 
 def check(data: bytes) -> bytes:
-    """Return a frame's last four bytes: CRC-16 of the others, ``data``, and of their reverse."""
+    """Return a frame's last four bytes: the CRC-16 of ``data`` and of ``data`` reversed."""
     return (crc_hqx(data, INITIAL) | crc_hqx(data[::-1], INITIAL) << 16).to_bytes(4, "little")

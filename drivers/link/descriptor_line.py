@@ -36,7 +36,7 @@ class DescriptorLine:
         return self._name
 
     def write(self, data: bytes) -> None:
-        """Send all of ``data``. Raises DeviceError if the port is gone or blocks for `WRITE_S`."""
+        """Send all of ``data``. Raises DeviceError if the port is gone or blocks too long."""
         until = time.monotonic() + WRITE_S
         while data:
             try:

@@ -20,10 +20,10 @@ SHARED_TRIES = 10
 
 
 def ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:
-    """Return a function of a frame and a set of frame numbers that recognises a reply.
+    """Return a function that recognises the ACK of a request of type ``request``.
 
-    It returns the frame if this is the ACK of a request of type ``request`` with one of the
-    numbers, else None.
+    The function takes a frame and a set of request numbers. It returns the frame if this is such an
+    ACK with one of the numbers, else None.
     """
 
     def match(frame: Frame, numbers: set[int]) -> Ack | None:
@@ -35,7 +35,7 @@ def ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:
 
 
 def stop(client: RequestClient, tries: int = STOP_TRIES) -> bool:
-    """Send the emergency stop, up to ``tries`` times, `STOP_EVERY_S` apart.
+    """Send the emergency stop, up to ``tries`` times, `STOP_EVERY_S` seconds apart.
 
     Returns True once an ACK or a sample shows that the device has stopped, else False. If another
     program reads from the same port, it gets most replies. Samples repeat, so some arrive here.

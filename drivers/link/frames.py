@@ -88,7 +88,10 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """Enables the output at zero volts. The reply is an `Ack`; after code OK, sample 0 follows."""
+    """Request to enable the output at zero volts; the device replies with an `Ack`.
+
+    After an `Ack` with code OK the device sends sample 0.
+    """
 
     TYPE: ClassVar = Type.ARM
     BODY: ClassVar = Struct("<III")
@@ -103,7 +106,7 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class CommandFrame:
-    """Sets the motor voltages until the next command. ``number`` increases with every command."""
+    """Command that sets the motor voltages until the next one; ``number`` always increases."""
 
     TYPE: ClassVar = Type.COMMAND
     BODY: ClassVar = Struct("<ii")
@@ -114,7 +117,7 @@ class CommandFrame:
 
 @dataclass(frozen=True, slots=True)
 class Poll:
-    """Requests a sample now, in every state; has no effect while samples are streamed."""
+    """Request for one sample now, in every state; without effect while samples are streamed."""
 
     TYPE: ClassVar = Type.POLL
     BODY: ClassVar = Struct("")
@@ -123,7 +126,7 @@ class Poll:
 
 @dataclass(frozen=True, slots=True)
 class Disarm:
-    """Sets zero volts and disables the amplifier. The reply is an `Ack`."""
+    """Request to set zero volts and disable the amplifier; the device replies with an `Ack`."""
 
     TYPE: ClassVar = Type.DISARM
     BODY: ClassVar = Struct("")
@@ -132,7 +135,7 @@ class Disarm:
 
 @dataclass(frozen=True, slots=True)
 class Estop:
-    """Sets zero volts now, in every state and with any ``number``. The reply is an `Ack`."""
+    """Request to set zero volts now, in every state; the device replies with an `Ack`."""
 
     TYPE: ClassVar = Type.ESTOP
     BODY: ClassVar = Struct("<B")
@@ -142,7 +145,7 @@ class Estop:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """Requests the device's counters. The reply is a `Report`."""
+    """Request for the device's counters; the device replies with a `Report`."""
 
     TYPE: ClassVar = Type.STATUS
     BODY: ClassVar = Struct("")
@@ -151,7 +154,7 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class IdentityFrame:
-    """The device's identity, in reply to a `Hello`; ``number`` repeats the request's number."""
+    """Reply to a `Hello` that identifies the device; ``number`` is the request's number."""
 
     TYPE: ClassVar = Type.IDENTITY
     BODY: ClassVar = Struct("<BBIIiiiIIII16s16s16s")
@@ -180,7 +183,7 @@ class IdentityFrame:
 
 @dataclass(frozen=True, slots=True)
 class Ack:
-    """The result of a request; ``number`` repeats the request's number."""
+    """Reply that states the result of a request; ``number`` is the request's number."""
 
     TYPE: ClassVar = Type.ACK
     BODY: ClassVar = Struct("<BBBBI")
@@ -195,7 +198,7 @@ class Ack:
 
 @dataclass(frozen=True, slots=True)
 class SampleFrame:
-    """One sample: counts, voltages, currents. ``number`` counts the samples since the ARM."""
+    """A sample: encoder counts, voltages, currents. ``number`` counts samples since the arming."""
 
     TYPE: ClassVar = Type.SAMPLE
     BODY: ClassVar = Struct("<IIiiiiihhHBB")
@@ -260,7 +263,7 @@ _FIELDS = {t: tuple(k.__slots__)[1:] for t, k in _KINDS.items()}
 
 
 def payload(frame: Frame) -> bytes:
-    """Return ``frame`` as header, body and check bytes, before the COBS encoding."""
+    """Return header, body and check of ``frame`` as bytes, without the COBS encoding."""
     kind = int(frame.TYPE)
     body = frame.BODY.pack(*(getattr(frame, name) for name in _FIELDS[kind]))
     data = _HEADER.pack(VERSION, kind, frame.number & 0xFFFFFFFF) + body
@@ -313,7 +316,7 @@ class Splitter:
         """Pieces that were not a valid frame"""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Return the frames that the new bytes ``data`` complete; keep an incomplete rest."""
+        """Return the frames that the received bytes ``data`` complete; store an incomplete rest."""
         *whole, rest = (self._rest + data).split(b"\0")
         if len(rest) > LONGEST:  # too long for a frame: do not collect it
             rest = rest[: LONGEST + 1]
@@ -330,5 +333,5 @@ class Splitter:
         return out
 
     def frame(self, piece: bytes) -> Frame | None:
-        """Return the frame in ``piece``, the bytes between two delimiters; None: not valid."""
+        """Return the frame in ``piece``, the bytes between two delimiters; None if invalid."""
         return parse(piece)

@@ -24,7 +24,7 @@ F = TypeVar("F")
 
 
 class RequestClient:
-    """The host's end of one connection: sends frames, returns replies, and queues samples."""
+    """The host's end of a connection: sends requests, returns replies and queues samples."""
 
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
@@ -39,7 +39,7 @@ class RequestClient:
         self._number = 0
 
     def next_number(self) -> int:
-        """Return a new number for a request frame; commands have numbers of their own."""
+        """Return a new frame number for a request; commands are numbered separately."""
         self._number = (self._number + 1) & 0xFFFFFFFF
         return self._number
 
@@ -49,7 +49,7 @@ class RequestClient:
         self.statistics.sent += 1
 
     def receive(self, timeout_s: float) -> list[Frame]:
-        """Read for up to ``timeout_s`` s. Queue samples in ``samples``, return other frames."""
+        """Receive frames for up to ``timeout_s`` s; queue samples, return the other frames."""
         return self._process(self.transport.read(timeout_s))
 
     def _process(self, data: bytes) -> list[Frame]:

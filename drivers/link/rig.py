@@ -125,7 +125,7 @@ class LinkRig:
 
     @property
     def device_cause(self) -> str | None:
-        """Return why the device holds its output at zero, by its last sample; None: it does not."""
+        """Return why the device held its output at zero at its last sample, or None."""
         return cause_name(self._validator.cause)
 
     def arm(self) -> Sample:
@@ -156,7 +156,7 @@ class LinkRig:
         raise self._no_sample()
 
     def read(self) -> Sample:
-        """Return a sample taken now, or the next one of a running stream; armed or not."""
+        """Return a new sample without sending a command; the rig need not be armed."""
         self._check_open()
         if self._streaming:
             self._samples.discard_stale()
@@ -164,7 +164,10 @@ class LinkRig:
         return self._poll()
 
     def exchange(self, command_: Command, due_s: float) -> Sample:
-        """Send the command, return the period's sample. ``due_s``: when to POLL (monotonic, s)."""
+        """Send a command and return the sample at the end of this control period.
+
+        ``due_s``: end of the period in s on the monotonic clock, used if the host keeps the time.
+        """
         self._check_open()
         v_front, v_back = command_.v_front, command_.v_back
         if not (isfinite(v_front) and isfinite(v_back)):
@@ -182,7 +185,7 @@ class LinkRig:
         return self._poll()
 
     def estop(self, reason: str) -> None:
-        """Set zero volts now. Raises DeviceError if the device does not confirm it."""
+        """Set zero volts now. Raises DeviceError if the device does not confirm the stop."""
         if not self._open:
             return
         tries = SHARED_TRIES if self._gone else STOP_TRIES
@@ -196,11 +199,10 @@ class LinkRig:
         return self._client.request(Status, _report)
 
     def close(self) -> None:
-        """Set zero volts, disable the amplifier and close the connection; a second call does
-        nothing.
+        """Set zero volts, disable the amplifier and close the connection.
 
-        A broken connection raises no error. A device that this object never armed stays as it is:
-        another program may run it.
+        A second call does nothing, and a broken connection raises no error. A device that this
+        object never armed is left as it is, because another program may run it.
         """
         if not self._open:
             return
@@ -248,7 +250,6 @@ class LinkRig:
         return self._checked(self._samples.poll())
 
     def _checked(self, sample: Sample | None) -> Sample:
-        """Return ``sample``. Raises DeviceError if None or if another program disarmed the rig."""
         if sample is None or (self._samples.armed and not sample.flags & _SINCE_ARMED):
             raise self._no_sample()
         return sample
@@ -260,12 +261,12 @@ class LinkRig:
         return ack
 
     def _no_sample(self) -> DeviceError:
-        """Return the DeviceError for a missing sample: rig gone, restarted, or armed elsewhere."""
         return self._connection_error() or not_ours(self._transport.name)
 
     def _connection_error(self) -> DeviceError | None:
-        """Return the DeviceError if the device is silent or has restarted since `__init__`, else
-        None.
+        """Return the DeviceError if the device is silent or has restarted since it was opened.
+
+        The result is None if neither is the case.
         """
         reply = self._client.request(
             Hello, lambda f, n: f if isinstance(f, IdentityFrame) and f.number in n else None
@@ -282,7 +283,7 @@ class LinkRig:
         return None if report is None else report.uptime_ms / 1e3
 
     def _uptime_fell_back(self) -> bool:
-        """Return True if the uptime shows a restart: some devices repeat their boot number."""
+        """Return True if the device's uptime is shorter than expected, so it has restarted."""
         uptime_s = self._uptime_s()
         if uptime_s is None or self._started_s is None:
             return False

@@ -39,7 +39,7 @@ REMEMBERED = 1024
 
 
 class SampleValidator:
-    """Numbers the commands, rejects invalid samples, and converts valid frames to `Sample`s."""
+    """Checks the numbers of samples and commands of one connection, and converts sample frames."""
 
     def __init__(self, statistics: LinkStatistics) -> None:
         self._statistics = statistics
@@ -71,13 +71,16 @@ class SampleValidator:
         return self.number
 
     def command(self, sequence: int) -> int:
-        """Return a new frame number for the command that the caller numbers ``sequence``."""
+        """Return a new frame number for the command that the caller calls number ``sequence``."""
         self.number = number = (self.number + 1) & _MASK
         self._sequences[number % REMEMBERED] = sequence
         return number
 
     def accept(self, frame: SampleFrame, host_time_s: float) -> Sample | None:
-        """Return the sample in ``frame``, which arrived at ``host_time_s``; None if invalid."""
+        """Return the sample in ``frame``, or None if the conditions of the module reject it.
+
+        ``host_time_s``: time of arrival in s.
+        """
         statistics = self._statistics
         ahead = (frame.echo - self._echo) & _MASK
         step = 1 if self._last is None else (frame.number - self._last) & _MASK
@@ -100,7 +103,7 @@ class SampleValidator:
         return sample
 
     def convert(self, frame: SampleFrame, host_time_s: float) -> Sample:
-        """Return the sample in ``frame``, which arrived at ``host_time_s``, without a check."""
+        """Return the sample in ``frame`` without a check; ``host_time_s``: time of arrival in s."""
         r, p, y = self._counts
         # Signed 32-bit differences from the last counts; the first counts are near zero.
         self._counts = counts = (

@@ -26,7 +26,7 @@ SHORTEST_RETRY_S, LONGEST_RETRY_S = 5e-3, 0.1
 
 
 class Sampling:
-    """Reads the samples of one open rig; while ``armed``, those that `SampleValidator` accepts."""
+    """Reads the samples of one open rig; while it is armed, invalid samples are rejected."""
 
     def __init__(self, client: RequestClient, validator: SampleValidator) -> None:
         self._client, self._validator = client, validator
@@ -35,7 +35,7 @@ class Sampling:
         self._extra_replies = 0
 
     def next_of_stream(self) -> Sample | None:
-        """Return the stream's next sample; None if none arrives within `SILENCE_S`."""
+        """Return the stream's next sample; None if none arrives within `SILENCE_S` seconds."""
         deadline = time.monotonic() + SILENCE_S
         while (sample := self._newest()) is None:
             left = deadline - time.monotonic()
@@ -47,7 +47,7 @@ class Sampling:
         return sample
 
     def first(self) -> Sample | None:
-        """Return the first sample after an ARM without stream; None if none arrives."""
+        """Return the first sample after arming a rig without stream; None if none arrives."""
         deadline = time.monotonic() + SILENCE_S
         while time.monotonic() < deadline:
             sample = self._newest()
@@ -59,7 +59,7 @@ class Sampling:
         return None
 
     def poll(self) -> Sample | None:
-        """Request a sample and return it; None if none arrives within `SILENCE_S`."""
+        """Request a sample and return it; None if none arrives within `SILENCE_S` seconds."""
         client, statistics = self._client, self._client.statistics
         self.discard_stale()
         first_s, sent = time.monotonic(), 0
@@ -88,7 +88,7 @@ class Sampling:
         return None
 
     def set_round_trip(self, round_trip_s: float) -> None:
-        """Set the wait before a POLL is repeated: 4 ``round_trip_s`` (s), within limits."""
+        """Set how long a POLL waits for its reply: 4 ``round_trip_s`` (s), within limits."""
         self._retry_s = min(max(4 * round_trip_s, SHORTEST_RETRY_S), LONGEST_RETRY_S)
 
     def discard_stale(self) -> None:
@@ -98,7 +98,7 @@ class Sampling:
             self._client.statistics.samples_stale += 1
 
     def _newest(self) -> Sample | None:
-        """Return the newest valid sample that has arrived, or None; count the others as stale."""
+        """Return the newest valid sample that has arrived, or None; count older ones as stale."""
         samples = self._client.samples
         take = self._validator.accept if self.armed else self._validator.convert
         newest: Sample | None = None

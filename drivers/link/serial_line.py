@@ -129,7 +129,6 @@ def open_shared(path: str) -> Transport | None:
 
 
 def _is_locked(fd: int) -> bool:
-    """Return True if another process has locked the port with file descriptor ``fd``."""
     import fcntl
 
     try:
@@ -141,7 +140,7 @@ def _is_locked(fd: int) -> bool:
 
 
 def prefer_low_latency(port: Serial) -> bool:
-    """Ask the port's driver to deliver bytes at once; return False if it cannot."""
+    """Ask the driver of an open port to deliver bytes at once; return False if it refuses."""
     try:
         port.set_low_latency_mode(True)
     except (AttributeError, OSError, ValueError, NotImplementedError):

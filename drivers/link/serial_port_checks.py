@@ -20,7 +20,7 @@ from .serial_ports import (
 
 
 def checks(path: str) -> Sequence[Check]:
-    """Return the checks of the port ``path``: device file, permission, other users, latency."""
+    """Return the results of checks of the port ``path``: file, permission, users, latency timer."""
     if not os.path.exists(path):
         there = ", ".join(usb_ports()) or "none on USB"
         return (Check("port", f"{path} is not there (ports: {there})", False, "plug the rig in"),)

@@ -56,7 +56,6 @@ def plugged_in(path: str) -> str:
 
 
 def _on_usb(path: str) -> Any:
-    """Return pyserial's description of the port ``path`` if it is on USB, else None."""
     from serial.tools.list_ports import comports
 
     real = os.path.realpath(path)
@@ -72,7 +71,7 @@ def _runs_heli3dof(pid: int) -> bool:
 
 
 def holders(path: str) -> list[tuple[int, str]]:
-    """Return (pid, name) of every process with the port ``path`` open, as far as /proc shows it."""
+    """Return (pid, name) of every process with the port ``path`` open that /proc shows."""
     try:
         wanted = os.stat(path).st_rdev
     except OSError:
@@ -97,7 +96,7 @@ def _is(fd: Path, device: int) -> bool:
 
 
 def lockers(path: str) -> list[tuple[int, str]]:
-    """Return (pid, name) of every process that has locked the port ``path``, as pyserial does."""
+    """Return (pid, name) of every process that holds a lock (flock) on the port ``path``."""
     try:
         file = os.stat(path)
         locks = Path("/proc/locks").read_text(encoding="ascii")
@@ -116,7 +115,7 @@ def named(processes: list[tuple[int, str]]) -> str:
 
 
 def held_by(path: str) -> str:
-    """Return as text the processes that have locked ``path``, or else those that have it open."""
+    """Return as text which processes have locked the port ``path``, or else have it open."""
     return named(lockers(path) or holders(path)) or "a process of another user"
 
 
@@ -128,7 +127,7 @@ def _name(pid: int) -> str:
 
 
 def latency_timer(path: str) -> tuple[int, Path] | None:
-    """Return (ms, file) of the latency timer of an FTDI adapter at ``path``, else None."""
+    """Return an FTDI adapter's latency timer in ms and the file that sets it; None if none."""
     name = Path(os.path.realpath(path)).name
     for place in LATENCY_FILES:
         file = Path(place.format(name))

@@ -44,7 +44,7 @@ class Board:
     """An open data acquisition board. Methods may raise the vendor library's HILError."""
 
     def __init__(self, hardware: Any, wiring: Wiring) -> None:
-        """Open the board; its outputs stay as they are. ``hardware``: the vendor's module."""
+        """Open the board and leave its outputs as they are; ``hardware``: the vendor's module."""
         self._hardware = hardware
         self._wiring = wiring
         self.error: type[Exception] = hardware.HILError
@@ -59,7 +59,7 @@ class Board:
         self._hil.open(wiring.board, wiring.number)
 
     def prepare(self) -> None:
-        """Set zero volts, disable the amplifier, configure the channels as the wiring states."""
+        """Set zero volts, disable the amplifier and configure the channels named by the URL."""
         hil, hardware = self._hil, self._hardware
         self.watchdog_clear()
         self.write_volts(0.0, 0.0)
@@ -168,7 +168,7 @@ class Board:
             hil.watchdog_set_digital_expiration_state(lines, n, tristate)
 
     def watchdog_start_to_expire(self) -> None:
-        """Start the watchdog and let it expire: last resort if the outputs refuse writing."""
+        """Start the watchdog and let it expire, which sets zero volts: last resort for a stop."""
         with suppress(self.error):
             self.watchdog_start()
 
@@ -191,7 +191,10 @@ class Board:
         self._unless(Qerr.WATCHDOG_CLEAR_NOT_SUPPORTED, self._hil.watchdog_clear)
 
     def task_start(self, rate_hz: float, samples: int) -> Any:
-        """Return a new task that samples the encoders at ``rate_hz``; it buffers ``samples``."""
+        """Start a task that samples the encoders at ``rate_hz`` (Hz), and return it.
+
+        ``samples``: length of the task's buffer.
+        """
         hil = self._hil
         task = hil.task_create_encoder_reader(samples, self._encoders, 3)
         clock = self._hardware.Clock.HARDWARE_CLOCK_0 + self._wiring.clock
@@ -203,7 +206,7 @@ class Board:
         return task
 
     def task_read(self, task: Any, n: int) -> tuple[int, int, int] | None:
-        """Wait for ``n`` samples, return the last one's counts; None if ``task`` has ended."""
+        """Wait for ``n`` samples; return the encoder counts of the last one (None: task ended)."""
         buffer = self._counts if n == 1 else array("i", [0] * (3 * n))
         if self._hil.task_read_encoder(task, n, buffer) < n:
             return None
@@ -220,7 +223,6 @@ class Board:
         self._hil.close()
 
     def _properties(self, *codes: int) -> array[int] | None:
-        """Return the board's integer properties ``codes``; None if it does not have them."""
         values = array("i", [0] * len(codes))
         try:
             self._hil.get_integer_property(array("i", codes), len(codes), values)
@@ -229,7 +231,6 @@ class Board:
         return values
 
     def _unless(self, code: int, call: Callable[[], object]) -> None:
-        """Run ``call``; ignore a HILError whose error number is ``code``."""
         try:
             call()
         except self.error as error:

@@ -222,7 +222,7 @@ def _message(error: BaseException) -> str:
 
 @contextmanager
 def explained(hil_error: type[Exception], name: str, doing: str) -> Iterator[None]:
-    """Context manager: turns an error of class ``hil_error`` into the DeviceError of `explain`."""
+    """Context manager: converts an error of class ``hil_error`` by `explain` (see there)."""
     try:
         yield
     except hil_error as error:

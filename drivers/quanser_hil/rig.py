@@ -48,7 +48,7 @@ class QuanserRig:
     """An open Quanser board with a helicopter; implements `heli3dof.rig.interface.Rig`."""
 
     def __init__(self, board: Board, wiring: Wiring, profile: Profile, name: str) -> None:
-        """Switch the outputs off; if that fails, close the board and raise DeviceError."""
+        """Switch the board's outputs off. If that fails, close the board and raise DeviceError."""
         self._board, self._name = board, name
         self._state = State.IDLE
         self._open = True
@@ -91,11 +91,11 @@ class QuanserRig:
 
     @property
     def device_cause(self) -> str | None:
-        """Return why the output is zero: "WATCHDOG" (the board's), "HOST_ESTOP", or None."""
+        """Return why the output is zero: "WATCHDOG" (of the board), "HOST_ESTOP", or None."""
         return {State.LATCHED: "WATCHDOG", State.STOPPED: "HOST_ESTOP"}.get(self._state)
 
     def arm(self) -> Sample:
-        """Start encoder task and watchdog, enable the amplifier at 0 V, return the first sample."""
+        """Start encoder task and watchdog, enable the amplifier at 0 V; return the first sample."""
         self._check_open()
         board = self._board
         try:
@@ -212,7 +212,6 @@ class QuanserRig:
         return self._sample(counts, stream.time_s)
 
     def _overran(self, problem: Overrun) -> None:
-        """Start a new task after a buffer overflow. If armed, switch off and raise DeviceError."""
         armed = self._state is State.ARMED
         if armed:
             self._switch_off()
@@ -231,7 +230,7 @@ class QuanserRig:
         self._state, self._volts, self._saturated = State.LATCHED, (0.0, 0.0), False
 
     def _switch_off(self) -> BaseException | None:
-        """Set zero volts and disable the amplifier. Returns the board's error, None if none."""
+        """Set zero volts and disable the amplifier; return the board's error, or None."""
         latched = self._state is State.LATCHED
         self._state, self._volts, self._saturated = State.STOPPED, (0.0, 0.0), False
         problem: BaseException | None = None

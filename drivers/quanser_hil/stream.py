@@ -46,7 +46,7 @@ class Ended(Exception):
 
 @dataclass
 class StreamStatistics:
-    """Counts of samples and encoder tasks since the board was opened."""
+    """Counts of samples and encoder tasks since the Quanser board was opened."""
 
     samples: int = 0
     """Taken by the board and read by this program"""
@@ -59,7 +59,10 @@ class StreamStatistics:
 
 
 class EncoderStream:
-    """Reads the board's encoder task, sampled every ``dt`` s, and keeps the device's time in s."""
+    """Reads the samples of a board's encoder task and keeps the device's time.
+
+    ``dt``: sample period in s.
+    """
 
     def __init__(self, board: Board, dt: float) -> None:
         self._board, self._dt = board, dt
@@ -81,7 +84,7 @@ class EncoderStream:
         return self._base_s + self._k * self._dt
 
     def now_s(self) -> float:
-        """Return the device's time now in s, but never less than the last sample's."""
+        """Return the present device time in s, which is at least that of the last sample."""
         return self.time_s + max(0.0, self._late_s())
 
     def start(self, *, overrun: bool = False) -> None:
@@ -113,7 +116,7 @@ class EncoderStream:
         return self._drain() or counts
 
     def _drain(self) -> Counts | None:
-        """Read all waiting samples; return the newest one's counts, or None if none is waiting."""
+        """Read all samples in the buffer; return the newest one's counts, None without samples."""
         counts: Counts | None = None
         while waiting := self._waiting():
             start = time.monotonic()
@@ -132,7 +135,6 @@ class EncoderStream:
         return max(0, min(int(self._late_s() / self._dt), self._samples))
 
     def _late_s(self) -> float:
-        """Return the seconds since the last sample's expected arrival; 0 before the first one."""
         if self._offset is None:
             return 0.0
         return time.monotonic() - self.time_s - self._offset

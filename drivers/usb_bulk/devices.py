@@ -88,7 +88,7 @@ def system_backend() -> Any:
 
 
 def on_bus(backend: Any) -> Iterator[OnBus]:
-    """Yield every rig on the bus. ``backend``: pyusb's access to the bus."""
+    """Yield every rig on the USB bus; ``backend`` is pyusb's access to the bus."""
     import usb.core
 
     for device in usb.core.find(find_all=True, backend=backend):
@@ -101,7 +101,7 @@ def on_bus(backend: Any) -> Iterator[OnBus]:
 
 
 def interface_of(device: Any) -> Any:
-    """Return the first interface of ``device`` that is a rig's by its class, or None."""
+    """Return the first USB interface of ``device`` whose class is that of a rig, or None."""
     wanted = (CLASS, SUBCLASS, PROTOCOL)
     for configuration in device:
         for i in configuration:

@@ -18,7 +18,10 @@ SPEEDS = {1: "low, 1.5 Mbit/s", 2: "full, 12 Mbit/s", 3: "high, 480 Mbit/s", 4: 
 
 
 def examine(backend: Callable[[], Any], url: DeviceUrl) -> Sequence[Check]:
-    """Return the checks of ``url``; do not claim the rig. ``backend`` returns pyusb's backend."""
+    """Return the results of checks of the USB rig at ``url``, without claiming it.
+
+    ``backend`` returns pyusb's access to the bus.
+    """
     try:
         pyusb = backend()
     except DeviceError as error:

@@ -37,7 +37,7 @@ class UsbDriver:
         self._backend = backend
 
     def find(self) -> Sequence[str]:
-        """Return the URLs of the rigs on the bus; none if libusb is missing."""
+        """Return the URLs of the rigs on the USB bus; an empty list if libusb is missing."""
         if self._backend is system_backend and not kernel_lists_one():
             return []
         import usb.core
@@ -48,14 +48,14 @@ class UsbDriver:
             return []
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
-        """Claim the rig of the URL, identify it and return it. Raises DeviceError or UsageError."""
+        """Claim the USB rig of ``url`` and return it. Raises DeviceError or UsageError."""
         from ..options import UsbOptions
 
         options = UsbOptions.of(url)
         return open_on(self._backend(), url, profile, options)
 
     def estop(self, url: DeviceUrl) -> str:
-        """Stop the rig by a USB control request, even if another process uses it."""
+        """Stop the rig by a USB control request, even if a process uses it; return a message."""
         import usb.util
 
         from ..link.frames import Cause

@@ -106,7 +106,7 @@ def explain(
 
 @contextmanager
 def explained(name: str, doing: str, holder: Callable[[], str] = lambda: "") -> Iterator[None]:
-    """Context manager: turns a USB error of its block into the DeviceError of `explain`."""
+    """Context manager: converts a USB error in its block by `explain`, with these arguments."""
     import usb.core
 
     failures: tuple[Any, ...] = (usb.core.USBError, NotImplementedError)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class UsbRig(LinkRig):
-    """An open rig on USB; implements `heli3dof.rig.interface.Rig`."""
+    """An open rig on USB bulk pipes; implements `heli3dof.rig.interface.Rig`."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class UsbRig(LinkRig):
         return super().arm()
 
     def estop(self, reason: str) -> None:
-        """Set zero volts now: first by a control request, which needs no pipe, then by ESTOP."""
+        """Set zero volts now, by a USB control request and then by an ESTOP frame."""
         if not self._open:
             return
         try:

@@ -162,7 +162,6 @@ class UsbTransport:
                 usb.util.dispose_resources(self._device)
 
     def _read_loop(self) -> None:
-        """Run the reading thread: one IN transfer after another until close or a USB error."""
         import usb.core
 
         buffer = array("B", bytes(LONGEST_READ))
@@ -202,7 +201,6 @@ class UsbTransport:
 
 
 def _claim(device: Any, name: str) -> None:
-    """Claim the interface of the rig ``device``. Raises DeviceError or usb.core.USBError."""
     import usb.core
     import usb.util
 

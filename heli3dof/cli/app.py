@@ -31,13 +31,13 @@ MORE = "More"
 
 
 def _family(command: Any) -> str:
-    """Return the heading of a verb: its ``rich_help_panel``, else `MORE`."""
+    """Return the heading under which ``--help`` lists a command; `MORE` if the command has none."""
     panel = getattr(command, "rich_help_panel", None)
     return panel if isinstance(panel, str) else MORE  # typer's default is a placeholder
 
 
 class Verbs(TyperGroup):
-    """Command group whose help lists the verbs by family, in alphabetical order."""
+    """Typer command group. Its ``--help`` lists the subcommands by heading, sorted by name."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         def rank(verb: str) -> tuple[int, bool, str, str]:
@@ -80,7 +80,7 @@ _register_all()
 
 
 def main() -> None:
-    """Run the command line and exit with its code: the entry point of ``heli3dof``."""
+    """Run the subcommand named in ``sys.argv``, and end the process with its exit code."""
     # Before numpy is imported. Our matrices are small: several BLAS threads gain nothing, and on
     # a busy machine they wait for each other, which made an identification ten times slower.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,4 +1,4 @@
-"""``heli3dof compare``: makes the paper's Table II and Figures 7–9 of any recordings and models."""
+"""``heli3dof compare``: computes the paper's Table II and Figures 7–9 from other recordings."""
 
 from __future__ import annotations
 
@@ -85,7 +85,11 @@ def _figure_paths(recordings: Sequence[Recording], folder: Path) -> list[Path]:
 
 
 def write_figures(comparison: Comparison, folder: Path, *, force: bool) -> list[Path]:
-    """Write the paper's Figures 7–9 of every recording as SVG and PNG; return their paths."""
+    """Write the paper's Figures 7–9 for each recording into ``folder``; return the files' paths.
+
+    Each measured angle gives one figure, as SVG and as PNG. Raises OutputExists if a file exists,
+    unless ``force`` is true.
+    """
     from heli3dof.recording.atomic_write import new_folder
     from heli3dof.report.figure_style import save
     from heli3dof.report.figures import axis_figures

@@ -126,7 +126,7 @@ def _fly(out: Output, plan: Plan, path: Path, seed: int, start: str = "rest") ->
 
 
 def _new_folder(folder: Path) -> Path:
-    """Create and return ``folder``, or ``<folder>-2``, ``<folder>-3``, … if it exists."""
+    """Create ``folder``, or ``<folder>-2``, ``<folder>-3``, … if it exists; return the new path."""
     from heli3dof.recording.atomic_write import new_folder
 
     number, path = 1, folder

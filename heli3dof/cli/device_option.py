@@ -1,4 +1,4 @@
-"""Select the rig if ``--device`` is omitted: the only real rig found, else the emulated one."""
+"""Choose the device URL: ``--device``, else the only real rig found, else the emulated rig."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ AnyDevice = Annotated[
 
 
 def device_or_default(out: Output, device: str | None) -> str:
-    """Return ``device``, else the only real rig's URL, else the emulated rig's, with a note.
+    """Return the URL ``device``; if it is None, that of the only real rig or of the emulated one.
 
-    Raises UsageError if several rigs are found, and for a URL that no driver can open.
+    If it chooses the emulated rig, it prints a note. Raises UsageError if several rigs are found,
+    and for a URL that no driver can open.
     """
     from heli3dof.rig.drivers import MOCK, check_url, default_device
 

@@ -109,7 +109,7 @@ def diagnose(
 
 
 def show_diagnosis(out: Output, document: Mapping[str, Any]) -> None:
-    """Print a diagnosis as tables and sentences; ``document`` is that of ``diagnose --json``."""
+    """Print the diagnosis ``document`` (that of ``diagnose --json``) as tables and sentences."""
     from heli3dof.report.diagnosis_tables import diagnosis_tables
     from heli3dof.report.text_table import Grid, to_rich
 
@@ -118,7 +118,7 @@ def show_diagnosis(out: Output, document: Mapping[str, Any]) -> None:
 
 
 def _end_with_bad_data(out: Output, result: Diagnosis) -> NoReturn:
-    """Exit with the code of a bad recording; with ``--quiet``, print its faults first."""
+    """End the program with RecordingError's exit code; with ``--quiet``, first print the faults."""
     if out.quiet:
         for fault in result.faults:
             fix = f" Try: {fault.fix}" if fault.fix else ""
@@ -153,7 +153,11 @@ def _load(
 
 
 def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
-    """Return the faults for swapped columns in a log, imported without checks of its units."""
+    """Return the faults of swapped columns in the log at ``path``; empty if it is not readable.
+
+    The log is imported without checks of its values. ``profile``: file of the rig's profile; None:
+    the paper's rig.
+    """
     from heli3dof.diagnosis.integrity import integrity
     from heli3dof.recording.logs.import_log import import_log
 
@@ -167,10 +171,10 @@ def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
 
 @contextmanager
 def stages(out: Output) -> Iterator[Callable[[str], None]]:
-    """Context manager: yields a function that displays what the diagnosis is doing, as a text.
+    """Context manager: yields a function that displays a text on what the diagnosis is doing.
 
-    On a terminal a spinner shows the text; otherwise each text is printed as a line, but no text
-    that ends with a count of progress, such as "Screening … flights: 31 of 64".
+    On a terminal a spinner shows the text. Otherwise each text is printed as a line, except a count
+    of progress such as "Screening … flights: 31 of 64".
     """
     if out.quiet or not live_allowed():
         yield lambda sentence: None if "… " in sentence else out.note(sentence)

@@ -66,7 +66,6 @@ def doctor(
 
 
 def _show(out: Output, check: Check) -> None:
-    """Print the result of a check, and how to correct a failure. ``--quiet``: failures only."""
     if out.quiet and check.good is False:
         fix = f" Try: {check.fix}" if check.fix else ""
         out.fail(f"{check.what}: {check.found}.{fix}")

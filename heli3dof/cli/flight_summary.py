@@ -19,14 +19,17 @@ if TYPE_CHECKING:
 
 
 def metrics_of(recording: Recording) -> Mapping[str, AxisMetrics]:
-    """Return the step-response metrics by axis, without the ramp to zero at the flight's end."""
+    """Return a recording's step-response metrics, such as overshoot and rise time, by axis name.
+
+    The ramp of the voltages to zero at the flight's end is left out.
+    """
     from heli3dof.comparison.metrics import flight_metrics
 
     return flight_metrics(recording)
 
 
 def recording_table(recording: Recording, title: str, note: str | None = None) -> Group:
-    """Return the table of step-response metrics, with a row for each step of each axis."""
+    """Return a table to print: step metrics by step and axis, with a ``title`` and a ``note``."""
     from heli3dof.report.comparison_tables import metrics_of as metrics_grid
     from heli3dof.report.text_table import to_rich
 
@@ -35,7 +38,10 @@ def recording_table(recording: Recording, title: str, note: str | None = None) -
 
 
 def recording_document(recording: Recording) -> dict[str, Any]:
-    """Return the metrics of one step response per axis, as a dict with units in its keys."""
+    """Return, by axis name, the set value (degrees) and metrics of the first step, for JSON.
+
+    If an axis has no step, its reference from the start is used (`heli3dof.comparison.metrics`).
+    """
     metrics = metrics_of(recording)
     return {
         axis: {"set_deg": metrics[axis].reported.set_deg, **metrics[axis].reported.values()}
@@ -44,7 +50,10 @@ def recording_document(recording: Recording) -> dict[str, Any]:
 
 
 def flight_table(flight: Flight) -> Group | str:
-    """Return the table of a flight: step-response metrics, outcome, and the loop's timing."""
+    """Return a table of a flight to print: step-response metrics, how it ended, loop timing.
+
+    If the flight ended before its first control period, a sentence is returned instead.
+    """
     outcome = flight.outcome
     if not outcome.periods:
         return f"Nothing was flown: {outcome.detail}"
@@ -57,7 +66,7 @@ def flight_table(flight: Flight) -> Group | str:
 
 
 def flight_warnings(flight: Flight) -> list[str]:
-    """Return warnings about the link to the rig and about encoders that did not change."""
+    """Return warnings: data lost on the link to the rig, encoders whose counts did not change."""
     from heli3dof.recording.link_quality import link_warnings
     from heli3dof.recording.still_encoder import still_encoder_warnings
 
@@ -69,7 +78,7 @@ def flight_warnings(flight: Flight) -> list[str]:
 
 
 def flight_document(flight: Flight) -> dict[str, Any]:
-    """Return the dictionary that ``run-step --json`` and ``run --json`` print."""
+    """Return a flight's JSON document, which ``run --json`` and ``run-step --json`` print."""
     outcome = flight.outcome
     details = outcome.details()
     return {

@@ -110,7 +110,11 @@ def _write_report(
     *,
     force: bool,
 ) -> None:
-    """Write an HTML report on the model, with a comparison if there are hold-out data ``test``."""
+    """Write an HTML report on an identified model to ``path``.
+
+    ``train``: the recordings used for identification. The report also compares the model with the
+    held-out recordings ``test``, if there are any.
+    """
     from heli3dof.comparison.compare import compare
     from heli3dof.paper.models import load_model
     from heli3dof.report.flight_report import flight_report

@@ -40,7 +40,7 @@ def info(
 
 
 def info_table(about: Mapping[str, Any]) -> Table:
-    """Return the table of a recording's `heli3dof.recording.info.summary`."""
+    """Return a table to print of ``about``, a recording's `heli3dof.recording.info.summary`."""
     from rich.table import Table
 
     table = Table(show_header=False)

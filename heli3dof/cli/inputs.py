@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 
 
 def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[Recording]:
-    """Return recordings and logs, and print their warnings. Raises RecordingError or UsageError."""
+    """Load the recordings and logs at ``paths``, print their warnings, and return them.
+
+    ``profile``: the file of the rig's profile, which a log needs. Raises RecordingError or
+    UsageError for a file that cannot be used.
+    """
     from heli3dof.recording.load import load
 
     used = log_profile(profile)
@@ -84,7 +88,7 @@ def check_same_rig(recordings: Sequence[Recording]) -> None:
 
 
 def _rig_numbers(r: Recording) -> dict[str, float]:
-    """Return the numbers that identify the rig in a recording's profile, as key → value."""
+    """Return key → value of a rig's geometry, masses, inertias, thrust gain and encoder counts."""
     p = r.profile
     parts = {"geometry": p.geometry, "mass": p.mass}
     numbers = {f"{k}.{n}": float(v) for k, part in parts.items() for n, v in part}
@@ -96,7 +100,10 @@ def _rig_numbers(r: Recording) -> dict[str, float]:
 
 
 def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """Return recordings and models (built-in or ``.json``) among a subcommand's arguments."""
+    """Split command-line arguments into paths of recordings and names of models.
+
+    A model is a built-in name or a ``.json`` file. Raises UsageError if there is no recording.
+    """
     from heli3dof.paper.models import BUILT_IN
 
     models = [w for w in words if w in BUILT_IN or w.endswith(".json")]
@@ -111,14 +118,18 @@ def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
 
 
 def models_for(names: Sequence[str], recording: Recording) -> list[Model]:
-    """Return models by built-in name or file; built-in ones use the recording's profile."""
+    """Load models by built-in name or file; built-in ones get the rig profile of ``recording``."""
     from heli3dof.paper.models import load_model
 
     return [load_model(name, recording.profile) for name in names]
 
 
 def reference_comparison() -> tuple[list[Recording], list[Model]]:
-    """Return recordings that come with heli3dof, and models identified from others of them."""
+    """Return the recordings and models that ``compare`` uses without arguments.
+
+    The recordings come with heli3dof. The models are identified from other recordings of the same
+    collection.
+    """
     from heli3dof_recordings import references
 
     from heli3dof.recording.mcap_files.reader import read_recording
@@ -129,7 +140,10 @@ def reference_comparison() -> tuple[list[Recording], list[Model]]:
 
 
 def identify_both(train: Sequence[Recording], test: Sequence[Recording]) -> list[Identification]:
-    """Return a black box (prediction-error method, as in the paper) and a grey box model."""
+    """Identify a black-box model (prediction-error method) and a grey-box model from ``train``.
+
+    Both identifications are returned in this order; ``test`` holds their held-out recordings.
+    """
     from heli3dof.identification.identify import identify
 
     return [

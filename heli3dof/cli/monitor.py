@@ -60,10 +60,10 @@ def monitor(
 def _source(
     out: Output, device: str | None, profile_file: Path | None, stack: ExitStack
 ) -> tuple[Callable[[], dict[str, Any] | None], dict[str, Any]]:
-    """Return a function for the rig's next reading, and keys for ``--json``.
+    """Return a function that reads the rig, and entries for the JSON document of ``monitor``.
 
-    The function returns None if the session of another process, which supplies the readings, has
-    ended. ``stack`` closes what this opens.
+    The function returns a reading, or None once the process that uses the rig and supplies the
+    readings has ended. ``stack`` closes the connections that are opened here.
     """
     from heli3dof.rig.session.client import lives, running, state
     from heli3dof.rig.session.open_exclusive import open_rig, state_of
@@ -136,7 +136,10 @@ def _show_readings(
 
 
 def _display(out: Output, state: MonitorState) -> tuple[Callable[[], None], Callable[[], None]]:
-    """Return a function that shows the state in a live table or in lines, and one that ends it."""
+    """Return two functions: one displays the monitored ``state``, the other ends the display.
+
+    A terminal shows a live table, a file gets lines of text, and ``--quiet`` shows nothing.
+    """
     if out.quiet:
         return (lambda: None), (lambda: None)
     if not live_allowed():

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class MonitorState:
-    """Last reading of a rig, rates, angle ranges and flags seen. A reading may lack some keys."""
+    """Collects a rig's readings: the last one, rates (°/s), angle ranges (°), flags, lateness."""
 
     def __init__(self) -> None:
         self.readings = 0
@@ -42,7 +42,7 @@ class MonitorState:
             self.high_deg[axis] = max(angle, self.high_deg.get(axis, angle))
 
     def line(self) -> str:
-        """Return the state as one line of text, for output without a live display."""
+        """Return the last angles (°), voltages (V), flags and delays (ms) as one line of text."""
         last = self.last
         if "roll_deg" not in last:
             return "no answer"
@@ -78,7 +78,7 @@ class MonitorState:
         return " · ".join(self._status()) if "flags" in self.last else "no answer"
 
     def _status(self) -> list[str]:
-        """Return texts: flags, and the lateness of a flight or the response time without one."""
+        """Return the last reading's flags, delays (ms) and flight phase as texts, where known."""
         last = self.last
         words = [" ".join(last["flags"]) or "not enabled"]
         if "lateness_s" in last:

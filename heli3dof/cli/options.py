@@ -65,14 +65,14 @@ Plan = Annotated[str, typer.Argument(metavar="PLAN", help="A plan's name, or its
 
 
 def rig_profile(file: Path | None) -> Profile:
-    """Return the profile of ``--profile``; if it is omitted, that of the paper's rig."""
+    """Load a rig's profile from the file of ``--profile``; None gives that of the paper's rig."""
     from heli3dof.rig.profile import default_profile, load_profile
 
     return load_profile(file) if file else default_profile()
 
 
 def log_profile(file: Path | None) -> Profile | None:
-    """Return the profile of ``--profile``; None if omitted: recordings contain their own."""
+    """Return the profile in the file of ``--profile``; None if omitted (recordings contain it)."""
     from heli3dof.rig.profile import load_profile
 
     return load_profile(file) if file else None

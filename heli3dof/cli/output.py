@@ -37,7 +37,11 @@ def live_allowed() -> bool:
 
 
 class Output:
-    """Prints a subcommand's output: results (`show`), notes (`note`), JSON document (`emit`)."""
+    """Prints the results, notes, warnings and JSON document of one subcommand.
+
+    ``as_json``: only one JSON document goes to stdout, all else to stderr. ``quiet``: results and
+    notes are not printed.
+    """
 
     def __init__(self, *, as_json: bool = False, quiet: bool = False) -> None:
         self.as_json, self.quiet = as_json, quiet
@@ -53,26 +57,26 @@ class Output:
         return _console(no_color=bool(os.environ.get("NO_COLOR")) or None)
 
     def show(self, *results: RenderableType) -> None:
-        """Print results (tables or sentences) on stdout, or on stderr if ``--json`` is given."""
+        """Print tables or sentences on stdout, with ``--json`` on stderr; nothing if ``quiet``."""
         if not self.quiet:
             for each in results:
                 self.out.print(each, soft_wrap=isinstance(each, str), markup=False)
 
     def note(self, text: str) -> None:
-        """Print a note on stderr, such as the name of a file that was written."""
+        """Print a sentence on stderr, such as "Written: rig.toml"; nothing if ``quiet``."""
         if not self.quiet:
             self.err.print(text, soft_wrap=True, markup=False)
 
     def warn(self, text: str) -> None:
-        """Print a warning on stderr, even with ``--quiet``."""
+        """Print "Warning: " and the sentence ``text`` on stderr, even with ``--quiet``."""
         self.err.print(f"Warning: {text}", soft_wrap=True, markup=False, style="yellow")
 
     def fail(self, text: str) -> None:
-        """Print a failure on stderr, even with ``--quiet``."""
+        """Print the error message ``text`` on stderr, even with ``--quiet``."""
         self.err.print(text, soft_wrap=True, markup=False, style="bold red")
 
     def emit(self, document: Mapping[str, Any]) -> None:
-        """If ``--json`` is given, print the document on stdout, as ASCII if stdout is not UTF-8."""
+        """If ``--json`` is given, print ``document`` on stdout as JSON, with NaN as null."""
         if self.as_json:
             plain = jsonable(document)
             text = json.dumps(plain, ensure_ascii=False, indent=2, allow_nan=False)
@@ -82,7 +86,7 @@ class Output:
 
     @contextmanager
     def working(self, text: str) -> Iterator[None]:
-        """Context manager: shows a spinner during long work; without a terminal, prints a line."""
+        """Context manager: show ``text`` with a spinner; without a terminal, print it as a line."""
         if self.quiet or not live_allowed():
             if not self.quiet:
                 self.note(text)
@@ -93,7 +97,7 @@ class Output:
 
 
 def _console(**options: Any) -> Console:
-    """Return a rich console that replaces unprintable characters before it lays out columns."""
+    """Return a rich console that replaces characters which the stream's encoding lacks."""
     from rich.console import Console
 
     class Encoded(Console):
@@ -107,7 +111,7 @@ def _console(**options: Any) -> Console:
 
 
 def jsonable(value: Any) -> Any:
-    """Return a value converted to JSON types; a number that is not finite becomes null."""
+    """Return ``value`` converted to JSON types; NaN and infinity become None."""
     if isinstance(value, Mapping):
         return {str(k): jsonable(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -124,7 +128,7 @@ def jsonable(value: Any) -> Any:
 
 
 def verb(function: Callable[P, None]) -> Callable[P, None]:
-    """Decorator of a subcommand: prints an error (what, likely cause, fix), exits with its code."""
+    """Decorate a subcommand: print its error (what, likely cause, fix), exit with its exit code."""
 
     @functools.wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:
@@ -160,7 +164,7 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
 
 
 def _explain_os_error(error: OSError) -> Heli3dofError | None:
-    """Return the error to print for an OSError about a file or the current folder; else None."""
+    """Return a heli3dof error with cause and fix for ``error``; None if its reason is not known."""
     try:
         os.getcwd()
     except OSError:
@@ -188,7 +192,7 @@ def _explain_os_error(error: OSError) -> Heli3dofError | None:
 
 
 def print_error(error: Heli3dofError, *, as_json: bool) -> None:
-    """Print an error: what happened, likely cause, command to run; if ``as_json``, also as JSON."""
+    """Print an error on stderr: what happened, likely cause, fix. ``as_json``: also as JSON."""
     out = Output(as_json=as_json)
     out.err.print(f"Error: {error.what}", soft_wrap=True, markup=False, style="bold red")
     if error.cause:

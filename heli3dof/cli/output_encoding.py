@@ -80,7 +80,7 @@ def finish(code: str | int | None) -> str | int | None:
 
 
 def lost(error: OSError) -> int:
-    """Report on stderr that output could not be written; return the exit code."""
+    """Print that the output could not be written because of ``error``; return the exit code."""
     with contextlib.suppress(OSError):
         print(f"Error: The output cannot be written: {error.strerror}.", file=sys.stderr)
         print("Likely cause: the disk is full.", file=sys.stderr)
@@ -89,12 +89,12 @@ def lost(error: OSError) -> int:
 
 
 def reader_has_gone(end: SystemExit) -> bool:
-    """Return True if a library ended this process because the reader of its output had ended."""
+    """Return True if the process ends (``end``) because the program that reads its output ended."""
     return isinstance(end.__context__, BrokenPipeError)
 
 
 def _discard(stream: TextIO) -> None:
-    """Send the stream's buffer to the null device, so that the interpreter can flush it at exit."""
+    """Redirect ``stream`` to the null device, so that flushing it at exit cannot fail."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -115,7 +115,7 @@ def printable(text: str, encoding: str | None) -> str:
 
 
 def carries(text: str, encoding: str | None) -> bool:
-    """Return True if a stream of this encoding prints the text as it is: ASCII, or a UTF stream."""
+    """Return True if ``text`` is ASCII, or if ``encoding`` is a UTF that can encode ``text``."""
     if not (encoding or "").lower().replace("_", "-").startswith("utf"):
         return text.isascii()
     try:
@@ -132,7 +132,7 @@ def _replace(error: UnicodeError) -> tuple[str, int]:
 
 
 def _in_ascii(text: str) -> str:
-    """Return the text in ASCII; adjacent superscripts share one ``^``: ``²³`` is ``^23``."""
+    """Return ``text`` in ASCII, such as ``chi^2`` for ``χ²``; ``²³`` becomes ``^23``."""
     joined = "".join(map(_one_in_ascii, text))
     return re.sub(r"(?<=\^[-+\dn])\^(?=[-+\dn])", "", joined)
 

@@ -192,7 +192,7 @@ def update(
 
 
 def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> None:
-    """Add the masses' hover voltage to the profile ``data``, its comment to ``remarks``."""
+    """Store the hover voltage computed from the masses in ``data``, its comment in ``remarks``."""
     from heli3dof.rig.profile import profile_from_dict
     from heli3dof.rig.profile_file import put
     from heli3dof.rig.profile_remarks import estimated_hover_voltage
@@ -206,7 +206,10 @@ def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> Non
 
 
 def _design_gain(data: dict[str, Any], remarks: dict[str, str]) -> None:
-    """Add an LQR gain to the profile ``data``, its comment to ``remarks``, unless it is default."""
+    """Store an LQR gain in the profile ``data``, and a comment on it in ``remarks``.
+
+    If it equals the default gain, the key ``controller.K`` is removed instead.
+    """
     from heli3dof.model.control.lqr import is_default_gain, lqr_gain
     from heli3dof.rig.profile import profile_from_dict
     from heli3dof.rig.profile_file import put
@@ -231,7 +234,7 @@ def _check_loop(out: Output, profile: Profile) -> LoopCheck:
 
 
 def _exit_if_unstable(profile: Profile, loop: LoopCheck) -> None:
-    """Exit with an error's code if the profile's own controller does not stabilise the rig."""
+    """Exit with UnstableLoop's code if the controller in ``profile`` does not stabilise the rig."""
     if not loop.stable and profile.controller_is_known:
         raise typer.Exit(UnstableLoop.exit_code)
 
@@ -239,7 +242,7 @@ def _exit_if_unstable(profile: Profile, loop: LoopCheck) -> None:
 def _report(
     out: Output, file: Path | None, profile: Profile, loop: LoopCheck, **more: Any
 ) -> list[str]:
-    """Print poles, margins and step responses of the loop; return warnings of unusual numbers."""
+    """Print the loop's poles, margins, step responses; return warnings. ``more``: JSON entries."""
     from heli3dof.rig.profile_remarks import unusual_values
 
     remarks = [*unusual_values(profile), *loop.unusual()]
@@ -268,7 +271,7 @@ def _report(
 
 
 def _derived(profile: Profile) -> dict[str, tuple[float, str, str]]:
-    """Return each quantity computed from the profile's keys: name → (value, unit, meaning)."""
+    """Return quantities computed from the profile: name → (value, unit, meaning)."""
     from heli3dof.axes import AXES
     from heli3dof.rig.profile_remarks import mass_hover_voltage
 

@@ -47,7 +47,7 @@ def ask_missing(out: Output, data: dict[str, Any]) -> None:
 
 
 def value_at(data: Mapping[str, Any], name: str) -> Any:
-    """Return the value of a dotted key (``motor.V_o``) in nested dicts; None if it is absent."""
+    """Return the value of a dotted key such as ``motor.V_o`` in nested dicts; None if absent."""
     at: Any = data
     for part in name.split("."):
         at = at.get(part) if isinstance(at, Mapping) else None
@@ -59,7 +59,7 @@ def _is_terminal() -> bool:
 
 
 def _questions() -> Iterator[tuple[str, FieldInfo]]:
-    """Yield (dotted key, field) to ask for: required keys, profile name and roll angle at rest."""
+    """Yield dotted key and pydantic field of each profile value to ask the user for."""
     from heli3dof.rig.profile import Profile
     from heli3dof.toml_file import keys
 
@@ -69,7 +69,7 @@ def _questions() -> Iterator[tuple[str, FieldInfo]]:
 
 
 def _ask(out: Output, name: str, field: FieldInfo) -> Any:
-    """Ask for a key until the answer is plausible; return it, or None to omit the key."""
+    """Ask the user for the value of the key ``name`` until it is plausible; None: omit the key."""
     from heli3dof.toml_file import key_of
 
     key = key_of(field)
@@ -97,7 +97,7 @@ def _ask(out: Output, name: str, field: FieldInfo) -> Any:
 
 
 def _number(text: str, field: FieldInfo) -> tuple[Any, str]:
-    """Return the number in ``text``, and why it is not accepted (empty if it is accepted)."""
+    """Parse ``text`` as a number for ``field``; return it and "", or None and why it is refused."""
     from heli3dof.rig.profile_file import toml_value
     from heli3dof.toml_file import key_of, within
 

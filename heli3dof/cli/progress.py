@@ -64,7 +64,7 @@ def progress(out: Output, live: Live, name: str) -> Iterator[None]:
 
 
 def state_text(live: Live) -> str:
-    """Return the flight's phase, angles in degrees and number of late periods as text."""
+    """Return one line of text: flight phase, angles in degrees, number of late control periods."""
     roll, pitch, yaw = (degrees(angle) for angle in live.angle)
     return (
         f"{live.phase}  roll {roll:+6.1f}°  pitch {pitch:+6.1f}°  yaw {yaw:+7.1f}°"

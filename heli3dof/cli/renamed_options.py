@@ -15,7 +15,7 @@ from typer.core import TyperCommand
 
 
 def renamed(options: Mapping[str, str]) -> type[TyperCommand]:
-    """Return a typer command class that replaces a former option (key) by its new name (value)."""
+    """Return a typer command class; ``options`` maps former option names to the present ones."""
 
     class Command(TyperCommand):
         def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

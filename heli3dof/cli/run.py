@@ -97,7 +97,11 @@ def fly(
     seed: int,
     dry_run: bool,
 ) -> None:
-    """Fly a plan, print progress and summary; exit with an error's code if it was cut short."""
+    """Fly a plan on a rig, record it, and print progress and a summary.
+
+    ``device``: URL; ``output``: recording file, None for `default_path`; ``dry_run``: only check
+    and print the plan. A flight cut short ends the program with the exit code of its error.
+    """
     from heli3dof.experiment.control_loop.loop import Live
     from heli3dof.experiment.fly import fly_plan
     from heli3dof.recording.atomic_write import check_output, new_folder
@@ -166,7 +170,7 @@ def _fly_auto(
 
 
 def _auto_document(out: Output, result: AutoResult) -> dict[str, Any]:
-    """Write model and report of ``run --auto``, print the diagnosis, return the JSON document."""
+    """Write model and report of ``run --auto``, print the diagnosis; return its JSON document."""
     from heli3dof.cli.diagnose import show_diagnosis
     from heli3dof.diagnosis.document import diagnosis_document as to_document
     from heli3dof.model.model_file import save_model
@@ -211,13 +215,13 @@ def _fly_one(
 
 
 def default_path(name: str) -> Path:
-    """Return the path ``flights/<UTC time>-<name>.mcap`` in the current folder."""
+    """Return the relative path ``flights/<UTC time>-<name>.mcap`` for a new recording."""
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     return Path("flights") / f"{stamp}-{name}.mcap"
 
 
 def _show_plan(out: Output, plan: Plan, profile: Profile, device: str, seed: int) -> None:
-    """Carry out ``--dry-run``: check plan, gain and URL as a flight does, and print the plan."""
+    """Check plan, gain and device URL as before a flight, and print the plan (``--dry-run``)."""
     from heli3dof.experiment.fly import prepare
     from heli3dof.rig.drivers import check_url
 

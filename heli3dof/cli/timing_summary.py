@@ -10,7 +10,10 @@ if TYPE_CHECKING:
 
 
 def timing_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return rows (label, text) on timing from a recording's `heli3dof.recording.info.summary`."""
+    """Return table rows (label, text) on a flight's lateness, skipped periods and latency.
+
+    ``about`` is the recording's `heli3dof.recording.info.summary`.
+    """
     rows: list[tuple[str, str]] = []
     late, details = about["lateness"], about["outcome_details"]
     if late:
@@ -37,7 +40,7 @@ def timing_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def timing_note(outcome: Outcome) -> str:
-    """Return late and skipped periods, lateness and latency as the note under a flight's table."""
+    """Return a text with a flight's late and skipped control periods, lateness and latency."""
     parts = [f"late by more than 1 ms: {outcome.late} of {outcome.periods} periods"]
     skipped = _skipped(outcome.missed, outcome.lost, outcome.device_skipped)
     if skipped:
@@ -55,7 +58,7 @@ def timing_note(outcome: Outcome) -> str:
 
 
 def latency_text(latency: Mapping[str, Any]) -> str:
-    """Return the command-to-echo latency as text: median, 99.9 %, maximum, in ms and periods."""
+    """Return the time from command to echo (ms, periods) as text: median, 99.9 %, maximum."""
     return ", ".join(
         f"{name} {_ms(latency[f'{key}_s'])} ({_periods(latency[f'{key}_periods'])})"
         for name, key in (("median", "median"), ("99.9 %", "p999"), ("maximum", "worst"))
@@ -63,7 +66,7 @@ def latency_text(latency: Mapping[str, Any]) -> str:
 
 
 def unacknowledged_text(latency: Mapping[str, Any]) -> str:
-    """Return as text how many commands the next sample did not echo, and how many no sample did."""
+    """Return a text: how many commands the next sample did not echo, and how many no sample did."""
     never = latency["commands_never_echoed"]
     return (
         f"{latency['commands_unacknowledged']} of {latency['commands']} commands not echoed by "

@@ -66,7 +66,10 @@ def compare(
 def compare_flight(
     recording: Recording, models: Sequence[Model], *, horizons_s: Sequence[float] = HORIZONS_S
 ) -> FlightComparison:
-    """Return the comparison of several models with one recording; ``horizons_s``: predictions."""
+    """Return the comparison of several models with one recording.
+
+    ``horizons_s``: prediction horizons in s. Those not shorter than the flight are left out.
+    """
     flown = under_control(recording)
     why = why_not_replayed(flown)
     fits = tuple(h for h in horizons_s if h < flown.duration)
@@ -129,7 +132,7 @@ def _model_comparison(
 
 
 def _metrics(flown: Recording, angle: np.ndarray) -> Mapping[str, AxisMetrics]:
-    """Return step metrics by axis of measured or replayed angles (N, 3) rad in the flight flown."""
+    """Return the step metrics by axis of angles (N, 3) rad for the references in ``flown``."""
     grain = flown.profile.encoder.rad_per_count
     return step_metrics(flown.t, angle, flown.reference, resolution=grain)
 
@@ -151,7 +154,7 @@ def _prediction_error(
 
 
 def _divergence(replayed: Replay) -> list[str]:
-    """Return a list with a sentence if the replayed closed loop is unstable, else an empty list."""
+    """Return a list with one sentence if the replay is unstable or diverged, else an empty list."""
     parts = []
     if replayed.unstable_poles:
         p = replayed.unstable_poles[0]
@@ -163,7 +166,7 @@ def _divergence(replayed: Replay) -> list[str]:
 
 
 def _attempt(work: Callable[[], T], reasons: list[str]) -> T | None:
-    """Return ``work()``; if it raises a `Heli3dofError`, add it to ``reasons`` and return None."""
+    """Return ``work()``, or None after adding the text of its `Heli3dofError` to ``reasons``."""
     try:
         return work()
     except Heli3dofError as error:

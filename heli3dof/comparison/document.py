@@ -39,7 +39,7 @@ SCHEMA = "heli3dof.comparison/1"
 
 
 class PublishedRow(Protocol):
-    """The interface of a number that the paper prints, with the one simulated here."""
+    """Objects whose ``to_dict`` gives a number of the paper and the same number simulated here."""
 
     def to_dict(self) -> dict[str, Any]: ...
 
@@ -47,7 +47,11 @@ class PublishedRow(Protocol):
 def comparison_document(
     comparison: Comparison, published: Iterable[PublishedRow] = ()
 ) -> dict[str, Any]:
-    """Return the comparison, and the paper's numbers ``published``, as a dict of JSON types."""
+    """Return the comparison as a dict of JSON types, with the keys of the module's docstring.
+
+    ``published``: the paper's numbers, each with the one simulated here. If it is empty, the key is
+    left out.
+    """
     document: dict[str, Any] = {
         "schema": SCHEMA,
         "horizons_s": list(comparison.horizons_s),

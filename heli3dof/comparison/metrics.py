@@ -70,7 +70,7 @@ METRICS = (
 
 @dataclass(frozen=True)
 class StepMetrics:
-    """Step metrics of one segment of one axis, as the module's docstring defines them."""
+    """Step metrics of one axis in one segment of its reference; the module defines each metric."""
 
     kind: Kind
     start_s: float
@@ -88,13 +88,13 @@ class StepMetrics:
     settling_time_s: float = np.nan
 
     def values(self) -> dict[str, float]:
-        """Return the six metrics by name, in the order of `METRICS`."""
+        """Return the six metrics as name → value (NaN: undefined), in the order of `METRICS`."""
         return {name: float(getattr(self, name)) for name in METRICS}
 
 
 @dataclass(frozen=True)
 class AxisMetrics:
-    """Step metrics of one axis, for the segment that reports show and for all its segments."""
+    """Step metrics of one axis: those of the reported segment, and those of every segment."""
 
     reported: StepMetrics
     steps: tuple[StepMetrics, ...]
@@ -112,7 +112,10 @@ NOTHING = StepMetrics("none", np.nan, np.nan, np.nan, np.nan)
 
 
 def flight_metrics(recording: Recording) -> Mapping[str, AxisMetrics]:
-    """Return the step metrics of a recording by axis, without the ramp to zero at its end."""
+    """Return the step metrics of a recording by axis name.
+
+    The ramp of the voltages to zero at the flight's end is left out.
+    """
     flown = under_control(recording)
     return step_metrics(
         flown.t, flown.angle, flown.reference, resolution=flown.profile.encoder.rad_per_count
@@ -174,7 +177,7 @@ def axis_metrics(
 
 
 def _changes(reference: FloatArray) -> IndexArray:
-    """Return the row indices at which a reference changes, begins or ends (NaN: no reference)."""
+    """Return the indices at which ``reference`` changes, begins or ends (NaN: no reference)."""
     absent = np.isnan(reference)
     with np.errstate(invalid="ignore"):
         moved = np.abs(np.diff(reference)) > 1e-9
@@ -182,7 +185,7 @@ def _changes(reference: FloatArray) -> IndexArray:
 
 
 def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
-    """Return the segments of a reference; t (N,) in s, angle y and reference ref in degrees."""
+    """Split a reference ``ref`` (N,) into segments; t (N,) in s, ``ref`` and angle y in degrees."""
     known = np.flatnonzero(~np.isnan(ref))
     if not len(known):
         return []
@@ -250,7 +253,7 @@ def _steady_error(t: FloatArray, error: FloatArray) -> float:
 
 
 def _crossing(t: FloatArray, progress: FloatArray, level: float) -> float:
-    """Return when (s) ``progress`` (N,), the share of a step, rises through ``level``, or NaN."""
+    """Return the time (s) at which ``progress`` (N,) first rises through ``level``, else NaN."""
     above = progress >= level
     k = int(np.argmax(above))
     if not above[k] or k == 0:
@@ -260,7 +263,10 @@ def _crossing(t: FloatArray, progress: FloatArray, level: float) -> float:
 
 
 def _settling(t: FloatArray, outside: BoolArray) -> float:
-    """Return the settling time (s); ``outside`` (N,) bool: samples outside the band; may be NaN."""
+    """Return the time (s) after ``t[0]`` from which no sample is ``outside`` the settling band.
+
+    ``outside``: (N,) bool. The result is NaN if the last sample is outside.
+    """
     if outside[-1]:
         return np.nan
     last = np.flatnonzero(outside)

@@ -28,7 +28,7 @@ STEPS_AVERAGED = 12
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """A model's predictions of one recording at several horizons."""
+    """A model's predictions of the angles in one recording, at several horizons."""
 
     ahead: Mapping[float, FloatArray]
     """Horizon in s → (N, 3) rad: the angles of each row, predicted that long before; NaN if not"""
@@ -42,13 +42,13 @@ class Predictions:
 
 
 class ConstantAngles:
-    """The baseline predictor: the angles stay as they were when the prediction is made."""
+    """A predictor for comparison: angles stay constant from the time of prediction on."""
 
     name = "constant angles"
     kind = "held"
 
     def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
-        """Return the angles (N, 3) rad that were measured ``horizon_s`` earlier."""
+        """Return the measured angles (N, 3) in rad of ``horizon_s`` s earlier; NaN before."""
         h = max(1, round(horizon_s / recording.dt))
         held = np.full_like(recording.angle, np.nan)
         held[h:] = recording.angle[:-h]
@@ -64,7 +64,8 @@ def predictions(
 ) -> Predictions:
     """Return predictions of a recording at ``horizons_s`` (s), and at evenly spaced horizons.
 
-    Those are ``steps`` horizons up to the longest one; together they form a prediction window.
+    The evenly spaced ones are ``steps`` horizons up to the longest of ``horizons_s``. They form a
+    prediction window.
     """
     instants = np.round(max(horizons_s) * np.arange(1, steps + 1) / steps, 9)
     wanted = sorted({round(float(h), 9) for h in (*horizons_s, *instants)})
@@ -72,10 +73,10 @@ def predictions(
 
 
 def common_rows(several: Sequence[Predictions]) -> Mapping[float, BoolArray]:
-    """Return by horizon (s), as (N, 3) bool, the rows that all models predict, axis by axis.
+    """Return which samples all models predict: horizon (s) → (N, 3) bool, by axis.
 
     A model that predicts nothing on an axis is ignored there. All models are evaluated on these
-    rows, so that one with fewer predictions has no advantage.
+    samples, so that a model with fewer predictions has no advantage.
     """
     rows: dict[float, BoolArray] = {}
     for h in several[0].ahead if several else ():
@@ -87,7 +88,10 @@ def common_rows(several: Sequence[Predictions]) -> Mapping[float, BoolArray]:
 def rmse_deg(
     recording: Recording, made: Predictions, rows: Mapping[float, BoolArray] | None = None
 ) -> Mapping[float, FloatArray]:
-    """Return the RMSE (3,) in degrees, by horizon (s), of predictions ``made``; ``rows``: which."""
+    """Return, by horizon (s), the RMSE (3,) of the predictions ``made`` in degrees.
+
+    ``rows``: horizon → (N, 3) bool, the samples to use; None: all that are predicted.
+    """
     return {
         h: _rms(np.degrees(y - recording.angle), None if rows is None else rows[h])
         for h, y in made.ahead.items()
@@ -124,7 +128,7 @@ def stitched(recording: Recording, made: Predictions) -> tuple[FloatArray, Float
 
 
 def _rms(error: FloatArray, rows: BoolArray | None) -> FloatArray:
-    """Return the root mean square (3,) of finite errors (N, 3) in ``rows`` (N, 3) bool, or NaN."""
+    """Return the RMS (3,) of the finite errors (N, 3) in ``rows`` (N, 3); NaN if there are none."""
     use = np.isfinite(error) if rows is None else np.isfinite(error) & rows
     count = use.sum(axis=0)
     total = np.where(use, error, 0.0) ** 2

@@ -33,7 +33,7 @@ DIVERGED_DEG = {ROLL: 180.0, PITCH: 180.0, YAW: 720.0}
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A replayed flight: a model's angles and voltages at the recording's times."""
+    """A model's closed-loop simulation with a recording's references, at the recording's times."""
 
     t: np.ndarray
     """(N,) s: the recording's times"""
@@ -48,7 +48,11 @@ class Replay:
 
 
 def replay(model: Model, recording: Recording) -> Replay:
-    """Return the simulation of a model in a recording's closed loop; ValueError if impossible."""
+    """Simulate a model in closed loop with a recording's controller, references and first angles.
+
+    Raises ValueError if the recording lacks one of these
+    (`heli3dof.model.control.loop_task.why_not_replayed`).
+    """
     flown = under_control(recording)
     task = loop_task(flown)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """A model's curve for a figure: t (M,) s, angle (M, 3) rad; NaN breaks the line."""
+    """A model's curve for a figure: times t (M,) s, angle (M, 3) rad; NaN interrupts the curve."""
 
     label: str
     kind: str
@@ -32,7 +32,7 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class PredictionError:
-    """RMSE (3,) of predictions in degrees, at each horizon (s) and averaged up to the longest."""
+    """RMSE (3,) of predictions in degrees: by horizon (s), and over all horizons to the longest."""
 
     ahead_deg: Mapping[float, FloatArray]
     over_window_deg: FloatArray
@@ -41,7 +41,7 @@ class PredictionError:
 
 @dataclass(frozen=True, eq=False)
 class ModelComparison:
-    """One model compared with one recording."""
+    """One model compared with one recording: step metrics and errors of replay and prediction."""
 
     name: str
     kind: str
@@ -59,7 +59,7 @@ class ModelComparison:
 
 @dataclass(frozen=True, eq=False)
 class FlightComparison:
-    """The comparison of every model with one recording."""
+    """One recording compared with every model. ``experiment`` holds the measured step metrics."""
 
     recording: Recording
     """The complete recording, as loaded"""
@@ -74,7 +74,7 @@ class FlightComparison:
     models: tuple[ModelComparison, ...]
 
     def difference(self, model: ModelComparison, axis: str) -> dict[str, float]:
-        """Return the model's six step metrics on ``axis`` minus the experiment's; may be NaN."""
+        """Return the six step metrics on ``axis``, model minus experiment; NaN if undefined."""
         if model.metrics is None:
             return dict.fromkeys(METRICS, np.nan)
         ours = model.metrics[axis].reported.values()
@@ -98,7 +98,7 @@ class Comparison(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Return one sentence for each loop, model or metric that could not be computed."""
+        """Return a sentence for each replay, model or metric that could not be computed."""
         sentences = []
         for f in self.flights:
             if f.why is not None:
@@ -108,7 +108,7 @@ class Comparison(Result):
         return tuple(sentences)
 
     def summary(self) -> str:
-        """Return a heading, one line per recording with each model's RMSE, and the warnings."""
+        """Return a short text: a heading, each model's RMSE by recording, and the warnings."""
         models = dict.fromkeys(m.name for f in self.flights for m in f.models)
         lines = [
             f"Comparison of {', '.join(models) or 'no model'} with {len(self.flights)} "
@@ -121,7 +121,7 @@ class Comparison(Result):
         return "\n".join([*lines, *(f"  Warning: {w}" for w in self.warnings)])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the document of ``compare --json`` without the paper's numbers."""
+        """Return the comparison as ``compare --json`` prints it, without the paper's numbers."""
         return comparison_document(self)
 
     def to_dataframe(self) -> pandas.DataFrame:

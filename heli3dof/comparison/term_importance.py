@@ -31,7 +31,7 @@ HORIZON_S = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """The prediction error of a model with and without one term."""
+    """Prediction errors of a grey-box model with and without one of its terms."""
 
     term: str
     without_deg: np.ndarray
@@ -43,7 +43,7 @@ class Share:
 def shares(
     model: GreyBoxModel, recordings: Sequence[Recording], horizon_s: float = HORIZON_S
 ) -> tuple[Share, ...]:
-    """Return each term's errors with and without it, predicted up to ``horizon_s`` (s) ahead."""
+    """Return each term's `Share`: RMSE with and without it, over windows of ``horizon_s`` s."""
     whole = error_deg(model, recordings, horizon_s)
     return tuple(
         Share(t, error_deg(without(model, t), recordings, horizon_s), whole) for t in model.terms
@@ -51,7 +51,7 @@ def shares(
 
 
 def without(model: GreyBoxModel, term: str) -> GreyBoxModel:
-    """Return the model without the effect ``term``; its other parameters keep their values."""
+    """Return a model without the effect ``term``; its other parameters keep their values."""
     values = model.values.copy()
     free = model.structure.free
     own = {f.name for f in free if f.term == term}
@@ -65,7 +65,7 @@ def without(model: GreyBoxModel, term: str) -> GreyBoxModel:
 def error_deg(
     model: GreyBoxModel | ConstantAngles, recordings: Sequence[Recording], horizon_s: float
 ) -> np.ndarray:
-    """Return the RMSE (3,) in degrees over prediction windows of ``horizon_s`` s."""
+    """Return the RMSE (3,) in degrees of a model's predictions over windows of ``horizon_s`` s."""
     squares = []
     for r in recordings:
         made = predictions(model, r, (horizon_s,), steps=STEPS_AVERAGED)

@@ -1,4 +1,4 @@
-"""Checks what a flight needs: the port, the computer, the disk and the rig. Moves nothing.
+"""Checks the port, the computer, the disk and the rig before a flight; no motor turns.
 
 Group of a check → where it comes from:
 
@@ -30,7 +30,7 @@ FOLDER = Path("flights")
 
 @dataclass(frozen=True)
 class DoctorReport:
-    """Results of all checks of one rig, each with its group."""
+    """Results of ``heli3dof doctor``: every check of one rig with the name of the check's group."""
 
     device: str
     checks: tuple[tuple[str, Check], ...]

@@ -51,7 +51,10 @@ class Flight:
 
     @staticmethod
     def raise_ending(outcome: Outcome, path: Path | None) -> None:
-        """Raise as `raise_if_cut_short` does; ``path``: the file for the message, or None."""
+        """Raise the exception for this outcome, as `raise_if_cut_short` does.
+
+        ``path`` is the recording's file, which the message names, or None.
+        """
         kept = f"; the recording is kept in {path}" if path else ""
         if outcome.ending == "interrupted":
             raise KeyboardInterrupt(outcome.detail)
@@ -203,7 +206,6 @@ def _fly(
 
 
 def _progress(live: Live) -> dict[str, Any]:
-    """Return the flight's progress as a dict for JSON, for display by another process."""
     return {
         "phase": live.phase,
         "done": live.done,

@@ -30,7 +30,7 @@ from heli3dof.toml_file import Key, Section, check, read_toml
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """A rendered plan: references and extra voltages of each control period."""
+    """A plan's signals: angle references and added voltages for each control period."""
 
     t: FloatArray
     """(N,) s"""
@@ -45,7 +45,7 @@ class Signals:
 
 
 class Head(Section):
-    """The keys of a plan's TOML file: name, description, purpose and segments."""
+    """The top level of a plan's TOML file: name, description, purpose and segments."""
 
     name: Annotated[str, Key("the plan's name, shown in tables and recordings")]
     description: Annotated[str, Key("what it flies, in one line")] = ""
@@ -57,7 +57,7 @@ class Head(Section):
 
 @dataclass(frozen=True)
 class Plan:
-    """A named sequence of segments."""
+    """An experiment as a named sequence of segments, such as a step or a chirp."""
 
     name: str
     segments: tuple[BaseSegment, ...]
@@ -114,7 +114,10 @@ class Plan:
 
 
 def checked(plan: Plan, profile: Profile, seed: int) -> Signals:
-    """Return the rendered plan after its check. Raises PlanError (`Plan.render`, `check_plan`)."""
+    """Return the plan's signals after checking them against the profile's limits.
+
+    ``seed`` draws the random signals. Raises PlanError (`Plan.render`, `check_plan`).
+    """
     _check_duration(plan, profile.limits)  # before rendering, which needs memory
     signals = plan.render(profile.dt, seed)
     check_plan(plan, signals, profile)
@@ -122,7 +125,7 @@ def checked(plan: Plan, profile: Profile, seed: int) -> Signals:
 
 
 def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
-    """Raise PlanError if the plan's duration, references or extra voltages exceed the limits."""
+    """Raise PlanError if duration, references or added voltages exceed the profile's limits."""
     limits = profile.limits
     _check_duration(plan, limits)
     for i, (axis, low, high) in enumerate(_ranges(limits)):
@@ -164,7 +167,10 @@ def _ranges(limits: Limits) -> list[tuple[str, float, float]]:
 
 
 def plan_from_dict(data: Mapping[str, Any], *, source: str = "plan") -> Plan:
-    """Return the plan that nested dicts, as read from TOML, describe; ``source``: for PlanError."""
+    """Return the plan described by ``data``, nested dicts as read from a TOML file.
+
+    ``source`` is the plan's name in the message of a PlanError.
+    """
     head = check(Head, data, source, PlanError)
     segments = [_segment(s, i, source) for i, s in enumerate(head.segment, start=1)]
     return Plan(head.name, tuple(segments), head.description, head.purpose)
@@ -185,13 +191,16 @@ def _segment(data: Mapping[str, Any], number: int, source: str) -> BaseSegment:
 
 
 def named_plans() -> dict[str, Path]:
-    """Return name → TOML file of the plans that come with heli3dof."""
+    """Return the plans that come with heli3dof: the path of each TOML file by the plan's name."""
     folder = Path(str(resources.files("heli3dof.experiment") / "plans"))
     return {p.stem: p for p in sorted(folder.glob("*.toml"))}
 
 
 def load_plan(name_or_path: str | Path) -> Plan:
-    """Return the plan of this name, if it comes with heli3dof, or of a TOML file."""
+    """Return the plan with this name that comes with heli3dof, or the plan in this TOML file.
+
+    Raises PlanError for an unknown name or a faulty file.
+    """
     text = str(name_or_path)
     known = named_plans()
     if text in known:

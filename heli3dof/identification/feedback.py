@@ -28,7 +28,10 @@ counts as feedback. A smaller share hardly biases a fit."""
 
 @dataclass(frozen=True)
 class Feedback:
-    """The result of a feedback test; ``share``: voltage innovation variance from the angles."""
+    """The result of a feedback test: χ² statistic, p-value, and whether feedback is ``present``.
+
+    ``share`` is the part of the voltages' innovation variance that the angles explain.
+    """
 
     statistic: float
     degrees_of_freedom: int
@@ -39,7 +42,10 @@ class Feedback:
 
 
 def feedback_test(data: Sequence[Pair], *, p: int = 10, h: int = 5) -> Feedback:
-    """Test for feedback from angles (rad) to voltages (V); p: autoregression order, h: lags."""
+    """Test whether the voltages (V) respond to the angles (rad) in the segments ``data``.
+
+    p is the order of the autoregressions; the test sums over h lags (see the module).
+    """
     from scipy.stats import chi2
 
     long = [(u, y) for u, y in data if len(u) > 3 * p]

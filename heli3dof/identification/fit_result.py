@@ -40,7 +40,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Parameter:
-    """An estimated physical parameter: ``value``, standard deviation ``std`` (NaN if unknown)."""
+    """An estimated physical parameter: its value, standard deviation (NaN if unknown) and unit."""
 
     value: float
     std: float
@@ -55,7 +55,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Pole:
-    """A continuous-time pole (1/s); standard deviations of its real, imaginary part, or NaN."""
+    """A continuous-time pole (1/s); std_real, std_imag: standard deviations, NaN if unknown."""
 
     value: complex
     std_real: float
@@ -77,7 +77,7 @@ def rightmost_first(poles: Sequence[Pole]) -> tuple[Pole, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A black-box fit that the order search tried; it chooses by ``score``, the mean fit in %."""
+    """A black-box fit that the order search tried; the search compares ``score``, a fit in %."""
 
     order: int
     interval_s: float

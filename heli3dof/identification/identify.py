@@ -125,7 +125,7 @@ def identify(
 
 
 def residual_tests(found: FitResult, prepared: Prepared) -> tuple[ResidualTest, ...]:
-    """Return the whiteness and past-inputs tests on held-out data; empty if these are too short."""
+    """Return the whiteness and past-inputs tests on held-out data; empty if these are too few."""
     settle = round(WARM_UP_S / (found.test_interval_s or found.interval_s))
     E, U = [], []
     for e, u in zip(*found.innovations(prepared, prepared.held_out), strict=True):
@@ -214,7 +214,7 @@ def _with_provenance(found: FitResult, method: str, prepared: Prepared) -> Model
 def _by_angles(
     recordings: Sequence[Recording], *, split: bool
 ) -> tuple[list[Recording], list[Recording]]:
-    """Return recordings with all three angles, and the others; all in the first if not split."""
+    """Return (recordings with all three angles, the rest); without ``split``, (all, none)."""
     whole = [r for r in recordings if len(r.axes) == len(AXES)]
     if not split or not whole:
         return list(recordings), []

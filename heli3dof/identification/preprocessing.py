@@ -82,7 +82,7 @@ class RecordingReport:
         }
 
     def sentences(self) -> list[str]:
-        """Return the report as sentences of text."""
+        """Return the report as lines of text."""
         c = self.clock
         out = [
             f"{self.name}: {self.seconds:.1f} s every {c.period_s * 1e3:.4g} ms "
@@ -119,7 +119,10 @@ class Prepared:
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """A run of usable rows, decimated: mean voltages u (N, 2) V, first angles y (N, 3) rad."""
+    """A run of usable rows, decimated to N intervals.
+
+    u (N, 2) V are the mean voltages of the intervals, y (N, 3) rad the angles at their starts.
+    """
 
     u: np.ndarray
     y: np.ndarray
@@ -129,7 +132,7 @@ class Segment:
 
 
 def check_clock(recording: Recording) -> Clock:
-    """Return period, jitter, gaps of time stamps. Raises RecordingError if they do not increase."""
+    """Return statistics of the time stamps; raise RecordingError if they do not increase."""
     t = recording.t
     if len(t) < 3:
         raise RecordingError(
@@ -202,7 +205,7 @@ def prepare(
 
 
 def segments(prepared: Prepared, runs: Sequence[Run], factor: int) -> list[Segment]:
-    """Return each run of usable rows, decimated by ``factor``; skip those under two intervals."""
+    """Return the runs, each decimated by the integer ``factor``; omit runs under two intervals."""
     out = []
     for run in runs:
         rec = prepared.recordings[run.source].rows(slice(run.start, run.stop))

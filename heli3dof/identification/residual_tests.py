@@ -33,7 +33,7 @@ LEVEL = 0.01
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """The result of one test, passed if the statistic is ≤ ``bound``, the 99 % quantile of χ²."""
+    """The result of a residual test, passed if ``statistic`` ≤ ``bound`` (99 % quantile of χ²)."""
 
     name: str
     statistic: float

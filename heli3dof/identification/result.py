@@ -55,7 +55,7 @@ class Identification(Result):
 
     @property
     def poles(self) -> tuple[Pole, ...]:
-        """Return the continuous-time poles in 1/s with standard deviations, rightmost first."""
+        """Return the continuous-time poles (1/s) with standard deviations, rightmost first."""
         return self.found.poles
 
     @property
@@ -79,7 +79,7 @@ class Identification(Result):
         return self.found.response(np.asarray(omega, dtype=float))
 
     def sentences(self) -> list[str]:
-        """Return the lines that the terminal and the report print."""
+        """Return the result as lines of text for the terminal and the report."""
         out = [line for r in self.prepared.reports for line in r.sentences()]
         out.append(self.feedback.sentence)
         out.append(

@@ -56,7 +56,7 @@ def clipped(recording: Recording) -> np.ndarray:
 
 
 def unusable(recording: Recording) -> dict[str, np.ndarray]:
-    """Return masks (N,) bool of the rows to leave out, by reason; a row can have several."""
+    """Return {reason: mask (N,) bool of the rows to leave out}; a row can have several reasons."""
     v, y = recording.voltage, recording.angle
     measured = [i for i, a in enumerate(AXES) if a in recording.axes]
     unread = np.isnan(np.column_stack([v, y[:, measured]]))
@@ -87,7 +87,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
 
 
 def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two masks (N,): rows on the table, rows of take-off; ``off``: rows with motors off."""
+    """Return two masks (N,) of rows: on the table, in take-off. ``off``: rows with motors off."""
     roll = np.nan_to_num(recording.angle[:, ROLL], nan=0.0)
     rest = float(roll.min())
     n = len(roll)
@@ -156,7 +156,7 @@ def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
 
 
 def stretches(mask: np.ndarray, cuts: np.ndarray | None = None) -> list[tuple[int, int]]:
-    """Return (first row, row after) per run of True in a mask (N,), split at rows ``cuts``."""
+    """Return (first row, row after) of each run of True in a mask (N,), split at rows ``cuts``."""
     edges = np.flatnonzero(np.diff(mask)) + 1
     edges = np.unique(np.concatenate([[0, len(mask)], edges, [] if cuts is None else cuts]))
     return [(a, b) for a, b in itertools.pairwise(edges.astype(int).tolist()) if mask[a]]

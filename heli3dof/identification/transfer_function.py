@@ -42,7 +42,7 @@ class TransferFunctions:
         return std[k - 1 :].reshape(self.num.shape), np.concatenate([[0.0], std[: k - 1]])
 
     def zeros(self, axis: int, motor: int) -> list[tuple[complex, float]]:
-        """Return zeros (1/s) of num[axis, motor], each with its deviation √(var Re + var Im)."""
+        """Return zeros (1/s) of num[axis, motor], with standard deviations √(var Re + var Im)."""
         n = _without_rounding(self.num[axis, motor], float(np.abs(self.num[axis]).max()))
         k = len(self.den)
         out = []
@@ -59,7 +59,7 @@ class TransferFunctions:
         return out
 
     def lines(self, digits: int = 4) -> list[str]:
-        """Return six lines, a transfer function (degrees/V) each, with ``digits`` digits."""
+        """Return six lines of text, a transfer function (degrees/V) each, to ``digits`` digits."""
         den = polynomial(self.den, digits)
         out = []
         for j in range(2):

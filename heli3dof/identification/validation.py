@@ -35,7 +35,7 @@ linear model does not describe the rise from −27.5° of roll, and its error mu
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """Fit (3,) in percent and RMSE (3,) in rad per axis, over a number of ``rows``; NaN if 0."""
+    """The fit (%) and RMSE (rad) of each axis, (3,), over ``rows`` rows; NaN without any row."""
 
     fit_percent: np.ndarray
     rmse: np.ndarray
@@ -54,7 +54,10 @@ NO_SCORE = Score(np.full(3, np.nan), np.full(3, np.nan), 0)
 
 @dataclass(frozen=True, eq=False)
 class Metrics:
-    """Scores on held-out data. ``prediction``: horizon in s → score; 0.0 means one sample ahead."""
+    """Scores on held-out data: of predictions, and of the closed-loop replay.
+
+    ``prediction`` is {horizon in s: score}; the horizon 0.0 means one sample ahead.
+    """
 
     prediction: dict[float, Score]
     replay: Score
@@ -125,7 +128,7 @@ def predictions(
 
 
 def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
-    """Return the number of usable rows directly before the run, at most ``most``."""
+    """Return how many usable rows, at most ``most``, directly precede the run."""
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:
             t = prepared.recordings[run.source].t
@@ -151,7 +154,10 @@ def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
 def replays(
     model: Model, prepared: Prepared, runs: Sequence[Run]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return measured and replayed (closed-loop simulated) angles (N, 3) rad for each run."""
+    """Return measured and replayed angles (N, 3) rad for each recording that has ``runs``.
+
+    The replay is a closed-loop simulation; only the rows of ``runs`` are returned.
+    """
     out = []
     settle = round(AFTER_TAKE_OFF_S / prepared.dt)
     for source in sorted({r.source for r in runs}):

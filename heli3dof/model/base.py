@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LoopTask:
-    """The input of a closed-loop simulation: references, controller, N periods of ``dt`` s."""
+    """The input of a simulated closed-loop flight of N control periods of ``dt`` s each."""
 
     reference: FloatArray
     """(N, 3) rad, references before their rate limiter; NaN counts as zero."""
@@ -44,7 +44,7 @@ class LoopTask:
 
 @dataclass(frozen=True, eq=False)
 class LoopResult:
-    """The result of a closed-loop simulation: angles, voltages and references at N samples."""
+    """The result of a simulated closed-loop flight: angles, voltages, references at N samples."""
 
     t: FloatArray
     """(N,) s"""
@@ -63,7 +63,7 @@ class LoopResult:
 
 
 class Model(Protocol):
-    """Interface of a model of the rig: simulates the closed loop and predicts recorded angles."""
+    """Interface of a rig model, which simulates closed loops and predicts recorded angles."""
 
     @property
     def name(self) -> str:
@@ -72,15 +72,15 @@ class Model(Protocol):
 
     @property
     def kind(self) -> str:
-        """Return the kind of model: ``hover``, ``statespace``, ``tf4``, ``oe``, ``greybox`` …"""
+        """Return the kind of model as a word, such as ``hover``, ``tf4``, ``oe``, ``greybox``."""
         ...
 
     def fly(self, task: LoopTask) -> LoopResult:
-        """Return the simulated closed loop; inf or NaN, no exception, if it diverges."""
+        """Return the simulation of ``task``; the result of a diverging loop contains inf or NaN."""
         ...
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
-        """Return the closed-loop poles (complex, rad/s) with a controller of period ``dt`` s."""
+        """Return the poles (rad/s) of the loop with ``controller``, whose period is ``dt`` s."""
         ...
 
     def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
@@ -92,7 +92,11 @@ class Model(Protocol):
         ...
 
     def to_control(self, *, in_continuous_time: bool = False) -> control.StateSpace:
-        """Return a python-control model about the trim; a nonlinear model is linearised there."""
+        """Return a python-control state-space model from motor voltages (V) to angles (rad).
+
+        Both are deviations from the trim, about which a nonlinear model is linearised. The result
+        is sampled in time unless ``in_continuous_time`` is true.
+        """
         ...
 
     def to_dict(self) -> Mapping[str, Any]:

@@ -76,7 +76,7 @@ def _with_cell(function: Callable[..., Any], content: str) -> Callable[..., Any]
 
 @contextmanager
 def announced(sentence: str, after_s: float = 1.5) -> Iterator[None]:
-    """Context manager: log ``sentence`` if the block, a compilation, takes over ``after_s`` s."""
+    """Log ``sentence`` as a warning if the ``with`` block runs longer than ``after_s`` seconds."""
     timer = threading.Timer(after_s, logging.getLogger("heli3dof").warning, (sentence,))
     timer.daemon = True
     timer.start()

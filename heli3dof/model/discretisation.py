@@ -28,7 +28,7 @@ HOVER_STATES = ("r", "p", "psi", "r_rate", "p_rate", "psi_rate")
 
 
 class Sampled(Protocol):
-    """A discrete-time model x[k+1] = A x + B ũ, ỹ = C x, with deviations ũ, ỹ from the trim."""
+    """Protocol of a discrete model x[k+1] = A x + B ũ, ỹ = C x; ũ, ỹ are deviations from a trim."""
 
     @property
     def name(self) -> str: ...
@@ -84,7 +84,7 @@ def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np
 
 
 def continuous(model: Sampled) -> Continuous:
-    """Return the continuous-time model: by inverse zero-order hold if it exists, else bilinear."""
+    """Convert a model to continuous time: by inverse zero-order hold, else bilinearly."""
     zoh = d2c_zoh(model.A, model.B, model.dt)
     if zoh is not None:
         return Continuous(*zoh, model.C, np.zeros((3, 2)), "hold")

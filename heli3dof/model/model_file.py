@@ -34,13 +34,16 @@ def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
 
 
 def write_document(data: Mapping[str, Any], path: Path, *, force: bool) -> Path:
-    """Write ``data`` as JSON atomically: a crash leaves the old or the new file, complete."""
+    """Write ``data`` to ``path`` as JSON and return the path; ``force`` overwrites a file.
+
+    A crash leaves the old or the new file, complete.
+    """
     text = json.dumps(jsonable(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     return write_file(path, text.encode("utf-8", "backslashreplace"), force=force)
 
 
 def read_model(path: str | Path) -> Model:
-    """Return the model in a file. Raises RecordingError with the reason if the file is unusable."""
+    """Return the model in the file ``path``; raise RecordingError if the file is unusable."""
     path = Path(path)
     data = _read_json(path)
     schema = data.get("schema")
@@ -129,7 +132,7 @@ def _unusable(path: Path, what: str, cause: str, fix: str) -> RecordingError:
 
 
 def jsonable(value: Any) -> Any:
-    """Return plain JSON data: arrays become lists, complex numbers [re, im], NaN and ∞ null."""
+    """Return ``value`` as JSON data: arrays as lists, complex as [re, im], NaN and ∞ as null."""
     if isinstance(value, Mapping):
         return {str(k): jsonable(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):

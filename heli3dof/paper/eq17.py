@@ -39,7 +39,10 @@ T11_CORRECTED = 2.52
 
 
 def numerators_deg(*, corrected: bool = False) -> np.ndarray:
-    """Return the numerators (2, 3, 4), °/V: motor, angle, s³ … s⁰; T_11 as printed or corrected."""
+    """Return the numerators of eq (17) in °/V, (2, 3, 4): motor, angle, powers s³ to s⁰.
+
+    T_11 is as printed, or ``corrected``.
+    """
     num = np.array(NUMERATORS_PRINTED)
     if corrected:
         num[0, 0, 0] = T11_CORRECTED
@@ -47,12 +50,12 @@ def numerators_deg(*, corrected: bool = False) -> np.ndarray:
 
 
 def poles() -> np.ndarray:
-    """Return the roots (4,) of the common denominator, rad/s, rightmost first."""
+    """Return the four poles of eq (17) in rad/s, rightmost first."""
     return rightmost_first(np.roots(DENOMINATOR))
 
 
 def dc_gains_deg() -> np.ndarray:
-    """Return the DC gains (2, 3), °/V, by motor and angle; the correction does not change them."""
+    """Return the DC gains of eq (17), printed or corrected, in °/V, (2, 3): motor, angle."""
     return numerators_deg()[:, :, -1] / DENOMINATOR[-1]
 
 
@@ -73,7 +76,10 @@ def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.
 def paper17_model(
     profile: Profile, *, corrected: bool = False, dt: float | None = None
 ) -> LinearModel:
-    """Return eq (17), printed or ``corrected``, about hover; ``dt`` (s): sample interval."""
+    """Return eq (17), as printed or ``corrected``, as a discrete-time model about hover.
+
+    ``dt``: sampling interval in s; default: the profile's control period.
+    """
     dt = profile.dt if dt is None else dt
     A, B, C = realisation(corrected=corrected)
     A_d, B_d = c2d_zoh(A, B, dt)

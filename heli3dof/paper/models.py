@@ -1,4 +1,4 @@
-"""Load the model of the option ``--model``: one of the paper's by name, or a model file."""
+"""Load a model by name or path: one of the paper's models, or a model file."""
 
 from __future__ import annotations
 

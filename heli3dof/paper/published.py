@@ -23,7 +23,7 @@ HOVER_ROLL = "eqs (7)–(14) with errata E3–E6 corrected, 10° step, K_g"
 
 @dataclass(frozen=True)
 class Published:
-    """One number that the paper prints, with whether it can be reproduced, and why."""
+    """One number (degrees) that the paper prints, and why it can be reproduced here or not."""
 
     axis: str
     subject: Subject
@@ -89,7 +89,7 @@ CAVEATS: tuple[str, ...] = (
 
 
 def published(axis: str, subject: Subject, quantity: Quantity) -> Published | None:
-    """Return the paper's number of a ``quantity`` on ``axis``, or None; subject: whose number."""
+    """Return the paper's number for ``axis``, ``quantity`` and ``subject``; None if not printed."""
     for number in (*TEXT, *TABLE_II):
         if (number.axis, number.subject, number.quantity) == (axis, subject, quantity):
             return number

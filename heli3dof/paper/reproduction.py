@@ -26,19 +26,19 @@ STEP_DEG, DURATION_S = 10.0, 10.0
 
 @dataclass(frozen=True)
 class Reproduced:
-    """A number that the paper prints, with the one simulated here, ``ours_deg`` (°) or NaN."""
+    """A number that the paper prints, and the one simulated here in degrees (NaN: none)."""
 
     published: Published
     ours_deg: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the number as a row of ``compare --json``; a NaN in ``ours_deg`` becomes None."""
+        """Return the row of this number in ``compare --json``; NaN in ``ours_deg`` becomes None."""
         ours = float(self.ours_deg)
         return {**asdict(self.published), "ours_deg": ours if isfinite(ours) else None}
 
 
 def paper_step(profile: Profile | None = None) -> LoopTask:
-    """Return the paper's task: a 10° roll step from level hover, 10 s; default: Table I's rig."""
+    """Return the paper's simulation, a 10° roll step from level hover; default: Table I's rig."""
     profile = profile or default_profile()
     n = round(DURATION_S / profile.dt) + 1
     return LoopTask(
@@ -53,7 +53,7 @@ def paper_step(profile: Profile | None = None) -> LoopTask:
 
 
 def hover_metrics(hover: Model, profile: Profile | None = None) -> Mapping[str, AxisMetrics]:
-    """Return the hover model's step metrics by axis in the paper's roll step on a profile's rig."""
+    """Simulate `paper_step` with the hover model ``hover``; return the step metrics by axis."""
     task = paper_step(profile)
     result = hover.fly(task)
     return step_metrics(result.t, result.angle, task.reference)

@@ -88,7 +88,8 @@ def check_output(path: Path, *, force: bool, fix: str = ELSEWHERE) -> None:
 def check_folder(folder: Path, *, fix: str = ELSEWHERE) -> None:
     """Raise UsageError or NoSpace if no files can be written to ``folder``.
 
-    A missing folder is not created: the nearest existing folder above it is tested instead.
+    If the folder is missing, the nearest existing folder above it is tested instead; nothing is
+    created. ``fix`` is the remedy that the error message names.
     """
     with write_errors_explained(folder, fix=fix):
         there = folder.absolute()
@@ -98,7 +99,11 @@ def check_folder(folder: Path, *, fix: str = ELSEWHERE) -> None:
 
 
 def new_folder(folder: Path, *, fix: str = ELSEWHERE) -> Path:
-    """Create the folder and the missing ones above it. Raises UsageError or NoSpace."""
+    """Create ``folder`` with its missing parent folders, and return its path.
+
+    ``fix`` is the remedy that an error message names. Raises UsageError or NoSpace if no files can
+    be written to the folder.
+    """
     with write_errors_explained(folder, fix=fix):
         folder.mkdir(parents=True, exist_ok=True)
     check_folder(folder, fix=fix)
@@ -106,7 +111,6 @@ def new_folder(folder: Path, *, fix: str = ELSEWHERE) -> Path:
 
 
 def _probe(folder: Path) -> None:
-    """Write a small file to the folder and remove it, as a test. Raises OSError."""
     probe = folder / f".{os.getpid()}-{threading.get_ident()}.part"
     try:
         with probe.open("xb", buffering=0) as stream:
@@ -117,7 +121,6 @@ def _probe(folder: Path) -> None:
 
 
 def _check_name(path: Path, *, force: bool) -> None:
-    """Raise OutputExists if the file exists; UsageError if it is a folder or lacks its folder."""
     with write_errors_explained(path):
         there, folder = path.exists(), path.is_dir()
     if folder:

@@ -40,8 +40,8 @@ KNOWN = frozenset(
 def contract_columns(recording: Recording) -> dict[str, np.ndarray]:
     """Return a recording's columns (N,) by name, for an export; angles are in degrees.
 
-    The columns of docs/reference/contract.md come first, unless they were not logged, then the
-    channels. A channel with the name of an earlier column gets the prefix ``channel_``.
+    First come the logged columns of docs/reference/contract.md, then the channels. A channel with
+    the name of an earlier column gets the prefix ``channel_``.
     """
     columns: dict[str, np.ndarray] = {"t_s": recording.t}
     for array, form in VOLTAGES.items():

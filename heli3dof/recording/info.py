@@ -52,7 +52,7 @@ def file_info(
 
 
 def _salvaged(path: Path, profile: Profile | None) -> Recording | None:
-    """Return the intact part of a torn recording; None if it is complete or has no samples."""
+    """Return a torn recording's intact part; None if the file is complete or no sample is left."""
     content = open_mcap(path)
     if content.whole:
         return None
@@ -61,7 +61,11 @@ def _salvaged(path: Path, profile: Profile | None) -> Recording | None:
 
 
 def summary(recording: Recording) -> dict[str, Any]:
-    """Return a recording's length, timing, ranges, outcome, warnings and provenance, JSON-able."""
+    """Return a JSON-able dictionary that describes a recording.
+
+    It has the recording's length, timing, ranges of angles (degrees) and voltages (V), plan,
+    outcome, warnings and provenance.
+    """
     meta: Mapping[str, Any] = recording.meta
     angles = {}
     for i, axis in enumerate(AXES):
@@ -108,7 +112,6 @@ def summary(recording: Recording) -> dict[str, Any]:
 
 
 def _stuck_clock(stuck: int, samples: int) -> list[str]:
-    """Return a warning if the time does not increase at ``stuck`` of the ``samples``; else []."""
     if not stuck:
         return []
     return [
@@ -118,7 +121,6 @@ def _stuck_clock(stuck: int, samples: int) -> list[str]:
 
 
 def _range(values: np.ndarray) -> tuple[float | None, float | None]:
-    """Return the smallest and the largest finite value; None for both if there is none."""
     finite = values[np.isfinite(values)]
     return (float(finite.min()), float(finite.max())) if finite.size else (None, None)
 
@@ -126,7 +128,8 @@ def _range(values: np.ndarray) -> tuple[float | None, float | None]:
 def lateness(recording: Recording) -> dict[str, Any] | None:
     """Return statistics of the samples' lateness: the time in s from deadline to arrival.
 
-    None if it was not logged, or if the clock was virtual: it waits for every sample.
+    The result is None if the lateness was not logged. It is also None for a virtual clock, which
+    waits for every sample.
     """
     late = recording.channels.get("lateness_s")
     if late is None or not np.isfinite(late).any():

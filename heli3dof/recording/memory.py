@@ -14,7 +14,7 @@ from heli3dof.rig.profile import Profile
 
 
 class MemoryRecorder:
-    """Recorder that keeps a flight's rows in a list (a `RowSink`)."""
+    """Recorder that keeps a flight's rows, one for each control period, in a list in memory."""
 
     def __init__(self) -> None:
         self.rows: list[Row] = []
@@ -28,7 +28,10 @@ class MemoryRecorder:
 
 
 def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, Any]) -> Recording:
-    """Return rows as a recording. Its voltage is the output that the device reports."""
+    """Return a recording made of rows, one for each control period.
+
+    Its voltage is the output that the device reports. ``meta`` becomes ``Recording.meta``.
+    """
     n = len(rows)
 
     def column(values: list[Any], width: int) -> FloatArray:

@@ -68,7 +68,7 @@ def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
 
 @cache
 def versions() -> Mapping[str, str]:
-    """Return name → version of Python and of `PACKAGES`, and ``system``, the operating system."""
+    """Return versions by name: Python, the packages in `PACKAGES`, and the system's name."""
     found = {"python": platform.python_version(), "system": platform.system()}
     for name in PACKAGES:
         try:
@@ -80,7 +80,10 @@ def versions() -> Mapping[str, str]:
 
 @cache
 def git_state() -> Mapping[str, Any] | None:
-    """Return heli3dof's Git revision, and whether it is modified; None without checkout or Git."""
+    """Return the Git revision of heli3dof's checkout, and whether its files are modified.
+
+    The result is None if there is no checkout or Git is missing.
+    """
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None

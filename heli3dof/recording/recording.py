@@ -70,7 +70,7 @@ class Recording(Result):
                 raise ValueError(f"Recording.{name} has shape {got}, not {shape}")
 
     def summary(self) -> str:
-        """Return three lines of text: size and rate; axes, references and profile; channels."""
+        """Return three lines of text on the recording: its size, its axes and its channels."""
         rate = f"{self.duration:.1f} s at {1 / self.dt:.6g} Hz" if len(self) > 1 else "no duration"
         references = [a for a in self.axes if self.has_reference(a)]
         known = "" if self.profile.controller_is_known else ", controller unknown"

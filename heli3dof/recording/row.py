@@ -13,7 +13,7 @@ CLOSED_LOOP, RAMP_DOWN = 0, 1
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One control period: the sample, the command computed from it, and the device's output."""
+    """Data of one control period: sample, command computed from it, and the device's output."""
 
     t: float
     """s since the first sample, on the device's clock."""
@@ -41,6 +41,6 @@ class Row:
 
 
 class RowSink(Protocol):
-    """What the control loop needs of a recorder: `append` receives the row of each period."""
+    """Interface of a recorder: the control loop passes each period's row to `append`."""
 
     def append(self, row: Row) -> None: ...

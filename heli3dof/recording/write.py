@@ -118,7 +118,6 @@ def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
 
 
 def _fits(values: np.ndarray, kind: str) -> bool:
-    """Return True if a message field of type ``kind`` can hold all values of a channel."""
     if kind == "double":
         return True
     low, high = INTEGER_RANGE[kind]

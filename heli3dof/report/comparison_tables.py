@@ -38,7 +38,7 @@ QUANTITIES = {
 
 
 def step_name(step: StepMetrics) -> str:
-    """Return a segment of the reference as text: ``0 → 10° at 5 s``, ``held at 0° from 5 s``."""
+    """Return a reference segment as text, such as ``0 → 10° at 5 s`` or ``held at 0° from 5 s``."""
     when = short(step.start_s, " s")
     if step.kind in ("step", "start"):
         return f"{short(step.from_deg)} → {short(step.set_deg, '°')} at {when}"
@@ -48,7 +48,10 @@ def step_name(step: StepMetrics) -> str:
 
 
 def metrics_table(flight: FlightComparison) -> Grid:
-    """Return a table of the six step metrics of experiment and models, and their differences."""
+    """Return a table of the step metrics of experiment and models, and of their differences.
+
+    It describes one recording. The last column is the RMSE of each closed-loop replay in degrees.
+    """
     rows = []
     for i, axis in enumerate(AXES):
         measured = flight.experiment[axis].reported
@@ -81,7 +84,7 @@ METRIC_HEADS = ("peak °", "overshoot °", "overshoot %", "error °", "rise s", 
 
 
 def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:
-    """Return a table of the six step metrics, with a row for each segment of each axis."""
+    """Return a table of step metrics with the given title, a row per segment of each axis."""
     rows = [
         [axis, step_name(step), *_metric_cells(step.values())]
         for axis in AXES
@@ -99,7 +102,7 @@ def _metric_cells(values: Mapping[str, float], *, sign: bool = False) -> list[st
 
 
 def prediction_table(flight: FlightComparison) -> Grid | None:
-    """Return a table of prediction RMSE by model, axis and horizon; None if there are none."""
+    """Return a table of prediction RMSE (°) by axis, model and horizon; None if none was made."""
     if flight.constant_angles is None:
         return None
     horizons = list(flight.constant_angles.ahead_deg)
@@ -173,7 +176,7 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return which model of the paper ``model`` is among ``models``: hover, identified or None."""
+    """Return the paper's model that ``model`` corresponds to: hover, identification, or None."""
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]
@@ -186,7 +189,7 @@ def _printed(axis: str, subject: Subject | None, quantity: Quantity) -> str:
 
 
 def published_table(rows: Iterable[Reproduced]) -> Grid:
-    """Return a table of the paper's numbers with those simulated here, or why there are none."""
+    """Return a table of the paper's numbers, each with the number simulated here, if possible."""
     cells = []
     reasons: dict[str, str] = {}
     for r in rows:
@@ -214,14 +217,14 @@ def published_table(rows: Iterable[Reproduced]) -> Grid:
 
 
 def flight_grids(flight: FlightComparison) -> list[Grid]:
-    """Return one flight's tables: step metrics, Table II if the loop was replayed, predictions."""
+    """Return one recording's tables: step metrics and Table II (if replayed), and predictions."""
     replayed = metrics_table(flight) if flight.why is None else None
     grids = (replayed, table_ii(flight), prediction_table(flight))
     return [g for g in grids if g is not None]
 
 
 def comparison_grids(comparison: Comparison, reproduced: Sequence[Reproduced] = ()) -> list[Grid]:
-    """Return the tables of all flights, then that of the paper's numbers as ``reproduced`` here."""
+    """Return the tables of all recordings; if ``reproduced`` is given, also the paper's numbers."""
     grids = [g for flight in comparison.flights for g in flight_grids(flight)]
     return [*grids, published_table(reproduced)] if reproduced else grids
 
@@ -229,7 +232,7 @@ def comparison_grids(comparison: Comparison, reproduced: Sequence[Reproduced] = 
 def comparison_renderables(
     comparison: Comparison, reproduced: Sequence[Reproduced] = ()
 ) -> list[RenderableType]:
-    """Return a comparison's tables for the terminal, each followed by a blank line."""
+    """Return the tables of `comparison_grids` for a terminal, each followed by an empty line."""
     from rich.padding import Padding
 
     below = (0, 0, 1, 0)

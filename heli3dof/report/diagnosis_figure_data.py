@@ -22,7 +22,7 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class FigureData:
-    """The data of a diagnosis report's figures; a figure without data is omitted."""
+    """The data of the figures in a diagnosis report; a figure whose data are empty is omitted."""
 
     wrong: HowWrong | None = None
     """The simulation error by horizon and axis"""
@@ -41,7 +41,10 @@ class FigureData:
 def figure_data(
     found: Diagnosis, recordings: Sequence[Recording], holdout: Sequence[Recording] = ()
 ) -> FigureData:
-    """Return the data of the figures of the diagnosis ``found``; empty if recordings are faulty."""
+    """Compute the data for the figures of a diagnosis ``found`` from its ``recordings``.
+
+    ``holdout``: held-out recordings. The result is empty if faults prevented a fit.
+    """
     f = found.fitted
     if f is None:
         return FigureData()

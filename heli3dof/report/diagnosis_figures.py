@@ -30,7 +30,7 @@ ROOM = 1.35
 
 
 def evidence_figure(e: Evidence) -> Figure:
-    """Draw one cause's residual torque ``e`` over its variable, with the cause as fitted."""
+    """Draw measured residual torque ``e`` over the variable it depends on, and the fitted cause."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -58,7 +58,11 @@ def evidence_figure(e: Evidence) -> Figure:
 
 
 def stretch_figure(before: HeldOut, after: HeldOut, worst: Worst, recording: str = "") -> Figure:
-    """Draw the worst stretch of held-out data, with 1 s predictions without and with causes."""
+    """Draw 1 s predictions without and with the causes over the stretch of largest error.
+
+    ``before``, ``after``: predictions without and with the causes; ``worst``: axis and times (s) of
+    the stretch; ``recording``: name of the recording, for the title.
+    """
     i = AXES.index(worst.axis)
     c = before.course
     margin = 0.5 * (worst.stop_s - worst.start_s)

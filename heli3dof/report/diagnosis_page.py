@@ -20,7 +20,11 @@ def diagnosis_page(
     *,
     title: str = "",
 ) -> str:
-    """Return the HTML page of the diagnosis ``found``; ``document``: ``diagnose --json`` of it."""
+    """Return the HTML page of the diagnosis ``found``.
+
+    ``document``: its ``diagnose --json`` document; ``recordings``, ``holdout``: the recordings that
+    were fitted and held out. The default title names ``recordings``.
+    """
     section = diagnosis_section(document, figure_data(found, recordings, holdout))
     names = ", ".join(r.name for r in recordings)
     return flight_report(

@@ -26,7 +26,7 @@ from heli3dof.report.text_table import NONE, Grid, fixed
 def diagnosis_section(
     document: Document, p: FigureData = FigureData(), title: str = "Diagnosis"
 ) -> Section:
-    """Return the HTML section on a diagnosis from its JSON ``document``; p: data of the figures."""
+    """Return the HTML section on a diagnosis: ``document`` is its JSON, ``p`` its figures' data."""
     bad = document["verdict"] == "bad_data"
     blocks = [key(words.verdict(document))]
     blocks += [warning(s) if bad else paragraph(s) for s in words.faults(document)]
@@ -89,7 +89,7 @@ def _unmodelled(document: Document, p: FigureData) -> list[str]:
 
 
 def error_table(w: HowWrong) -> Grid:
-    """Return a table of the simulation error w: RMSE and noise floor, per axis and horizon."""
+    """Return a table of the simulation error ``w``: RMSE, noise floor (°) by horizon and axis."""
     rows = [
         [f"{h:g}", *(fixed(float(x[k, i]), 3) for i in range(3) for x in (w.rmse_deg, w.floor_deg))]
         for k, h in enumerate(w.horizons_s)
@@ -108,7 +108,7 @@ def error_table(w: HowWrong) -> Grid:
 
 
 def unmodelled_table(leftovers: Sequence[Leftover]) -> Grid:
-    """Return a table of the residual torques that no known cause explains."""
+    """Return a table of the residual torques that no known effect explains, one row each."""
     rows = [
         [
             r.axis,
@@ -126,7 +126,7 @@ def unmodelled_table(leftovers: Sequence[Leftover]) -> Grid:
 
 
 def replayed_table(replayed: Sequence[Replayed]) -> Grid:
-    """Return a table like Table II: overshoot and steady error, without and with the causes."""
+    """Return overshoot and steady error (°) as a table: measured, without the causes, with them."""
     rows = [
         [r.recording, r.axis, *(fixed(v, 2) for v in (*r.overshoot_deg, *r.steady_error_deg))]
         for r in replayed

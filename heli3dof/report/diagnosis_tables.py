@@ -63,7 +63,7 @@ def significant(value: float | None, std: float | None = None) -> str:
 
 
 def diagnosis_tables(document: Document) -> list[Grid | str]:
-    """Return tables and sentences of the diagnosis JSON ``document`` in order, no empty ones."""
+    """Return a diagnosis' tables and sentences in reading order; empty tables are left out."""
     out: list[Grid | str] = [words.verdict(document), *words.faults(document)]
     out += words.limits(document)
     for grid in (simulation_error(document), findings(document), gains(document)):
@@ -87,7 +87,7 @@ def diagnosis_tables(document: Document) -> list[Grid | str]:
 
 
 def simulation_error(document: Document) -> Grid:
-    """Return a table of the diagnosis: prediction errors with the rig profile, and noise floor."""
+    """Return a table by axis: RMSE of predictions with the rig profile's values, noise floor."""
     error = document["simulation_error"]
     rows = [
         [axis, _degrees(error[axis]["rmse_deg"]), _degrees(error[axis]["noise_floor_deg"])]
@@ -104,7 +104,7 @@ def simulation_error(document: Document) -> Grid:
 
 
 def _worst(error: Document) -> list[str]:
-    """Return a line that names the parts of recordings with the largest prediction errors."""
+    """Return a sentence on the parts of recordings with the largest errors; empty if unknown."""
     stretches = [
         f"{axis} {fixed(w['start_s'], 1)} to {fixed(w['stop_s'], 1)} s of {w['recording']} "
         f"({fixed(w['rmse_deg'], 2, '°')})"
@@ -115,7 +115,7 @@ def _worst(error: Document) -> list[str]:
 
 
 def findings(document: Document) -> Grid:
-    """Return a table of a diagnosis' causes: parameters ± standard deviation, log-likelihood."""
+    """Return a table of the causes: parameter ± standard deviation, gain in log-likelihood."""
     rows = []
     for f in document["findings"]:
         gain = fixed(number(f["gain"]["holdout_log_likelihood"]), 0)
@@ -136,7 +136,7 @@ def findings(document: Document) -> Grid:
 
 
 def gains(document: Document) -> Grid:
-    """Return a diagnosis' table of prediction errors, refitted without and with the causes."""
+    """Return a table of held-out RMSE (degrees) by axis, without and with the diagnosed causes."""
     heads = ["axis", "before °", "after °", "reduction °", "95 % interval", "noise floor °"]
     if not words.adopted(document):
         return Grid("", heads, [])
@@ -180,7 +180,7 @@ def interval(ends: Sequence[float | None], digits: int = 3) -> str:
 
 
 def calibration(document: Document) -> Grid:
-    """Return a diagnosis' table of refitted rig parameters, with their change from the profile."""
+    """Return a table of the refitted rig parameters and their change (%) from the profile."""
     rows = []
     for c in document["calibration"]:
         nominal, value = c["nominal"], c["value"]

@@ -37,7 +37,7 @@ NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
 
 
 def name_of(finding: Document) -> str:
-    """Return a cause's name: effect ``friction.coulomb``, axis yaw → ``friction.coulomb.yaw``."""
+    """Return a cause's name: its effect and, if it has one, its axis (``friction.coulomb.yaw``)."""
     axis = finding.get("axis")
     return str(finding["effect"]) if axis is None else f"{finding['effect']}.{axis}"
 
@@ -61,7 +61,7 @@ def listed(names: Sequence[str], word: str = "and") -> str:
 
 
 def summary_of(name: str) -> str:
-    """Return the description of the effect ``name``; empty for an unknown name."""
+    """Return the description of the effect called ``name``; empty for an unknown effect."""
     try:
         return term(name).effect.summary
     except UsageError:
@@ -69,7 +69,7 @@ def summary_of(name: str) -> str:
 
 
 def verdict(document: Document) -> str:
-    """Return the verdict of the diagnosis JSON with its meaning, in one to three sentences."""
+    """Return a diagnosis' verdict and what it means, in one to three sentences."""
     word = str(document["verdict"])
     meaning = VERDICTS[word]
     if word == "nothing_found":
@@ -82,12 +82,12 @@ def verdict(document: Document) -> str:
 
 
 def possibly_off(document: Document) -> list[Document]:
-    """Return refitted rig parameters beyond the profile's tolerance, but not significantly so."""
+    """Return the entries of ``calibration`` that exceed the tolerance, but not significantly."""
     return [c for c in document["calibration"] if c.get("beyond_tolerance") == "not_surely"]
 
 
 def calibration_doubts(document: Document) -> Iterator[str]:
-    """Yield a sentence per rig parameter that may be wrong, then how to measure them better."""
+    """Yield a sentence per rig parameter that may be off the profile, then how to measure it."""
     doubtful = possibly_off(document)
     for c in doubtful:
         off = number(c["value"]) / c["nominal"] - 1
@@ -107,7 +107,7 @@ def calibration_doubts(document: Document) -> Iterator[str]:
 
 
 def faults(document: Document) -> Iterator[str]:
-    """Yield a sentence per fault that the integrity checks found, with likely cause and remedy."""
+    """Yield a sentence per fault of the recordings, with its likely cause and remedy."""
     for f in document.get("integrity", ()):
         if not isinstance(f, Mapping):
             yield str(f)
@@ -119,7 +119,7 @@ def faults(document: Document) -> Iterator[str]:
 
 
 def limits(document: Document) -> Iterator[str]:
-    """Yield sentences: recordings not fitted, simulation errors that are missing or unreliable."""
+    """Yield sentences: which recordings were not fitted, which errors are missing or unreliable."""
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:
         yield (
@@ -148,7 +148,7 @@ def limits(document: Document) -> Iterator[str]:
 
 
 def causes(document: Document) -> Iterator[str]:
-    """Yield a paragraph per cause: what it is, its confidence, what it is confounded with."""
+    """Yield a paragraph per cause: description, confidence, and effects confounded with it."""
     unmodelled = {rest["axis"] for rest in document["leftover"]}
     for f in document["findings"]:
         name = name_of(f)
@@ -174,7 +174,7 @@ def causes(document: Document) -> Iterator[str]:
 
 
 def _confounded(name: str, others: Sequence[str]) -> str:
-    """Return a sentence: ``others`` are confounded with cause ``name``; how to separate them."""
+    """Return a text: ``others`` are confounded with the cause ``name``; how to separate them."""
     scales = [n for n in others if n.startswith(SCALE_PREFIX)]
     flights = flyable(name, others)
     weights = [n for n in others if n not in flights and n not in scales]
@@ -216,7 +216,7 @@ def adopted(document: Document) -> bool:
 
 
 def unmodelled_effects(document: Document) -> Iterator[str]:
-    """Yield a sentence per residual torque without a known cause: axis, what it depends on."""
+    """Yield a sentence per residual torque without a known cause: its axis, what it depends on."""
     for rest in document["leftover"]:
         share = number(rest["share"])
         text = (
@@ -234,7 +234,7 @@ def unmodelled_effects(document: Document) -> Iterator[str]:
 
 
 def not_adopted(document: Document) -> Iterator[str]:
-    """Yield sentences: candidate effects without confirmed gain, effects not identifiable."""
+    """Yield sentences on candidate effects that were not adopted, or that are not identifiable."""
     for x in document.get("dropped", ()):
         span = x["gain"].get("holdout_log_likelihood_interval", (None, None))
         if span is None:  # compared by multi-step predictions
@@ -265,12 +265,12 @@ def not_adopted(document: Document) -> Iterator[str]:
 
 
 def equation_changes(document: Document) -> Iterator[str]:
-    """Yield a sentence per simplification of the equations of motion that recordings support."""
+    """Yield a sentence per simplification of the equations of motion that the data support."""
     yield from map(str, document.get("about", {}).get("written", ()))
 
 
 def kept_terms(document: Document) -> Iterator[str]:
-    """Yield sentences: the extended model's effects that are no causes, with estimate, prior."""
+    """Yield a sentence per effect that is in the extended model, but is not reported as a cause."""
     for x in document.get("about", {}).get("kept_within_what_is_known", ()):
         sizes = ", ".join(
             f"{fixed(q['value'], 3)} ± {fixed(q['std'], 3)} {q['unit']} (prior: "
@@ -281,7 +281,7 @@ def kept_terms(document: Document) -> Iterator[str]:
 
 
 def model_deviations(document: Document) -> Iterator[str]:
-    """Yield sentences: what the extended model does not explain, except residual torques."""
+    """Yield a sentence per deviation of the extended model from data, residual torques excepted."""
     for x in document.get("about", {}).get("still_hidden", ()):
         yield f"Not explained: {x['sentence']}"
 
@@ -341,5 +341,5 @@ def percent(confidence: float | None) -> str:
 
 
 def number(value: float | None) -> float:
-    """Return ``value`` as a float, NaN for None (an undefined number in JSON)."""
+    """Return a number of the JSON document as a float; None (undefined) becomes NaN."""
     return math.nan if value is None else float(value)

@@ -55,7 +55,7 @@ RC: Any = {
 
 @dataclass(frozen=True)
 class Line:
-    """The style of one curve in a figure: colour, line and marker."""
+    """The style of one curve: colour, line width (points), dash pattern, drawing order ``z``."""
 
     color: str
     width: float
@@ -88,14 +88,14 @@ IDENTIFIED = (
 
 
 def plain(text: str, most: int = 200) -> str:
-    """Return text for a figure: at most ``most`` characters, with $ escaped for matplotlib."""
+    """Return ``text`` for matplotlib: cut to ``most`` characters, each $ escaped."""
     if len(text) > most:
         text = text[: most - 1] + "…"
     return text.replace("$", r"\$")
 
 
 def model_lines(kinds: list[str]) -> list[Line]:
-    """Return a line style for each model kind; the hover models look the same in every figure."""
+    """Return a line style for each model, by its kind; a hover model has the same everywhere."""
     lines: list[Line] = []
     identified = 0
     for kind in kinds:

@@ -71,12 +71,12 @@ def comparison_plot(
 
 
 def axis_figures(flight: FlightComparison) -> dict[str, Figure]:
-    """Return the paper's Figures 7, 8 and 9 for one recording by axis; unmeasured ones missing."""
+    """Draw the paper's Figures 7, 8 and 9 for one recording; return axis name → figure."""
     return {axis: comparison_figure(flight, axis) for axis in AXES if axis in flight.recording.axes}
 
 
 def comparison_figure(flight: FlightComparison, axis: str) -> Figure:
-    """Draw the paper's Figure 7, 8 or 9, by ``axis``, for one recording."""
+    """Draw one recording's angle on ``axis`` over time: reference, experiment and models."""
     i, recording = AXES.index(axis), flight.flown
     curves = [Curve("experiment", recording.t, np.degrees(recording.angle[:, i]), EXPERIMENT)]
     if recording.has_reference(axis):
@@ -99,7 +99,7 @@ def comparison_figure(flight: FlightComparison, axis: str) -> Figure:
 
 
 def flight_figure(recording: Recording) -> Figure:
-    """Draw the recorded angles with their references, and both voltages, over time."""
+    """Draw a recording over time: angles and references in degrees, both motor voltages in V."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -159,7 +159,7 @@ def flight_figure(recording: Recording) -> Figure:
 
 
 def _subtitle(flight: FlightComparison, axis: str) -> str:
-    """Return the peaks of experiment and replays, or the RMSE of predictions, as text."""
+    """Return a figure's subtitle: peaks if the closed loop was replayed, else prediction RMSE."""
     parts = []
     if flight.why is None:
         experiment = flight.experiment[axis].reported.peak_deg
@@ -178,7 +178,7 @@ def _subtitle(flight: FlightComparison, axis: str) -> str:
 
 
 def _list(parts: Sequence[str]) -> str:
-    """Return the parts joined by commas; the text can break into lines between parts only."""
+    """Return the non-empty parts joined by commas; a line can break only between two parts."""
     return ",  ".join(p.replace(" ", "\u00a0") for p in parts if p)
 
 

@@ -98,7 +98,7 @@ def _flights(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _summary(r: Recording) -> dict[str, Any]:
-    """Return a recording's plan, device, outcome, duration, rate, profile, controller, voltages."""
+    """Return name → text of a recording's properties, such as duration, outcome, controller."""
     gaps = np.diff(r.t) > 1.5 * r.dt
     return {
         "plan": _plan_name(r),
@@ -117,7 +117,7 @@ def _summary(r: Recording) -> dict[str, Any]:
 
 
 def _ending(r: Recording) -> list[str]:
-    """Return a flight's outcome, and its reason if recorded; empty for an imported log."""
+    """Return [outcome] or [outcome, reason] of a flight; an empty list for an imported log."""
     outcome, details = r.meta.get("outcome"), r.meta.get("outcome_details", {})
     if outcome is None:
         return []
@@ -149,7 +149,7 @@ def _comparison(comparison: Comparison) -> list[str]:
 
 
 def in_a_sentence(flight: FlightComparison) -> str:
-    """Return the comparison of one flight with models as a few sentences."""
+    """Return sentences that compare one recording with each model: peak of roll, RMSE."""
     if not flight.models:
         return "No model was compared."
     if flight.why is None:
@@ -187,7 +187,7 @@ def _replay_sentence(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _prediction_sentence(flight: FlightComparison) -> str:
-    """Return a sentence on the models' errors in multi-step predictions of roll."""
+    """Return a sentence with each model's RMSE of roll predictions; empty without predictions."""
     if flight.constant_angles is None:
         return ""
     named = [(m.name, m.prediction) for m in flight.models]
@@ -224,7 +224,7 @@ def _provenance(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _flat(meta: Mapping[str, Any], prefix: str = "") -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return metadata as two dicts by dotted name: short values, values too long for a line."""
+    """Flatten nested metadata to two dicts by dotted name: values that fit a line, long values."""
     short: dict[str, Any] = {}
     long: dict[str, Any] = {}
     for name, value in meta.items():

@@ -103,39 +103,39 @@ footer { margin-top: 3rem; padding-top: 1rem; border-top: 1px solid var(--line);
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the page: a heading and its blocks, which are strings of HTML."""
+    """A section of an HTML page: its heading (plain text), and its blocks (HTML strings)."""
 
     title: str
     blocks: Sequence[str]
 
 
 def paragraph(text: str) -> str:
-    """Return a paragraph as HTML."""
+    """Return plain text as an HTML paragraph."""
     return f"<p>{html.escape(text)}</p>"
 
 
 def subheading(text: str) -> str:
-    """Return a heading inside a section as HTML."""
+    """Return plain text as an HTML heading inside a section."""
     return f"<h3>{html.escape(text)}</h3>"
 
 
 def key(text: str) -> str:
-    """Return a highlighted sentence as HTML."""
+    """Return plain text as a highlighted HTML paragraph."""
     return f'<p class="key">{html.escape(text)}</p>'
 
 
 def warning(text: str) -> str:
-    """Return a warning as HTML."""
+    """Return plain text as an HTML paragraph in the style of a warning."""
     return f'<p class="warning">{html.escape(text)}</p>'
 
 
 def table(grid: Grid) -> str:
-    """Return a table with its notes as HTML."""
+    """Return a table and its notes as HTML."""
     return to_html(grid)
 
 
 def facts(values: Mapping[str, Any]) -> str:
-    """Return names and values as HTML, one pair per line; values that are None are omitted."""
+    """Return an HTML list with a line per pair (name, value); a value None is left out."""
     rows = "".join(
         f"<dt>{html.escape(str(name))}</dt><dd>{html.escape(str(value))}</dd>"
         for name, value in values.items()
@@ -145,13 +145,13 @@ def facts(values: Mapping[str, Any]) -> str:
 
 
 def listing(value: Any) -> str:
-    """Return structured data as indented JSON in HTML."""
+    """Return ``value`` (nested dicts and lists) as indented JSON in an HTML block."""
     text = json.dumps(value, ensure_ascii=False, indent=1, default=str)
     return f"<pre>{html.escape(text)}</pre>"
 
 
 def figure(drawn: Figure, alt: str) -> str:
-    """Return a figure as an embedded SVG image in HTML, with ``alt`` as its description."""
+    """Return a figure as an SVG image embedded in HTML; ``alt`` is its alternative text."""
     data = base64.b64encode(to_svg(drawn).encode("utf-8")).decode("ascii")
     return (
         f'<figure><img alt="{html.escape(alt, quote=True)}" '
@@ -160,7 +160,7 @@ def figure(drawn: Figure, alt: str) -> str:
 
 
 def page(title: str, subtitle: str, sections: Iterable[Section], *, footer: str = "") -> str:
-    """Return the HTML document. ``title``, ``subtitle`` and ``footer`` are plain text."""
+    """Return a complete HTML page. All arguments but ``sections`` are plain text."""
     sections = [s for s in sections if s.blocks]
     links = "".join(
         f'<a href="#s{i}">{html.escape(s.title)}</a>' for i, s in enumerate(sections, 1)
@@ -180,7 +180,10 @@ def page(title: str, subtitle: str, sections: Iterable[Section], *, footer: str 
 
 
 def write_page(text: str, path: str | Path, *, force: bool = False) -> Path:
-    """Write the page to a file, return its path. OutputExists if it exists, unless ``force``."""
+    """Write the HTML ``text`` to the file ``path``; return the path.
+
+    Raises OutputExists if the file exists, unless ``force`` is true.
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     return write_file(path, text.encode("utf-8"), force=force)

@@ -25,7 +25,7 @@ MIXED = 0.8
 
 
 def identification_tables(found: Identification) -> list[Grid]:
-    """Return the tables of an identification for the terminal, without empty ones."""
+    """Return an identification's tables that are not empty: parameters, poles, fits, tests."""
     grids = [
         parameters_table(found),
         poles_table(found),
@@ -36,7 +36,7 @@ def identification_tables(found: Identification) -> list[Grid]:
 
 
 def parameters_table(found: Identification) -> Grid:
-    """Return a table of the parameters with standard deviations and Cramér–Rao bounds."""
+    """Return a table of the estimates with standard deviations and Cramér–Rao bounds."""
     rows, notes = [], ["σ: standard deviation; bound: the Cramér–Rao bound on it."]
     for name, p in found.found.parameters.items():
         numbers = (p.value, p.std, p.bound, p.nominal)
@@ -49,12 +49,12 @@ def parameters_table(found: Identification) -> Grid:
 
 
 def _short(name: str) -> str:
-    """Return a parameter's effect: ``motor.lag.time_constant_s`` → ``motor.lag``."""
+    """Return a dotted parameter name without its last part: ``motor.lag`` for ``motor.lag.x``."""
     return name.rpartition(".")[0] or name
 
 
 def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
-    """Return a sentence for each pair of parameters ``names`` that correlate above `MIXED`."""
+    """Return a sentence per pair of ``names`` whose estimates are correlated above `MIXED`."""
     if correlation is None:
         return []
     return [
@@ -66,7 +66,7 @@ def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
 
 
 def poles_table(found: Identification) -> Grid:
-    """Return a table of continuous-time poles, standard deviations; conjugate pairs once."""
+    """Return a table of the continuous-time poles (1/s); a conjugate pair has one row."""
     rows = []
     for pole in found.poles:
         re, im = pole.value.real, pole.value.imag
@@ -82,7 +82,7 @@ def poles_table(found: Identification) -> Grid:
 
 
 def fits_table(found: Identification) -> Grid:
-    """Return a table of the fit (%) by axis: one-step and multi-step predictions, replay."""
+    """Return a table by axis of the fit (%) to held-out data: predictions, closed-loop replay."""
     metrics = found.metrics
     scores = {
         ("one step" if h == 0 else f"{h:g} s ahead"): s for h, s in metrics.prediction.items()
@@ -99,7 +99,7 @@ def fits_table(found: Identification) -> Grid:
 
 
 def residuals_table(found: Identification) -> Grid:
-    """Return a table of the tests for whiteness and for independence from past inputs."""
+    """Return a table of the residual tests: whiteness, independence from past inputs."""
     rows = [
         [
             test.name,
@@ -121,7 +121,7 @@ def residuals_table(found: Identification) -> Grid:
 
 
 def candidates_table(found: Identification) -> Grid:
-    """Return a table of the orders and sampling intervals that the order search tried."""
+    """Return a table of the model orders and sampling intervals that were tried, with scores."""
     rows = [
         [
             str(c.order),
@@ -143,7 +143,7 @@ def candidates_table(found: Identification) -> Grid:
 
 
 def identification_section(found: Identification) -> Section:
-    """Return the HTML report's section on one identification."""
+    """Return an identification as a section of an HTML report: sentences, tables, figures."""
     blocks = [paragraph(s) for s in found.sentences() if not s.startswith("Warning: ")]
     blocks += [warning(w) for w in found.warnings]
     blocks += [table(grid) for grid in identification_tables(found)]
@@ -165,7 +165,7 @@ def identification_section(found: Identification) -> Section:
 
 
 def bode_with_bands(found: Identification):  # type: ignore[no-untyped-def]
-    """Return a figure of Bode diagrams from front motor to angles; None without linear response."""
+    """Draw Bode diagrams from front motor to angles; None if the model is not linear."""
     omega = np.geomspace(LOWEST, 0.8 * np.pi / found.interval_s, POINTS)
     try:
         response, std = found.frequency_response(omega)

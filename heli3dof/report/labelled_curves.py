@@ -30,7 +30,7 @@ MIN_SPAN = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One curve of a figure: t (M,) s, y (M,) in the figure's unit; a NaN interrupts the line."""
+    """A named curve: times t (M,) in s, values y (M,) in the figure's unit; NaN breaks the line."""
 
     label: str
     t: np.ndarray
@@ -76,13 +76,13 @@ def angle_figure(
 
 
 def headline(figure: Figure, title: str, height: float) -> None:
-    """Write the title of a figure ``height`` inches high at its upper left."""
+    """Write ``title`` at the upper left of a figure that is ``height`` inches high."""
     text = plain(title, TITLE_WIDTH)
     figure.text(0.015, 1 - 0.21 / height, text, fontsize=11.5, fontweight="bold", va="center")
 
 
 def _marks(axes: Axes, c: Curve) -> None:
-    """Draw dots where predictions of the curve c start, and a cross where its model diverged."""
+    """Draw dots where predictions start on curve ``c``, and a cross where its model diverged."""
     style: dict[str, Any] = {"color": c.line.color, "zorder": c.line.z + 1, "clip_on": True}
     finite = np.isfinite(c.y)
     if c.dotted_starts:
@@ -147,7 +147,7 @@ def label_ends(axes: Axes, curves: Sequence[Curve], gap: float = LABEL_GAP) -> N
 
 
 def _label_exit(axes: Axes, c: Curve) -> None:
-    """Write the name of a curve whose model diverged at its last visible point."""
+    """Write the name of a diverged model's curve at the last visible point of the curve."""
     from matplotlib import patheffects
 
     low, high = axes.get_ylim()

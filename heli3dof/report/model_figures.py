@@ -33,7 +33,7 @@ LAGS_S = 0.5
 
 @dataclass(frozen=True, eq=False)
 class BodeCurve:
-    """A model's frequency response G (M,), complex, with the standard deviation (M,) of |G|."""
+    """A model's complex frequency response (M,) and the standard deviation (M,) of its modulus."""
 
     label: str
     kind: str
@@ -106,7 +106,7 @@ def _db(size: np.ndarray) -> np.ndarray:
 
 
 def residual_figure(t: np.ndarray, residual: np.ndarray, *, title: str) -> Figure:
-    """Draw residuals (N, 3) rad over t (N,) s, and their autocorrelation."""
+    """Draw residuals (N, 3) in rad over times t (N,) in s, and their autocorrelation by axis."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -153,7 +153,11 @@ def residual_figure(t: np.ndarray, residual: np.ndarray, *, title: str) -> Figur
 def autocorrelation(
     residual: np.ndarray, dt: float, lags_s: float = LAGS_S
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return lags τ (s), autocorrelation R(τ)/R(0), and the 99 % bound of white noise, 2.58/√N."""
+    """Return lags τ (s), R(τ)/R(0) and the 99 % bound 2.58/√N that holds for white noise.
+
+    R is the autocorrelation of ``residual`` (N,), sampled every ``dt`` s. ``lags_s`` is the longest
+    lag in s.
+    """
     e = residual - residual.mean()
     n = len(e)
     lags = np.arange(min(round(lags_s / dt), n - 1) + 1)

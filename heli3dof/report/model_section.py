@@ -33,7 +33,10 @@ HIGHEST = 100.0
 
 
 def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
-    """Return the section as strings of HTML; ``profile`` gives the closed loop's controller."""
+    """Return HTML strings: a table of models and poles, and Bode diagrams of the linear models.
+
+    The closed-loop poles need the controller in ``profile``; without it they are left out.
+    """
     if not models:
         return []
     blocks = [table(models_table(models, profile))]
@@ -46,7 +49,7 @@ def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
 
 
 def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
-    """Return the models' names, kinds, orders, open-loop and closed-loop poles as a table."""
+    """Return a table of models: name, kind, order, poles; with ``profile`` closed-loop poles."""
     rows = []
     for m in models:
         order, poles = NONE, NONE
@@ -100,7 +103,7 @@ def poles_text(poles: np.ndarray, most: int = 12) -> str:
 def bode_of(
     models: Sequence[LinearModel], points: int = 240
 ) -> tuple[np.ndarray, dict[str, list[BodeCurve]]]:
-    """Return frequencies ω (``points``,) in rad/s, and the models' Bode curves by channel name."""
+    """Return ``points`` frequencies ω in rad/s, and channel name → the models' Bode curves."""
     fastest = min(HIGHEST, *(0.8 * np.pi / m.dt for m in models))
     omega = np.geomspace(LOWEST, fastest, points)
     channels: dict[str, list[BodeCurve]] = {}
@@ -116,7 +119,7 @@ def bode_of(
 def discrete_response(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, dt: float, omega: np.ndarray
 ) -> np.ndarray:
-    """Return the frequency response (M, 3, 2) at ω (M,) rad/s of discrete A, B, C, step dt (s)."""
+    """Return C (e^{jω·dt} I − A)⁻¹ B at ω (M,) rad/s, shape (M, 3, 2); ``dt`` is the step in s."""
     z = np.exp(1j * omega * dt)
     n = len(A)
     resolvent = np.linalg.solve(

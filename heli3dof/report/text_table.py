@@ -19,7 +19,7 @@ MINUS = "−"
 
 @dataclass(frozen=True)
 class Grid:
-    """A table of strings. Its first ``text_columns`` columns align left, numbers right."""
+    """A table of strings. Text columns align left, columns of numbers right (`is_number`)."""
 
     title: str
     columns: Sequence[str]
@@ -35,7 +35,7 @@ class Grid:
                 raise ValueError(f"{self.title}: {len(row)} cells in {len(self.columns)} columns")
 
     def is_number(self, column: int) -> bool:
-        """Return whether the column with this index holds numbers, which align right."""
+        """Return True if the column with this index (from 0) holds numbers, which align right."""
         return self.text_columns <= column < len(self.columns) - self.prose_columns
 
 
@@ -63,7 +63,7 @@ def short(value: float, unit: str = "") -> str:
 
 
 def to_rich(grid: Grid) -> Group:
-    """Return the table rendered for a terminal, by the library rich."""
+    """Return the table and its notes as an object that the library rich prints on a terminal."""
     from rich import box
     from rich.console import Group
     from rich.table import Table
@@ -137,7 +137,7 @@ def to_html(grid: Grid) -> str:
 
 
 def _groups(grid: Grid) -> bool:
-    """Return whether the first column repeats names; the table then prints each name once."""
+    """Return True if the first column repeats names; the table then prints each name once."""
     first = [row[0] for row in grid.rows]
     return len(set(first)) < len(first)
 

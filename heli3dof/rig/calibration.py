@@ -66,7 +66,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True)
 class RestCounts:
-    """The counts at the rest angles that a session uses, and where they come from."""
+    """The encoder counts at the rest angles that a session uses, and where they come from."""
 
     counts_at_rest: Counts
     known_from: str
@@ -75,7 +75,7 @@ class RestCounts:
     """What the user should know; empty if nothing"""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return these counts and where they come from as a dict, for a recording's provenance."""
+        """Return the fields as a dict for a recording's metadata; an empty note is left out."""
         about: dict[str, Any] = {
             "counts_at_rest": list(self.counts_at_rest),
             "known_from": self.known_from,
@@ -87,7 +87,10 @@ COUNTS_AT_POWER_UP = RestCounts((0, 0, 0), "power-up")
 
 
 def rest_counts_of(identity: Identity) -> RestCounts:
-    """Return the device's encoder counts at the rest angles, by the table of the module."""
+    """Return the encoder counts at the rest angles of the connected device ``identity``.
+
+    The module's table states when the stored counts are used.
+    """
     try:
         stored = load_calibration(identity.serial)
     except ValueError as problem:
@@ -126,7 +129,7 @@ def rest_counts_of(identity: Identity) -> RestCounts:
 def _same_start(stored: Calibration, identity: Identity) -> bool | None:
     """Return True if the device has not restarted since ``stored`` was measured, else False.
 
-    It compares the start instants that both state; None if one is missing.
+    It compares the start instants of ``stored`` and ``identity``; None if one is missing.
     """
     if stored.started_s is None or identity.started_s is None:
         return None
@@ -143,7 +146,7 @@ def calibration_path(serial: str) -> Path:
 
 
 def load_calibration(serial: str) -> Calibration | None:
-    """Return the rig's stored calibration, None without one. ValueError: the file is damaged."""
+    """Return the calibration stored for ``serial``, or None. Raises ValueError if unreadable."""
     try:
         path = calibration_path(serial)
     except OSError as problem:
@@ -166,7 +169,7 @@ def load_calibration(serial: str) -> Calibration | None:
 
 
 def store_calibration(calibration: Calibration) -> Path:
-    """Write the calibration atomically; return its file's path. Raises UsageError or NoSpace."""
+    """Write the calibration to a file atomically; return its path. Raises UsageError or NoSpace."""
     own = "set XDG_STATE_HOME to a folder of your own"
     with write_errors_explained(Path("~/.local/state"), fix=own):
         path = calibration_path(calibration.serial)
@@ -194,5 +197,5 @@ def now_utc() -> str:
 
 
 def _text(value: str) -> str:
-    """Return the value as a quoted TOML string: a JSON string is also valid in TOML."""
+    """Return ``value`` as a quoted TOML string."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -9,7 +9,7 @@ SPIN_S = 200e-6
 
 
 def wait_until(due_s: float) -> float:
-    """Wait until the deadline ``due_s``; return the time at the end. Both: s, `time.monotonic`."""
+    """Wait until the time ``due_s`` (s, `time.monotonic`); return the time at the end."""
     now = time.monotonic()
     while (left := due_s - now) > 0:
         if left > SPIN_S:

@@ -19,7 +19,7 @@ DRIFT = 100e-6
 
 
 class ClockOffset:
-    """Estimates the offset θ = host's time − device's time of one device's clock, in s."""
+    """Estimates the offset θ = host's time − device's time in s, for one device's clock."""
 
     def __init__(self, device_s: float, host_s: float) -> None:
         """Start with the first sample: taken at ``device_s``, arrived at ``host_s``.

@@ -21,7 +21,7 @@ GROUP = "heli3dof.drivers"
 
 
 def registered() -> dict[str, EntryPoint]:
-    """Return every registered driver's entry point by URL scheme."""
+    """Return URL scheme → entry point of each installed driver."""
     return {e.name: e for e in entry_points(group=GROUP)}
 
 
@@ -53,7 +53,7 @@ def load_driver(scheme: str) -> Driver:
 
 
 def check_url(url: str | DeviceUrl) -> DeviceUrl:
-    """Parse a device URL and return it. Raises UsageError for an unknown scheme or option."""
+    """Return the parsed device URL. Raises UsageError for an unknown scheme or option."""
     parsed = parse_url(url) if isinstance(url, str) else url
     parsed.check_options(load_driver(parsed.scheme).options)
     return parsed
@@ -69,7 +69,7 @@ def open_driver(url: str | DeviceUrl, profile: Profile) -> Rig:
 
 
 def is_private(url: str | DeviceUrl) -> bool:
-    """Return True for an emulated rig: each opening makes a new one (see `PrivateToProcess`)."""
+    """Return True for the URL of an emulated rig, which exists only in the process opening it."""
     parsed = parse_url(url) if isinstance(url, str) else url
     driver = load_driver(parsed.scheme)
     return isinstance(driver, PrivateToProcess) and driver.private_to_process
@@ -87,7 +87,7 @@ def with_seed(url: str, seed: int) -> str:
 
 
 def seed_of(url: str) -> int | None:
-    """Return the random seed in an emulated rig's URL; None if the URL has none."""
+    """Return the random seed in an emulated rig's URL; None for a URL without a seed."""
     parsed = parse_url(url)
     if "seed" not in load_driver(parsed.scheme).options:
         return None
@@ -96,7 +96,7 @@ def seed_of(url: str) -> int | None:
 
 
 def find_rigs() -> Iterator[tuple[str, list[str], str | None]]:
-    """Yield for each driver: URL scheme, URLs of the connected rigs, error message or None."""
+    """Find the connected rigs; yield for each driver (URL scheme, device URLs, error or None)."""
     for scheme in sorted(registered()):
         try:
             yield scheme, list(load_driver(scheme).find()), None

@@ -10,7 +10,7 @@ from heli3dof.errors import DeviceError
 
 @contextmanager
 def device_errors(name: str, fix: str = "heli3dof doctor", cause: str = "") -> Iterator[None]:
-    """Context manager: convert OSError and ValueError to DeviceError about the device ``name``."""
+    """Context manager: raise OSError and ValueError as a DeviceError about the device ``name``."""
     try:
         yield
     except (OSError, ValueError) as error:

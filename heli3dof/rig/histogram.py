@@ -21,7 +21,7 @@ _STEP = log(1 + RATIO)
 
 
 class Histogram:
-    """Counts times in s by bins."""
+    """Counts times (s) in bins, from which `quantile_s` returns quantiles."""
 
     def __init__(self) -> None:
         self.counts = array("Q", bytes(8 * BINS))

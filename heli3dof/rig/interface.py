@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class Flags(enum.IntFlag):
-    """The device's state, as a sample reports it."""
+    """The state flags in each sample of a device."""
 
     ENABLED = 1
     """The amplifier is enabled: voltages reach the motors."""
@@ -51,7 +51,7 @@ class Flags(enum.IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Identifies the connected device; ``heli3dof devices`` and every recording show it."""
+    """The fixed properties of a connected device, such as serial number and voltage limit."""
 
     driver: str
     model: str
@@ -79,7 +79,7 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The voltages of one control period. The device echoes ``sequence`` in the next sample."""
+    """The motor voltages of one control period. The next sample repeats its ``sequence``."""
 
     sequence: int
     v_front: float
@@ -109,7 +109,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Result of one check of ``heli3dof doctor``, printed as one line."""
+    """The result of one check of ``heli3dof doctor``: what was found, and how to correct it."""
 
     what: str
     """What was examined"""
@@ -122,17 +122,17 @@ class Check:
 
 
 class Rig(Protocol):
-    """An open connection to one rig. Every method may raise DeviceError."""
+    """An open connection to one real or emulated rig. Every method may raise DeviceError."""
 
     @property
     def identity(self) -> Identity: ...
 
     def arm(self) -> Sample:
-        """Enable the amplifier at zero volts, clear earlier stops, and return a first sample."""
+        """Enable the amplifier at zero volts, end any earlier stop, and return a first sample."""
         ...
 
     def read(self) -> Sample:
-        """Return a new sample of a rig that is not armed; nothing moves."""
+        """Return a new sample while the rig is not armed. Nothing moves."""
         ...
 
     def exchange(self, command: Command, due_s: float) -> Sample:
@@ -144,7 +144,7 @@ class Rig(Protocol):
         ...
 
     def estop(self, reason: str) -> None:
-        """Set zero volts now, in any state; they hold until `arm`. Idempotent."""
+        """Set zero volts until `arm`, in any state; ``reason`` explains the stop. Idempotent."""
         ...
 
     def close(self) -> None:
@@ -158,7 +158,7 @@ class Rig(Protocol):
 
 @runtime_checkable
 class HasLinkStatistics(Protocol):
-    """A rig whose link counts what it transfers and loses."""
+    """Optional interface of a rig whose link counts the messages that it transfers and loses."""
 
     @property
     def statistics(self) -> object:
@@ -172,7 +172,7 @@ class HasLinkStatistics(Protocol):
 
 @runtime_checkable
 class ReportsDeviceCause(Protocol):
-    """A rig whose device states why it holds its output at zero."""
+    """Optional interface of a rig whose device states why its output is zero."""
 
     @property
     def device_cause(self) -> str | None:
@@ -186,10 +186,11 @@ class ReportsDeviceCause(Protocol):
 
 @runtime_checkable
 class ArmsWithPermission(Protocol):
-    """A rig whose `Rig.arm` makes several attempts.
+    """A rig whose `Rig.arm` makes several attempts, each of which needs permission.
 
-    The session sets ``check_permission``. `Rig.arm` must call it in every attempt, at a point from
-    which on the device refuses this attempt if an emergency stop comes.
+    The session sets ``check_permission``, which raises an error if an emergency stop forbids to
+    arm. `Rig.arm` must call it in every attempt. An emergency stop after the call must make the
+    device refuse the attempt.
     """
 
     check_permission: Callable[[], None]
@@ -197,7 +198,7 @@ class ArmsWithPermission(Protocol):
 
 
 class Driver(Protocol):
-    """What a driver package registers: it finds, opens and stops rigs of one URL scheme."""
+    """Interface of a driver, which finds, opens and stops the rigs of one URL scheme."""
 
     scheme: str
     """The URL scheme, e.g. ``mock``."""
@@ -205,11 +206,11 @@ class Driver(Protocol):
     """Names of the options that the URL may carry, for error messages."""
 
     def find(self) -> Sequence[str]:
-        """Return the device URLs of the rigs present now, within 1 s. Moves nothing."""
+        """Return the device URLs of the rigs connected now. Takes at most 1 s; moves nothing."""
         ...
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
-        """Connect to a rig. Raises DeviceError (missing, busy, not permitted) or UsageError."""
+        """Connect to a rig. Raises UsageError, or DeviceError (missing, busy, not permitted)."""
         ...
 
     def estop(self, url: DeviceUrl) -> str:
@@ -220,7 +221,7 @@ class Driver(Protocol):
         ...
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """Return checks of the port, made before it is opened: permission, holder, latency."""
+        """Check the port before it is opened (permission, holder, latency); return the results."""
         ...
 
 
@@ -236,10 +237,10 @@ class PrivateToProcess(Protocol):
 
 @runtime_checkable
 class RecognisesRigs(Protocol):
-    """A driver whose `Driver.find` may list ports at which there is no rig."""
+    """Optional interface of a driver whose `Driver.find` may list ports without a rig."""
 
     def is_rig(self, url: DeviceUrl) -> bool:
-        """Return True if there is certainly a rig at that URL now."""
+        """Return True if a rig is certainly connected at ``url`` now."""
         ...
 
 
@@ -252,11 +253,11 @@ class NamesPlaces(Protocol):
     """
 
     def persistent_name(self, url: DeviceUrl) -> str:
-        """Return a name for the device at that URL that does not depend on the port it uses."""
+        """Return a name of the device at ``url`` that stays the same at any other port."""
         ...
 
 
 def device_cause(rig: object) -> str | None:
-    """Return the reason that the device states for its zero output; None if it states none."""
+    """Return why the rig's device holds its output at zero; None if the device states no reason."""
     cause = rig.device_cause if isinstance(rig, ReportsDeviceCause) else None
     return cause if isinstance(cause, str) and cause else None

@@ -56,7 +56,7 @@ def attribute_of(statistics: Any, counter: str) -> str | None:
 
 
 def count_of(statistics: Any, counter: str) -> int | None:
-    """Return a counter's value in ``statistics``, a rig's link counters; None without it."""
+    """Return the value of the named link counter; None if ``statistics`` does not have it."""
     name = attribute_of(statistics, counter)
     value = getattr(statistics, name) if name else None
     return value if isinstance(value, int) else None

@@ -54,7 +54,7 @@ SCALE = "kitchen scale"
 
 
 class Geometry(Section):
-    """Arm lengths in metres."""
+    """Distances of counterweight, body and motors from their axes, in metres."""
 
     L_w: Annotated[
         Positive,
@@ -80,7 +80,7 @@ def _motor_mass(end: str) -> Key:
 
 
 class Mass(Section):
-    """Point masses in kilograms."""
+    """Masses of the counterweight, the front motor and the back motor, in kilograms."""
 
     m_w: Annotated[
         Positive,
@@ -91,7 +91,7 @@ class Mass(Section):
 
 
 class Motor(Section):
-    """Thrust per volt (N/V), hover voltage per motor (V), amplifier limit (V)."""
+    """Thrust per volt (N/V), voltage of each motor at level hover (V), amplifier limit (V)."""
 
     K_f: Annotated[
         Positive,
@@ -146,7 +146,7 @@ def _moment(axis: str, typical: str, usual: Range, plausible: Range) -> Key:
 
 
 class Inertia(Section):
-    """Moments of inertia at level attitude in kg·m²; the masses give those that are None."""
+    """Measured inertias of the level rig in kg·m²; the masses give any that is None."""
 
     roll: Annotated[
         Positive | None, _moment("roll (elevation)", "0.91", (0.02, 5.0), (1e-4, 100.0))
@@ -205,7 +205,7 @@ class Encoder(Section):
 
     @property
     def rest_rad(self) -> FloatArray:
-        """Return the rest angles (3,) of roll, pitch, yaw in rad, at which the counts are zero."""
+        """Return roll, pitch and yaw (3,) at rest in rad, where the encoder counts are zero."""
         return np.radians([self.roll_rest_deg, self.pitch_rest_deg, self.yaw_rest_deg])
 
 
@@ -304,12 +304,12 @@ class ControllerSpec(Section):
 
     @property
     def K_g(self) -> FloatArray:
-        """Return the gain ``K`` as an array (2, 8); `ControllerSpec` explains rows and columns."""
+        """Return the gain ``K`` as an array (2, 8); `ControllerSpec` describes rows and columns."""
         return np.array(self.K, dtype=float)
 
 
 class Profile(Section):
-    """A rig's parameters, as far as they are known before a flight."""
+    """A rig's parameters: dimensions, masses, motors, encoders, limits and controller."""
 
     name: Annotated[str, Key("the rig's name, shown in tables and recordings")] = "unnamed"
     geometry: Geometry
@@ -351,7 +351,7 @@ class Profile(Section):
 
     @property
     def mass_inertias(self) -> tuple[float, float, float]:
-        """Return J_roll, J_pitch, J_yaw in kg·m² at level attitude, as the point masses give."""
+        """Return J_roll, J_pitch, J_yaw in kg·m² of the level rig, computed from the masses."""
         L, m = self.geometry, self.mass
         J_pitch = (m.m_f + m.m_b) * L.L_h**2
         J_roll = m.m_w * L.L_w**2 + (m.m_f + m.m_b) * L.L_a**2
@@ -436,8 +436,8 @@ def profile_from_dict(
 ) -> Profile:
     """Check nested dicts, as read from TOML, and return the profile that they describe.
 
-    ``source``: its name in errors. ``recorded``: it comes from a recording or a model file, so
-    implausible numbers pass. Raises ProfileError.
+    ``source``: the profile's name in errors. ``recorded``: the dicts are from a recording or a
+    model file, so implausible numbers pass. Raises ProfileError.
     """
     return check(Profile, data, source, ProfileError, recorded=recorded)
 

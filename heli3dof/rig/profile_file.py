@@ -31,7 +31,7 @@ SECTIONS = {
 
 @dataclass(frozen=True)
 class Change:
-    """A change of one key of a profile, and the comment that explains it."""
+    """A new value for one key of a profile, with the former value and an explaining comment."""
 
     key: str
     value: float | int
@@ -59,7 +59,7 @@ def settings(words: Iterable[str]) -> dict[str, Any]:
 
 
 def toml_value(text: str) -> Any:
-    """Parse a TOML value or a number; return any other text as it is."""
+    """Return the TOML value or number that ``text`` represents, else ``text`` itself."""
     try:
         return tomllib.loads(f"x = {text}")["x"]
     except tomllib.TOMLDecodeError:
@@ -91,7 +91,7 @@ def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]
 
 
 def new_text(data: Mapping[str, Any], remarks: Mapping[str, str] | None = None) -> str:
-    """Return a commented TOML file with these values; ``remarks``: dotted key → extra comment."""
+    """Return a commented profile file; ``data``: its values, ``remarks``: additional comments."""
     remarks = remarks or {}
     lines = [f"# {line}" for line in TITLE]
     plain = {n: f for n, f in Profile.model_fields.items() if section_of(f) is None}
@@ -134,7 +134,7 @@ def _entry(name: str, field: FieldInfo, value: Any, remark: str | None) -> Itera
 
 
 def literal(value: Any) -> str:
-    """Return a value as TOML text; a matrix has a line for each row."""
+    """Return ``value`` as TOML text; a matrix gets one line for each row."""
     import tomlkit
 
     if isinstance(value, (list, tuple)) and value and isinstance(value[0], (list, tuple)):
@@ -144,7 +144,7 @@ def literal(value: Any) -> str:
 
 
 def changed_text(text: str, changes: Iterable[Change]) -> str:
-    """Return the file's text with these keys changed or added; other lines stay as they are."""
+    """Return the TOML file ``text`` with ``changes`` made; all other lines stay as they are."""
     import tomlkit
 
     document: Any = tomlkit.parse(text)

@@ -23,14 +23,14 @@ _FIX = "python -m heli3dof.rig.conformance URL, which examines a driver"
 
 
 def check_sample(sample: Any) -> None:
-    """Raise DeviceError if a field of the sample is no valid number (see `sample_problem`)."""
+    """Raise DeviceError if a field of the sample is not a valid number (`sample_problem`)."""
     trip = unusable_sample(sample)
     if trip is not None:
         raise DeviceError(f"{trip[0].upper()}{trip[1:]}.", cause=trip.cause, fix=trip.fix)
 
 
 def unusable_sample(sample: Any) -> Trip | None:
-    """Return a `Trip` to end the flight if a field of the sample is no valid number, else None."""
+    """Return why the flight must end if a field of the sample is not a valid number, else None."""
     problem = sample_problem(sample)
     if problem is None:
         return None

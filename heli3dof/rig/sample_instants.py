@@ -18,7 +18,7 @@ CREEP = 1e-3
 
 
 class Instants:
-    """Counts sampling instants, ``dt`` s apart, from the first sample on, at ``first_s`` (s)."""
+    """Counts a device's sampling instants: the first at ``first_s`` (s), then every ``dt`` s."""
 
     def __init__(
         self, dt: float, first_s: float, *, busy: float = BUSY, creep: float = CREEP
@@ -27,7 +27,7 @@ class Instants:
         self._base, self._k = first_s, 0
 
     def skipped(self, device_s: float) -> int:
-        """Add a sample taken at ``device_s`` (s); return how many instants the device skipped."""
+        """Add the next sample, taken at ``device_s`` (s); return how many instants were skipped."""
         dt = self._dt
         behind = (device_s - self._base) / dt - (self._k + 1)
         skipped = max(0, int(behind + 1 - self._busy))

@@ -24,7 +24,7 @@ class Trip(str):
 
     @staticmethod
     def first(*reasons: str | None) -> Trip | None:
-        """Return the reasons joined to one `Trip`, with the first known cause and fix, or None."""
+        """Join the given reasons to one `Trip` with the first known cause; None without any."""
         given = [each for each in reasons if each]
         if not given:
             return None

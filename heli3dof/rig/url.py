@@ -15,7 +15,7 @@ from heli3dof.errors import UsageError, did_you_mean
 
 @dataclass(frozen=True, slots=True)
 class DeviceUrl:
-    """A parsed device URL; ``options``: option name → list of the values given for it."""
+    """A parsed device URL; ``options`` maps each option's name to all values given for it."""
 
     text: str
     scheme: str

@@ -40,7 +40,7 @@ MEASURE_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Encoder readings of an unarmed rig at rest, over some time."""
+    """Encoder readings of a rig at rest: median count and range of each axis."""
 
     counts: Counts
     """The median of each axis, in the device's counts"""
@@ -50,7 +50,7 @@ class Standing:
 
 
 def watch_standing(rig: Rig, seconds: float) -> Standing:
-    """Read the unarmed rig's encoders for ``seconds`` (s). Raises SafetyTrip if it is armed."""
+    """Return encoder readings of a rig over ``seconds`` s. Raises SafetyTrip if it is armed."""
     rows = []
     until = time.monotonic() + seconds
     while True:
@@ -112,7 +112,7 @@ def calibrate(
 
 @dataclass(frozen=True)
 class ZeroResult:
-    """Encoder counts at the rest angles, as `zero` measured them."""
+    """Result of `zero`: the measured calibration, and how it differs from the one used before."""
 
     device: str
     calibration: Calibration

@@ -14,7 +14,7 @@ ALL_AXES = ("roll", "pitch", "yaw")
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect; values outside ``low`` … ``high`` are rejected."""
+    """A number that an effect needs: its unit, meaning, default, and bounds ``low`` … ``high``."""
 
     name: str
     unit: str
@@ -46,7 +46,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Hidden:
-    """One effect that ``hide=`` names, with axis (0 roll, 1 pitch, 2 yaw; −1: none) and values."""
+    """An effect selected by ``hide=``: its axis (0 roll, 1 pitch, 2 yaw; −1 none) and values."""
 
     effect: Effect
     axis: int

@@ -1,8 +1,9 @@
-"""`Period`: what the loop knows in one control period before it sends the command.
+"""`Period`: data of one control period, from which safety monitors judge the flight.
 
-A *monitor* is a callable. The loop calls it with every `Period`; it returns why the flight must end
-now, or None. It may keep state from period to period, so each flight needs new monitors. It runs
-inside the control period: it may take a few microseconds, and no input or output is allowed.
+A *monitor* is a callable. The loop calls it with every `Period`, before it sends the command. The
+monitor returns why the flight must end now, or None. It may keep state from period to period, so
+each flight needs new monitors. It runs inside the control period: it may take a few microseconds,
+and no input or output is allowed.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from heli3dof.rig.interface import Sample
 
 
 class Period(NamedTuple):
-    """One control period: its sample, and what the loop computed from it."""
+    """Data of one control period: the sample, and the controller's output computed from it."""
 
     k: int
     """Index in the plan, 0 first; skipped periods leave a gap."""
@@ -52,9 +53,10 @@ class Period(NamedTuple):
 
 
 def motor_voltage(sample: Sample, sent: tuple[float, float]) -> tuple[float, float]:
-    """Return the motors' voltages (front, back) in V, as the device reports, or else as ``sent``.
+    """Return the voltages (front, back) at the motors in V: reported by the device, or ``sent``.
 
-    ``v_applied`` is NaN if the amplifier does not report its output.
+    ``sent`` (V) is the last command. It is used where ``sample.v_applied`` is NaN because the
+    amplifier does not report its output.
     """
     front, back = sample.v_applied
     return (front if isfinite(front) else sent[0], back if isfinite(back) else sent[1])

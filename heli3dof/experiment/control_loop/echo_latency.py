@@ -30,7 +30,10 @@ _MASK = 0xFFFFFFFF
 
 @dataclass(frozen=True, slots=True)
 class EchoLatency:
-    """Command-to-echo latency of one flight; a time is None if it was never measured."""
+    """Statistics of one flight's command-to-echo latency, in s and in control periods.
+
+    A time is None if it was never measured.
+    """
 
     commands: int
     commands_unacknowledged: int
@@ -66,7 +69,10 @@ class EchoMeter:
         """s: latency of the newest command that the last sample echoes; 0 without a new echo"""
 
     def exchanged(self, sequence: int, sent_s: float, sample: Sample) -> None:
-        """Add a command with its number and sending time (s), and the sample that followed it."""
+        """Add a command, its number ``sequence`` and sending time ``sent_s`` (s, monotonic clock).
+
+        ``sample`` is the sample that followed the command.
+        """
         self._sent_s[sequence % PENDING] = sent_s
         self.last_s = 0.0
         if not sample.flags & Flags.ENABLED:
@@ -84,7 +90,7 @@ class EchoMeter:
         self._echo = echo
 
     def measured(self) -> EchoLatency | None:
-        """Return the latency measured; None if no command was sent to an enabled device."""
+        """Return the flight's latency; None if no command was sent to an enabled device."""
         if not self.commands:
             return None
         counts = (self.commands, self.unacknowledged, self.never_echoed)

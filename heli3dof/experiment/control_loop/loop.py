@@ -46,7 +46,7 @@ Triple = tuple[float, float, float]
 
 @dataclass
 class Live:
-    """The loop's progress, for a display in another thread; the loop never waits for it."""
+    """Progress of the control loop, which a display in another thread may read at any time."""
 
     done: int = 0
     """Control periods of the plan that are over, skipped ones included; ``total``: all"""
@@ -61,8 +61,6 @@ class Live:
 
 @dataclass(frozen=True)
 class _End:
-    """How the flight ended, as known so far; ``detail``: in words, for the recording."""
-
     ending: Ending
     detail: str
     error: BaseException | None = None
@@ -137,7 +135,7 @@ class _Flight:
         """(t in s, angles in rad, V at the motors) of the last periods"""
 
     def fly_plan(self) -> tuple[_End, Sample | None]:
-        """Fly the plan; return how it ended and the last sample (None: the device gave none)."""
+        """Fly the plan; return how it ended, and the last sample (None: the device gave none)."""
         sample: Sample | None = None
         live = self.live
         live.total = len(self.reference)
@@ -212,12 +210,12 @@ class _Flight:
         )  # fmt: skip
 
     def angle(self, sample: Sample) -> Triple:
-        """Return roll, pitch and yaw in rad, from the encoders' counts."""
+        """Return the angles (roll, pitch, yaw) in rad for the encoder counts in ``sample``."""
         c, q, z = sample.counts, self.rad_per_count, self.rest
         return (z[0] + c[0] * q[0], z[1] + c[1] * q[1], z[2] + c[2] * q[2])
 
     def period(self, k: int, sample: Sample) -> tuple[Sample, _End | None]:
-        """Fly period ``k`` of the plan; ``sample`` began it.
+        """Fly period ``k`` of the plan; ``sample`` was taken at the period's beginning.
 
         Returns the next sample and None, or the same sample and why the flight ends.
         """
@@ -248,10 +246,10 @@ class _Flight:
         return after, None
 
     def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:
-        """Step the controller by period k; return (reference rad, extra V, command V, voltage V).
+        """Run the controller for period ``k``; return the reference (rad) and three voltages (V).
 
-        extra: what the plan adds to the voltages; command, voltage: before and after the limiter.
-        ``angle``: rad.
+        The voltages (front, back) are those that the plan adds, and the controller's output before
+        and after the limiter. ``angle``: measured angles in rad.
         """
         # Plain floats from here on, made row by row: an hour of them would fill the memory.
         reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
@@ -260,10 +258,10 @@ class _Flight:
         return self.controller.step_opened(self.opened[k].tolist(), angle, reference, extra)
 
     def bridge(self, k: int, skipped: int, angle: Triple) -> None:
-        """Step the controller through the periods skipped before k, interpolating the angles.
+        """Run the controller through the ``skipped`` periods before ``k``, at interpolated angles.
 
-        ``angle`` (rad) is that of period k. Without this the controller's filters would take the
-        whole motion for that of one period. ``skipped``: their number.
+        ``angle`` (rad) was measured in period k. Without this step the controller's filters would
+        take the motion of all these periods for that of one.
         """
         before = self.before
         for j in range(max(1, skipped - BRIDGED + 1), skipped + 1):
@@ -274,10 +272,10 @@ class _Flight:
     def reason_to_end(
         self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair
     ) -> _End | None:
-        """Return why the flight ends in this period k, at ``t`` s, or None.
+        """Return why the flight ends in period ``k``, at time ``t`` (s), or None.
 
-        The reason is, in this order: ``stop``, the device or a monitor, the envelope. Angle in rad;
-        command and voltage in V, before and after the limiter.
+        The checks are, in this order: ``stop``, the device and the monitors, the envelope.
+        ``angle`` in rad; ``command`` and ``voltage`` in V, before and after the limiter.
         """
         if (requested := self.stop()) is not None:
             return _End("interrupted", requested)
@@ -311,7 +309,11 @@ class _Flight:
         return next(filter(None, (monitor(now) for monitor in self.monitors)), None)
 
     def judge_ramp(self, sample: Sample, voltage: Pair) -> str | None:
-        """Return a safety monitor's report on a period of the ramp to zero, or None. Voltage: V."""
+        """Return a safety monitor's report on a period of the ramp to zero, or None.
+
+        ``sample``: the period's sample; ``voltage``: the voltages (front, back) in V sent before
+        it.
+        """
         t = sample.device_time_s - self.t0
         return self.judge(self.flown, t, sample, self.angle(sample), voltage, voltage, True)
 
@@ -321,7 +323,7 @@ class _Flight:
     def ramp_recorder(
         self, append: Callable[[Row], None]
     ) -> Callable[[Sample, Pair, float, Sample], None]:
-        """Return a function that records a period of the ramp, with the plan's last reference."""
+        """Return a function that records one period of the ramp to zero by calling ``append``."""
         held = self.controller.limited_reference
 
         def record(sample: Sample, voltage: Pair, lateness: float, after: Sample) -> None:
@@ -337,7 +339,6 @@ class _Flight:
 
 
 def _after_ramp(end: _End, ramp: RampDown) -> _End:
-    """Return how the flight ended, from how the plan ended (``end``) and how the ramp went."""
     detail = Trip.first(end.detail, ramp.reason) or ""
     if ramp.stopped:
         return replace(end, ending="tripped", detail=detail)
@@ -353,7 +354,10 @@ def _after_ramp(end: _End, ramp: RampDown) -> _End:
 
 @contextmanager
 def _granted(identity: Identity) -> Iterator[Realtime | None]:
-    """Context manager: take the real-time measures and yield them; on a virtual clock, None."""
+    """Context manager: take the real-time measures and yield which the system granted.
+
+    On a virtual clock no measure is taken, and None is yielded. ``identity``: the device's.
+    """
     with ExitStack() as undo:
         if identity.timebase == "virtual":
             quiet_interpreter(undo)

@@ -21,7 +21,11 @@ Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
 
 @dataclass(frozen=True)
 class Punctuality:
-    """Quantiles, in s, of the samples' delay after their deadlines and of the computing time."""
+    """Quantiles in s of the samples' lateness and of the computing time, over one flight.
+
+    Lateness: time from a sample's deadline to its arrival. Computing time: from a sample's arrival
+    to sending the command computed from it.
+    """
 
     median_s: float
     p99_s: float
@@ -37,7 +41,7 @@ class Punctuality:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a flight ended; the last entry of its recording."""
+    """How a flight ended: the reason, numbers of late and skipped periods, the link's counts."""
 
     ending: Ending
     detail: str
@@ -70,13 +74,13 @@ class Outcome:
     """True if the motors were ramped to zero; False if they were set to zero volts at once"""
 
     def advice(self) -> dict[str, str]:
-        """Return ``likely_cause`` and ``fix`` for the user; empty if the cause is not known."""
+        """Return ``likely_cause`` and ``fix`` of the flight's end; an empty dict if unknown."""
         if not isinstance(self.detail, Trip):
             return {}
         return {"likely_cause": self.detail.cause, "fix": self.detail.fix}
 
     def details(self) -> dict[str, Any]:
-        """Return the outcome as the recording stores it: JSON keys that contain their units."""
+        """Return the outcome as a dict for the recording's file; its keys contain the units."""
         return {
             "detail": self.detail,
             **self.advice(),
@@ -117,7 +121,7 @@ def link_counts(rig: Any) -> dict[str, Any] | None:
 
 
 class Tally:
-    """Counts late and skipped periods of one flight, and their times, in constant memory."""
+    """Counts late and skipped periods of a flight; collects lateness and computing times."""
 
     def __init__(self) -> None:
         self.late = self.missed = self.lost = self.device_skipped = 0
@@ -132,7 +136,7 @@ class Tally:
     def count(
         self, lateness: float, turnaround: float, missed: int, lost: int, device_skipped: int
     ) -> None:
-        """Add a control period.
+        """Add one control period to the counts.
 
         ``lateness``: delay of its sample after the deadline (s); ``turnaround``: computing time
         (s). ``missed``, ``lost``, ``device_skipped``: periods skipped before it by the host, the
@@ -147,7 +151,7 @@ class Tally:
         self.device_skipped += device_skipped
 
     def punctuality(self) -> Punctuality | None:
-        """Return quantiles over the counted periods (see `Histogram`); None if none was counted."""
+        """Return quantiles of lateness and computing time in s; None if no period was counted."""
         late, turn = self.lateness, self.turnaround
         n = late.n
         if not n:

@@ -61,7 +61,7 @@ class Supervision:
 
 @dataclass(frozen=True)
 class RampDown:
-    """Result of a ramp to zero."""
+    """Result of a ramp to zero: whether it finished, and what cut it short."""
 
     finished: bool
     """True if the last command was zero volts and the device carried it out"""
@@ -80,7 +80,11 @@ class RampDown:
 
 
 def ramp_start(last: Pair, motor: Motor) -> Pair:
-    """Return V_start (front, back) of the ramp, from the last voltages sent, in V (see module)."""
+    """Return the voltages (front, back) in V at which the ramp to zero starts.
+
+    They are the voltages ``last`` (V) that were sent last if both are near the hover voltage of
+    ``motor``, else zero.
+    """
     most = HOVER_BAND * motor.hover_V
     hovers = all(abs(volts - motor.V_o) <= most for volts in last)
     return last if hovers else (0.0, 0.0)
@@ -108,7 +112,7 @@ class _Schedule:
         return self.voltage
 
     def shorten(self, steps: int) -> None:
-        """Reach zero in ``steps`` control periods from now, unless the ramp ends earlier."""
+        """Let the ramp reach zero ``steps`` control periods from now, unless it does so earlier."""
         if steps < self.left:
             self._start, self._i, self._n = self.voltage, 0, steps
 
@@ -181,7 +185,10 @@ def ramp_to_zero(
 
 
 class GuardedRecorder:
-    """Passes rows to the recorder until it fails; raises nothing, so that the ramp goes on."""
+    """Passes rows to a recorder. After the recorder's first exception it ignores further rows.
+
+    So a failure of the recorder does not interrupt the ramp to zero.
+    """
 
     def __init__(self, append: Callable[[Row], None]) -> None:
         self._append: Callable[[Row], None] | None = append

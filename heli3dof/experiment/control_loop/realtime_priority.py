@@ -53,7 +53,7 @@ _PR_SET_TIMERSLACK, _PR_GET_TIMERSLACK = 29, 30
 
 @dataclass(frozen=True)
 class Realtime:
-    """Real-time measures that the system granted or refused, as ``heli3dof doctor`` shows them."""
+    """Result of asking the system for real-time measures: a `Check` of each, granted or refused."""
 
     checks: tuple[Check, ...]
     scheduled: bool
@@ -63,11 +63,11 @@ class Realtime:
 
     @property
     def refused(self) -> tuple[Check, ...]:
-        """Return the measures that the system did not grant and that would help."""
+        """Return the checks of those real-time measures that the system refused."""
         return tuple(check for check in self.checks if check.good is False)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the measures as a recording's outcome stores them."""
+        """Return the granted and refused measures as a dict for the recording's outcome."""
         return {
             "scheduled": self.scheduled,
             "memory_locked": self.locked,
@@ -78,7 +78,7 @@ class Realtime:
 
 @contextmanager
 def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
-    """Context manager: take every measure that is permitted; undo them at the end.
+    """Context manager: take all permitted real-time measures; undo them after the block.
 
     The calling thread gets the SCHED_FIFO ``priority`` (1 to 99).
     """
@@ -94,7 +94,10 @@ def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
 
 
 def quiet_interpreter(undo: ExitStack) -> None:
-    """Turn garbage collection off, let threads give way in `SWITCH_S`, until ``undo`` closes."""
+    """Turn garbage collection off and set the threads' switch interval to `SWITCH_S` (s).
+
+    Both settings are restored when ``undo`` closes.
+    """
     undo.callback(sys.setswitchinterval, sys.getswitchinterval())
     if gc.isenabled():
         undo.callback(gc.enable)
@@ -119,7 +122,11 @@ def _scheduling(undo: ExitStack, priority: int) -> Check:
 
 
 def _schedule(undo: ExitStack, thread: int, priority: int) -> int:
-    """Run a thread (0: this one) under SCHED_FIFO; return the priority that it got."""
+    """Run thread ``thread`` (0: the calling one) under SCHED_FIFO; return the priority it got.
+
+    ``priority`` (1 to 99) is the one to ask for. The former scheduling returns when ``undo``
+    closes.
+    """
     import resource
 
     before = os.sched_getscheduler(thread), os.sched_getparam(thread)
@@ -177,7 +184,6 @@ def _may_lock_everything() -> bool:
 
 
 def _idle_states(undo: ExitStack) -> tuple[Check, ...]:
-    """Keep cores out of deep idle states, which take 0.1 ms to leave, until ``undo`` closes."""
     device = Path("/dev/cpu_dma_latency")
     if not device.exists():
         return ()

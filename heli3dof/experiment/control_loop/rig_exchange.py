@@ -14,7 +14,7 @@ from heli3dof.rig.trip import Trip
 
 
 class RigExchange:
-    """Sends a command, waits for the next sample, and measures how late that came."""
+    """Sends a command and waits for the next sample in each period; measures the lateness."""
 
     def __init__(self, rig: Rig, dt: float, tally: Tally) -> None:
         self._rig = rig
@@ -72,11 +72,11 @@ class RigExchange:
 
     @property
     def device_cause(self) -> str | None:
-        """Return the cause that the device states for its zero output; None if it states none."""
+        """Return why the device holds its output at zero; None if it does not state this."""
         return device_cause(self._rig)
 
     def stop(self, reason: str) -> None:
-        """Stop the device in an emergency. If that fails, its watchdog ramps it to zero."""
+        """Request an emergency stop. If it fails, the device's watchdog sets zero volts."""
         try:
             self._rig.estop(reason)
         except Exception:

@@ -30,17 +30,17 @@ SIGNALS = {
 
 
 class StopSignals:
-    """Records the stop signals that this program receives."""
+    """The stop signals that this program has received, such as Ctrl-C and SIGTERM."""
 
     def __init__(self) -> None:
         self._received: list[str] = []
 
     def reason(self) -> str | None:
-        """Return why to end the flight, after the first signal; None before."""
+        """Return in words which signal ends the flight; None before the first stop signal."""
         return SIGNALS[self._received[0]][0] if self._received else None
 
     def at_once(self) -> str | None:
-        """Return why to stop without a ramp to zero, after the second signal; None before."""
+        """Return the `Trip` for an emergency stop; None before the second stop signal."""
         if len(self._received) < 2:
             return None
         return Trip(
@@ -50,7 +50,7 @@ class StopSignals:
         )
 
     def handle(self, number: int, frame: FrameType | None) -> None:
-        """Record a received signal by its ``number``; Python calls this (``frame`` is not used)."""
+        """Record the signal ``number``. Python calls this handler; ``frame`` is not used."""
         self._received.append(signal.Signals(number).name)
 
 

@@ -67,9 +67,9 @@ BY_CAUSE = {
 
 
 def explain(flags: int, device_cause: str | None = None) -> Trip | None:
-    """Return what stopped the device, the likely cause and the fix; None if no flag stops it.
+    """Return what stopped the device, the likely cause and the fix; None if it is not stopped.
 
-    ``device_cause``: the cause that the device states.
+    ``flags``: the flags of a sample; ``device_cause``: the cause that the device states.
     """
     seen = Trip.first(*(trip for flag, trip in BY_FLAG.items() if flags & flag))
     if seen is None or device_cause is None:

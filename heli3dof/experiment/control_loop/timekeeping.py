@@ -42,7 +42,10 @@ Skipped = Callable[[], tuple[int, int, int]]
 
 
 class VirtualTime:
-    """A clock that advances with each sample: nothing can be late. Base class of other clocks."""
+    """Clock for deadlines that advances with each sample, so no sample is late.
+
+    Base class of the other clocks.
+    """
 
     def __init__(self, dt: float) -> None:
         self.dt = dt
@@ -73,7 +76,7 @@ class VirtualTime:
 
 
 class HostTime(VirtualTime):
-    """Clock of a rig whose samples the host requests: sample k at due[k]."""
+    """Clock for deadlines of a rig that samples when the host requests it: at due[k] (s)."""
 
     def arrived(self, sample: Sample, since_s: float) -> None:
         self.lateness = sample.host_time_s - self.due
@@ -118,7 +121,10 @@ class DeviceTime(VirtualTime):
 
 
 class CountedTime(DeviceTime):
-    """`DeviceTime` over a link that counts every kind of skipped sample."""
+    """Clock of a rig whose link counts the lost, left-out and passed-over samples separately.
+
+    The counts replace the estimate of `DeviceTime`.
+    """
 
     def __init__(self, dt: float, skipped: Skipped) -> None:
         super().__init__(dt)
@@ -137,7 +143,10 @@ class CountedTime(DeviceTime):
 
 
 def timekeeper(rig: Rig, dt: float) -> VirtualTime:
-    """Return the clock for this rig's timebase; ``dt``: the control period in s."""
+    """Return the clock for the deadlines of ``rig``, by the rig's timebase.
+
+    ``dt`` is the control period in s.
+    """
     if rig.identity.timebase == "host":
         return HostTime(dt)
     if rig.identity.timebase == "virtual":

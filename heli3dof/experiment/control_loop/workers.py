@@ -24,7 +24,10 @@ BY_HAND = f"for p in $(pgrep {NAME}); do sudo chrt -f -p {PRIORITY} $p; done"
 
 
 def raise_workers(undo: ExitStack) -> tuple[Check, ...]:
-    """Run the workers under SCHED_FIFO until ``undo`` closes; return a check if there are any."""
+    """Run the kernel workers that serve serial lines under SCHED_FIFO until ``undo`` closes.
+
+    Returns a check that states the result; none if the system has no such workers.
+    """
     if not hasattr(os, "sched_setscheduler"):
         return ()
     workers = _workers()

@@ -23,7 +23,7 @@ from heli3dof.rig.profile import Profile
 
 
 class SafetyMonitor(ABC):
-    """Base class of the monitors. `monitors_for` makes a new object for each flight."""
+    """Base class of safety monitors, which judge every control period of one flight."""
 
     order: ClassVar[int]
     """Monitors judge a period by rising order; the first report ends the flight."""
@@ -33,20 +33,20 @@ class SafetyMonitor(ABC):
 
     @abstractmethod
     def __call__(self, now: Period) -> str | None:
-        """Return why the flight must end in the period ``now`` (a `Trip`), or None."""
+        """Return why the flight must end in the control period ``now``; None if it may go on."""
 
     def at_once(self) -> str | None:
-        """Return why the device must be stopped without a ramp to zero, or None."""
+        """Return why the device must be stopped at once, without a ramp to zero, or None."""
         return None
 
     def must_still_fall(self) -> bool:
-        """Return True while the arm has yet to fall after the ramp; the loop then holds 0 V."""
+        """Return True if the arm must still fall after the ramp; the loop then holds 0 V."""
         return False
 
 
 @dataclass(frozen=True)
 class FlightMonitors:
-    """The monitors of one flight, as `heli3dof.experiment.control_loop.loop.fly` takes them."""
+    """The safety monitors of one flight, and the callbacks that the control loop needs of them."""
 
     each_period: tuple[Monitor, ...]
     at_once: Callable[[], str | None]
@@ -55,7 +55,7 @@ class FlightMonitors:
 
 @cache
 def monitor_classes() -> tuple[type[SafetyMonitor], ...]:
-    """Return every subclass of `SafetyMonitor` in this package, by rising ``order``."""
+    """Return every subclass of `SafetyMonitor` in this package, in the order of judging."""
     found = set()
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")
@@ -70,7 +70,7 @@ def monitor_classes() -> tuple[type[SafetyMonitor], ...]:
 
 
 def monitors_for(profile: Profile) -> FlightMonitors:
-    """Return new monitors for one flight with this profile."""
+    """Return new safety monitors for one flight; their limits are those of ``profile``."""
     monitors = tuple(kind(profile) for kind in monitor_classes())
     return FlightMonitors(
         monitors,

@@ -91,7 +91,7 @@ class AxisObserver:
         self.angle = self.rate = self.unmodelled = 0.0
 
     def restart(self, angle: float) -> None:
-        """Restart at rest at this angle (rad), with the unmodelled acceleration b = 0."""
+        """Restart the filter at rest at ``angle`` (rad), with zero unmodelled acceleration b."""
         self.angle, self.rate, self.unmodelled = angle, 0.0, 0.0
 
     def step(self, h: float, acceleration: float, measured: float) -> None:

@@ -26,7 +26,7 @@ COUNTER_BITS = (16, 24)
 
 
 class EncoderJump(SafetyMonitor):
-    """Compares each sample's encoder counts and device time with those of the period before."""
+    """Safety monitor that compares a sample's counts and device time with the previous sample's."""
 
     order = 20
 

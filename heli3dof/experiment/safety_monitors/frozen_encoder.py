@@ -82,9 +82,10 @@ MOST_FRICTION = (0.35, 1.0, 1.0)
 
 
 def frozen_trip(axis: int, what: str, *, by_motion: bool = False) -> Trip:
-    """Return the trip for a frozen encoder.
+    """Return the trip for a frozen encoder on ``axis`` (0 roll, 1 pitch, 2 yaw).
 
-    ``axis``: 0 roll, 1 pitch, 2 yaw; ``what``: what shows the fault; ``by_motion``: see `Trip`.
+    ``what`` describes the evidence. ``by_motion``: the motion before the trip may show a wiring
+    fault.
     """
     return Trip(
         what,
@@ -96,7 +97,7 @@ def frozen_trip(axis: int, what: str, *, by_motion: bool = False) -> Trip:
 
 
 class FrozenEncoder(SafetyMonitor):
-    """Monitors every axis for a frozen encoder, in flight and in the ramp to zero."""
+    """Safety monitor that detects a frozen encoder on any axis, also in the ramp to zero."""
 
     order = 50
 
@@ -136,7 +137,7 @@ class FrozenEncoder(SafetyMonitor):
         return None
 
     def must_still_fall(self) -> bool:
-        """Return True while the roll count is constant above the table: the arm should fall."""
+        """Return True if the arm is above the table, but its roll count is constant."""
         return self._airborne and self._axes[0].still_s > LIVE_S
 
     def _report(self, i: int, now: Period) -> Trip | None:
@@ -163,10 +164,10 @@ class FrozenEncoder(SafetyMonitor):
 
 
 class _Axis:
-    """One axis: its observer, its friction and clearance so far, and its standstill.
+    """State of one axis: motion observer, estimates of friction F and clearance C, standstill.
 
-    ``i``: 0 roll, 1 pitch, 2 yaw; ``q``: rad per count; ``most``: friction of known rigs in rad/s².
-    ``most`` is the upper limit of F.
+    ``i``: 0 roll, 1 pitch, 2 yaw; ``q``: rad per count. ``most``: upper limit of F in rad/s², the
+    largest friction of known rigs.
     """
 
     def __init__(self, i: int, q: float, most: float) -> None:
@@ -187,7 +188,10 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, angle: float) -> None:
-        """Restart the observer at rest at this count and angle (rad); keep the friction found."""
+        """Restart the observer at rest at ``angle`` (rad); keep the estimates of friction F.
+
+        ``count``: the encoder's count at this angle.
+        """
         self._observer.restart(angle)
         self.count = count
         self._bias = self._bias_s = 0.0
@@ -209,7 +213,7 @@ class _Axis:
         self._held = self._friction
 
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
-        """Step roll by ``h`` (s) near its rest angle on the table.
+        """Advance the roll axis by ``h`` (s) while the arm is near its rest angle on the table.
 
         ``count``: the encoder's count; ``angle``: the same in rad; ``lift``: acceleration (rad/s²)
         by the thrust beyond the one that lifts any known rig.
@@ -222,7 +226,7 @@ class _Axis:
         self.moved += self._rate * h
 
     def step(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Step an axis in the air by ``h`` (s).
+        """Advance an axis in the air by ``h`` (s).
 
         ``alpha``: expected acceleration α (rad/s²); ``count``: the encoder's count; ``angle``: the
         same in rad.
@@ -296,7 +300,11 @@ class _Axis:
         self._begin_standstill()
 
     def _turn(self, count: int) -> None:
-        """Update F and C: the axis turned back by two counts (one may be a limit cycle)."""
+        """Update friction F and clearance C after the axis turned back by two counts.
+
+        One count would not be enough, because it may be a limit cycle. ``count``: the encoder's
+        count.
+        """
         if self._way and self._high >= self._low:
             change = self._high - self._low
             if change < self._smallest[-1]:

@@ -21,7 +21,7 @@ SHORTEST_S = 0.1
 
 
 def ahead_s() -> float:
-    """Return CLOCK_BOOTTIME − CLOCK_MONOTONIC in s; a delay between the readings lowers it."""
+    """Return CLOCK_BOOTTIME minus CLOCK_MONOTONIC in s."""
     boottime = getattr(time, "CLOCK_BOOTTIME", None)
     if boottime is None:
         return 0.0
@@ -29,7 +29,7 @@ def ahead_s() -> float:
 
 
 class HostSuspend(SafetyMonitor):
-    """Compares the two clocks in every period, those of the ramp to zero included."""
+    """Safety monitor that compares both clocks in every period, also in the ramp to zero."""
 
     order = 10
 
@@ -37,7 +37,7 @@ class HostSuspend(SafetyMonitor):
         self._ahead_s = max(ahead_s() for _ in range(5))
 
     def asleep_s(self) -> float:
-        """Return how long the computer slept in this flight, in s; 0 if below `SHORTEST_S`."""
+        """Return how many seconds the computer slept during this flight; 0 below `SHORTEST_S`."""
         asleep = ahead_s() - self._ahead_s
         return asleep if asleep > SHORTEST_S else 0.0
 

@@ -26,7 +26,7 @@ SLOW_PERIODS = 1.5
 
 
 class Lateness(SafetyMonitor):
-    """Counts late periods within the last second."""
+    """Safety monitor that counts the late control periods within the last second."""
 
     order = 40
 
@@ -75,6 +75,5 @@ class Lateness(SafetyMonitor):
         )
 
     def _quickest_echo_s(self) -> float:
-        """Return the time (s) in which the quickest tenth of the last commands was echoed, or 0."""
         kept = sorted(self._echo_s[: min(self._echoes, len(self._echo_s))])
         return kept[int(QUICKEST * len(kept))] if kept else 0.0

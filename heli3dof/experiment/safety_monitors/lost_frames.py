@@ -18,7 +18,7 @@ DEVICE_FIX = "heli3dof doctor: see the device; a lower rate_hz in the profile"
 
 
 class LostFrames(SafetyMonitor):
-    """Counts consecutive lost samples, and consecutive commands without an echo."""
+    """Safety monitor that counts consecutive lost samples and consecutive commands without echo."""
 
     order = 30
 

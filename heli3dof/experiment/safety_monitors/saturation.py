@@ -20,7 +20,7 @@ _SATURATED = int(Flags.SATURATED)
 
 
 class Saturation(SafetyMonitor):
-    """Measures how long each motor is at its limit without a break."""
+    """Safety monitor that measures for how long each motor's command has been beyond the limit."""
 
     order = 70
 
@@ -53,6 +53,5 @@ class Saturation(SafetyMonitor):
         return None
 
     def _which(self, now: Period) -> str:
-        """Return the name of the motor beyond its limit; the flag SATURATED alone names none."""
         beyond = [m for m, v in zip(MOTORS, now.command, strict=True) if abs(v) > self._v_max]
         return f"the {beyond[0]} motor" if len(beyond) == 1 else "a motor"

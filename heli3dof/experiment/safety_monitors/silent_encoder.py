@@ -40,7 +40,10 @@ SHORTEST_S = 0.01
 
 
 class SilentEncoder(SafetyMonitor):
-    """Learns the standstills of pitch and yaw in the air; judges them in the ramp to zero."""
+    """Safety monitor that learns the standstills of pitch and yaw in the air.
+
+    It judges the standstills of these axes in the ramp to zero.
+    """
 
     order = 60
 
@@ -67,8 +70,6 @@ class SilentEncoder(SafetyMonitor):
 
 
 class _Axis:
-    """Records the standstills of one axis."""
-
     def __init__(self) -> None:
         self._n = self._reversals = 0
         self.longest_s = 0.0
@@ -76,7 +77,10 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, t: float) -> None:
-        """Restart with this encoder count at time ``t`` (s); when the count came is unknown."""
+        """Restart the observation of the axis; its encoder shows ``count`` at time ``t`` (s).
+
+        The present standstill is not learned, because its beginning is unknown.
+        """
         self._count, self.since = count, t
         self._from_change = False
         self._way = 0

@@ -51,7 +51,7 @@ SURE, DISTINCT = 10.0, 4.0
 
 
 class Moment(NamedTuple):
-    """Angles and voltages of one control period before the trip."""
+    """Measured angles and motor voltages of one control period before a safety trip."""
 
     t: float
     """s"""
@@ -62,7 +62,7 @@ class Moment(NamedTuple):
 
 
 class Fault(NamedTuple):
-    """A wiring fault, and its effect on encoder signs and thrusts."""
+    """A wiring fault: its description, its fix, and its effect on encoder signs and thrusts."""
 
     what: str
     fix: str
@@ -113,7 +113,11 @@ HYPOTHESES = (NORMAL, *FAULTS)
 
 
 def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
-    """Return the fault that explains the motion before a trip; None if none clearly does."""
+    """Return the wiring fault that explains the motion before a safety trip, or None.
+
+    ``moments``: the last control periods before the trip; ``profile``: the rig's. The result is
+    None if no fault explains the motion clearly better than the others.
+    """
     if len(moments) < SHORTEST:
         return None
     t = np.array([m.t for m in moments])
@@ -138,7 +142,10 @@ def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
 
 
 def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
-    """Return the trip, with the wiring fault as its cause if the motion before it shows one."""
+    """Return ``trip`` with a wiring fault as its cause if the motion before the trip shows one.
+
+    ``moments``: the last control periods before the trip; ``profile``: the rig's.
+    """
     fault = wiring_fault(moments, profile) if trip.by_motion else None
     if fault is None:
         return trip
@@ -150,9 +157,10 @@ def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
 def _windows(
     t: np.ndarray, angle: np.ndarray, profile: Profile, window_s: float
 ) -> dict[int, slice]:
-    """Return axis → the rows of the last ``window_s`` in which it was free to move and moved.
+    """Return the rows to fit for each axis (0 roll, 1 pitch, 2 yaw) that moved: axis → slice.
 
-    ``t``: times (n,) in s; ``angle``: (n, 3) in rad; axis: 0 roll, 1 pitch, 2 yaw.
+    They are the rows of the last ``window_s`` seconds in which the axis was free to move. ``t``:
+    times (n,) in s; ``angle``: (n, 3) in rad.
     """
     end = len(t)
     beyond = np.flatnonzero((np.abs(angle[:, 1]) > PITCH_STOP) & (t > t[-1] - 2 * WINDOWS_S[-1]))
@@ -183,7 +191,7 @@ def _seen(
     profile: Profile,
     expected: ExpectedAcceleration,
 ) -> np.ndarray:
-    """Return α_H (n, 3) in rad/s²: expected acceleration with this fault, as encoders show it.
+    """Return the accelerations α_H (n, 3) in rad/s² that the encoders would show with ``fault``.
 
     ``angle``: encoder angles (n, 3) in rad; ``applied``: voltages (n, 2) in V.
     """

@@ -22,7 +22,7 @@ from heli3dof.toml_file import Finite, Key, Positive, Section
 
 @dataclass(frozen=True)
 class Clock:
-    """The control periods of one segment, and its random generator."""
+    """Time base of one segment: number and length (s) of its control periods; random generator."""
 
     n: int
     dt: float
@@ -31,7 +31,7 @@ class Clock:
 
     @property
     def t(self) -> np.ndarray:
-        """Return the times (n,) of its control periods, in s since the segment's start."""
+        """Return the times (n,) of the segment's control periods, in s since its start."""
         return np.arange(self.n) * self.dt
 
 
@@ -48,7 +48,11 @@ class BaseSegment(Section):
     yaw_deg: Annotated[Finite | None, Key("yaw reference; if absent, unchanged", "°")] = None
 
     def target(self, before: np.ndarray) -> np.ndarray:
-        """Return this segment's references (3,) in rad; ``before``: the previous segment's."""
+        """Return the angle references (3,) in rad that this segment sets.
+
+        ``before``: the previous segment's references (3,) in rad, which stay unless this one
+        changes them.
+        """
         given = (self.roll_deg, self.pitch_deg, self.yaw_deg)
         return np.array(
             [b if g is None else np.radians(g) for g, b in zip(given, before, strict=True)]
@@ -63,9 +67,10 @@ class BaseSegment(Section):
         return np.tile(self.target(before), (clock.n, 1)), np.zeros((clock.n, 2))
 
     def opened(self, clock: Clock) -> np.ndarray:
-        """Return the mode (n, 3) of each axis's control loop: closed, learning or open.
+        """Return the mode (n, 3) of each axis's control loop in each of n control periods.
 
-        By default all are closed; `model.control.loop_opening` explains the modes.
+        The modes are closed, learning and open (`model.control.loop_opening`). By default all loops
+        are closed. ``clock``: the segment's control periods.
         """
         return np.zeros((clock.n, 3), dtype=np.int8)
 
@@ -80,7 +85,7 @@ class BaseSegment(Section):
         return ", ".join(filter(None, (head, self.details())))
 
     def details(self) -> str:
-        """Return the end of `summary`: by default, the keys with values that only this kind has."""
+        """Return the last part of `summary`: the values of the keys that only this kind has."""
         own = {k: v for k, v in self if k not in BaseSegment.model_fields and v is not None}
         return ", ".join(f"{key} {_printed(value)}" for key, value in own.items())
 
@@ -117,10 +122,10 @@ class FreeSegment(BaseSegment):
     ] = 4.0
 
     def opened_after(self, clock: Clock, axis: int, approach_s: float) -> np.ndarray:
-        """Return the mode (n, 3) of each axis's loop: ``axis`` (0 … 2) is open at the end.
+        """Return the mode (n, 3) of each axis's control loop; that of ``axis`` (0 … 2) opens.
 
-        First its mean voltage is measured for ``learn_s``, then the closed loop brings it to its
-        initial state for ``approach_s``, both in s.
+        In the first ``learn_s`` seconds the mean voltage is measured. In the next ``approach_s``
+        seconds the closed loop brings the axis to its initial state. Then the loop opens.
         """
         mode = np.zeros((clock.n, 3), dtype=np.int8)
         mode[clock.t < self.learn_s, axis] = LEARN
@@ -137,7 +142,7 @@ class FreeSegment(BaseSegment):
 
 @cache
 def kinds() -> dict[str, type[BaseSegment]]:
-    """Return every kind of segment in this package: name in TOML → class."""
+    """Return the class of every kind of segment in this package, by its name in TOML."""
     found: dict[str, type[BaseSegment]] = {}
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")

@@ -47,7 +47,11 @@ SELECT_HORIZON_S = 1.0
 
 @dataclass(frozen=True, eq=False)
 class StateSpaceFit:
-    """A black box: its fit at ``interval_s`` (s), model at the control rate, the data's means."""
+    """A black-box fit, and the `LinearModel` at the control rate that results from it.
+
+    ``state_space`` and ``pem`` (None for PBSID) are the fit to data sampled every ``interval_s`` s.
+    The data's means are u_mean (2,) V and y_mean (3,) rad.
+    """
 
     model: LinearModel
     state_space: StateSpace
@@ -59,7 +63,7 @@ class StateSpaceFit:
 
 @dataclass(frozen=True, eq=False)
 class Decimated:
-    """Data decimated to ``interval_s`` (s); their means u_mean (V), y_mean (rad) are subtracted."""
+    """Segments (u, y) decimated to ``interval_s`` (s), minus the means u_mean (V), y_mean (rad)."""
 
     data: tuple[Pair, ...]
     u_mean: np.ndarray
@@ -68,7 +72,7 @@ class Decimated:
 
 
 def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Decimated:
-    """Return the runs of usable rows, decimated to about ``interval_s`` (s), means subtracted."""
+    """Return the data of ``runs``, decimated to about ``interval_s`` (s), minus their means."""
     factor = max(1, round(interval_s / prepared.dt))
     cut = segments(prepared, runs, factor)
     u_mean = np.vstack([s.u for s in cut]).mean(axis=0)
@@ -89,7 +93,7 @@ def past_window(d: Decimated, largest_order: int) -> int:
 
 
 def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
-    """Return an initial model per order (number of states) by the subspace method PBSID-opt."""
+    """Return {order: initial model} by the subspace method PBSID-opt; orders are state counts."""
     orders = sorted(orders)
     p = past_window(d, orders[-1])
     usable = [(u, y) for u, y in d.data if len(u) > p]
@@ -130,7 +134,10 @@ def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str
 
 
 def selection_score(model: LinearModel, prepared: Prepared) -> float:
-    """Return the mean training fit (%): 1 s predictions and, if possible, closed-loop replay."""
+    """Return the mean fit (%) of ``model`` on the training runs; −∞ if it is not finite.
+
+    The mean is over the axes of 1 s predictions and, if possible, of the closed-loop replay.
+    """
     runs = prepared.train
     scores = [validation.score(validation.predictions(model, prepared, runs, SELECT_HORIZON_S))]
     if not validation.replay_obstacle(prepared, sorted({r.source for r in runs})):

@@ -76,14 +76,20 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 
 def past(u: np.ndarray, y: np.ndarray, p: int) -> np.ndarray:
-    """Return VARX regressors (N − p, p(m+l)): row k − p holds z[k−1], …, z[k−p], z = (u, y)."""
+    """Return the regressors (N − p, p(m+l)) of a VARX (autoregression with inputs) of order p.
+
+    Row k − p holds z[k−1], …, z[k−p], with z = (u, y), inputs u (N, m) and outputs y (N, l).
+    """
     z = np.hstack([u, y])
     n = len(z) - p
     return np.hstack([z[p - j : p - j + n] for j in range(1, p + 1)])
 
 
 def varx(data: Sequence[Pair], p: int) -> Varx:
-    """Fit a vector autoregression with inputs, order p, by QR; ValueError for too few rows."""
+    """Fit a VARX (vector autoregression with inputs) of order p to the segments ``data``.
+
+    Each segment has inputs and outputs. Raises ValueError for too few rows.
+    """
     usable = [(u, y) for u, y in data if len(u) > p]
     m, l = data[0][0].shape[1], data[0][1].shape[1]
     Z = np.vstack([past(u, y, p) for u, y in usable])
@@ -102,7 +108,10 @@ def varx(data: Sequence[Pair], p: int) -> Varx:
 
 
 def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return each segment's states x̂ (N_i − p, n_max) from a VARX fit, and singular values."""
+    """Return each segment's state estimates x̂ (N_i − p, n_max), and the singular values.
+
+    ``fit`` is a VARX of order p, fitted to the segments ``data`` of N_i rows.
+    """
     p, l, w = fit.Xi.shape
     L = np.linalg.cholesky(np.linalg.inv(fit.S))
     GK = np.zeros((p * l, p * w))
@@ -121,7 +130,7 @@ def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray
 def realise(data: Sequence[Pair], x: Sequence[np.ndarray], p: int, n: int) -> StateSpace:
     """Return the state-space model of order n by regression on the state sequences ``x``.
 
-    `states` returns ``x``. ``data`` are the segments, p is the order of its VARX (autoregression).
+    `states` returns ``x`` for the segments ``data`` and a VARX (autoregression) of order p.
     """
     usable = [(u[p:], y[p:]) for u, y in data if len(u) > p]
     m = usable[0][0].shape[1]
@@ -141,12 +150,12 @@ def realise(data: Sequence[Pair], x: Sequence[np.ndarray], p: int, n: int) -> St
 
 
 def pbsid(data: Sequence[Pair], n: int, p: int) -> StateSpace:
-    """Return a model with n states by PBSID-opt from segments ``data``; p: order of its VARX."""
+    """Return a model with n states by PBSID-opt from segments (u, y); p is the VARX's order."""
     fit = varx(data, p)
     x, _ = states(data, fit, n)
     return realise(data, x, p, n)
 
 
 def _triangle(a: np.ndarray) -> np.ndarray:
-    """Return the triangular factor R of a's QR factorisation, sufficient for least squares."""
+    """Return the triangular factor R of the QR factorisation of the matrix ``a``."""
     return np.asarray(np.linalg.qr(a, mode="r"))

@@ -34,7 +34,7 @@ RHO_MAX = 1 - 1e-7
 
 @dataclass(frozen=True, eq=False)
 class PemFit:
-    """The result of `pem`: the model, and the covariance of its p parameters."""
+    """The result of a prediction-error fit (`pem`): the model and its p parameters' covariance."""
 
     model: StateSpace
     innovations: tuple[np.ndarray, ...]
@@ -138,7 +138,7 @@ def pem(
 
 
 def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return W = [Ã B K] and C in balanced coordinates of the n states, Ã = A − K C."""
+    """Return a model's W = [Ã B K] and C, Ã = A − K C, transformed to balanced coordinates."""
     from scipy.linalg import cholesky, solve_discrete_lyapunov, svd
 
     At = W[:, :n]

@@ -41,7 +41,7 @@ VOLT_FOR_RADIAN = 20.0
 
 
 class NoContinuousModel(ValueError):
-    """Raised if a fit has no continuous equivalent: a slow mode alternates every sample."""
+    """Raised if a discrete model has no continuous equivalent: a slow mode alternates in sign."""
 
 
 def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
@@ -87,7 +87,7 @@ def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def at_rate(model: StateSpace, T: float, dt: float) -> StateSpace:
-    """Return the model resampled from interval T (s) to dt (s). Raises NoContinuousModel."""
+    """Return the model resampled from T (s) to dt (s); raise NoContinuousModel if impossible."""
     A, B = c2d_zoh(*continuous(model, T), dt)
     if not model.K.any():
         return replace(model, A=A, B=B)

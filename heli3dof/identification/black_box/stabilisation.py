@@ -17,7 +17,10 @@ def spectral_radius(A: np.ndarray) -> float:
 
 
 def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray | None:
-    """Return the Kalman gain for A, C and covariances Q (process), R (output noise), or None."""
+    """Return the steady-state Kalman gain A P Cᵀ (C P Cᵀ + R)⁻¹, or None if there is none.
+
+    P solves the Riccati equation for the covariances Q of process noise and R of output noise.
+    """
     from scipy.linalg import LinAlgError, solve_discrete_are
 
     try:

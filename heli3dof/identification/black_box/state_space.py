@@ -40,7 +40,7 @@ OPEN_RHO = 1 - 1e-6
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Return the black box that ``request`` asks for; PBSID gives no standard deviations."""
+    """Return the black-box fit that ``request`` describes, made from the training runs."""
     orders = ORDERS if request.order is None else (request.order,)
     chosen, tried = search(
         request.method, prepared, orders=orders, intervals_s=request.intervals_s, name=request.name
@@ -87,7 +87,7 @@ def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
-    """Return per run the prediction errors (rad), voltages (V) at the interval of the fit."""
+    """Return each run's prediction errors (rad) and voltages (V), sampled as the fit ``chosen``."""
     ss = chosen.state_space
     if ss.K.any():
         ss = with_stable_predictor(ss, rho=OPEN_RHO)

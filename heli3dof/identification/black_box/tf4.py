@@ -34,7 +34,7 @@ needed because simulation errors are strongly coloured."""
 
 @dataclass(frozen=True, eq=False)
 class Tf4Fit:
-    """Transfer functions, angle offsets (3,) rad, and covariance S (3, 3) rad² of the errors."""
+    """Fitted transfer functions, angle offsets (3,) rad, and covariance S (3, 3) rad² of errors."""
 
     transfer: TransferFunctions
     offset: np.ndarray
@@ -42,13 +42,19 @@ class Tf4Fit:
 
 
 def denominator(log_parameters: np.ndarray) -> np.ndarray:
-    """Return the coefficients (5,) of D(s) = (s² + a₁ s + a₀)(s² + b₁ s + b₀) from logarithms."""
+    """Return the coefficients (5,) of D(s) = (s² + a₁ s + a₀)(s² + b₁ s + b₀), s⁴ first.
+
+    ``log_parameters`` (4,) are the logarithms of a₁, a₀, b₁, b₀.
+    """
     a1, a0, b1, b0 = np.exp(log_parameters)
     return np.convolve([1.0, a1, a0], [1.0, b1, b0])
 
 
 def companion(den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return A (4, 4), B (4, 1) of ẋ = A x + B u, x = [1 s s² s³] u/D(s); ``den`` (5,) is D."""
+    """Return the companion form A (4, 4), B (4, 1) of 1/D(s); ``den`` (5,) are D's coefficients.
+
+    The states of ẋ = A x + B u are x = [1 s s² s³] u/D(s).
+    """
     n = len(den) - 1
     A = np.eye(n, k=1)
     A[-1] = -den[:0:-1]
@@ -190,7 +196,7 @@ def _covariance(
 
 
 def state_space(fit: Tf4Fit, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the fit as A (8, 8), B (8, 2), C (3, 8) at dt (s); 4 companion states per motor."""
+    """Return A (8, 8), B (8, 2), C (3, 8) of the fit in discrete time, sampled every ``dt`` s."""
     A, B = companion(fit.transfer.den)
     m = fit.transfer.num.shape[1]
     Ad, Bd = c2d_zoh(np.kron(np.eye(m), A), np.kron(np.eye(m), B), dt)

@@ -29,7 +29,7 @@ FOURTH_ORDER = (
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Return fitted transfer functions as in the paper's eq (17); UsageError unless order 4."""
+    """Return a fit of the paper's eq (17); raise UsageError for an order other than 4."""
     if request.order not in (None, 4):
         raise UsageError(
             f"--method tf4 has order 4, not {request.order}.",

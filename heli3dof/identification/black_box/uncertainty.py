@@ -27,7 +27,10 @@ from heli3dof.model.discretisation import Continuous, numerators
 
 
 def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
-    """Return the model with ``delta`` added to the entries of [Ã B K] and C; Ã = A − K C."""
+    """Return the model after its matrices' entries have changed by the vector ``delta``.
+
+    ``delta`` lists the changes of [Ã B K], Ã = A − K C, and then of C, both row by row.
+    """
     n, m, l = model.order, model.B.shape[1], len(model.C)
     dW = delta[: n * (n + m + l)].reshape(n, n + m + l)
     C = model.C + delta[n * (n + m + l) :].reshape(l, n)
@@ -63,7 +66,7 @@ def poles(fit: PemFit, T: float) -> list[Pole]:
 
 
 def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:
-    """Return the covariance (q, q) of f(model) (q,), from the covariance of the parameters."""
+    """Return the covariance (q, q) of the vector f(model), propagated from the fit's parameters."""
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
     columns = []
     for j, s in enumerate(std):
@@ -98,7 +101,7 @@ def response(model: StateSpace, T: float, omega: np.ndarray) -> np.ndarray:
 
 
 def response_std(fit: PemFit, T: float, omega: np.ndarray) -> np.ndarray:
-    """Return `response`'s standard deviation (F, 3, 2) rad/V at ω (F,); T (s): sample interval."""
+    """Return the standard deviation (F, 3, 2) rad/V of `response`, with its T and ``omega``."""
 
     def parts(model: StateSpace) -> np.ndarray:
         G = response(model, T, omega).ravel()

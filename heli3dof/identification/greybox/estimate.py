@@ -42,7 +42,7 @@ LOG_STD_MAX = 0.4
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on one parameter: whether the recordings identify it."""
+    """The verdict on one parameter: whether the recordings determine its value."""
 
     identifiable: bool
     absent: bool
@@ -55,7 +55,7 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Estimate(PhysicalFit):
-    """A maximum-likelihood fit of the n free parameters of a model ``structure``, in its order."""
+    """A maximum-likelihood fit of n parameters of a grey-box model, in the order of ``free``."""
 
     problem: Likelihood
     optimum: Optimum
@@ -96,12 +96,15 @@ class Estimate(PhysicalFit):
 
     @cached_property
     def bound(self) -> np.ndarray:
-        """Return the Cramér–Rao bound (n,) on the parameters' standard deviations."""
+        """Return the Cramér–Rao bound (n,) on the standard deviations, in the parameters' units."""
         noise = self.optimum.noise * np.array([*[np.sqrt(self.inflation)] * 3, 1.0])
         return np.asarray(cramer_rao(self.problem, self.optimum.theta, noise) * self.slopes)
 
     def interval(self, z: float = 1.96) -> np.ndarray:
-        """Return confidence intervals (n, 2), ± z deviations; of log parameters in the log."""
+        """Return confidence intervals (n, 2) of the parameters: ± z standard deviations.
+
+        For a parameter with ``log``, the interval is symmetric in the logarithm.
+        """
         theta, sd = self.optimum.theta, self.std / self.slopes
         return np.column_stack(
             [self.problem.values(theta - z * sd), self.problem.values(theta + z * sd)]
@@ -163,7 +166,10 @@ def estimate(
 
 
 def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
-    """Return the log-likelihood's gradients (m, n), summed over each of m blocks of block_s s."""
+    """Return the gradients (m, n) of the log-likelihood, one for each of m blocks of ``block_s`` s.
+
+    The gradients are by the n parameter coordinates, at ``optimum``.
+    """
     o = optimum
     which = np.zeros(len(data.t), dtype=np.int64)
     at = 0
@@ -176,7 +182,10 @@ def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
 
 
 def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Return the Cramér–Rao bound (n,) on coordinates θ (n,), prior included; noise (4,)."""
+    """Return the Cramér–Rao bound (n,) on the standard deviations of the coordinates θ (n,).
+
+    It includes the prior. ``noise`` (4,) holds process noise and jitter, as in `Optimum`.
+    """
     white = replace(
         problem,
         data=replace(problem.data, grid=np.zeros_like(problem.data.grid)),
@@ -189,7 +198,7 @@ def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.
 
 @dataclass(frozen=True)
 class Candidate:
-    """The result of `score_test` for one effect (term), with an estimate of its parameters."""
+    """The result of `score_test` for one candidate effect: its score and estimated parameters."""
 
     name: str
     score: float

@@ -110,7 +110,7 @@ INSTEAD = (
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Return physical parameters fitted by multi-step predictions to the training runs."""
+    """Return physical parameters, fitted by multi-step predictions to the training runs."""
     sources = sorted({r.source for r in prepared.train})
     several = [_cut(prepared.recordings[i], prepared.train, i) for i in sources]
     found = fit_freeflight(several, request.terms or REAL_TERMS)
@@ -137,7 +137,7 @@ def fit_freeflight(
 
 
 def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS) -> MultiStep:
-    """Return the least-squares problem of fitting the effects ``names`` to prediction windows."""
+    """Return the least-squares problem of fitting a model with the effects ``names``."""
     structure = Structure(recordings[0].profile, terms(names))
     parts = [(r, flight_of(r)) for r in recordings]
     flights = [(r, f) for r, f in parts if len(f.starts) >= LEAST_STARTS]
@@ -172,7 +172,7 @@ def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERM
 
 
 def flight_of(recording: Recording) -> Flight:
-    """Return the recording as arrays, with the first rows of its usable prediction windows."""
+    """Return the recording as a `Flight`, with the start rows of its usable prediction windows."""
     r = recording
     n, every = round(WINDOW_S / r.dt), max(1, round(APART_S / r.dt))
     bad = ~free_rows(r)
@@ -202,14 +202,14 @@ def free_rows(recording: Recording) -> np.ndarray:
 
 
 def _airborne(recording: Recording) -> list[Stretch]:
-    """Return the stretches of rows for the filter: off the table, without missing readings."""
+    """Return the stretches of rows off the table, without missing readings, for the filter."""
     ok = ~table_of(recording)[1] & ~unusable(recording)["unread"]
     breaks = np.flatnonzero(np.diff(recording.t) > GAP * recording.dt) + 1
     return [Stretch(0, a, b) for a, b in stretches(ok, breaks) if b - a > 2]
 
 
 def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:
-    """Return the recording number ``source`` up to the last row of its training ``runs``."""
+    """Return the recording, whose index is ``source``, up to the last row of its ``runs``."""
     return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
 
 
@@ -238,7 +238,7 @@ def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) ->
 
 
 def parameters(found: MultiStepFit) -> dict[str, Parameter]:
-    """Return the parameters by name: value, standard deviation, nominal value, verdict."""
+    """Return {name: parameter} with value, standard deviation, nominal value and verdict."""
     out = {}
     std, prior = found.std, found.prior_std
     for f, v, s, p in zip(found.structure.free, found.values, std, prior, strict=True):
@@ -251,7 +251,7 @@ def parameters(found: MultiStepFit) -> dict[str, Parameter]:
 
 
 def warnings(found: MultiStepFit) -> tuple[str, ...]:
-    """Return warnings: parameters not identifiable, or different by recording; no convergence."""
+    """Return warnings of parameters not identifiable or varying, and of a fit not converged."""
     out = [p.verdict for p in parameters(found).values() if p.verdict]
     if not found.converged:
         out.append(f"The fit had not converged after {found.rounds} rounds: too little motion.")
@@ -263,5 +263,5 @@ def warnings(found: MultiStepFit) -> tuple[str, ...]:
 
 
 def handed_over(found: FitResult, reason: str) -> FitResult:
-    """Return the result, marked as made by ``freeflight``, the reason as its first warning."""
+    """Return ``found`` with the method name ``freeflight`` and ``reason`` as its first warning."""
     return replace(found, method="freeflight", warnings=(f"{reason} {INSTEAD}", *found.warnings))

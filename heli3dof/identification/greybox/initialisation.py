@@ -19,7 +19,10 @@ SETTLING = 3
 def likeliest_start(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return start coordinates (n,) and noise (4,): the likeliest of the effects' ``starts``."""
+    """Return the parameter coordinates (n,) and noise (4,) from which a fit should start.
+
+    They are ``theta``, but for effects with ``starts`` the value of highest likelihood.
+    """
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     theta = theta.copy()
     for term in problem.structure.terms:

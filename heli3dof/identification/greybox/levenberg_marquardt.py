@@ -53,7 +53,7 @@ class LeastSquares:
         return float(r @ r + d @ self.prior @ d)
 
     def tangents(self, z: np.ndarray, r: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
-        """Return ∂r/∂z by differences, from r (R,) at z (dim,), for coordinates ``which``."""
+        """Return ∂r/∂z, a row per coordinate in ``which``, by differences from r at z (dim,)."""
         side = np.where(z + self.difference < self.high, self.difference, -self.difference)
         j = np.arange(len(z)) if which is None else which
         points = [z + side * (np.arange(len(z)) == i) for i in j]
@@ -63,7 +63,7 @@ class LeastSquares:
     def step(self, z: np.ndarray, g: np.ndarray, H: np.ndarray, damping: float) -> np.ndarray:
         """Return z (dim,) after a Levenberg–Marquardt step with gradient g and Hessian H.
 
-        ``damping`` multiplies the diagonal of H that is added. A coordinate at a bound stays there,
+        The step adds ``damping`` times the diagonal of H to H. A coordinate at a bound stays there,
         and the step of the others is solved again.
         """
         A = H + damping * np.diag(np.diag(H))
@@ -83,7 +83,7 @@ class LeastSquares:
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """The result of the minimisations `descend` and `follow_on`."""
+    """The result of a minimisation by `descend` or `follow_on`: the minimum ``z`` and its cost."""
 
     z: np.ndarray
     cost: float

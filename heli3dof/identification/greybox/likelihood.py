@@ -32,7 +32,7 @@ below 10; with negative dry friction they reached 1e243, whose square overflows.
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """The result of one run of the filter over the data. E readings update its state."""
+    """The result of one run of the Kalman filter over the data; E readings update its state."""
 
     loglik: np.ndarray
     """(3,) log-likelihood by axis: Σ ln Z, Z being a reading's probability given earlier ones"""
@@ -52,7 +52,7 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """The likelihood of data for a model, at parameter coordinates θ (n,) and noise a (4,)."""
+    """The likelihood of recorded data, a function of parameters θ (n,) and noise a (4,)."""
 
     data: Data
     structure: Structure
@@ -73,7 +73,7 @@ class Likelihood:
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lowest (n,) and highest (n,) parameter coordinates allowed."""
+        """Return the lowest and the highest allowed parameter coordinates, (n,) each."""
         free = self.structure.free
         low = np.array([f.inward(f.low) for f in free])
         return low, np.array([f.inward(f.high) for f in free])

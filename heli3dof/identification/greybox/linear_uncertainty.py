@@ -92,7 +92,10 @@ def linear_quantities(
 
 
 def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
-    """Return errors (rad) of predictions `TEST_INTERVAL_S` ahead, and mean voltages (V)."""
+    """Return each run's prediction errors (rad) and mean voltages (V).
+
+    Predictions are `TEST_INTERVAL_S` ahead; the voltages are means over that interval.
+    """
     q = max(1, round(TEST_INTERVAL_S / prepared.dt))
     E, U = [], []
     for run in runs:
@@ -114,7 +117,7 @@ def fit_result(
     parameters: Mapping[str, Parameter],
     warnings: tuple[str, ...],
 ) -> FitResult:
-    """Return the `FitResult` of a physical method; ``dt`` (s) is the control period."""
+    """Return a physical fit and its ``model`` as a `FitResult`; ``dt`` (s): control period."""
     poles, transfer, response = linear_quantities(found, dt)
     return FitResult(
         model=model,

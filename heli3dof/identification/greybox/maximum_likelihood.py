@@ -55,7 +55,7 @@ _PROBE = 0.5  # step of the log intensity
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The maximum of likelihood times prior, with the filter's run at it."""
+    """The maximum of likelihood times prior; ``at`` is the filter's run at these parameters."""
 
     theta: np.ndarray
     """(n,) parameter coordinates at the maximum"""
@@ -81,7 +81,10 @@ def maximise(
     *,
     rounds: int = ROUNDS,
 ) -> Optimum:
-    """Return the maximum found from coordinates ``start`` (n,), noise (4,) in ``rounds`` rounds."""
+    """Maximise likelihood times prior in at most ``rounds`` Gauss–Newton rounds.
+
+    The search starts at coordinates ``start`` (n,), by default the prior mean, and ``noise`` (4,).
+    """
     low, high = problem.bounds
     theta = problem.prior_mean.copy() if start is None else np.clip(start, low, high)
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
@@ -159,7 +162,7 @@ def better_noise(
 
 
 def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the noise ``a`` (4,) with the likeliest jitter of 0 and `JITTERS` (s)."""
+    """Return ``a`` (4,) with its jitter replaced by the likeliest of 0 and `JITTERS` (s)."""
     best, best_loglik = 0.0, -np.inf
     for jitter in (0.0, *JITTERS):
         loglik = float(problem.run(theta, np.append(a[:3], jitter), keep=0).loglik.sum())

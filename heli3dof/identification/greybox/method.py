@@ -47,7 +47,10 @@ jitter, gives better estimates than the multi-step fit."""
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Return a maximum-likelihood fit to the training runs and to recordings lacking an angle."""
+    """Return a maximum-likelihood fit to the training runs and to recordings lacking an angle.
+
+    ``request.partial`` contains these recordings, ``request.terms`` names the effects to fit.
+    """
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]
     runs: list[Run] = list(prepared.train)
@@ -67,14 +70,14 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
 
 
 def has_jitter(recording: Recording) -> bool:
-    """Return whether the motion shows sampling jitter above `JITTER_SHARE` of the period."""
+    """Return True if the motion shows sampling jitter above `JITTER_SHARE` of the sample period."""
     r = recording
     m = motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count)
     return m.found and m.sigma_s > JITTER_SHARE * r.dt
 
 
 def compile_first(problem: Likelihood) -> None:
-    """Compile the likelihood's code once per process, with a message, because it takes long."""
+    """Compile the likelihood's code once per process; log a message if this takes long."""
     from heli3dof.model.estimation.ekf_quantised import filter_blocks
 
     if filter_blocks.signatures:
@@ -150,7 +153,7 @@ def usable_runs(recording: Recording, source: int) -> list[Stretch]:
 
 
 def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
-    """Return the fitted model called ``name``, with the names of the recordings it is from."""
+    """Return the fit as a model called ``name``, which lists the recordings of the fit."""
     extra: dict[str, Any] = {
         "method": "greybox",
         "recordings": [{"name": r.name, "sha256": r.digest} for r in recordings],
@@ -174,7 +177,7 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
 
 
 def parameters(found: Estimate) -> dict[str, Parameter]:
-    """Return each parameter by name: value, standard deviation, bound on it, nominal, verdict."""
+    """Return {name: parameter} with value, standard deviation, bound, nominal value, verdict."""
     return {
         f.name: Parameter(
             float(v), float(s), f.unit, float(b), f.start if f.term is None else f.null, w.sentence
@@ -186,7 +189,7 @@ def parameters(found: Estimate) -> dict[str, Parameter]:
 
 
 def warnings(found: Estimate) -> tuple[str, ...]:
-    """Return warnings about parameters, simplified equations, convergence, unmodelled motion."""
+    """Return warnings of doubtful parameters, simplified equations, no convergence, poor fit."""
     out = [v.sentence for v in found.verdicts if v.sentence]
     out += [t.effect.summary for t in found.structure.formal]
     o = found.optimum

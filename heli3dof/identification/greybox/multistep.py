@@ -90,7 +90,7 @@ class MultiStep:
 
     @cached_property
     def own(self) -> np.ndarray:
-        """Return the indices (B,), among the n parameters, of those with a value per recording."""
+        """Return the indices (B,) of the parameters that have one value for each recording."""
         return np.array([self.structure.names.index(v) for v in self.varying], dtype=int)
 
     @property
@@ -115,7 +115,7 @@ class MultiStep:
 
     @cached_property
     def prior(self) -> np.ndarray:
-        """Return the prior's precision Λ (dim, dim): the inverse covariance of z."""
+        """Return the prior's precision Λ (dim, dim), the inverse covariance of coordinates z."""
         free = self.structure.free
         std = []
         for f in free:
@@ -142,7 +142,10 @@ class MultiStep:
         return L
 
     def values(self, z: np.ndarray, flight: int | None = None) -> np.ndarray:
-        """Return the parameters (n,) in their units at z (dim,), for one flight if given."""
+        """Return the parameter values (n,) in their units at the coordinates z (dim,).
+
+        With the index ``flight``, parameters that vary have that flight's values, else common ones.
+        """
         theta = z[: self.n].copy()
         if flight is not None:
             b = len(self.own)
@@ -150,7 +153,10 @@ class MultiStep:
         return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     def states(self, z: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:
-        """Return angles (rad), rates (rad/s) (N, 6) of flight i by the filter; NaN: unused rows."""
+        """Return the filter's estimates (N, 6) of angles (rad), rates (rad/s) in flight number i.
+
+        z (dim,) are the coordinates, ``noise`` (4,) is as in `MultiStepFit`. Unused rows are NaN.
+        """
         flight = self.flights[i]
         X = np.full((len(flight.t), 6), np.nan)
         found = filter_jittered(
@@ -161,7 +167,10 @@ class MultiStep:
         return X
 
     def errors(self, z: np.ndarray, noise: np.ndarray, horizons_s: Sequence[float]) -> list[Any]:
-        """Return each flight's prediction errors (S, M, 3) rad: S start rows, M horizons."""
+        """Return each flight's prediction errors (S, M, 3) rad from S start rows at M horizons.
+
+        z (dim,) are the coordinates, ``noise`` (4,) is as in `MultiStepFit`.
+        """
         out = []
         for i, flight in enumerate(self.flights):
             ahead = np.array([max(1, round(h / flight.dt)) for h in horizons_s])
@@ -217,7 +226,7 @@ class MultiStepFit(PhysicalFit):
 
     @property
     def by_recording(self) -> dict[str, np.ndarray]:
-        """Return, by name, the values (flights,) of each parameter that varies by recording."""
+        """Return {name: values (flights,)} of the parameters that vary by recording."""
         free = self.structure.free
         return {
             free[j].name: np.array([free[j].outward(c) for c in self._own[:, b]])
@@ -226,7 +235,7 @@ class MultiStepFit(PhysicalFit):
 
     @property
     def prior_std(self) -> np.ndarray:
-        """Return the prior's standard deviations (n,), in the parameters' units."""
+        """Return the prior standard deviations (n,) of the parameters, in their units."""
         n = self.problem.n
         return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.problem.prior))[:n]) * self.slopes)
 
@@ -248,7 +257,7 @@ def robust(u: np.ndarray) -> np.ndarray:
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """Return the RMS (M, 3) rad of errors e (S, M, 3), each cut at 1 rad; zeros mean unmeasured."""
+    """Return the RMS (M, 3) rad of errors e (S, M, 3), cut at 1 rad, without unmeasured axes."""
     there = np.maximum((e != 0).sum(axis=0), 1)
     size = np.sqrt((np.minimum(np.abs(e), 1.0) ** 2).sum(axis=0) / there)
     return np.asarray(np.maximum(size, np.radians(0.1)))
@@ -294,7 +303,10 @@ def search(
 def least_squares_problem(
     p: MultiStep, noise: np.ndarray, stage_s: Sequence[float], scale: np.ndarray
 ) -> LeastSquares:
-    """Return the problem for M horizons ``stage_s`` (s), noise (4,), error scales (M, 3) rad."""
+    """Return the least-squares problem for predictions at the M horizons ``stage_s`` (s).
+
+    ``noise`` (4,) is the filter's; ``scale`` (M, 3) rad divides the errors.
+    """
     seconds = sum(len(f.starts) * _apart(f) for f in p.flights)
     size = len(stage_s) * sum(len(f.starts) for f in p.flights)
     weight = np.sqrt(seconds / WINDOW_S / size)
@@ -307,7 +319,10 @@ def least_squares_problem(
 
 
 def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return a likelier noise (4,) than ``a`` at coordinates z: three intensities, jitter (s)."""
+    """Return noise (4,) with a higher likelihood than ``a``, at the coordinates z (dim,).
+
+    Three entries are the process noise on roll, pitch, yaw (rad/s²/√Hz), the last is jitter (s).
+    """
     a = a.copy()
     tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]
     a[3] = JITTERS_S[int(np.argmax(tried))]

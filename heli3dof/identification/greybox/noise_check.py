@@ -66,18 +66,18 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return the errors (3,) in degrees that white noise causes `HORIZON_S` ahead."""
+        """Return the errors (3,) in degrees that white process noise causes `HORIZON_S` ahead."""
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
     def overstated(self) -> np.ndarray:
-        """Return (3,) bool: axes on which the process noise contradicts the predictions."""
+        """Return (3,) bool: axes whose process noise is too large for the prediction errors."""
         loud = self.noise > TIMES * NOISE
         return np.asarray(loud & (self.expected_deg > OVER * self.rmse_deg))
 
     @property
     def usable(self) -> bool:
-        """Return whether a maximum-likelihood fit is valid: no axis is `overstated`."""
+        """Return True if a maximum-likelihood fit is valid: no axis is `overstated`."""
         return not self.overstated.any()
 
 
@@ -107,11 +107,10 @@ def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Return the fit of the method ``greybox``: by maximum likelihood, else as ``freeflight``.
+    """Return the maximum-likelihood fit, or a multi-step fit if the likelihood is invalid.
 
-    ``freeflight`` fits multi-step predictions where `no_likelihood` finds the likelihood invalid.
-    The likelihood is always used if ``request`` names its terms or has recordings that lack an
-    angle. ``prepared`` holds the recordings.
+    `no_likelihood` finds that. The likelihood is always used if ``request`` names its terms or has
+    recordings that lack an angle. ``prepared`` holds the recordings.
     """
     if request.terms is None and not request.partial and (reason := no_likelihood(prepared)):
         return freeflight.handed_over(freeflight.fit(prepared, request), reason)
@@ -132,7 +131,7 @@ def no_likelihood(prepared: Prepared) -> str:
 def likelihood_obstacle(recordings: Sequence[Recording]) -> str:
     """Return why recordings make a maximum-likelihood fit invalid, or an empty string.
 
-    Their controller is unknown. Tests sampling jitter first, then the process noise.
+    The test assumes an unknown controller. Sampling jitter comes first, then the process noise.
     """
     if all(has_jitter(r) for r in recordings):
         return CLOCK

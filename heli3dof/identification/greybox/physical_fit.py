@@ -11,7 +11,7 @@ from heli3dof.model.physics.parametrisation import Structure
 
 
 class PhysicalFit(ABC):
-    """Base class of a fit of the n free parameters of a model ``structure``, in its order."""
+    """Base class of a fit of physical parameters: n values, in the order of ``structure.free``."""
 
     @property
     @abstractmethod
@@ -28,22 +28,22 @@ class PhysicalFit(ABC):
         """Return the covariance (n, n) of the parameters in their units."""
 
     def values_at(self, theta: np.ndarray) -> np.ndarray:
-        """Return the parameters (n,) in their units at the coordinates ``theta`` (n,)."""
+        """Return the parameter values (n,) in their units at the coordinates ``theta`` (n,)."""
         return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     @cached_property
     def values(self) -> np.ndarray:
-        """Return the parameters (n,) in their units."""
+        """Return the fitted values (n,) of the parameters, in their units."""
         return self.values_at(self.theta)
 
     @cached_property
     def slopes(self) -> np.ndarray:
-        """Return the derivative (n,) of each parameter's value by its coordinate."""
+        """Return the derivative (n,) of each parameter's value by its coordinate (see `theta`)."""
         return np.array([f.slope(v) for f, v in zip(self.structure.free, self.values, strict=True)])
 
     @property
     def std(self) -> np.ndarray:
-        """Return the standard deviations (n,) in the parameters' units."""
+        """Return the standard deviations (n,) of the parameters, in their units."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property

@@ -31,7 +31,7 @@ e⁶ = 400 to 1."""
 
 
 def with_simplifications(found: Estimate) -> Estimate:
-    """Return the fit, or a refit with simplified equations of motion if that is far likelier."""
+    """Return ``found``, or a refit with simplified equations of motion if that is far likelier."""
     g, V = score_and_curvature(found)
     worth = [float(a @ g - 0.5 * a @ V @ a) for a in COMBINATIONS]
     best = int(np.argmax(worth))
@@ -47,7 +47,10 @@ def with_simplifications(found: Estimate) -> Estimate:
 
 
 def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """Return the log-likelihood's gradient (2,), curvature (2, 2) by the omitted shares."""
+    """Return the log-likelihood's gradient (2,) and curvature (2, 2) at the fit ``found``.
+
+    They are by the omitted shares; the curvature is V of the module.
+    """
     o, n, own = found.optimum, len(found.theta), found.structure
     wide = replace(
         found.problem, structure=Structure(own.profile, (*own.terms, *terms(SIMPLIFICATIONS)))

@@ -48,7 +48,11 @@ FAR = 20.0
 
 
 def _along(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: ignore[no-untyped-def]
-    """Fill ``out`` (N, 6): angles without encoder effects (rad), model accelerations (rad/s²)."""
+    """Fill ``out`` (N, 6): angles without encoder effects (rad), model accelerations (rad/s²).
+
+    y and y_dot (N, 3) are the encoder readings and rates, F (N, 2) N the thrusts. For the other
+    arguments see `heli3dof.model.physics.integrator`.
+    """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((3, 3))
     m, slope = np.empty(3), np.empty(3)
@@ -88,7 +92,7 @@ class Span:
     """(L,) weights of the sums for ∫ φ · dt (``phi``, sum 1) and ∫ φ″ · dt (``phi_2``)"""
 
     def integrals(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return ∫ φ″ q dt − ∫ φ a dt (n, 3); q (N, 3) rad angles, a (N, 3) rad/s²."""
+        """Return ∫ φ″ q dt − ∫ φ a dt (n, 3); angles q (N, 3) rad, accelerations a (N, 3)."""
         each = np.lib.stride_tricks.sliding_window_view
         L = len(self.phi)
         if len(q) < L:
@@ -112,7 +116,7 @@ class SmoothedFlight:
 
 
 def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
-    """Return a flight with smoothed readings, and test functions in its windows of window_s s."""
+    """Return the flight smoothed, with test functions in its windows of ``window_s`` s."""
     from scipy.signal import savgol_filter
 
     t, dt = flight.t, flight.dt
@@ -144,7 +148,7 @@ def span(free: np.ndarray, dt: float, width_s: float) -> Span:
 def residuals(
     problem: MultiStep, logs: Sequence[SmoothedFlight], z: np.ndarray
 ) -> list[np.ndarray]:
-    """Return the weak form's errors (n, 3) rad/s² at coordinates z, for each span length."""
+    """Return the weak form's errors (n, 3) rad/s² at the coordinates z, for each length of span."""
     found: list[list[np.ndarray]] = [[] for _ in SPANS_S]
     for i, log in enumerate(logs):
         values, f, st = problem.values(z, i), log.flight, problem.structure
@@ -164,7 +168,7 @@ def residuals(
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """Return 1.48 × the median size (3,) of errors e (n, 3); zeros mean "not measured", skipped."""
+    """Return 1.48 × the median |e| (3,) of the errors e (n, 3), without zeros (unmeasured axes)."""
     e = np.nan_to_num(e, nan=1e3, posinf=1e3, neginf=-1e3)
     out = np.ones(3)
     for i in range(3):  # a zero was not measured
@@ -177,7 +181,10 @@ def weak_start(
     problem: MultiStep, start: np.ndarray | None = None, rounds: int = ROUNDS, *,
     say: Callable[[str], None] | None = None,
 ) -> np.ndarray:  # fmt: skip
-    """Return coordinates (dim,) to start the multi-step fit, searched from ``start`` (dim,)."""
+    """Return the coordinates (dim,) from which the multi-step fit should start.
+
+    They minimise the weak form's errors, searched from ``start`` (dim,) in ``rounds`` rounds.
+    """
     logs = [log_of(f) for f in problem.flights]
     z = np.clip(problem.start if start is None else start, *problem.bounds)
     for n in range(rounds):

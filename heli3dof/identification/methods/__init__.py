@@ -20,7 +20,7 @@ GROUP = "heli3dof.methods"
 
 @cache
 def built_in() -> Mapping[str, Method]:
-    """Return the methods of this folder by name."""
+    """Return the identification methods of this folder by name."""
     names = [m.name for m in pkgutil.iter_modules(__path__)]
     found = [importlib.import_module(f"{__name__}.{name}").METHOD for name in names]
     return {m.name: m for m in found}
@@ -45,7 +45,7 @@ def methods() -> Mapping[str, Method]:
 
 
 def known_method(name: str) -> Method:
-    """Return the method called ``name``; for an unknown one raise UsageError with the nearest."""
+    """Return the method ``name``; for an unknown name raise UsageError, which suggests one."""
     if name in methods():
         return methods()[name]
     raise UsageError(

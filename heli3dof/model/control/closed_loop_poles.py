@@ -50,7 +50,10 @@ def closed_loop(
 
 
 def ideal_loop_poles(model: LinearParameters, controller: ControllerSpec) -> np.ndarray:
-    """Return the poles (rad/s, rightmost first) of the continuous loop with exact angular rates."""
+    """Return the poles (rad/s, rightmost first) of the continuous loop with exact angular rates.
+
+    The loop is ``model``, converted to continuous time, under the gain of ``controller``.
+    """
     c = continuous(model)
     C = np.where(model.modelled[:, None], c.C, 0.0)
     A_cl, _, _ = closed_loop(c.A, c.B, C, controller.K_g)
@@ -93,11 +96,11 @@ def sampled_loop_poles(
 
 
 def _integrals_in_the_loop(model: LinearParameters, controller: ControllerSpec) -> np.ndarray:
-    """Return (2,) bool: whether the loop contains the integral of the roll and of the yaw error."""
+    """Return (2,) bool for roll and yaw: the loop contains the integral of that axis' error."""
     return np.asarray((controller.K_g[:, 6:] != 0).any(axis=0) & model.modelled[list(INTEGRATED)])
 
 
 def rightmost_first(poles: np.ndarray) -> np.ndarray:
-    """Return the poles by falling real part; in a complex pair, positive imaginary part first."""
+    """Return the poles sorted by falling real part; in a complex pair, Im > 0 comes first."""
     poles = np.asarray(poles, dtype=complex)
     return poles[np.lexsort((-poles.imag, -poles.real.round(9)))]

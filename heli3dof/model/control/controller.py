@@ -157,12 +157,12 @@ class Controller:
 
     @classmethod
     def of(cls, profile: Any) -> Controller:
-        """Return the controller of a `Profile` at its loop rate; by default the paper's."""
+        """Return the controller of a rig's `Profile`; without one there, the paper's controller."""
         profile = profile.with_controller()
         return cls(profile.controller, profile.motor.V_o, profile.motor.v_max, profile.dt)
 
     def reset(self, angle: Sequence[float] | np.ndarray) -> None:
-        """Set the controller state to that of a rig at rest at ``angle`` (3,) rad."""
+        """Set the controller state to that of a rig at rest at the angles ``angle`` (3,) rad."""
         self._s = state_at_rest(self._p, [float(a) for a in angle])
 
     def step(
@@ -190,17 +190,17 @@ class Controller:
 
     @property
     def limited_reference(self) -> tuple[float, float, float]:
-        """Return (3,) rad: the references after the rate limiter, from the last `step`."""
+        """Return the rate-limited references (3,) rad that the last `step` used."""
         s = self._s
         return s[_LIMITED], s[_LIMITED + 1], s[_LIMITED + 2]
 
     @property
     def rates(self) -> tuple[float, float, float]:
-        """Return (3,) rad/s: the filtered derivatives of the angles, from the last `step`."""
+        """Return the filtered angular rates (3,) rad/s that the last `step` computed."""
         s = self._s
         return s[_RATE], s[_RATE + 1], s[_RATE + 2]
 
     @property
     def integrals(self) -> tuple[float, float]:
-        """Return (∫ roll error dt, ∫ yaw error dt) in rad·s, after the last `step`."""
+        """Return the integrals of the roll and the yaw error (rad·s) after the last `step`."""
         return self._s[_XI], self._s[_XI + 1]

@@ -26,7 +26,7 @@ from heli3dof.model.linear.hover import Hover
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """The simulated response at N instants: times (s), angles (rad) and motor voltages (V)."""
+    """The simulated response at N instants: times (s), angles (rad), voltages V − V_o (V)."""
 
     t: np.ndarray
     """(N,) s"""

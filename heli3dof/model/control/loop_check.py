@@ -51,7 +51,7 @@ yaw step by 16 % and a roll step by 19 %."""
 
 @dataclass(frozen=True)
 class StepCheck:
-    """The result of one simulated reference step: peak angle, voltage, saturation, safety trip."""
+    """The result of one simulated reference step: largest angle and voltage, saturation, trip."""
 
     name: str
     axis: str
@@ -71,7 +71,7 @@ class StepCheck:
 
 @dataclass(frozen=True)
 class LoopCheck:
-    """The result of `check_loop_of`: poles; for a stable loop also disk margin and steps."""
+    """The result of `check_loop_of`: poles and, if they are stable, disk margin and steps."""
 
     poles: FloatArray
     """(n,) rad/s, rightmost first, of the sampled loop about hover"""
@@ -85,7 +85,7 @@ class LoopCheck:
 
     @property
     def gain_margin(self) -> float | None:
-        """Return the factor by which each motor's gain may change, independently of the other."""
+        """Return the factor by which each motor's gain may rise or fall; None if unstable."""
         if self.disc_margin is None:
             return None
         half = min(self.disc_margin / 2, 0.999)
@@ -93,11 +93,11 @@ class LoopCheck:
 
     @property
     def phase_margin_deg(self) -> float | None:
-        """Return the additional phase lag (°) that each motor may have at any frequency."""
+        """Return the phase lag (°) that each motor may add at any frequency; None if unstable."""
         return None if self.disc_margin is None else degrees(2 * atan(self.disc_margin / 2))
 
     def unusual(self) -> Iterator[str]:
-        """Yield warnings on margin, saturation, trips and overshoot; none for an unstable loop."""
+        """Yield a warning for a small margin, saturation, a safety trip or a large overshoot."""
         if not self.stable:
             return
         assert self.disc_margin is not None
@@ -120,7 +120,7 @@ class LoopCheck:
 
 
 def check_loop_of(profile: Profile) -> LoopCheck:
-    """Return the check of the profile's controller: poles; if stable, margin and steps as well."""
+    """Return the poles of the profile's control loop and, if they are stable, margin and steps."""
     profile = profile.with_controller()
     spec = profile.controller
     assert spec is not None
@@ -132,7 +132,7 @@ def check_loop_of(profile: Profile) -> LoopCheck:
 
 
 def disc_margin(profile: Profile, spec: ControllerSpec) -> float:
-    """Return the disk margin α (see module) at both motors' voltages, for the hover model."""
+    """Return the disk margin α (see the module) of the hover model with the controller ``spec``."""
     model = hover_model(profile)
     w = np.geomspace(LOWEST_RAD_PER_S, np.pi / profile.dt, FREQUENCIES)[:-1]
     z = np.exp(1j * w * profile.dt)
@@ -160,7 +160,7 @@ def _controller(spec: ControllerSpec, dt: float, z: FloatArray) -> FloatArray:
 
 
 def _steps(profile: Profile, spec: ControllerSpec) -> Iterator[StepCheck]:
-    """Yield the simulated take-off from the table, roll step and yaw step."""
+    """Simulate a take-off, a roll step and a yaw step under ``spec``; yield each result."""
     rest = profile.encoder.rest_rad
     yield _step(profile, spec, "take-off", 0, 0.0, rest)
     yield _step(profile, spec, "a 10° roll step", 0, 10.0, np.zeros(3))
@@ -204,7 +204,8 @@ def _trip(
 ) -> str | None:
     """Return the first trip of a safety monitor in a simulated flight; None without one.
 
-    At the times t (s): ``angle`` (N, 3) rad; voltages before (``command``) and after the limiter.
+    ``angle`` (N, 3) rad, and the voltages (N, 2) V before (``command``) and after the limiter, are
+    sampled at the times t (N,) s.
     """
     envelope = Envelope(profile)
     with np.errstate(invalid="ignore"):

@@ -183,7 +183,7 @@ def after_law(
 
 
 class OpenedController(Controller):
-    """The default controller in plain Python, which opens the loops of axes as a plan requests."""
+    """The default controller in plain Python, which can also open the loops of single axes."""
 
     def __init__(self, spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> None:
         super().__init__(spec, V_o, v_max, dt)
@@ -192,7 +192,7 @@ class OpenedController(Controller):
 
     @classmethod
     def of(cls, profile: Any) -> OpenedController:
-        """Return the controller of a `Profile`, with its bounds for open loops (`free_within`)."""
+        """Return the controller of a rig's `Profile`; its limits bound the motion in open loop."""
         made = super().of(profile)
         assert isinstance(made, cls)
         made._room = free_within(profile.limits)

@@ -15,7 +15,7 @@ from heli3dof.recording.row import CLOSED_LOOP
 
 
 def why_not_replayed(recording: Recording) -> str | None:
-    """Return the reason why the flight cannot be replayed in closed loop; None if it can."""
+    """Return why a closed-loop simulation cannot replay the recording; None if it can."""
     if recording.profile.controller is None:
         return (
             "the controller is unknown: the profile has no [controller], so nothing may depend on "
@@ -72,6 +72,6 @@ def under_control(recording: Recording) -> Recording:
 
 
 def control_instants(t: np.ndarray, dt: float) -> np.ndarray:
-    """Return the instants of control (s) from the first sample of t to the last, every dt s."""
+    """Return a controller's sampling instants (s): every ``dt`` s over the span of t (N,) s."""
     periods = round(float(t[-1] - t[0]) / dt)
     return np.asarray(t[0] + dt * np.arange(periods + 1))

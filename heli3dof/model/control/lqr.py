@@ -59,5 +59,5 @@ def lqr_gain(profile: Profile) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def is_default_gain(K: tuple[tuple[float, ...], ...]) -> bool:
-    """Return True if the gain K (2 × 8) equals the paper's K_g within `SAME`."""
+    """Return True if K (2 × 8) is the paper's gain K_g up to the relative difference `SAME`."""
     return bool(np.allclose(K, K_G, rtol=SAME, atol=0.0))

@@ -51,7 +51,7 @@ def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarra
 
 
 def check_hover_loop(profile: Profile) -> np.ndarray:
-    """Return the hover model's poles (rad/s), checked by `check_loop` with the profile's gain."""
+    """Return the hover model's closed-loop poles (rad/s); raise UnstableLoop if one is unstable."""
     controller = profile.with_controller().controller
     assert controller is not None
     return check_loop(hover_model(profile), controller, profile.dt)
@@ -66,7 +66,7 @@ def _cause(model: Model) -> str:
 
 
 def _poles(poles: Sequence[complex] | np.ndarray) -> str:
-    """Return words for a message: "the pole +1.469 rad/s is" or "the poles … rad/s are"."""
+    """Return the poles as words for a message, such as "the pole +1.469 rad/s is"."""
     words = []
     for s in poles:
         if abs(s.imag) < 1e-9:

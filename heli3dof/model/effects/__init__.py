@@ -24,7 +24,7 @@ GROUP = "heli3dof.effects"
 
 @dataclass(frozen=True)
 class PlugIn:
-    """The Python entry point and the package from which an effect of another package was loaded."""
+    """The source of an effect that another package provides: its entry point, package, version."""
 
     entry_point: str
     """``module:attribute`` that holds the `Effect`"""
@@ -85,7 +85,7 @@ def _all() -> _Catalogue:
 
 
 def effects() -> Mapping[str, Effect]:
-    """Return {name: effect}; a plug-in that does not load or compile is skipped with a warning."""
+    """Return all effects by name. A plug-in that does not load is left out, with a warning."""
     return dict(sorted(_all().effects.items()))
 
 
@@ -143,7 +143,6 @@ def term(name: str) -> Term:
 
 
 def _unknown(name: str) -> UsageError:
-    """Return the UsageError for an effect name that neither heli3dof nor a plug-in defines."""
     cause = "a typing error, a plug-in that is not installed, or a model of a newer heli3dof; "
     fix = "python -c 'from heli3dof.model.effects import all_names; print(all_names())'"
     if broken():
@@ -157,7 +156,7 @@ def _unknown(name: str) -> UsageError:
 
 
 def terms(names: Iterable[str]) -> tuple[Term, ...]:
-    """Return the terms (effect, axis) with these names; raise UsageError if unknown or repeated."""
+    """Return a `Term` (effect on an axis) per name; raise UsageError if unknown or repeated."""
     result = tuple(term(n) for n in names)
     seen = [t.name for t in result]
     for n in seen:

@@ -49,14 +49,14 @@ class Parameter:
 
     @property
     def started(self) -> float:
-        """Return the starting value of a fit, which is also the mean of the prior."""
+        """Return the parameter's starting value in a fit, which is also the mean of its prior."""
         if self.start is not None:
             return self.start
         return self.typical if self.log else self.null
 
     @property
     def spread(self) -> float:
-        """Return the prior's standard deviation; default 10 · ``typical``, or 1.5 if ``log``."""
+        """Return the prior's standard deviation, by default 10 · ``typical`` (1.5 if ``log``)."""
         if self.prior_std is not None:
             return self.prior_std
         return 1.5 if self.log else 10 * self.typical
@@ -139,7 +139,7 @@ class Effect:
 
     @property
     def missing(self) -> bool:
-        """Return True for a part of the equations that only a simplified base model omits."""
+        """Return True if the effect is a part of the full equations that a base model omits."""
         return bool(self.within) and not self.formal
 
     @property
@@ -154,7 +154,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Term:
-    """An effect in a model, on one axis (None for an effect without axes)."""
+    """A physical effect on one axis of a model; ``axis`` is None for an effect without axes."""
 
     effect: Effect
     axis: str | None = None

@@ -23,7 +23,7 @@ NEAR = 0.02
 
 
 def decimation(recording: Recording) -> int:
-    """Return m, the loop rate over the log's rate, if that is near an integer above 1; else 1."""
+    """Return the number of control periods between two log rows; 1 if it is not near an integer."""
     if len(recording) < 2:
         return 1
     ratio = recording.dt / recording.profile.dt

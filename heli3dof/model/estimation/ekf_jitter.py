@@ -41,7 +41,7 @@ DIFFERENCE_STEP = 1e-6
 
 
 def _place(par, where, q, value):  # type: ignore[no-untyped-def]
-    """Write the q-th varying parameter's ``value`` to its places in ``par`` (``where``)."""
+    """Write ``value`` of the varying parameter number q to its positions ``where`` in ``par``."""
     for z in range(where.shape[0]):
         if where[z, 2] == q:
             par[where[z, 0], where[z, 1]] = value
@@ -166,7 +166,11 @@ def _filter(  # type: ignore[no-untyped-def]
 
 
 def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: ignore[no-untyped-def]
-    """Write ∂q̈/∂x (3, 6 + B) at x = (q, q̇, b) and thrusts F to A; others: see `integrator`."""
+    """Write the derivatives ∂q̈/∂x (3, 6 + B) at the state x = (q, q̇, b) to A.
+
+    F (2,) N are the thrusts, ``where`` the `positions` of b in ``par``, w work space. For the other
+    arguments see `heli3dof.model.physics.integrator`.
+    """
     s[F_FRONT], s[F_BACK] = F[0], F[1]
     for i in range(6):
         s[R + i] = x[i]
@@ -234,7 +238,7 @@ _filter_compiled = compiled(_filter, error_model="numpy", nogil=True)
 
 @dataclass(frozen=True, eq=False)
 class FilterResult:
-    """The result of `filter_jittered`: filtered states and log-likelihood."""
+    """The result of `filter_jittered`: estimated states of N rows, and log-likelihood by axis."""
 
     states: np.ndarray
     """(N, 6 + B), estimated (q, q̇, b) after each row's readings; NaN in rows outside all blocks."""

@@ -98,7 +98,11 @@ grow = compiled(_grow, leaf=True, error_model="numpy")
 
 
 def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
-    """Write ∂q̈/∂(q, q̇) (3, 6) at the state x and thrusts F to A; others: see `integrator`."""
+    """Write the derivatives ∂q̈/∂(q, q̇) (3, 6) at the state x = (q, q̇) to A.
+
+    F (2,) N are the thrusts, w is work space. For the other arguments see
+    `heli3dof.model.physics.integrator`.
+    """
     s[F_FRONT], s[F_BACK] = F[0], F[1]
     for i in range(6):
         s[R + i] = x[i]

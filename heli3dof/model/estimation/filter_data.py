@@ -36,7 +36,7 @@ ON_GRID = 0.03
 
 
 class Run(Protocol):
-    """Protocol of a run: rows start … stop − 1 of the recording with index ``source``."""
+    """Protocol of a run: the rows start … stop − 1 of the recording with the index ``source``."""
 
     @property
     def source(self) -> int: ...
@@ -48,7 +48,7 @@ class Run(Protocol):
 
 @dataclass(frozen=True)
 class Stretch:
-    """A run as a record: rows start … stop − 1 of the recording with index ``source``."""
+    """A run (`Run`): the rows start … stop − 1 of the recording with the index ``source``."""
 
     source: int
     start: int
@@ -57,7 +57,10 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """The input arrays of a Kalman filter: B runs, each with its lead-in (B blocks), N rows."""
+    """The input arrays of a Kalman filter: N rows of recordings in B blocks.
+
+    A block is a run of usable rows, with its lead-in before it (see the module).
+    """
 
     t: np.ndarray
     """(N,) s since the first sample of the recording."""
@@ -147,7 +150,7 @@ def data_of(
 
 
 def encoder_noise(data: Data, steps: float = ENCODER_NOISE) -> np.ndarray:
-    """Return the variance (3,) rad² of the angle at an encoder edge: (``steps`` encoder steps)²."""
+    """Return the variance (3,) rad² of encoder noise: the square of ``steps`` encoder steps."""
     return np.asarray((steps * data.rad_per_count) ** 2)
 
 
@@ -164,8 +167,9 @@ def starts_on_table(recording: Recording) -> bool:
 def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
     """Return the number of rows from lift-off, the first row, to the end of the initial climb.
 
-    It ends when ``roll`` (rad) is above half of ``rest`` (on the table, negative) and has not risen
-    for `CLIMB_S`. In the climb rotors spin up and time stamps (every ``dt`` s) are least accurate.
+    The climb ends when ``roll`` (N,) rad, sampled every ``dt`` s, is above half of ``rest`` (the
+    negative roll on the table, rad) and has not risen for `CLIMB_S`. In the climb, rotors spin up
+    and time stamps are least accurate.
     """
     ahead = max(1, round(CLIMB_S / dt))
     later = roll[np.minimum(np.arange(len(roll)) + ahead, len(roll) - 1)]
@@ -176,7 +180,7 @@ def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
 def hold_last(
     voltage: np.ndarray, before: np.ndarray | tuple[float, float] = (0.0, 0.0)
 ) -> np.ndarray:
-    """Return ``voltage`` with each NaN replaced by the last valid value, initially ``before``."""
+    """Return ``voltage`` (N, 2) V with each NaN replaced by the last valid value, or ``before``."""
     v = np.array(voltage, dtype=float, order="C")
     for j in range(v.shape[1]):
         good = np.isfinite(v[:, j])
@@ -186,7 +190,7 @@ def hold_last(
 
 
 def _lead(recording: Recording, start: int) -> int:
-    """Return the first row of the lead-in to row ``start``, after any gap or lost voltage."""
+    """Return the first row of the lead-in before row ``start``, after any gap or lost voltage."""
     dt = recording.dt
     first = max(0, start - round(LEAD_S / dt))
     t, v = recording.t[first : start + 1], recording.voltage[first : start + 1]

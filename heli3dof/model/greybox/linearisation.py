@@ -24,7 +24,7 @@ from heli3dof.model.physics.rotor import aim
 
 
 class _Plant:
-    """The compiled functions of a grey-box model; ``delayed``: with its motor delay."""
+    """The equations of a grey-box model as functions; ``delayed`` includes the motor delay."""
 
     def __init__(self, model: GreyBoxParameters, *, delayed: bool = True) -> None:
         structure = model.structure
@@ -38,7 +38,7 @@ class _Plant:
         self.free = np.ones(3, dtype=bool)
 
     def acceleration(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """Return the angular accelerations (3,) rad/s² at rest at q (3,) rad, thrusts F (2,) N."""
+        """Return q̈ (3,) rad/s² at rest at the angles q (3,) rad with the thrusts F (2,) N."""
         a = np.empty(3)
         self.s[state_layout.R : state_layout.R + 3] = q
         self.s[state_layout.R_DOT : state_layout.R_DOT + 3] = 0.0
@@ -57,7 +57,7 @@ class _Plant:
         return out
 
     def step(self, z: np.ndarray, V: np.ndarray, dt: float) -> np.ndarray:
-        """Return the state z (8,), angles, rates, thrusts, after dt s at voltages V (2,) V."""
+        """Return the state z (8,), angles, rates, thrusts, ``dt`` s later at voltages V (2,) V."""
         x, F = z[:6].copy(), z[6:8].reshape(1, 2).copy()
         w, decay = np.zeros((8, 3)), np.full(3, -1.0)
         h = self.hooks
@@ -69,7 +69,7 @@ class _Plant:
 
 
 def true_angles(model: GreyBoxParameters, read: np.ndarray) -> np.ndarray:
-    """Return the angles (3,) rad at which the encoders read ``read`` (3,) rad."""
+    """Return the true angles (3,) rad at the encoder readings ``read`` (3,) rad."""
     hooks = model.structure.hooks
     s, par = model.structure.arrays(model.values)
     mem = model.structure.memory
@@ -104,7 +104,7 @@ def balance(model: GreyBoxParameters, q: np.ndarray) -> np.ndarray:
 
 
 def trim_voltage(model: GreyBoxParameters, F: np.ndarray) -> np.ndarray:
-    """Return the voltages (2,) V with steady-state thrusts F (2,) N; raise CheckFailed if none."""
+    """Return the voltages (2,) V that hold the thrusts F (2,) N; raise CheckFailed if none do."""
     plant = _Plant(model, delayed=False)
     V = np.full(2, model.profile.motor.V_o)
     for _ in range(60):
@@ -176,7 +176,7 @@ def linear(model: GreyBoxParameters, dt: float) -> tuple[LinearModel, tuple[str,
 def _delayed(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, periods: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, B, C) with the input delayed by ``periods`` samples, in additional states."""
+    """Return the discrete model (A, B, C) with its input delayed by ``periods`` samples."""
     if periods <= 0.0:
         return A, B, C
     whole = int(periods)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GreyBoxModel(GreyBoxParameters):
-    """A grey-box model with simulation, prediction, linearisation and export."""
+    """A nonlinear grey-box model with simulation, prediction, linearisation and export."""
 
     def __repr__(self) -> str:
         effects = ", ".join(self.terms[:4]) + (", …" if len(self.terms) > 4 else "")
@@ -36,25 +36,25 @@ class GreyBoxModel(GreyBoxParameters):
         )
 
     def fly(self, task: LoopTask) -> LoopResult:
-        """Simulate the sampled closed loop; see `heli3dof.model.greybox.closed_loop`."""
+        """Return the simulated closed loop; see `heli3dof.model.greybox.closed_loop`."""
         from heli3dof.model.greybox.closed_loop import fly
 
         return fly(self, task)
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
-        """Return the poles (rad/s, rightmost first) of the sampled loop at level hover."""
+        """Return the poles (rad/s, rightmost first) of the loop, sampled every ``dt`` s."""
         from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
 
         return sampled_loop_poles(self.linear(dt), controller, dt)
 
     def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
-        """Return predictions (N, 3) rad made ``horizon_s`` earlier; see `greybox.prediction`."""
+        """Return angles (N, 3) rad predicted ``horizon_s`` s ahead; see `greybox.prediction`."""
         from heli3dof.model.greybox.prediction import predict
 
         return predict(self, recording, horizon_s)
 
     def linear(self, dt: float | None = None) -> LinearModel:
-        """Return the linearisation at level hover, sampled every ``dt`` s (the control period)."""
+        """Return the linearised model at hover, sampled every ``dt`` s (None: control period)."""
         from heli3dof.model.greybox.linearisation import linear
 
         return linear(self, self.profile.dt if dt is None else dt)[0]

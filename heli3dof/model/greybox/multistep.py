@@ -55,7 +55,7 @@ _windows_compiled = compiled(_windows, error_model="numpy", nogil=True)
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """The arrays of a recording with N rows from which `errors` computes predictions."""
+    """A recording of N rows as arrays, with the S rows from which predictions start."""
 
     t: np.ndarray
     """(N,) s"""

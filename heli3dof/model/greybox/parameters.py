@@ -54,7 +54,7 @@ class GreyBoxParameters:
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """Return {parameter name: value} in the units of `Structure.free`."""
+        """Return {parameter name: value}; `Structure.free` states the units."""
         return dict(zip(self.structure.names, self.values.tolist(), strict=True))
 
     @property

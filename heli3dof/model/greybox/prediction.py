@@ -147,7 +147,7 @@ def filtered(
 
 
 def _by_edges(model: GreyBoxParameters, d: Data, a: np.ndarray) -> np.ndarray:
-    """Return the filtered states (N, 6) for quantised encoders; process noise a (3,) rad/s²/√Hz."""
+    """Return the filter's states (N, 6) for the data ``d`` and process noise a (3,) rad/s²/√Hz."""
     hooks = model.structure.hooks
     s, par = model.structure.arrays(model.values)
     states = np.zeros((len(d.t), 6))
@@ -187,7 +187,7 @@ def impulse(
 
 
 def table_of(recording: Recording) -> tuple[float, np.ndarray]:
-    """Return the roll on the table (rad; −∞ without a table) and the rows on it (N,) bool."""
+    """Return the roll on the table (rad; −∞ without a table) and (N,) bool: rows on the table."""
     roll = recording.angle[:, 0]
     if np.isnan(roll).all() or not np.nanmin(roll) < ON_TABLE_BELOW:
         return -math.inf, np.zeros(len(roll), dtype=bool)

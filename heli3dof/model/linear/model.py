@@ -41,7 +41,7 @@ class LinearModel(LinearParameters):
         return rest_state(self, angle0)
 
     def fly(self, task: LoopTask) -> LoopResult:
-        """Simulate the sampled closed loop; see `heli3dof.model.linear.closed_loop`."""
+        """Return the simulated closed loop; see `heli3dof.model.linear.closed_loop`."""
         from heli3dof.model.linear.closed_loop import fly
 
         return fly(self, task)
@@ -60,7 +60,7 @@ class LinearModel(LinearParameters):
         return sampled_loop_poles(self, controller, dt)
 
     def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
-        """Return predictions (N, 3) rad made ``horizon_s`` earlier; see `linear.prediction`."""
+        """Return the angles (N, 3) rad predicted ``horizon_s`` s ahead; see `linear.prediction`."""
         from heli3dof.model.linear.prediction import predict
 
         return predict(self, recording, horizon_s)

@@ -55,7 +55,7 @@ class LinearParameters:
 
     @property
     def modelled(self) -> np.ndarray:
-        """Return (3,) bool: the axes in the model, whose row of C is finite and not zero."""
+        """Return (3,) bool: the axes that the model contains (rows of C finite and not zero)."""
         return np.asarray(np.isfinite(self.C).all(axis=1) & (self.C != 0).any(axis=1))
 
     @property

@@ -80,7 +80,10 @@ def predict(model: LinearParameters, recording: Recording, horizon_s: float) -> 
 def filtered_states(
     model: LinearParameters, recording: Recording, axes: np.ndarray, u: np.ndarray
 ) -> np.ndarray:
-    """Return x̂[k|k−1] (N + 1, n), the state from angles before sample k; u (N, 2) V is V − u0."""
+    """Return the state estimates x̂[k|k−1] (N + 1, n) from the angles before each sample k.
+
+    ``axes`` (3,) bool selects the angles to use. u (N, 2) V are the voltages minus the trim.
+    """
     gains = kalman_gains(model, recording, axes)
     y = recording.angle - model.y0
     y = np.where(axes, y, np.nan)
@@ -102,7 +105,10 @@ def filtered_states(
 
 
 def kalman_gains(model: LinearParameters, recording: Recording, axes: np.ndarray) -> np.ndarray:
-    """Return the Kalman gains (M, n, 3) at samples 0 … M − 1; the last one applies from then on."""
+    """Return the Kalman gains (M, n, 3) of the first M samples; the last applies from then on.
+
+    ``axes`` (3,) bool selects the measured angles that correct the state.
+    """
     Q, R, cross = noise(model, recording, axes)
     A, C = model.A, model.C[axes]
     P = START**2 * state_spread(model, axes)

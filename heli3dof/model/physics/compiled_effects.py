@@ -19,7 +19,7 @@ Hook = Callable[[Any, Any, Any, Any], None]
 
 
 class HookError(Exception):
-    """Raised if an effect's function does not compile; ``where`` is its ``file:line``."""
+    """The error of an effect's function that does not compile; ``where`` is ``file:line``."""
 
     def __init__(self, what: str, where: str) -> None:
         super().__init__(what)
@@ -41,7 +41,7 @@ def _code(function: Hook) -> Any:
 
 
 def address(function: Hook) -> int:
-    """Return the machine address of an effect's function; the first call compiles or loads it."""
+    """Return the machine address of an effect's compiled function; the first call compiles it."""
     return int(_code(function).address)
 
 

@@ -29,7 +29,7 @@ SETUP, MEASURE = int(_s.Stage.SETUP), int(_s.Stage.MEASURE)
 
 
 def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
-    """Let the effects change the rig parameters in s, once before a run (arguments: module)."""
+    """Let effects change the rig parameters in s before a run; arguments: see the module."""
     for i in range(first[SETUP], first[SETUP + 1]):
         call(address, i, s, par, mem, s)
 
@@ -80,7 +80,7 @@ step = compiled(_step, leaf=True, error_model="numpy")
 
 
 def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
-    """Limit roll x[0] to at least ``low`` rad, its value on the table, by an inelastic impact."""
+    """Raise roll x[0] to ``low`` rad, its value on the table, if it is below; stop its fall."""
     if x[0] < low:
         x[0] = low
         if x[3] < 0.0:
@@ -105,7 +105,7 @@ fly_row = compiled(_fly_row, leaf=True, error_model="numpy")
 
 
 def _step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """Like `_step`, but by the midpoint rule: a third of the cost, for differences of two runs."""
+    """Advance the state x = (q, q̇) by one row as `_step` does, but by the midpoint rule."""
     if decay[0] != h[k]:
         decay[0] = h[k]
         decay[1] = math.exp(-0.5 * h[k] / s[TAU_M]) if s[TAU_M] > 0.0 else 0.0
@@ -205,7 +205,11 @@ readings = compiled(_readings, leaf=True, error_model="numpy")
 
 
 def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
-    """Return axis i's reading for a rising and for a falling angle (rad), and ∂reading/∂angle."""
+    """Return (rising, falling, slope) of the encoder reading of axis i at the state x.
+
+    They are the readings (rad) for a rising and a falling angle, and ∂reading/∂angle. m and
+    ``slope`` are work space; the module explains the other arguments.
+    """
     s[FLANK + i] = 1.0
     readings(s, x, first, address, par, mem, m, slope)
     rising, steep = m[i], slope[i]

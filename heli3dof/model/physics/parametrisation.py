@@ -33,7 +33,7 @@ INERTIA_PRIOR = 0.7
 
 @dataclass(frozen=True)
 class Free:
-    """A parameter to estimate: bounds, prior and typical size as in `effects.base.Parameter`."""
+    """A parameter to estimate: name, bounds, prior, typical size (as `effects.base.Parameter`)."""
 
     name: str
     unit: str
@@ -49,7 +49,7 @@ class Free:
     """The name of its term (effect on an axis); None for a base parameter."""
 
     def inward(self, value: float) -> float:
-        """Return the scaled coordinate for the optimiser: value/typical; if ``log``, ln(value)."""
+        """Return the optimiser's coordinate of a value: value/typical, or ln(value) if ``log``."""
         return math.log(value) if self.log else value / self.typical
 
     def outward(self, coordinate: float) -> float:
@@ -57,13 +57,13 @@ class Free:
         return math.exp(coordinate) if self.log else coordinate * self.typical
 
     def slope(self, value: float) -> float:
-        """Return the derivative of the value by the optimiser's scaled coordinate."""
+        """Return d(value)/d(coordinate) at ``value``; the coordinate is that of `inward`."""
         return value if self.log else self.typical
 
 
 @dataclass(frozen=True)
 class Hooks:
-    """The H compiled functions of the active effects, by stage of a step and calling order."""
+    """Addresses of the H compiled functions of the effects, sorted by the stage of a time step."""
 
     first: np.ndarray
     """(7,) int64: functions first[stage] … first[stage + 1] − 1 belong to a stage."""
@@ -75,14 +75,14 @@ class Hooks:
 
 @dataclass(frozen=True)
 class Structure:
-    """A rig's profile and effects; they define the n parameters to estimate and their order."""
+    """A model structure: a rig's profile and effects, which define the n parameters to estimate."""
 
     profile: Profile
     terms: tuple[Term, ...]
 
     @cached_property
     def free(self) -> tuple[Free, ...]:
-        """Return all n parameters to estimate: four of the rigid body, then those of effects."""
+        """Return the n parameters to estimate: four of the rigid body, then effect parameters."""
         p = self.profile
         T_g = p.trim_torque
         size = max(abs(T_g), 0.1)
@@ -158,11 +158,11 @@ class Structure:
 
     @property
     def memory(self) -> np.ndarray:
-        """Return zeros (H + 1, MEMORY): the effects' memory before the first sample."""
+        """Return the effects' initial memory: zeros (H + 1, MEMORY) for H compiled functions."""
         return np.zeros((len(self.hooks.owner) + 1, _s.MEMORY))
 
     def values_of(self, given: Mapping[str, float]) -> np.ndarray:
-        """Return the parameter values (n,): those ``given`` by name, else starting values."""
+        """Return all parameter values (n,): from ``given`` {name: value}, else starting values."""
         return np.array([given.get(f.name, f.start) for f in self.free])
 
 
@@ -182,7 +182,7 @@ def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
 
 
 def context(profile: Profile) -> np.ndarray:
-    """Return the array s (SIZE,) of a nominal rig at rest; its equal rotors have no lag."""
+    """Return the context array s (`state_layout`) of the profile's rig at rest, without effects."""
     p = profile
     s = np.zeros(_s.SIZE)
     s[_s.L_A], s[_s.L_H], s[_s.L_W] = p.geometry.L_a, p.geometry.L_h, p.geometry.L_w

@@ -1,4 +1,4 @@
-"""Read model files of the form ``linear`` into a `LinearModel` (hover, statespace, tf4, oe …)."""
+"""Read model files of the form ``linear`` (hover model, black boxes) into a `LinearModel`."""
 
 from __future__ import annotations
 

@@ -46,9 +46,10 @@ AGAINST = -0.4
 
 
 def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
-    """Return True if 90 % of the distinct values lie on a grid of ``step`` through the first one.
+    """Return True if 90 % of the distinct values differ from the first by multiples of ``step``.
 
-    False for fewer than ``levels`` distinct values, and if all are less than half a step apart.
+    ``step`` has the unit of the values. The result is False for fewer than ``levels`` distinct
+    values, and for values that all lie within half a step.
     """
     seen = np.unique(values)
     steps = (seen - values[0]) / step
@@ -162,10 +163,11 @@ def _refuse(
 
 
 def counts_seen(values: np.ndarray, unit: str, counts: int) -> float | None:
-    """Return an encoder's counts per revolution, judged by the grid of its angles (N,), or None.
+    """Return an encoder's counts per revolution that fit the grid of its angles, else None.
 
-    ``counts`` is the profile's number. The result is this number, a fraction of it if only every
-    second (third, …) count occurs, or the number of another common encoder.
+    ``values``: angles (N,) in ``unit``; ``counts``: the profile's number. The result is this
+    number, a fraction of it if only every second (third, …) count occurs, or another common
+    encoder's number.
     """
     if on_grid(values, TURN[unit] / counts):
         seen = np.unique(np.rint((values - values[0]) * counts / TURN[unit]).astype(np.int64))

@@ -91,7 +91,7 @@ def recording_from_table(
 
 
 def check_names(table: Table) -> None:
-    """Raise RecordingError for a missing required column, or an angle in degrees and in radians."""
+    """Raise RecordingError if a required column is missing, or an angle is given in two units."""
     names = list(table.columns)
     for required in REQUIRED:
         if required not in names:

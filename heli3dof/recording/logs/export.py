@@ -38,7 +38,7 @@ def export(recording: Recording, path: str | Path, *, force: bool = False) -> Pa
 
 
 def check_format(path: Path) -> None:
-    """Raise UsageError if the file's ending is not one of `FORMATS`."""
+    """Raise UsageError unless the file name ends in .csv, .csv.gz, .mat or .parquet."""
     if not path.name.lower().endswith(tuple(FORMATS)):
         ending = path.suffix or path.name
         first, *others = FORMATS
@@ -50,7 +50,7 @@ def check_format(path: Path) -> None:
 
 
 def write_csv(columns: Columns) -> bytes:
-    """Return columns as CSV text: integers as integers, floats with all their digits."""
+    """Return named columns (N,) as the bytes of a CSV file; floats keep all their digits."""
     out = io.StringIO()
     csv.writer(out, lineterminator="\n").writerow(re.sub(r"\s+", " ", name) for name in columns)
     cells = [map(repr, values.tolist()) for values in columns.values()]

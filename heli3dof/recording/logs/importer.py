@@ -14,7 +14,7 @@ from heli3dof.rig.profile import Profile
 
 @dataclass(frozen=True)
 class Table:
-    """The columns (N,) of a log as read from its file, by name with unit."""
+    """A log's columns as an importer read them: arrays of N samples, by name with unit."""
 
     source: str
     """The file's name, for messages"""
@@ -28,7 +28,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Importer:
-    """A log format: how its files are recognised and read."""
+    """A log format: the endings of its files, and a function that reads one as a `Table`."""
 
     name: str
     endings: tuple[str, ...]
@@ -44,7 +44,7 @@ class Importer:
     """True if files can contain the rig's profile; others need ``--profile``"""
 
     def sniff(self, path: Path) -> bool:
-        """Return True if the file has this format. The file need not exist."""
+        """Return True if ``path`` is a file of this log format, by its content or its ending."""
         if self.recognises is None:
             return path.name.lower().endswith(self.endings)
         try:

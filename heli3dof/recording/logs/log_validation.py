@@ -45,7 +45,7 @@ def finite(source: str, name: str, values: np.ndarray, where: Where) -> None:
 
 @dataclass(frozen=True)
 class Timing:
-    """Period, jitter and gaps of a recording's time stamps."""
+    """Statistics of a recording's time stamps: sample interval, its jitter, and gaps."""
 
     period_s: float
     """Median interval between samples"""
@@ -63,7 +63,7 @@ class Timing:
 
 
 def timing(t: np.ndarray) -> Timing:
-    """Return the `Timing` of strictly increasing times (N,) s, N ≥ 2."""
+    """Return the statistics of sample times ``t`` (N,) in s, strictly increasing, N ≥ 2."""
     dt = np.diff(t)
     period = float(np.median(dt))
     gap = dt > GAP * period
@@ -79,7 +79,7 @@ def timing(t: np.ndarray) -> Timing:
 
 
 def long_enough(source: str, n: int) -> None:
-    """Raise RecordingError if a log has fewer than `MIN_SAMPLES` samples."""
+    """Raise RecordingError if ``n``, the number of samples of the log ``source``, is below ten."""
     if n < MIN_SAMPLES:
         raise RecordingError(
             f"{source} has {n} sample{'s' * (n != 1)}; at least {MIN_SAMPLES} are needed.",

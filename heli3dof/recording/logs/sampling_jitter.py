@@ -49,7 +49,7 @@ class MotionJitter:
 
     @property
     def found(self) -> bool:
-        """Return True if σ_t is significant at level `CHANCE` and above `WORTH_SAYING_S`."""
+        """Return True if the jitter σ_t is statistically significant and above 0.2 ms."""
         from scipy.stats import t
 
         if not self.sigma_s > WORTH_SAYING_S:
@@ -61,10 +61,11 @@ NONE_FOUND = MotionJitter(0.0, np.inf)
 
 
 def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -> MotionJitter:
-    """Return the jitter σ_t of samples at times t (N,) s, angles (N, 3) rad (NaN: not measured).
+    """Return the jitter σ_t of samples at times ``t`` (N,) s, from angles (N, 3) rad.
 
-    ``rad_per_count`` (3,) is the step of each encoder. In windows where an axis moves by less than
-    two steps, it is not used. Returns σ_t = 0 for logs that are too short.
+    An angle that was not measured is NaN. ``rad_per_count`` (3,) is the step of each encoder.
+    Windows in which an axis moves by less than two steps are not used for this axis. For logs that
+    are too short the result is σ_t = 0.
     """
     dt = float(np.median(np.diff(t)))
     half = max(LEAST, round(HALF_WINDOW_S / dt))

@@ -29,12 +29,12 @@ BEFORE_LENGTH = 9
 
 
 def rows_of_chunk(rows: RowFormat) -> int:
-    """Return how many rows of this format fit in `CHUNK_BYTES`, at least one."""
+    """Return how many rows in the format ``rows`` fit in a chunk of `CHUNK_BYTES`, at least one."""
     return max(1, CHUNK_BYTES // rows.stride)
 
 
 class ChunkMaker:
-    """Encodes the chunks of one file, one after another, in the same buffer."""
+    """Encodes the rows of one recording as MCAP chunks, one after another, in a reused buffer."""
 
     def __init__(self, rows: RowFormat) -> None:
         self._rows = rows
@@ -79,7 +79,6 @@ class ChunkMaker:
         return buffer[:at], n, (start, end)
 
     def _allocate(self, rows: int) -> None:
-        """Allocate buffers that hold ``rows`` rows, even if compression does not shorten them."""
         stride, offsets = self._rows.stride, self._rows.offsets
         self._most = rows
         self._entries = [np.empty((rows, 2), "<u8") for _ in offsets]

@@ -56,7 +56,11 @@ def chunk_indexes(
 
 
 def _at(stream: BinaryIO, at: int, rows: RowFormat) -> tuple[ChunkIndex | None, int]:
-    """Return the index entry of the record at byte ``at`` (None: no chunk), and the next offset."""
+    """Return the index entry of the record at byte ``at``, and the byte after the record.
+
+    The entry is None if the record is no chunk. The byte after a chunk is that after its message
+    indexes. ``rows``: the byte format of the chunks' rows.
+    """
     stream.seek(at)
     head = stream.read(HEAD.size)
     if len(head) < 9 or not head[0]:

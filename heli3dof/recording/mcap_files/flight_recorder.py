@@ -96,7 +96,10 @@ class RecordingWriter:
         self._thread.start()
 
     def append(self, row: Row) -> None:
-        """Queue a row for writing. Raises NoSpace or RecordingError if earlier rows were lost."""
+        """Queue the row of one control period, which a thread writes to the file.
+
+        Raises NoSpace or RecordingError if earlier rows were lost.
+        """
         if self._failure is not None:
             self._raise_failure()
         if len(self._rows) >= BEHIND_MOST:
@@ -195,7 +198,6 @@ class RecordingWriter:
             raise self._syncer.failure
 
     def _finish(self) -> None:
-        """Write outcome and summary; after a failed write, cut off the incomplete record first."""
         outcome = {"outcome": "unknown", **self._outcome, "rows": self._file.row_count}
         if self._failure is not None:
             outcome["rows_lost"] = self._count - self._file.row_count

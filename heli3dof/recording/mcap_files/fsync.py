@@ -21,7 +21,10 @@ _sync = getattr(os, "fdatasync", os.fsync)  # macOS has no fdatasync
 
 
 class Syncer:
-    """Calls fdatasync for an open file in a thread; ``failure``: the error that stopped it."""
+    """Thread that makes the system write an open file's new data to the disk (fdatasync).
+
+    ``failure`` is the OSError that ended the thread, or None.
+    """
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor

@@ -43,7 +43,7 @@ LARGEST_CHUNK = 1 << 30
 
 
 class Damaged(Exception):
-    """Raised if bytes of a file are not those that were written."""
+    """Raised if the content of a file is damaged, for example by the disk or a copy."""
 
 
 @dataclass(frozen=True)
@@ -89,12 +89,12 @@ class Scan:
 
     @cached_property
     def schemas(self) -> dict[int, Schema]:
-        """Return the messages' schemas by id; those in chunks only if there are no others."""
+        """Return the messages' schemas by id: those outside of chunks, or else those in chunks."""
         return {s.id: s for s in (_read(Schema, c) for c in self._anywhere(Opcode.SCHEMA))}
 
     @cached_property
     def channels(self) -> dict[int, Channel]:
-        """Return the MCAP channels by id; those in chunks only if there are no others."""
+        """Return the MCAP channels by id: those outside of chunks, or else those in chunks."""
         return {c.id: c for c in (_read(Channel, c) for c in self._anywhere(Opcode.CHANNEL))}
 
     def _anywhere(self, opcode: int) -> Iterator[bytes]:
@@ -131,7 +131,7 @@ def scan(data: bytes) -> Scan:
 
 
 def our_layouts(found: Scan) -> list[Layout] | None:
-    """Return the message layouts of a file that heli3dof wrote; None for another program's file."""
+    """Return the format of each message type in a file of heli3dof; None for other files."""
     by_topic = {c.topic: c for c in found.channels.values()}
     layouts = [SAMPLE, COMMAND]
     if CHANNELS_TOPIC in by_topic:
@@ -145,7 +145,10 @@ def our_layouts(found: Scan) -> list[Layout] | None:
 
 
 def channel_names(found: Scan) -> list[str]:
-    """Return the names of a recording's channels on `CHANNELS_TOPIC`. Raises Damaged."""
+    """Return the names of a recording's channels: its columns besides the standard ones.
+
+    ``found``: the file's records. Raises Damaged if the names are unreadable.
+    """
     for channel in found.channels.values():
         if channel.topic == CHANNELS_TOPIC:
             try:
@@ -176,7 +179,7 @@ def records_in(data: bytes, at: int = 0) -> tuple[list[tuple[int, int, int]], in
 
 
 def decode_chunk(content: bytes) -> bytes:
-    """Return the uncompressed records of a chunk record's content. Raises Damaged."""
+    """Return the uncompressed bytes of an MCAP chunk with this content. Raises Damaged."""
     try:
         _, _, size, crc, name_length = _CHUNK.unpack_from(content)
         codec = content[32 : 32 + name_length].decode()
@@ -220,7 +223,6 @@ def _message(content: bytes) -> tuple[int, int, bytes]:
 
 
 def _read(kind: Any, content: bytes) -> Any:
-    """Return a decoded record; ``kind``: its class in the ``mcap`` library. Raises Damaged."""
     try:
         return kind.read(ReadDataStream(BytesIO(content)))
     except (McapError, struct.error, UnicodeDecodeError) as error:
@@ -270,7 +272,7 @@ def missing(path: Path) -> RecordingError:
 
 
 def damaged(path: Path, error: Damaged) -> RecordingError:
-    """Return the error for a complete file in which some bytes are damaged."""
+    """Return the error for a complete file with damaged bytes; ``error`` describes the damage."""
     return RecordingError(
         f"{path} is damaged: {error}.",
         cause="the disk or a network copy changed some bytes.",
@@ -293,7 +295,7 @@ _SIGNATURES = (
 
 
 def what_is(data: bytes) -> str:
-    """Return a file's kind by its first bytes, in words for an error: ``a MAT-file``."""
+    """Return in words what kind of file begins with the bytes ``data``: ``a MAT-file``."""
     if not data:
         return "an empty file"
     for signature, name in _SIGNATURES:

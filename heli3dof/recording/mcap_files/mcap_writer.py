@@ -79,7 +79,7 @@ class McapFile:
             self._channels.append(Channel(number, layout.topic, "protobuf", about, number))
 
     def start(self, metadata: Mapping[str, Mapping[str, Any]]) -> None:
-        """Write all that precedes the chunks: magic bytes, header, metadata, schemas, channels."""
+        """Write the file's beginning: magic bytes, header, ``metadata``, schemas and channels."""
         builder = RecordBuilder()
         builder.write(MAGIC)
         Header(profile="", library=LIBRARY).write(builder)
@@ -92,7 +92,7 @@ class McapFile:
         self._first = self.good
 
     def add_metadata(self, name: str, data: Mapping[str, Any]) -> None:
-        """Write a Metadata record, with every value of ``data`` as JSON text."""
+        """Write an MCAP Metadata record called ``name``; each value in ``data`` becomes JSON."""
         builder = RecordBuilder()
         Metadata(name, {k: to_json(v) for k, v in data.items()}).write(builder)
         offset, length = self.good, builder.count
@@ -100,7 +100,7 @@ class McapFile:
         self._metadata.append(MetadataIndex(offset, length, name))
 
     def write_chunk(self, data: bytes | memoryview) -> None:
-        """Write packed rows as one chunk, with its message indexes, in one write call."""
+        """Write ``data``, packed rows, as one chunk with its message indexes, in one write call."""
         chunk, rows, (start, end) = self._chunks.make(data)
         self._write(chunk)
         before = self._times or (start, end)
@@ -183,7 +183,7 @@ class McapFile:
 
 
 def to_json(value: Any) -> str:
-    """Return a value as JSON text. numpy's types become numbers and lists, other objects text."""
+    """Return ``value`` as JSON text: numpy arrays as lists, objects without a JSON type as text."""
     return json.dumps(value, default=_plain, ensure_ascii=False)
 
 

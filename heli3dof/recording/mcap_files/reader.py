@@ -93,7 +93,7 @@ def open_mcap(path: Path) -> Scan:
 
 
 def torn(path: Path, found: Scan) -> RecordingError:
-    """Return the error for a file whose end is missing."""
+    """Return the error for the MCAP file ``path``, whose end is missing; ``found``: its records."""
     return RecordingError(
         f"{path} is torn: it ends after {found.good} bytes without its closing records.",
         cause="the program was killed, the disk was full, the copy is incomplete, or it is still "
@@ -103,7 +103,10 @@ def torn(path: Path, found: Scan) -> RecordingError:
 
 
 def chunk_rows(data: bytes, form: RowFormat) -> np.ndarray | None:
-    """Return the rows of an uncompressed chunk; None if its bytes are not rows of ``form``."""
+    """Return the rows (n,) of an uncompressed chunk ``data`` whose rows have the format ``form``.
+
+    The result is None if the bytes are not rows of this format.
+    """
     if len(data) and data[0] != Opcode.MESSAGE:  # schemas and channels may come first
         front = next((a - 9 for kind, a, _ in records_in(data)[0] if kind == Opcode.MESSAGE), None)
         data = data[len(data) if front is None else front :]
@@ -111,7 +114,7 @@ def chunk_rows(data: bytes, form: RowFormat) -> np.ndarray | None:
 
 
 def _bulk_rows(found: Scan, form: RowFormat) -> np.ndarray | None:
-    """Return the rows of all chunks; None if the messages have to be read one by one."""
+    """Return the rows (n,) of all chunks, or None if the chunks are not packed rows of ``form``."""
     topics = [c.topic for _, c in sorted(found.channels.items())]
     if sorted(found.channels) != list(range(1, len(form.layouts) + 1)) or topics != [
         layout.topic for layout in form.layouts
@@ -164,7 +167,10 @@ def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
 
 
 def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recording:
-    """Return the `Recording` for the rows of a file that heli3dof wrote."""
+    """Return a `Recording` made of the rows (N,) of a file that heli3dof wrote.
+
+    ``found``: the file's records; ``path``: its path; ``profile``: the rig's.
+    """
     absent = set(found.metadata.get(COLUMNS, {}).get("absent", ()))
     stored = COLUMNS in found.metadata
     column = {
@@ -197,7 +203,7 @@ def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recor
 
 
 def meta_in(found: Scan, path: Path) -> dict[str, Any]:
-    """Return ``Recording.meta``: the file's name, provenance and outcome."""
+    """Return ``Recording.meta`` from a file's records: its name, provenance and outcome."""
     meta: dict[str, Any] = {"name": path.stem, **found.metadata.get(PROVENANCE, {})}
     details = dict(found.metadata.get(OUTCOME, {}))
     details.pop("rows", None)
@@ -209,7 +215,10 @@ def meta_in(found: Scan, path: Path) -> dict[str, Any]:
 
 
 def profile_in(found: Scan, path: Path) -> Profile:
-    """Return the profile in a file. Raises RecordingError if there is none or it is invalid."""
+    """Return the rig's profile from a file's records ``found``.
+
+    Raises RecordingError if the file contains no profile or an invalid one.
+    """
     record = found.metadata.get(PROFILE, {}).get("profile")
     try:
         if record is None:

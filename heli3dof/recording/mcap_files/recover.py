@@ -30,7 +30,7 @@ from heli3dof.recording.mcap_files.schema import SAMPLE, RowFormat
 
 @dataclass(frozen=True)
 class Recovery:
-    """What `recover` kept and lost."""
+    """Result of `recover`: the new file, its samples, and what of the original is lost."""
 
     path: Path
     """The new file"""
@@ -106,7 +106,10 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
 
 
 def salvage(path: Path, found: Scan) -> Salvage:
-    """Return the rows of the intact chunks. Raises RecordingError for another program's file."""
+    """Return the rows of a file's intact chunks; ``found``: the file's records.
+
+    Raises RecordingError if another program wrote the file.
+    """
     try:
         layouts = our_layouts(found) if found.channels else None
     except Damaged as error:

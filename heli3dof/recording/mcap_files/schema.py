@@ -75,7 +75,7 @@ class Layout:
 
     @cached_property
     def payload(self) -> np.dtype:
-        """Return numpy's type of a message's payload: ``tag1``, value 1, ``tag2``, value 2 …"""
+        """Return numpy's structured type of a message's payload: protobuf tags and values."""
         fields: list[tuple[str, str]] = []
         for number, column in enumerate(self.columns, 1):
             fields += [(f"tag{number}", tag_type(number)), (column.name, KINDS[column.kind][2])]
@@ -150,7 +150,7 @@ def channels_layout(names: Sequence[str]) -> Layout:
 
 
 class RowFormat:
-    """Byte format of a row: an MCAP Message record of each layout in turn, on channels 1, 2, …"""
+    """Byte format of a row: one MCAP Message record for each message type, channels 1, 2, …"""
 
     def __init__(self, layouts: Sequence[Layout] = (SAMPLE, COMMAND)) -> None:
         self.layouts = tuple(layouts)
@@ -166,11 +166,11 @@ class RowFormat:
         self._fixed_bytes = self.template.view(np.uint8)[self._fixed_at]
 
     def empty(self, n: int) -> np.ndarray:
-        """Return ``n`` rows (n,) with headers and tags, and zero for all values."""
+        """Return ``n`` rows as a structured array with headers and tags; all values are zero."""
         return np.repeat(self.template, n)
 
     def parse(self, data: bytes | memoryview) -> np.ndarray | None:
-        """Return the rows as a structured array; None if their headers or tags are wrong."""
+        """Return the rows in ``data`` as a structured array; None if headers or tags are wrong."""
         if len(data) % self.stride:
             return None
         raw = np.frombuffer(data, np.uint8).reshape(-1, self.stride)
@@ -180,7 +180,7 @@ class RowFormat:
 
 
 class RowPacker:
-    """Packs a row of SAMPLE and COMMAND with one ``struct.pack`` (about 2 µs)."""
+    """Packs a control period's sample and command as bytes, by one ``struct.pack`` (about 2 µs)."""
 
     def __init__(self) -> None:
         rows = RowFormat()
@@ -201,7 +201,10 @@ class RowPacker:
     def __call__(
         self, k: int, log_time: int, sample: Sequence[Any], command: Sequence[Any]
     ) -> bytes:
-        """Return row k as bytes: log time in ns, and both messages' values in field order."""
+        """Return the row with index ``k`` as bytes; ``log_time`` is in ns.
+
+        ``sample``, ``command``: the values of these two messages, in the order of their fields.
+        """
         row = self._template[:]
         row[self._times[0]] = row[self._times[1]] = (k, log_time, log_time)
         row[self._sample] = sample
@@ -224,7 +227,6 @@ def tag_value(number: int, kind: str) -> int:
 
 
 def _constants(layouts: Sequence[Layout]) -> list[tuple[tuple[str, str], int]]:
-    """Return ((layout's name, field's name), value) of the headers and tags that all rows share."""
     found: list[tuple[tuple[str, str], int]] = []
     for channel, layout in enumerate(layouts, 1):
         length = layout.record.itemsize - 9

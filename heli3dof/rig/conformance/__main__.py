@@ -23,7 +23,10 @@ from heli3dof.rig.url import parse_url
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the result of each case; return the exit code. ``arguments``: the command line's."""
+    """Run every case on one rig and print the results; return the exit code.
+
+    ``arguments``: words of the command line; None: those of this process.
+    """
     parser = argparse.ArgumentParser(
         prog="python -m heli3dof.rig.conformance",
         description="Check the requirements on a driver, on one rig.",
@@ -63,7 +66,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _described(problem: Exception) -> str:
-    """Return an exception's name, its message, and the file and line that raised it."""
+    """Return an exception's name, message and place (file and line) as one text."""
     name = type(problem).__name__
     at = traceback.extract_tb(problem.__traceback__)[-1]
     place = f"{Path(at.filename).name}, line {at.lineno}, in {at.name}"

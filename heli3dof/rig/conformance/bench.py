@@ -26,11 +26,11 @@ class NotConforming(CheckFailed):
 
 
 class MovesRealRig(unittest.SkipTest):
-    """Raised by a case that moves motors, if the caller did not permit this on a real rig."""
+    """Raised if a case would move motors of a real rig and its caller did not permit this."""
 
 
 class Host:
-    """Sends commands to a rig, one every ``dt`` seconds, at absolute deadlines."""
+    """Sends a rig one command in each control period of ``dt`` s, at absolute deadlines."""
 
     def __init__(self, rig: Rig, dt: float) -> None:
         self.rig, self.dt = rig, dt
@@ -44,7 +44,7 @@ class Host:
         return sample
 
     def send(self, v_front: float, v_back: float) -> Sample:
-        """Send both motors' voltages (V); return the sample of the next deadline not yet past."""
+        """Apply both motors' voltages (V) until the next deadline; return the sample then taken."""
         self.sequence += 1
         self.due += self.dt * max(1, math.ceil((time.monotonic() - self.due) / self.dt))
         return self.rig.exchange(Command(self.sequence, v_front, v_back), self.due)
@@ -65,7 +65,7 @@ class Host:
 
 @dataclass
 class Bench:
-    """Gives one case access to the driver, and closes the rigs that the case opened."""
+    """Gives a case the driver of one device URL, and closes the rigs that the case has opened."""
 
     url: str
     profile: Profile
@@ -79,7 +79,7 @@ class Bench:
 
     @property
     def private(self) -> bool:
-        """Return True for an emulated rig (`heli3dof.rig.interface.PrivateToProcess`)."""
+        """Return True if the rig is emulated (`heli3dof.rig.interface.PrivateToProcess`)."""
         return is_private(self.url)
 
     def open(self) -> Host:
@@ -91,7 +91,7 @@ class Bench:
         self._rigs.close()
 
     def open_to_move(self) -> Host:
-        """Open the rig for a case that moves motors. Raises SkipTest if they must not move."""
+        """Open the rig to move its motors. Raises `MovesRealRig` if they must not move."""
         host = self.open()
         moves = host.rig.identity.emulated if self.moves is None else self.moves
         if not moves:
@@ -101,7 +101,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class Case:
-    """A requirement, tested by ``check``. ``at_rest``: it needs a rig that has not moved before."""
+    """A requirement with its test ``check``. ``at_rest``: the rig must not have moved before."""
 
     name: str
     check: Callable[[Bench], None]
@@ -112,7 +112,7 @@ class Case:
 
 
 def cases(*checks: Callable[[Bench], None]) -> tuple[Case, ...]:
-    """Return a `Case` for each of the test functions ``checks``; its name is the function's."""
+    """Return a `Case` for each test function in ``checks``, named after the function."""
     return tuple(Case(c.__name__, c) for c in checks)
 
 
@@ -151,7 +151,7 @@ def require_volts(sample: Sample, v_front: float, v_back: float, when: str) -> N
 
 
 def require_rest(sample: Sample, when: str) -> None:
-    """Require exactly 0 V and a disabled amplifier. ``when``: the situation, for the message."""
+    """Raise NotConforming unless the sample has 0 V and a disabled amplifier; ``when``: context."""
     require(sample.v_applied == (0.0, 0.0), f"zero volts {when}", sample.v_applied)
     require(not sample.flags & Flags.ENABLED, f"not enabled {when}", sample.flags)
 

@@ -111,7 +111,7 @@ def arming_while_armed_restarts_at_zero_volts(bench: Bench) -> None:
 
 
 def _require_flight(host: Host) -> None:
-    """Raise NotConforming unless the rig can be armed again and then applies voltages."""
+    """Arm the rig; raise NotConforming unless it then applies the voltages sent."""
     flags = host.arm().flags
     require(flags == Flags.ENABLED, "ENABLED and no other flag after arming again", flags)
     require_volts(host.hold(5.0, 5.0), 5.0, 5.0, "after arming again")

@@ -32,7 +32,7 @@ COMPUTER, RECORDINGS, RIG, ARMED = GROUPS = ("computer", "recordings", "rig", "a
 
 
 def checks_of(group: str) -> Iterator[Callable[[Any], Check]]:
-    """Yield the checks of a group, from every file of this folder in alphabetical order."""
+    """Yield the check functions of every file in this folder whose ``GROUP`` is ``group``."""
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")
         stated = getattr(module, "GROUP", None)

@@ -38,7 +38,7 @@ FIXES = {
 
 
 class Armed:
-    """Sends an open rig commands of zero volts only."""
+    """Sends zero volts to both motors of an open rig in every control period."""
 
     def __init__(self, rig: StoppableRig, profile: Profile) -> None:
         self.rig, self.dt = rig, profile.dt
@@ -51,14 +51,14 @@ class Armed:
         return sample
 
     def zero_volts(self) -> Sample:
-        """Send a command of zero volts; return the next sample."""
+        """Send zero volts to both motors; return the next sample."""
         self.sequence += 1
         self.due = max(self.due + self.dt, time.monotonic())
         return self.rig.exchange(Command(self.sequence, 0.0, 0.0), self.due)
 
 
 def traffic(armed: Armed) -> Check:
-    """Compare the samples received with those expected by the device's clock; name the losses."""
+    """Check for lost samples: compare the samples received with those due by the device's clock."""
     first = last = armed.arm()
     counts_before = _missing(armed.rig)
     came = 0
@@ -89,14 +89,14 @@ def traffic(armed: Armed) -> Check:
 
 
 def _missing(rig: StoppableRig) -> dict[str, int]:
-    """Return the link's numbers of missing samples by cause; empty if it lacks a counter."""
+    """Return the rig's counts of lost samples by cause; empty if the rig lacks a counter."""
     counts = {why: count_of(rig.statistics, why) for why in WHERE}
     found = {why: n for why, n in counts.items() if n is not None}
     return found if len(found) == len(WHERE) else {}
 
 
 def watchdog_expires(armed: Armed) -> Check:
-    """Check that the watchdog expires without commands, and that the device stays at zero volts."""
+    """Check that the watchdog expires without commands, and that later commands have no effect."""
     what, rig = "watchdog at work", armed.rig
     if rig.identity.timebase == "virtual":
         return Check(what, "not checked: a virtual clock does not advance in the silence", None)
@@ -113,7 +113,7 @@ def watchdog_expires(armed: Armed) -> Check:
 
 
 def stop_holds(armed: Armed) -> Check:
-    """Check that an emergency stop holds against commands, and that arming clears it."""
+    """Check that commands do not end an emergency stop, and that arming ends it."""
     what = "emergency stop at work"
     armed.arm()
     armed.zero_volts()
@@ -133,7 +133,7 @@ CHECKS: tuple[Callable[[Armed], Check], ...] = (traffic, watchdog_expires, stop_
 
 
 def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
-    """Yield the result of every check of the armed rig; stop the rig at the end."""
+    """Run every check on an armed rig and yield the results; stop the rig at the end."""
     armed = Armed(rig, profile)
     for check in checks_of(GROUP):
         yield check(armed)

@@ -22,7 +22,7 @@ SLOW_S = 0.3
 
 
 def room(folder: Path) -> Check:
-    """Check the free space on the disk of ``folder``."""
+    """Check that the disk of ``folder`` has enough free space."""
     what = "room for recordings"
     free = shutil.disk_usage(folder).free
     found = f"{free / 1e9:.1f} GB free in {folder}"
@@ -31,7 +31,7 @@ def room(folder: Path) -> Check:
 
 
 def to_disk(folder: Path) -> Check:
-    """Check the time to write a file and force it to the disk (fsync), as the recorder does."""
+    """Check the time to write a file in ``folder`` and force it to the disk (fsync)."""
     what = "time to the disk"
     try:
         with tempfile.TemporaryFile(dir=folder) as file:
@@ -49,7 +49,7 @@ CHECKS: tuple[Callable[[Path], Check], ...] = (room, to_disk)
 
 
 def checks(folder: Path) -> Iterator[Check]:
-    """Yield the result of every check on ``folder``, or on its nearest parent that exists."""
+    """Run every check on ``folder``, or on its nearest existing parent; yield the results."""
     folder = folder.absolute()
     while not folder.is_dir():
         folder = folder.parent

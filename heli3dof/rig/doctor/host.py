@@ -43,7 +43,7 @@ def clock(profile: Profile) -> Check:
 
 
 def wake_up(profile: Profile) -> Check:
-    """Check how late this program wakes up after the control period's deadlines, for 1 s."""
+    """Check, for 1 s, how late this process wakes up at the deadlines of the control period."""
     dt = profile.dt
     n = max(10, round(WAKE_SECONDS / dt))
     start = time.monotonic() + dt
@@ -59,7 +59,7 @@ def wake_up(profile: Profile) -> Check:
 
 
 def frequency(profile: Profile) -> Check:
-    """Check the frequency governors: a slow core wakes up late. ``profile`` is not used."""
+    """Check that the CPU frequency governor is ``performance``; ``profile`` is not used."""
     what = "frequency governor"
     files = sorted((SYSTEM / "cpu").glob("cpu[0-9]*/cpufreq/scaling_governor"))
     found = sorted({text for file in files if (text := _text(file)) is not None})
@@ -83,7 +83,7 @@ def load(profile: Profile) -> Check:
 
 
 def memory(profile: Profile) -> Check:
-    """Check the available memory: without it, pages are swapped during the flight."""
+    """Check that enough memory is available to avoid swapping; ``profile`` is not used."""
     what = "memory"
     text = _text(Path("/proc/meminfo"))
     if text is None:

@@ -36,7 +36,7 @@ ONE_TURN = 360.0
 
 @dataclass(frozen=True)
 class Opened:
-    """An open rig, its profile and a series of readings, as the checks receive them."""
+    """An open rig, its profile and a series of its readings: the argument of each check."""
 
     rig: StoppableRig
     profile: Profile
@@ -50,7 +50,7 @@ class Opened:
 
 
 def listen(rig: StoppableRig, profile: Profile) -> Opened:
-    """Read the rig `POLLS` times, or as often as `LONGEST_S` allows; return the readings."""
+    """Read the rig `POLLS` times, for `LONGEST_S` s at most; return the readings."""
     before = [count_of(rig.statistics, name) for name in COUNTERS]
     samples, took = [], []
     first = time.monotonic()
@@ -67,7 +67,7 @@ def listen(rig: StoppableRig, profile: Profile) -> Opened:
 
 
 def identity(opened: Opened) -> Check:
-    """Compare the device's encoder counts and voltage limit with the profile's."""
+    """Check that the device's counts per revolution and voltage limit suit the profile."""
     found, profile = opened.rig.identity, opened.profile
     e = profile.encoder
     stated = (
@@ -86,7 +86,7 @@ def identity(opened: Opened) -> Check:
 
 
 def watchdog(opened: Opened) -> Check:
-    """Check that the watchdog's timeout is short; ``doctor --arm`` checks that it works."""
+    """Check that the device states a watchdog timeout of at most `LONGEST_WATCHDOG_S` s."""
     seconds = opened.rig.identity.watchdog_s
     found = f"motors to zero after {seconds * 1e3:g} ms of silence"
     fix = "?watchdog_s=0.1 in the device URL, or the firmware's own setting"
@@ -94,7 +94,7 @@ def watchdog(opened: Opened) -> Check:
 
 
 def round_trip(opened: Opened) -> Check:
-    """Compare the time from request to sample with the control period."""
+    """Check that the time from request to sample is short against the control period."""
     took = sorted(opened.took_s)
     n, dt = len(took), opened.profile.dt
     usual, rare = took[n // 2], took[min(n - 1, int(0.999 * n))]
@@ -118,7 +118,7 @@ def loss(opened: Opened) -> Check:
 
 
 def device_clock(opened: Opened) -> Check:
-    """Compare the rate of the device's clock with the host's, over the readings."""
+    """Check that the device's clock and the host's advance equally during the readings."""
     first, last = opened.samples[0], opened.samples[-1]
     theirs = last.device_time_s - first.device_time_s
     ours = last.host_time_s - first.host_time_s
@@ -135,7 +135,7 @@ def device_clock(opened: Opened) -> Check:
 
 
 def stands_still(opened: Opened) -> Check:
-    """Check that a resting rig's counts stay: a change is encoder noise, or a missing ground."""
+    """Check that the encoder counts of the resting rig do not change, as noise would make them."""
     spans = [
         max(column) - min(column)
         for column in zip(*(s.counts for s in opened.samples), strict=True)
@@ -148,7 +148,7 @@ def stands_still(opened: Opened) -> Check:
 
 
 def state(opened: Opened) -> Check:
-    """Check the last sample's flags: no fault, no stalled motor, not armed by a program."""
+    """Check the last sample's flags: no fault, no stalled motor, rig not armed."""
     flags = opened.samples[-1].flags
     problems = {
         Flags.FAULT: ("the amplifier reports a fault", "let it cool, check supply and motors"),
@@ -209,7 +209,7 @@ CHECKS: tuple[Callable[[Opened], Check], ...] = (
 
 
 def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
-    """Read the rig several times, then yield the result of every check on these readings."""
+    """Read the rig several times, run every check on the readings, and yield the results."""
     opened = listen(rig, profile)
     for check in checks_of(GROUP):
         yield check(opened)

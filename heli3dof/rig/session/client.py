@@ -26,7 +26,7 @@ CONNECT_S = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A session of this user: a process that uses a rig, as its lock's holder file states."""
+    """A session: a process of this user that uses a rig. The lock's holder file describes it."""
 
     device: str
     """The URL it opened"""
@@ -42,7 +42,7 @@ class Running:
 
 
 def listed(device: str | None = None) -> list[Running]:
-    """Return the sessions with a holder file, on one device or all (None); also killed ones."""
+    """Return sessions with a holder file, on one device or all (None), even if they were killed."""
     pattern = "*.lock" if device is None else f"{device_name(device)}*.lock"
     sessions = []
     for holder in sorted(runtime_folder().glob(pattern + HOLDER)):
@@ -53,7 +53,7 @@ def listed(device: str | None = None) -> list[Running]:
 
 
 def running(device: str | None = None) -> list[Running]:
-    """Return the live sessions on one device, or all (None); `mock:` means all emulated rigs."""
+    """Return the sessions that run on one device, on all (None), or on emulated rigs (`mock:`)."""
     alive = []
     for session in listed(device):
         if lives(session):
@@ -67,7 +67,7 @@ def running(device: str | None = None) -> list[Running]:
 
 
 class Request:
-    """Sends a request to a session; several can be under way before any answer is read."""
+    """A request to a session (a process that uses a rig). The constructor sends the request."""
 
     def __init__(self, session: Running, question: Mapping[str, Any]) -> None:
         self.session = session
@@ -85,7 +85,7 @@ class Request:
             self.close()
 
     def answer(self, timeout_s: float) -> dict[str, Any] | None:
-        """Return the session's answer if it comes within ``timeout_s`` of the request, or None."""
+        """Return the session's answer; None if none comes within ``timeout_s`` of the request."""
         line = self._line
         if line is None:
             return None
@@ -130,7 +130,7 @@ def lives(session: Running) -> bool:
 
 
 def state(session: Running, timeout_s: float = 0.2) -> dict[str, Any] | None:
-    """Return the present state of a session's rig; None without an answer within ``timeout_s``."""
+    """Return the state of a session's rig; None if no answer comes within ``timeout_s`` s."""
     answer = Request(session, {"do": "state"}).answer(timeout_s)
     content = None if answer is None else answer.get("state")
     return content if isinstance(content, dict) else None

@@ -34,7 +34,7 @@ PATIENCE_S = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """Result of an emergency stop for one rig."""
+    """The result of an emergency stop for one rig."""
 
     device: str
     done: bool
@@ -144,7 +144,7 @@ def _directly(device: str, start: float) -> Stopped:
 
 @dataclass(frozen=True)
 class EstopResult:
-    """Result of an emergency stop: one result for each rig, and the URLs left out."""
+    """The result of an emergency stop: one result per rig, and the URLs that were left out."""
 
     stopped: list[Stopped] = field(default_factory=list)
     unconfirmed: list[Stopped] = field(default_factory=list)
@@ -155,8 +155,8 @@ class EstopResult:
     def raise_if_not_stopped(self, device: str | None = None) -> None:
         """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
 
-        ``device``: the URL that was to be stopped; None: all. Of all devices, one that no session
-        holds may be no rig. It need not confirm if others were stopped.
+        ``device``: the URL that was to be stopped; None: all. If all were to be stopped, a device
+        without a session may be no rig: it need not confirm once others were stopped.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:
@@ -185,7 +185,7 @@ class EstopResult:
 
 
 def request_estop(device: str | None, reason: str) -> EstopResult:
-    """Stop one device, or all (None); return the result, even if a stop failed."""
+    """Stop the rig at the URL ``device``, or all (None). The result also lists failed stops."""
     reached, skipped = stop_rigs(device, reason)
     return EstopResult([s for s in reached if s.done], [s for s in reached if not s.done], skipped)
 

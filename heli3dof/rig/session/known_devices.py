@@ -27,7 +27,7 @@ MOST = 200
 
 
 def is_known(device: str) -> bool:
-    """Return True if a rig is known to be at this URL; a stop of all rigs then includes it."""
+    """Return True if the device at this URL is known to be a rig, so that it may be stopped."""
     url = parse_url(device)
     driver = load_driver(url.scheme)
     if not isinstance(driver, RecognisesRigs) or driver.is_rig(url):
@@ -48,7 +48,7 @@ def remembered() -> Iterator[str]:
 
 
 def serials_at(device: str) -> set[str]:
-    """Return the serial numbers of rigs opened at this URL before, and the URL's last part."""
+    """Return possible serial numbers at this URL: those of rigs opened there, and its last part."""
     url = parse_url(device)
     name = device_name(url)
     serials = {serial for _, at, serial in _lines() if at and device_name(at) == name}
@@ -56,7 +56,7 @@ def serials_at(device: str) -> set[str]:
 
 
 def remember(device: str, serial: str) -> None:
-    """Store that a rig was opened at this URL; do nothing if the state folder is not writable."""
+    """Store that a rig was opened at the URL ``device``, if the state folder is writable."""
     with suppress(OSError):
         line = (_place(parse_url(device)), device, serial)
         kept = _lines()
@@ -73,7 +73,7 @@ def _place(url: DeviceUrl) -> str:
 
 
 def _lines() -> list[tuple[str, str, str]]:
-    """Return (place, device URL, serial number) of each known rig; old files have places only."""
+    """Return (place, device URL, serial number) of each rig opened before, "" where not stored."""
     try:
         text = _file().read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

@@ -47,7 +47,7 @@ class Lock:
             raise busy(device, read_holder(path)) from None
 
     def write_holder(self, about: Mapping[str, Any]) -> None:
-        """Write the holder file, in place: Windows cannot replace a file that another one reads."""
+        """Write ``about`` to the holder file, in place: another process may be reading it."""
         holder_path(self._path).write_text(json.dumps(about), encoding="utf-8")
 
     def release(self) -> None:
@@ -60,7 +60,7 @@ class Lock:
 
 
 def is_held(path: Path) -> bool:
-    """Return True if a process holds this lock now."""
+    """Return True if any process holds the lock on the file ``path`` now."""
     try:
         Lock(path, "").release()
     except DeviceError:
@@ -73,7 +73,7 @@ def holder_path(lock: Path) -> Path:
 
 
 def read_holder(lock: Path) -> dict[str, Any]:
-    """Return the content of a lock's holder file; empty if it is missing or incomplete."""
+    """Return the data in a lock's holder file; empty if the file is missing or incomplete."""
     try:
         content = json.loads(holder_path(lock).read_bytes())
     except (OSError, ValueError):
@@ -82,13 +82,13 @@ def read_holder(lock: Path) -> dict[str, Any]:
 
 
 def device_lock_path(serial: str, boot: int | None) -> Path:
-    """Return the path of a device's lock file, the same through each of its ports."""
+    """Return the path of the device's lock file; it is the same through each of its ports."""
     readable = re.sub(r"[^A-Za-z0-9]+", "-", serial).strip("-")[:24]
     return runtime_folder() / f"{readable}-{binascii.crc32(f'{serial}/{boot}'.encode()):08x}.rig"
 
 
 def busy(device: str, about: Mapping[str, Any]) -> DeviceError:
-    """Return the error for a rig that another session holds; ``about``: its holder file's data."""
+    """Return the error for a rig in use; ``about`` is the content of the lock's holder file."""
     try:
         who = f"pid {about['pid']} runs `{about['doing']}` since {about['since_utc']}"
         if about["device"] != device:

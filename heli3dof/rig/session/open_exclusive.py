@@ -71,7 +71,7 @@ def _no_serial_number(device: str) -> DeviceError:
 
 
 def state_of(rig: StoppableRig, profile: Profile) -> dict[str, Any]:
-    """Return the rig's identity and last sample as a dict, for other processes; see `reading`."""
+    """Return a rig's identity and last sample as a dict that other processes can request."""
     sample, identity = rig.last, rig.identity
     about = {"driver": identity.driver, "serial": identity.serial, "boot": identity.boot}
     if sample is None:
@@ -80,7 +80,7 @@ def state_of(rig: StoppableRig, profile: Profile) -> dict[str, Any]:
 
 
 def reading(sample: Sample, profile: Profile) -> dict[str, Any]:
-    """Return a sample as a dict in degrees, volts and amperes, with its flags' names."""
+    """Return a sample as a dict: angles (°), voltages (V), currents (A), times (s), flag names."""
     rest, per_count = profile.encoder.rest_rad, profile.encoder.rad_per_count
     values: dict[str, Any] = {
         f"{axis}_deg": degrees(rest[i] + sample.counts[i] * per_count[i])

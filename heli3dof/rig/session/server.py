@@ -101,7 +101,7 @@ class Session:
             lock.write_holder(self._about)
 
     def ask_estop(self, reason: str) -> None:
-        """Request that the thread that uses the rig stops it; only the first ``reason`` is kept."""
+        """Request a stop from the thread that uses the rig; only the first ``reason`` is kept."""
         with self._deciding:
             self.stop_reason = self.stop_reason or reason
             if self.private and not self._armed and self.stopped is None:
@@ -119,7 +119,7 @@ class Session:
             return self.stop_reason
 
     def confirm(self, how: str) -> None:
-        """Answer every client that requested a stop; ``how``: how the rig was stopped, in words."""
+        """Answer all clients that requested a stop; ``how`` states how the rig was stopped."""
         self.stopped = how
         if self._answering is not None:
             self._answering.wake()
@@ -140,7 +140,7 @@ class Session:
 
 
 class _Answering(threading.Thread):
-    """Answers the clients; a slow or silent one delays no other."""
+    """The thread that answers a session's clients; a slow client does not delay the others."""
 
     def __init__(self, session: Session) -> None:
         super().__init__(name="heli3dof session", daemon=True)

@@ -63,7 +63,7 @@ def command_began_ns() -> int:
 
 
 def leave_stamp(names: Iterable[str], reason: str) -> None:
-    """Forbid every command begun until now to arm the rigs with these names (see `names_of`)."""
+    """Store a stop: no command begun until now can arm the rigs with these names (`names_of`)."""
     folder, now = runtime_folder(), time.monotonic_ns()
     about = {"reason": reason, "at": datetime.now().strftime("%H:%M:%S"), "boot": _boot()}
     for name in names:
@@ -75,7 +75,7 @@ def leave_stamp(names: Iterable[str], reason: str) -> None:
 
 
 def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
-    """Return why a command begun at ``began_ns`` must not arm these rigs; None if it may."""
+    """Return why a command begun at ``began_ns`` (monotonic) must not arm these rigs, or None."""
     now, wanted = time.monotonic_ns(), {ALL, *names}
     for stamp in runtime_folder().glob("*.stop"):
         name, _, time_ns = stamp.stem.rpartition("@")
@@ -91,7 +91,7 @@ def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
 
 
 def names_of(device: str, serials: Iterable[str] = ()) -> list[str]:
-    """Return a rig's names in stamp files: for its URL, and for each possible serial number."""
+    """Return a rig's names in stamp files: one for its URL, and one per possible serial number."""
     numbers = [f"serial-{binascii.crc32(s.encode()):08x}" for s in serials if s]
     return [device_name(device), *numbers]
 

@@ -30,7 +30,7 @@ from heli3dof.rig.session.server import Session
 
 
 class StoppableRig:
-    """A `heli3dof.rig.interface.Rig` that its session can stop."""
+    """A rig that its session can stop on request; its counts are zero at the rest angles."""
 
     def __init__(self, rig: Rig, session: Session, rest: RestCounts = COUNTS_AT_POWER_UP) -> None:
         self.inner, self.session = rig, session
@@ -46,12 +46,12 @@ class StoppableRig:
 
     @property
     def statistics(self) -> object:
-        """Return the link's counters; None for a rig without counters."""
+        """Return the counters of the rig's link; None for a rig that does not count."""
         return self.inner.statistics if isinstance(self.inner, HasLinkStatistics) else None
 
     @property
     def device_cause(self) -> str | None:
-        """Return the cause that the device states for its zero output; None if it states none."""
+        """Return why the device holds its output at zero; None if the device states no reason."""
         return device_cause(self.inner)
 
     def arm(self) -> Sample:

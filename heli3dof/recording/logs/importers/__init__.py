@@ -24,7 +24,10 @@ GROUP = "heli3dof.importers"
 
 @cache
 def importers() -> tuple[Importer, ...]:
-    """Return every importer, plug-ins last. One that does not load is omitted with a warning."""
+    """Return the importers of all log formats; those of other packages are last.
+
+    An importer that cannot be loaded is omitted with a warning.
+    """
     found: list[Importer] = []
     for module in pkgutil.iter_modules(__path__):
         found.append(importlib.import_module(f"{__name__}.{module.name}").IMPORTER)

@@ -27,7 +27,10 @@ EMPTY = {"", "nan", "na", "n/a", "null", "none", "-"}
 def read(
     path: Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
 ) -> Table:
-    """Read a CSV log, gzipped or not. Raises RecordingError; UsageError if columns are given."""
+    """Return the table of a CSV log, gzipped or not; ``profile`` is not used.
+
+    Raises RecordingError for a faulty file, and UsageError if ``columns`` is not None.
+    """
     if columns is not None:
         raise UsageError(
             f"--columns is for MAT matrices; {path.name} names its columns in its header line.",
@@ -102,7 +105,6 @@ def _text(path: Path) -> str:
 
 
 def _two_bytes(data: bytes) -> str | None:
-    """Return the name of the text's UTF-16 encoding, or None if it has another encoding."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
     first = data[:512]

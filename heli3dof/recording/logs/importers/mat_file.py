@@ -82,7 +82,7 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def _structures(variables: dict[str, Any]) -> dict[str, np.ndarray]:
-    """Return the file's arrays by name; the fields of structures are returned like variables."""
+    """Return a MAT file's arrays by name; a structure gives one array for each of its fields."""
     table: dict[str, np.ndarray] = {}
     for name, value in variables.items():
         if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
@@ -94,7 +94,6 @@ def _structures(variables: dict[str, Any]) -> dict[str, np.ndarray]:
 
 
 def _vectors(table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the numeric vectors with `KNOWN` names, and others that are as long as ``t_s``."""
     found = {
         name: np.asarray(value, dtype=float).ravel()
         for name, value in table.items()

@@ -45,7 +45,11 @@ def is_foreign(path: Path) -> bool:
 def read(
     path: Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
 ) -> Table:
-    """Read another program's MCAP file. Raises RecordingError if it is damaged or lacks columns."""
+    """Return the table of another program's MCAP file; ``columns`` is not used.
+
+    Raises RecordingError if the file is damaged or lacks required columns. It also does so if
+    neither ``profile`` nor the file has the rig's profile.
+    """
     content = scan(path.read_bytes())
     try:
         table = _table(path, content)
