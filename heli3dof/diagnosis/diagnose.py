@@ -37,6 +37,7 @@ from heli3dof.diagnosis.unnamed import Settled, unnamed
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects import term
 from heli3dof.parallel import report_progress
+from heli3dof.recording.logs.sampling_clock import sampling_times
 from heli3dof.recording.recording import Recording
 
 FLIGHTS, QUICK_FLIGHTS = 64, 16
@@ -89,6 +90,7 @@ def _diagnosed(
     for stops in (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE):
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
+    train, held = [*map(sampling_times, train)], [*map(sampling_times, held)]
     if why := no_likelihood(train):
         return diagnose_real(
             train, held, faults, why=why, base=base, quick=quick, seed=seed, says=clock.says

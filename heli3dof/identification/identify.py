@@ -22,6 +22,7 @@ from heli3dof.model.base import Model
 from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.parallel import one_blas_thread
+from heli3dof.recording.logs.sampling_clock import sampling_times
 from heli3dof.recording.recording import Recording
 
 FEEDBACK_TEST_S = 0.02
@@ -224,4 +225,5 @@ def _by_angles(
 def _several(recordings: Recording | Sequence[Recording] | None) -> list[Recording]:
     if recordings is None:
         return []
-    return [recordings] if isinstance(recordings, Recording) else list(recordings)
+    several = [recordings] if isinstance(recordings, Recording) else recordings
+    return [sampling_times(r) for r in several]

@@ -12,6 +12,7 @@ import argparse
 import hashlib
 import json
 import os
+import resource
 import signal
 import sys
 import time
@@ -28,6 +29,8 @@ from tests.hidden.tools import FLIES, TOOLS
 from tests.paths import ROOT
 
 FOLDER = ROOT / "bench-out" / "hidden"
+MOST_MEMORY = 6 << 30
+"""Bytes that one diagnosis may use"""
 Line = dict[str, Any]
 
 
@@ -106,7 +109,10 @@ def run(
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     before = signal.signal(signal.SIGTERM, _stop)
-    with path.open("a", encoding="utf-8") as out, ProcessPoolExecutor(processes) as pool:
+    with (
+        path.open("a", encoding="utf-8") as out,
+        ProcessPoolExecutor(processes, initializer=_limit_memory) as pool,
+    ):
         futures = [pool.submit(one, g, s, tool) for g, s in todo]
         try:
             for n, future in enumerate(as_completed(futures), 1):
@@ -125,6 +131,11 @@ def run(
             signal.signal(signal.SIGTERM, before)
     names = [f"{g}-{s}" for g, s in jobs]
     return {name: done[name] for name in names}
+
+
+def _limit_memory() -> None:
+    """Make a diagnosis that needs too much memory fail without ending the benchmark."""
+    resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
 
 
 def _stop(signum: int, frame: object) -> None:

@@ -1,9 +1,9 @@
 """``timing.jitter``: samples that are not taken when they are due.
 
-Seen in the stamps, where these tell the true instants (`ticks`), or behind an even clock in the
-motion (`heli3dof.recording.logs.sampling_jitter`): there every axis is off by its rate times the
-same δ. Both may be there; then the motion's is what the stamps do not tell, and σ² = σ_stamps² +
-σ_motion².
+The time stamps show it if they are the sampling times (`heli3dof.recording.logs.sampling_clock`).
+Behind an even clock the motion shows it (`heli3dof.recording.logs.sampling_jitter`): every axis is
+off by its rate times the same δ. If both are there, σ² = σ_stamps² + σ_motion². Stamps of arrival,
+which the motion contradicts, are only noted: every analysis then uses an even clock.
 
 A host without real-time priority is late by tens of microseconds: at 100°/s that moves an angle
 by a tenth of a count. Such jitter is said and is no finding; from `WORTH_NAMING_S` on it is one.
@@ -17,6 +17,7 @@ import numpy as np
 
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.diagnosis.integrity.view import View
+from heli3dof.recording.logs.sampling_clock import sampling_times
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
 
 WORTH_NAMING_S = 8e-5
@@ -29,6 +30,16 @@ def jitter(view: View) -> Iterable[Fault]:
     if len(r) < 20 or not (np.diff(r.t) > 0).all():
         return
     seen, std = view.ticks.jitter_s, view.ticks.jitter_std_s
+    sampled = sampling_times(r)
+    if sampled is not r:
+        yield Fault(
+            "timing.arrival", Kind.NOTE, r.name,
+            f"{r.name}: the time stamps scatter by ±{1e3 * seen:.3g} ms (RMS), but the motion "
+            "shows evenly spaced samples, so an even clock replaces the stamps.",
+            "the computer stamped the samples on arrival, several at a time.",
+            "log the device's own time stamps",
+        )  # fmt: skip
+        r, seen = sampled, 0.0
     hidden = motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count)
     if hidden.found:
         sigma = float(np.hypot(seen, hidden.sigma_s))

@@ -9,8 +9,8 @@ import numpy as np
 
 from heli3dof.axes import AXES, ROLL
 from heli3dof.diagnosis.integrity.response import Response, responses
-from heli3dof.diagnosis.integrity.ticks import Ticks, ticks
 from heli3dof.identification.row_selection import clipped, unusable
+from heli3dof.recording.logs.sampling_clock import Ticks, ticks
 from heli3dof.recording.recording import Recording
 
 GROUNDED = ("unread", "table", "stop", "motors_off", "falling", "ramp_down")

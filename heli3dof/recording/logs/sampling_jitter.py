@@ -67,7 +67,7 @@ def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -
     Windows in which an axis moves by less than two steps are not used for this axis. For logs that
     are too short the result is σ_t = 0.
     """
-    dt = float(np.median(np.diff(t)))
+    dt = float((t[-1] - t[0]) / max(len(t) - 1, 1))
     half = max(LEAST, round(HALF_WINDOW_S / dt))
     axes = [i for i in range(3) if np.isfinite(angle[:, i]).all()]
     if not axes or len(t) < 20 * half:

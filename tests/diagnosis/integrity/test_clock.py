@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.diagnosis.integrity import Kind
-from heli3dof.diagnosis.integrity.ticks import ticks
+from heli3dof.recording.logs.sampling_clock import ticks
 from heli3dof.recording.recording import Recording
 from tests.diagnosis.integrity.flights import flight, names, only, with_time
 

@@ -1,27 +1,39 @@
-"""Which sample is which, from the time stamps alone.
+"""Estimate the sampling clock: period, lost samples, and when the samples were really taken.
 
-Samples are due every T s and taken when it suits the host: t_k = t_0 + n_k T + ε_k, where n_k
-counts the samples that should be there (lost ones too). A phase-locked loop follows the clock,
+The loop takes a sample every T s. The log says t_k = t_0 + n_k T + ε_k, where n_k counts the
+samples, lost ones too, and ε_k is the error of the stamp or of the sampling. A phase-locked loop
+follows the clock,
 
     n_k = n_{k−1} + round((t_k − ĝ_{k−1}) / T̂),    e_k = t_k − ĝ_{k−1} − (n_k − n_{k−1}) T̂
     ĝ_k = t_k − e_k + α e_k,    T̂ ← T̂ + β e_k
 
 with small α, β, so that the count is right while |ε| stays under half a period, and a clock that
-drifts is followed. T̂ and ĝ start where the first stamps fall into step best. ε is what is left
-of t_k over n_k when straight lines are taken out of stretches of `STRETCH` samples.
+drifts is followed. T̂ and ĝ start where the first stamps fall into step best. ε is the residual
+of straight lines t_k over n_k, fitted to stretches of `STRETCH` samples.
+
+If ε is large, either the samples were taken at the stamps, or evenly and only the stamps are late
+(a host that receives several samples at once stamps them all then). The motion decides
+(`sampling_times`): the jitter σ_t of `sampling_jitter` is computed for both clocks.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+
+from heli3dof.recording.logs.sampling_jitter import motion_jitter
+from heli3dof.recording.recording import Recording
 
 ALPHA, BETA = 0.05, 0.0006
 SLOW_ALPHA, SLOW_BETA = 0.02, 0.0001
 PASSES = 2
 STRETCH = 250
 HEAD = 500
+BUNCHED = 0.5
+"""Median over mean of the intervals below which samples were stamped in bursts"""
+LATE = 0.2
+"""Share of the period: stamps with a smaller jitter are taken as they are"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +60,11 @@ class Ticks:
 
 def ticks(t: np.ndarray) -> Ticks:
     """Follow the increasing stamps t (N,) s, N ≥ 10."""
+    even = (t[-1] - t[0]) / (len(t) - 1)
+    if np.median(np.diff(t)) < BUNCHED * even:  # stamps in bursts: no loop locks to them
+        number = np.arange(len(t))
+        jitter, freedom = _scatter(number, t)
+        return Ticks(number, _slope(number, t), jitter, float(jitter / np.sqrt(2 * freedom)))
     # A count that is nearly right gives the period so well that a slower loop can count again.
     number = _follow(t, _period(t), ALPHA, BETA)
     for _ in range(PASSES):
@@ -56,6 +73,24 @@ def ticks(t: np.ndarray) -> Ticks:
         number = _follow(t, _slope(number, t), SLOW_ALPHA, SLOW_BETA)
     jitter, freedom = _scatter(number, t)
     return Ticks(number, _slope(number, t), jitter, float(jitter / np.sqrt(2 * max(freedom, 1))))
+
+
+def sampling_times(recording: Recording) -> Recording:
+    """Return the recording with the times at which its samples were taken.
+
+    These are its time stamps, or an even clock where the stamps' jitter exceeds `LATE` of the
+    period and the motion does not fit them better. Then the stamps are the times of arrival.
+    """
+    r = recording
+    if len(r) < HEAD or not (np.diff(r.t) > 0).all():
+        return r
+    clock = ticks(r.t)
+    if not clock.jitter_s > LATE * clock.period_s or clock.lost:
+        return r
+    even = r.t[0] + clock.period_s * clock.number
+    steps = r.profile.encoder.rad_per_count
+    stamped, spaced = (motion_jitter(t, r.angle, steps).sigma_s for t in (r.t, even))
+    return r if stamped < spaced else replace(r, t=even)
 
 
 def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarray:

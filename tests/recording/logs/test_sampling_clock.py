@@ -1,0 +1,52 @@
+"""The motion decides whether samples were taken at their time stamps or evenly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heli3dof.recording.logs.sampling_clock import sampling_times, ticks
+from heli3dof.recording.recording import Recording, make_recording
+from tests.recording.logs.test_sampling_jitter import STEP, motion
+from tests.recording.make import open_profile
+
+DT = 0.002
+
+
+def log(stamps: np.ndarray, taken: np.ndarray) -> Recording:
+    """Angles taken at one set of times (N,) s, logged with another."""
+    angle = np.round(motion(taken) / STEP) * STEP
+    return make_recording(stamps, np.zeros((len(stamps), 2)), angle, open_profile())
+
+
+def arrivals(t: np.ndarray, burst: int) -> np.ndarray:
+    """Stamps of a computer that receives ``burst`` samples at once."""
+    return np.repeat(t[burst - 1 :: burst], burst) + 1e-5 * (np.arange(len(t)) % burst)
+
+
+@pytest.mark.parametrize("burst", [2, 5])
+def test_stamps_of_arrival_give_way_to_an_even_clock(burst: int) -> None:
+    t = DT * np.arange(10_000)
+    recording = sampling_times(log(arrivals(t, burst), t))
+    assert np.diff(recording.t) == pytest.approx(DT, rel=1e-6)
+    assert recording.dt == pytest.approx(DT, rel=1e-6)
+
+
+def test_true_stamps_stay_however_uneven() -> None:
+    rng = np.random.default_rng(3)
+    t = DT * (np.arange(10_000) + rng.uniform(-0.45, 0.45, 10_000))
+    recording = log(t, t)
+    assert sampling_times(recording) is recording
+
+
+def test_a_timer_of_an_ordinary_computer_is_taken_as_it_is() -> None:
+    rng = np.random.default_rng(4)
+    t = DT * np.arange(10_000)
+    recording = log(t + rng.uniform(0, 0.1 * DT, 10_000), t)
+    assert sampling_times(recording) is recording
+
+
+def test_bursts_are_counted_as_samples_that_follow_each_other() -> None:
+    clock = ticks(arrivals(DT * np.arange(1000), 5))
+    assert clock.period_s == pytest.approx(DT, rel=1e-4)
+    assert clock.lost == 0
