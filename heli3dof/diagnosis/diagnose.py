@@ -24,7 +24,7 @@ from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.counts import LEVEL, untold, with_counts
 from heli3dof.diagnosis.imitated import look_beside, with_imitators
 from heli3dof.diagnosis.in_turn import flown, in_turn
-from heli3dof.diagnosis.integrity import Kind, integrity
+from heli3dof.diagnosis.integrity import Fault, Kind, integrity
 from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.nearly import with_near
 from heli3dof.diagnosis.proxies import base_beside
@@ -139,10 +139,11 @@ def _diagnosed(
         tied_in(each), bench.axes, rest_rad=float(profile.encoder.rest_rad[0]),
         tolerance=profile.tolerance, level_deg=least_found(first.screen, first.nulls, LEVEL),
     )  # fmt: skip
-    like = bool(each) and isinstance(each[0], Finding) and each[0].like
+    physical = [f for f in each if not isinstance(f, Fault)]
+    like = bool(physical) and isinstance(physical[0], Finding) and physical[0].like
     unsure = like and not bench.controller_is_known
     return Diagnosis(
-        *names, verdict_of(each, last.left, unsure=unsure), faults, whole,
+        *names, verdict_of(each, last.left, whole.refit, unsure=unsure), faults, whole,
         findings, off, last.dropped, last.left,
         (*(n for n in first.unseen if not term(n).effect.formal), *dark), about,
     )  # fmt: skip

@@ -12,6 +12,7 @@ from heli3dof.diagnosis.gain import HORIZON_S, Gain
 from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.outlook import NextExperiment
+from heli3dof.diagnosis.profile_update import Measured, profile_keys, ratios
 from heli3dof.diagnosis.real_next import why_none
 from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted
 
@@ -37,6 +38,9 @@ def diagnosis_document(
         "verdict": d.verdict,
         "simulation_error": {a: _wrong(f, a) for a in AXES},
         "calibration": [] if f is None else _calibration(d, f),
+        "calibration_gain": _gain(None if f is None else f.refit),
+        "profile": _profile(f),
+        "ratios": _ratios(f),
         "findings": [_found(x) for x in d.in_order],
         "not_identifiable": list(d.not_identifiable),
         "leftover": [_leftover(x) for x in d.leftovers],
@@ -105,6 +109,30 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
             "beyond_tolerance": beyond(c),
         }
         for c in (f.calibration if f.final is None else calibrated(f.final))
+    ]
+
+
+def _measured(f: Fitted | None) -> dict[str, Measured]:
+    """Return the base parameters in SI by name, K_f among them; empty where none were fitted."""
+    numbers = () if f is None or f.final is None else calibrated(f.final)
+    return {c.name: Measured(c.nominal, c.value, c.std) for c in numbers}
+
+
+def _profile(f: Fitted | None) -> list[dict[str, Any]]:
+    """Return the calibration as keys of the profile; `profile update` writes these."""
+    if f is None:
+        return []
+    keys = profile_keys(_measured(f), f.model.profile)
+    return [{"key": k, "was": m.nominal, "value": m.value, "std": m.std} for k, m in keys.items()]
+
+
+def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
+    """Return the ratios that these recordings determine, whatever K_f is."""
+    if f is None:
+        return []
+    return [
+        {"ratio": n, "nominal": m.nominal, "value": m.value, "std": m.std}
+        for n, m in ratios(_measured(f), f.model.profile).items()
     ]
 
 

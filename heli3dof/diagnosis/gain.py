@@ -90,6 +90,20 @@ class Gain:
     worst: Worst | None
     """Where ``before`` is furthest off"""
 
+    @property
+    def of_calibration(self) -> bool:
+        """True if, on an axis, the error removed exceeds the error that remains, significantly.
+
+        ``before`` has the profile's numbers, ``after`` refitted ones: e_before² − e_after² >
+        e_after², and the interval of e_before − e_after lies above zero.
+        """
+        return any(
+            won is not None and won.low > 0 and before**2 > 2 * after**2
+            for won, before, after in (
+                (self.rmse_deg[a], self.before[a] or 0.0, self.after[a] or 0.0) for a in AXES
+            )
+        )
+
 
 @dataclass(frozen=True)
 class Worst:

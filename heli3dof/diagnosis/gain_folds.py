@@ -83,6 +83,19 @@ def on_blocks(found: Estimate, blocks: int = BLOCKS) -> HeldOut:
     return _cells(d, "blocks left out", parallel_map(one, len(cuts), what="blocks"))
 
 
+def uncalibrated(found: Estimate, holdout: Sequence[Recording]) -> HeldOut:
+    """Evaluate the structure of ``found`` with the profile's numbers, on the rows of `held_out`."""
+    problem, noise = found.problem, found.optimum.noise
+    if holdout:
+        runs = [run for i, r in enumerate(holdout) for run in usable_runs(r, i)]
+        problem = Likelihood(data_of(holdout, runs), found.structure)
+    d = problem.data
+    cuts = [(0, len(d.t))] if holdout else _cuts(d, BLOCKS)
+    theta = problem.coordinates(found.structure.values_of({}))
+    seen = parallel_map(lambda k: _evaluate(problem, theta, noise, cuts[k]), len(cuts))
+    return _cells(d, "holdout" if holdout else "blocks left out", seen)
+
+
 def held_out(found: Estimate, holdout: Sequence[Recording]) -> HeldOut:
     """On the hold-out recordings where there are any, else on blocks left out."""
     return on_holdout(found, holdout) if holdout else on_blocks(found)

@@ -35,7 +35,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.calibration import in_SI
 from heli3dof.diagnosis.corrected import Corrected, model_at
 from heli3dof.diagnosis.gain import Gain, HeldOut, gain, pays
-from heli3dof.diagnosis.gain_folds import held_out
+from heli3dof.diagnosis.gain_folds import held_out, uncalibrated
 from heli3dof.diagnosis.how_wrong import how_wrong
 from heli3dof.diagnosis.result import (
     COLOURED,
@@ -166,15 +166,22 @@ def fitted(
     model = model_of(found, train, "extended")
     at = model_at(found.problem, found.optimum.theta, found.optimum.noise)
     profiles = nominal(train[0].profile, tuple(t.name for t in base.structure.terms))
+    # Its filter knows the base fit's noise, so that a rig with just these numbers meets the floor.
+    profiles = replace(profiles, noise=base.optimum.noise[:3])
 
-    def both(i: int) -> Any:
-        if i:
-            return how_wrong(profiles, holdout or train, truth=at, seed=seed)
-        return after if found is base else held_out(base, holdout)
+    def part(i: int) -> Any:
+        if i == 0:
+            return after if found is base else held_out(base, holdout)
+        if i == 1:
+            return uncalibrated(base, holdout)
+        return how_wrong(profiles, holdout or train, truth=at, seed=seed)
 
-    before, wrong = parallel_map(both, 2)
+    before, as_is, wrong = parallel_map(part, 3)
     floor = {a: _number(wrong.at(1.0, a)[1]) for a in AXES}
-    return Fitted(base, found, model, gain(before, after, seed=seed), before, after, wrong, floor)
+    return Fitted(
+        base, found, model, gain(before, after, seed=seed), before, after, wrong, floor,
+        refit=gain(as_is, before, seed=seed),
+    )  # fmt: skip
 
 
 def _findings(

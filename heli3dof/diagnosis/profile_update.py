@@ -172,18 +172,46 @@ def changes(found: Calibration, profile: Profile) -> list[Change]:
 
 
 def _base(found: Calibration, profile: Profile) -> Iterator[Change]:
-    base = found.base
+    for key, m in profile_keys(found.base, profile).items():
+        yield _change(found, key, m.value, m.nominal, m.std)
+
+
+def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
+    """Return the base parameters by profile key: motor.K_f, motor.V_o and [inertia]; or nothing."""
     if not base:
-        return
+        return {}
     K_f, T_g = base["K_f"], base["T_g"]
     V_o = T_g.value / (2 * profile.geometry.L_a * K_f.value)
-    # T_g's deviation holds K_f's scale; their ratio does not.
-    own = sqrt(max(_share(T_g) ** 2 - _share(K_f) ** 2, 0.0))
-    yield _change(found, "motor.K_f", K_f.value, profile.motor.K_f, K_f.std)
-    yield _change(found, "motor.V_o", V_o, profile.motor.V_o, abs(V_o) * own)
-    for axis, before in zip(AXES, profile.inertias, strict=True):
+    out = {
+        "motor.K_f": Measured(profile.motor.K_f, K_f.value, K_f.std),
+        "motor.V_o": Measured(profile.motor.V_o, V_o, abs(V_o) * _beside_scale(T_g, K_f)),
+    }
+    for axis, nominal in zip(AXES, profile.inertias, strict=True):
         J = base[f"J_{axis}"]
-        yield _change(found, f"inertia.{axis}", J.value, before, J.std)
+        out[f"inertia.{axis}"] = Measured(nominal, J.value, J.std)
+    return out
+
+
+def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
+    """Return what flights determine without a scale: V_o in V, and K_f/J in N/(V·kg·m²).
+
+    The standard deviations of K_f, T_g and the inertias contain that of K_f, which only the
+    profile's tolerance bounds. It cancels in these ratios.
+    """
+    if not base:
+        return {}
+    K_f, out = base["K_f"], {"V_o": profile_keys(base, profile)["motor.V_o"]}
+    for axis in AXES:
+        J = base[f"J_{axis}"]
+        value = K_f.value / J.value
+        spread = abs(value) * _beside_scale(J, K_f)
+        out[f"K_f/J_{axis}"] = Measured(K_f.nominal / J.nominal, value, spread)
+    return out
+
+
+def _beside_scale(m: Measured, K_f: Measured) -> float:
+    """Return the relative standard deviation of m/K_f: that of m without K_f's."""
+    return sqrt(max(_share(m) ** 2 - _share(K_f) ** 2, 0.0))
 
 
 def _share(m: Measured) -> float:

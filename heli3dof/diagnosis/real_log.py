@@ -141,10 +141,13 @@ def diagnose_real(
     poor = not pays(before, after)
     adopted = least if poor else found.fit
     dropped = tuple(Dropped(f.choice.term.name, f.gain) for f in findings) if poor else ()
+    unfitted = gain(Flown.of(nominal(whole[0].profile, simpler), seen), Flown.of(simple, seen), on,
+                    seed)  # fmt: skip
     fitted = Fitted(
         None, None, simple if poor else model,
         gain(before, before if poor else after, against, seed), None, None,
-        _wrong(seen, simpler), dict.fromkeys(AXES), _calibrated(adopted),
+        _wrong(seen, simpler), dict.fromkeys(AXES), unfitted,
+        _calibrated(adopted),
         None if poor else left_open(found, model, causes, only_kept),
     )  # fmt: skip
     findings = () if poor else findings
@@ -177,7 +180,7 @@ def diagnose_real(
     dark = untold(tied_in(each), AXES, rest_rad=rest_rad, tolerance=tolerance)
     return Diagnosis(
         tuple(r.name for r in train), tuple(r.name for r in held),
-        verdict_of(each, left, unsure=quick), faults, fitted,
+        verdict_of(each, left, unfitted, unsure=quick), faults, fitted,
         findings, off, dropped, left,
         (*unseen(found.fit, causes), *dark), about,
     )  # fmt: skip

@@ -65,6 +65,8 @@ class Fitted:
     wrong: HowWrong
     """The simulation as the profile has it, beside the extended model's noise floor"""
     noise_floor: Mapping[str, float | None]
+    refit: Gain | None = None
+    """The simulation as the profile has it → the base simulation refitted"""
     calibration: tuple[Calibrated, ...] = ()
     """Where there is no ``final`` to read it from"""
     open: Open | None = None
@@ -113,16 +115,22 @@ def in_order(
 
 
 def verdict_of(
-    findings: Sequence[Fault | Finding | Off], left: Sequence[Leftover], *, unsure: bool = False
-) -> str:
-    """``findings`` as `in_order` has them; ``unsure``: the first one may be another cause."""
+    findings: Sequence[Fault | Finding | Off], left: Sequence[Leftover], refit: Gain | None = None,
+    *, unsure: bool = False,
+) -> str:  # fmt: skip
+    """Return the verdict on causes in the order of `in_order`.
+
+    ``refit``: the gain of refitting the profile's own numbers. ``unsure``: the first physical cause
+    may be another one. Faults of a recording are causes too, but never hide an ambiguous one.
+    """
     if left:
         return "unexplained"
-    if not findings:
-        return "nothing_found"
-    first = findings[0]
-    if isinstance(first, Fault):
-        return "explained"
+    physical = [f for f in findings if not isinstance(f, Fault)]
+    if not physical:
+        if refit is not None and refit.of_calibration:
+            return "off_calibration"
+        return "explained" if findings else "nothing_found"
+    first = physical[0]
     tied = first.choice.tied_with if isinstance(first, Finding) else first.tied_with
     return "ambiguous" if tied or unsure else "explained"
 

@@ -30,6 +30,7 @@ def diagnosis_section(
     bad = document["verdict"] == "bad_data"
     blocks = [key(words.verdict(document))]
     blocks += [warning(s) if bad else paragraph(s) for s in words.faults(document)]
+    blocks += map(paragraph, words.calibration_change(document))
     blocks += map(paragraph, words.limits(document))
     if steps := [paragraph(s) for s in words.next_steps(document)]:
         blocks += [subheading("What to do next"), *steps]

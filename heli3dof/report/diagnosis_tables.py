@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from heli3dof.axes import AXES
 from heli3dof.report import diagnosis_text as words
 from heli3dof.report.diagnosis_text import Document, name_of, number
-from heli3dof.report.text_table import NONE, Grid, fixed
+from heli3dof.report.text_table import NONE, Grid, fixed, significant
 
 
 def split_unit(key: str) -> tuple[str, str]:
@@ -48,23 +48,10 @@ UNITS = {
 }
 
 
-def significant(value: float | None, std: float | None = None) -> str:
-    """Format a value so that two digits of its standard deviation ``std`` show; None: a dash.
-
-    >>> significant(0.030123, 0.00042), significant(1234.5, 20.0), significant(None)
-    ('0.03012', '1234', '–')
-    """
-    if value is None or not math.isfinite(value):
-        return NONE
-    if std is None or not math.isfinite(std) or std <= 0:
-        return f"{value:.4g}".replace("-", "−")
-    digits = max(0, 1 - math.floor(math.log10(std)))
-    return fixed(value, digits)
-
-
 def diagnosis_tables(document: Document) -> list[Grid | str]:
     """Return a diagnosis' tables and sentences in reading order; empty tables are left out."""
     out: list[Grid | str] = [words.verdict(document), *words.faults(document)]
+    out += words.calibration_change(document)
     out += words.limits(document)
     for grid in (simulation_error(document), findings(document), gains(document)):
         out += [grid] if grid.rows else []

@@ -11,16 +11,18 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from heli3dof.axes import AXES
 from heli3dof.diagnosis.counts import flyable
 from heli3dof.errors import UsageError
 from heli3dof.model.effects import term
-from heli3dof.report.text_table import NONE, fixed
+from heli3dof.report.text_table import NONE, fixed, significant
 
 Document = Mapping[str, Any]
 
 VERDICTS = {
     "explained": "The causes below explain the simulation error.",
     "nothing_found": "No simulation error beyond noise was found.",
+    "off_calibration": "Only the profile's numbers are wrong: refitted, they explain the error.",
     "ambiguous": "The simulation is wrong; this recording does not separate the possible causes.",
     "unexplained": "Part of the simulation error has no known cause.",
     "not_identifiable": "These recordings carry too little information to name a cause.",
@@ -79,6 +81,27 @@ def verdict(document: Document) -> str:
         if doubtful:
             meaning += f" But {listed(doubtful)} may be off: see the calibration."
     return f"Verdict: {word.replace('_', ' ')}. {meaning}"
+
+
+def calibration_change(document: Document) -> Iterator[str]:
+    """Yield, for the verdict off_calibration, the gain of a refit and the ratios that are off."""
+    if document["verdict"] != "off_calibration":
+        return
+    error = document["calibration_gain"]["holdout_rmse_deg"]
+    falls = [
+        f"{axis} {fixed(error['before'][axis], 2, '°')} → {fixed(error['after'][axis], 2, '°')}"
+        for axis in AXES
+        if error["before"].get(axis) is not None
+    ]
+    yield f"With refitted parameters, the RMSE of 1 s predictions changes: {', '.join(falls)}."
+    off = [
+        f"{r['ratio']} = {significant(r['value'], r['std'])} ± {significant(r['std'], r['std'])} "
+        f"(profile: {significant(r['nominal'], r['std'])})"
+        for r in document["ratios"]
+        if abs(r["value"] - r["nominal"]) > 2 * r["std"]
+    ]
+    if off:
+        yield f"Determined by these recordings and not as in the profile: {', '.join(off)}."
 
 
 def possibly_off(document: Document) -> list[Document]:
@@ -308,7 +331,9 @@ def next_steps(document: Document) -> Iterator[str]:
             "A larger flight shows smaller effects: heli3dof run large, then diagnose it together "
             "with these recordings."
         )
-    off = any(c.get("beyond_tolerance", "no") != "no" for c in document["calibration"])
+    off = document["verdict"] == "off_calibration" or any(
+        c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]
+    )
     if document["model"] and off:
         yield (
             "To write a profile with the calibrated values: heli3dof profile update --from "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -50,6 +51,20 @@ def fixed(value: float, digits: int = 2, unit: str = "", *, sign: bool = False) 
     rounded = round(value, digits) + 0.0
     text = f"{rounded:{'+' if sign and rounded else ''}.{digits}f}"
     return text.replace("-", MINUS) + unit
+
+
+def significant(value: float | None, std: float | None = None) -> str:
+    """Format a value so that two digits of its standard deviation ``std`` show; None: a dash.
+
+    >>> significant(0.030123, 0.00042), significant(1234.5, 20.0), significant(None)
+    ('0.03012', '1234', '–')
+    """
+    if value is None or not math.isfinite(value):
+        return NONE
+    if std is None or not math.isfinite(std) or std <= 0:
+        return f"{value:.4g}".replace("-", "−")
+    digits = max(0, 1 - math.floor(math.log10(std)))
+    return fixed(value, digits)
 
 
 def short(value: float, unit: str = "") -> str:

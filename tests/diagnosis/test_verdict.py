@@ -11,6 +11,9 @@ import pytest
 
 from heli3dof.diagnosis.calibration import Calibrated, Off
 from heli3dof.diagnosis.document import diagnosis_document
+from heli3dof.diagnosis.gain import Gain, Interval
+from heli3dof.diagnosis.integrity import Fault, Kind
+from heli3dof.diagnosis.profile_update import Measured, ratios
 from heli3dof.diagnosis.result import Diagnosis, Finding, in_order, verdict_of
 from heli3dof.diagnosis.select import Choice
 from heli3dof.model.effects import terms
@@ -46,6 +49,43 @@ def test_the_first_finding_decides_whether_the_verdict_is_ambiguous(
     assert verdict_of([*findings, *offs], left) == verdict
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "low", "verdict"),
+    [
+        (4.1, 0.4, 3.8, "off_calibration"),
+        (0.22, 0.21, 0.005, "nothing_found"),  # significant, but most of the error is noise
+        (4.1, 0.4, -0.1, "nothing_found"),  # large, but not significant
+    ],
+)
+def test_a_refit_that_removes_most_of_the_error_is_off_calibration(
+    before: float, after: float, low: float, verdict: str
+) -> None:
+    none = dict.fromkeys(("pitch", "yaw"))
+    won = Interval(before - after, low, before)
+    refit = Gain("", {"roll": before, **none}, {"roll": after, **none}, {"roll": won, **none},
+                 None, None)  # fmt: skip
+    assert verdict_of([], [], refit) == verdict
+
+
+def test_a_fault_of_the_clock_does_not_hide_an_ambiguous_cause() -> None:
+    jitter = Fault("timing.jitter", Kind.FINDING, "a", "", "", "", effect="timing.jitter")
+    assert verdict_of([jitter, finding("motor.delay")], []) == "ambiguous"
+    assert verdict_of([jitter], []) == "explained"
+
+
+def test_ratios_to_the_thrust_gain_have_no_prior_in_them() -> None:
+    """K_f known to 4 %, T_g to 5 %: their ratio, and so V_o, to 3 %."""
+    p = default_profile()
+    J = dict(zip(("J_roll", "J_pitch", "J_yaw"), p.inertias, strict=True))
+    base = {"K_f": Measured(p.motor.K_f, p.motor.K_f, 0.04 * p.motor.K_f)}
+    base["T_g"] = Measured(p.trim_torque, 1.1 * p.trim_torque, 0.05 * 1.1 * p.trim_torque)
+    base |= {n: Measured(v, v, 0.05 * v) for n, v in J.items()}
+    found = ratios(base, p)
+    assert found["V_o"].value == pytest.approx(1.1 * p.motor.V_o)
+    assert found["V_o"].std / found["V_o"].value == pytest.approx(0.03)
+    assert found["K_f/J_yaw"].std / found["K_f/J_yaw"].value == pytest.approx(0.03)
+
+
 def test_findings_are_ordered_by_strength_and_causes_keep_their_order() -> None:
     lag, inertia = finding(), off()
     late = replace(lag, choice=replace(lag.choice, score=70.0))
@@ -67,7 +107,7 @@ def test_beyond_tolerance_has_three_values() -> None:
     )
     model = SimpleNamespace(profile=default_profile())
     gain = SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on="holdout")
-    fitted = SimpleNamespace(
+    fitted = SimpleNamespace(refit=None,
         final=None, open=None, model=model, calibration=numbers, gain=gain, noise_floor={},
         wrong=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),
     )  # fmt: skip
