@@ -20,9 +20,10 @@ def install_command() -> str:
 
 
 def known_ids() -> set[tuple[int, int]]:
-    """Return the USB vendor and product numbers of each rig in the rule and its installed copy.
+    """Return the USB vendor and product numbers of all rigs that the udev rule names.
 
-    A laboratory may add its own rigs to the installed copy.
+    Both heli3dof's rule and its installed copy are read, because a laboratory may add rigs to the
+    copy.
     """
     text = ""
     for file in (RULES, INSTALLED):

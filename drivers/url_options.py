@@ -42,7 +42,7 @@ class UrlOptions(BaseModel):
 
     @classmethod
     def of(cls, url: DeviceUrl, **place: Any) -> Self:
-        """Return the checked options of ``url``; ``place``: values of fields that are no options.
+        """Return the checked options of ``url``; ``place``: values of fields that are not options.
 
         If an option is repeated, its last value counts, except if the field is a tuple of strings.
         Raises UsageError for an unknown option, naming the nearest, and for a value out of bounds.

@@ -12,7 +12,7 @@ Everything the command line does can be done from Python::
     document = h3.diagnosis_document(h3.diagnose(flight.recording))
 
 Arrays are in SI units (s, V, rad), with columns (roll, pitch, yaw) and (front, back). Every error
-is a `Heli3dofError`. ``__init__.pyi`` lists the public names; each is imported when it is first
+is a `Heli3dofError`. ``__init__.pyi`` lists the public names. Each is imported when it is first
 used, so that importing the package is quick.
 """
 

@@ -1,8 +1,10 @@
 """The three axes and two motors, in the order every array uses.
 
-Roll *r* is the elevation of the arm (+ body up), pitch *p* the tilt of the body (+ front motor
-up), yaw *ψ* the travel (+ counter-clockwise), as in the paper. Columns of an angle array are
-``(roll, pitch, yaw)``; columns of a voltage array are ``(front, back)``.
+- Roll *r*: elevation angle of the arm, positive with the body up.
+- Pitch *p*: tilt angle of the body, positive with the front motor up.
+- Yaw *ψ*: travel angle of the arm, positive counter-clockwise, as in the paper.
+
+Angle arrays have the columns ``(roll, pitch, yaw)``, voltage arrays ``(front, back)``.
 """
 
 from __future__ import annotations

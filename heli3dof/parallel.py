@@ -1,8 +1,8 @@
 """Threads for estimation: `parallel_map` distributes calls, `one_blas_thread` limits BLAS.
 
 The compiled filters release Python's global lock, so threads run in parallel: one per core, at most
-`MOST`. The calling thread works too; helper threads join it up to this limit, which nested calls of
-`parallel_map` share. Results do not depend on the number of threads.
+`MOST`. The calling thread works too, and helper threads join it. Nested calls of `parallel_map`
+share this limit on threads. Results do not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ def worker_count() -> int:
 def one_blas_thread(function: Callable[P, X]) -> Callable[P, X]:
     """Decorate ``function`` so that BLAS uses one thread while it runs.
 
-    Estimation's matrices are small. On a busy machine several BLAS threads wait for one another,
-    which made an identification ten times slower.
+    Estimation's matrices are small. On a busy computer several BLAS threads wait for one another:
+    an identification took ten times as long.
     """
 
     @functools.wraps(function)
@@ -70,7 +70,8 @@ def parallel_map(work: Callable[[int], X], count: int, *, what: str = "") -> lis
     """Compute ``work(0)`` … ``work(count − 1)`` in parallel and return the results in order.
 
     ``what`` names the work items in the plural for `report_progress`; empty: no progress reports.
-    If a call fails, no more calls start. Of several errors, that of the lowest number is raised.
+    If a call fails, no more calls start. If several fail, the error of the call with the lowest
+    number is raised.
     """
     pieces = _Pieces(work, count, what)
     helpers: list[threading.Thread] = []

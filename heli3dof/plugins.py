@@ -14,8 +14,8 @@ from typing import Any
 def use_plugins(group: str, kind: str, use: Callable[[Any], None]) -> None:
     """Load each Python entry point of ``group`` and call ``use`` with the object that it names.
 
-    If the import or ``use`` raises, logs a warning with the ``kind`` of plug-in ("driver") and its
-    name, and continues with the next.
+    If the import or ``use`` raises an exception, this logs a warning and continues with the next
+    entry point. The warning names the plug-in and its ``kind``, for example "driver".
     """
     for point in entry_points(group=group):
         try:

@@ -1,9 +1,9 @@
 """Read hand-written TOML files (profiles, plans) and check them against a pydantic model.
 
 An unknown or missing key or a wrong value is an error that names the key and the file. For an
-unknown key it also names the nearest known one. All errors of a file are reported at once. `Key`
-describes a field: meaning, unit, ranges, how to measure it. Error messages, prompts, comments in
-written files and the tables of the documentation are made from it.
+unknown key the error also names the nearest known key. All errors of a file are reported at once.
+`Key` describes a field: meaning, unit, ranges, how to measure it. This description appears in error
+messages, prompts, comments in written files and tables of the documentation.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def section_of(field: FieldInfo) -> type[Section] | None:
 
 
 def keys(model: type[Section], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
-    """Yield the dotted name and the pydantic field of every key of ``model``, in its order.
+    """Yield the dotted name and the pydantic field of every key of ``model``, in the order defined.
 
     ``prefix`` is put before each name.
     """
@@ -129,7 +129,8 @@ M = TypeVar("M", bound=BaseModel)
 def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
     """Return the file's content as nested dicts.
 
-    Raises ``error`` if it cannot be read; ``what`` is the kind of file in its message ("profile").
+    Raises an exception of the class ``error`` if the file cannot be read. ``what`` names the kind
+    of file in its message ("profile").
     """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
@@ -171,7 +172,7 @@ def check(
     *,
     recorded: bool = False,
 ) -> M:
-    """Return ``model`` built from nested dicts; raise one ``error`` that names every wrong key.
+    """Return a ``model`` built from nested dicts; raise one ``error`` that names every wrong key.
 
     ``source`` names the file in messages. ``recorded``: the data is from a recording or a model
     file, so `Key.plausible` is not checked.
@@ -194,8 +195,8 @@ def check(
 def problems_of(problem: ValidationError, model: type[BaseModel], source: str) -> list[Problem]:
     """Return all errors: unknown keys first, one entry for all missing keys, then wrong values.
 
-    ``problem`` is pydantic's error for ``model``, ``source`` the file's name. A misspelt key is
-    both unknown and missing; only the unknown one is reported.
+    ``problem`` is pydantic's error for ``model``, ``source`` the file's name. A misspelt key would
+    count twice, as unknown and as missing; it is reported only as unknown.
     """
     errors = problem.errors(include_url=False)
     out: list[Problem] = []

@@ -1,7 +1,7 @@
 """The emulated rig: a nonlinear rigid body, its electronics, and hidden effects for `diagnose`.
 
-It shares no equation with ``heli3dof.model``: its equations are derived from a Lagrangian of its
-own. So tests against the emulator reveal an error in either. Reading order: `lagrange` (equations),
-`kernel` (integration), `body` (parameters), `effects`, `plant` (one control period, random
-numbers), `device` (amplifier, watchdog, stops).
+The emulator shares no equation with ``heli3dof.model``: its equations are derived from a separate
+Lagrangian. So tests of the model against the emulator reveal an error in either. Reading order:
+`lagrange` (equations), `kernel` (integration), `body` (parameters), `effects`, `plant` (one control
+period, random numbers), `device` (amplifier, watchdog, stops).
 """

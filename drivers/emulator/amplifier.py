@@ -63,7 +63,7 @@ class Amplifier:
     def arm(self, now_us: int, number: int, watchdog_us: int) -> None:
         """Enable the output at zero volts, and restart the average that `mean_V` returns.
 
-        ``number``: that of the ARM frame; ``watchdog_us``: µs without a command until the output
+        ``number``: the ARM frame's number; ``watchdog_us``: µs without a command until the output
         ramps to zero; ``now_us``: time on the device's clock, µs.
         """
         self._enter(now_us, ENABLED, Cause.NONE)
@@ -84,8 +84,8 @@ class Amplifier:
     def command(self, now_us: int, number: int, front_uV: int, back_uV: int) -> bool:
         """Apply voltages in µV and return True.
 
-        Without effect it returns False: if the state is not ARMED, or ``number`` is not newer than
-        the last accepted command's.
+        If the state is not ARMED, the method has no effect and returns False. The same holds if the
+        command's number ``number`` is not newer than that of the last accepted command.
         """
         if not self.enabled or not 0 < (number - self.last) & 0xFFFFFFFF < 0x80000000:
             return False

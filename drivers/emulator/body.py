@@ -98,10 +98,10 @@ def body_of(profile: Profile) -> Body:
 
 
 def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
-    """Return ``body`` with K_f, T_g, J_w, I_aa and I_bb each multiplied by a random 1 + u.
+    """Return ``body`` with random thrust per volt, gravity torque and inertias.
 
-    u is uniform within ± ``spread``, drawn from ``rng``. The lengths are unchanged: they are easily
-    measured.
+    K_f, T_g, J_w, I_aa and I_bb are each multiplied by 1 + u, with u uniform within ± ``spread``,
+    drawn from ``rng``. The lengths are unchanged, because they are easily measured.
     """
     k = 1 + spread * rng.uniform(-1, 1, size=5)
     return replace(

@@ -71,7 +71,8 @@ class Device:
     def command(self, sequence: int, v_front: float, v_back: float) -> None:
         """Apply these voltages in V, clipped to ± ``v_max``. NaN or infinity stops the motors.
 
-        If disabled, stopped, latched or faulty, only store the command's number ``sequence``.
+        If the device is disabled, stopped, latched or faulty, the method only stores the command's
+        number ``sequence``.
         """
         self.sequence = sequence
         if not self.enabled or self.stopped or self.latched or self.fault:

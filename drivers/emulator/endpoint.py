@@ -5,8 +5,8 @@
 
 `amplifier` gives the voltage in each state. Time is whole microseconds on the device's clock and
 comes from the caller: nothing here waits. The plant advances by whole control periods, counted from
-the arming. It gets the mean of the amplifier's output over each period, so the motion includes a
-command's delay.
+the arming. The plant gets the mean of the amplifier's output over each period, so the motion
+includes a command's delay.
 """
 
 from __future__ import annotations

@@ -69,8 +69,8 @@ def _hooks(stage, s, body, first, address, par, mem, out):  # type: ignore[no-un
 def _lag(state, target_f, target_b, tau, elapsed, force):  # type: ignore[no-untyped-def]
     """Write the thrusts of rotors with a first-order lag to ``force`` (front, back; N).
 
-    They solve τ Ḟ = target − F: ``tau`` τ in s, ``target_f`` and ``target_b`` in N, ``elapsed`` the
-    time in s since F was state[6:8].
+    The thrusts F solve τ Ḟ = target − F: ``tau`` τ in s, ``target_f`` and ``target_b`` in N,
+    ``elapsed`` the time in s since F was state[6:8].
     """
     left = 0.0 if tau <= 0.0 else math.exp(-elapsed / tau)
     force[0] = target_f + (state[6] - target_f) * left
@@ -154,8 +154,9 @@ def _compile(digest: str) -> tuple[Any, Any]:
         """Advance ``state`` = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) by ``dt`` s from ``t``; rad, rad/s, N.
 
         Returns the encoders' counts at the end. Held throughout are the voltages ``v_f``, ``v_b``
-        in V and the random torques ``noise`` (3,) in N·m. ``start_V``: voltage before the start;
-        ``body0``: body parameters; ``first`` … ``mem``: the effects' arrays (`plant._attach`).
+        in V and the random torques ``noise`` (3,) in N·m. The period has ``substeps`` integration
+        steps. ``start_V``: voltage before the start; ``body0``: body parameters; ``first`` …
+        ``mem``: the effects' arrays (`plant._attach`).
         """
         _ = digest
         h = dt / substeps

@@ -77,8 +77,8 @@ def velocity_torques(
 ) -> tuple[float, float, float]:
     """Return the Coriolis and centrifugal torques of roll, pitch and yaw in N·m.
 
-    They are on the left of Lagrange's equations. ``r``, ``p``: roll and pitch, rad; ``rd``, ``pd``,
-    ``yd``: rates, rad/s.
+    These torques are on the left side of Lagrange's equations. ``r``, ``p``: roll and pitch, rad;
+    ``rd``, ``pd``, ``yd``: rates of roll, pitch and yaw, rad/s; ``body``: parameters.
     """
     sr, cr, sp, cp = math.sin(r), math.cos(r), math.sin(p), math.cos(p)
     Iaa, Ibb, Inn, Iab = body[I_AA], body[I_BB], body[I_NN], body[I_AB]

@@ -1,6 +1,6 @@
 """Driver of ``usb+mock:?hide=…&seed=…``: the rig of ``mock:`` on an emulated USB bus, no libusb.
 
-It takes every option of ``mock:`` but ``speed`` (a bus is real time), those of ``usb:``, and
+The URL takes every option of ``mock:`` but ``speed`` (a bus is real time), those of ``usb:``, and
 ``bus=KIND@SECONDS[:FOR_SECONDS]`` for faults of the bus; see `transport_usb`.
 """
 

@@ -1,9 +1,9 @@
 """Computes a frame's check: CRC-16 of its bytes, and of its bytes in reverse order.
 
 CRC-16/IBM-3740 ("CCITT-FALSE"): x¹⁶ + x¹² + x⁵ + 1, initial value 0xFFFF, nothing reflected,
-nothing inverted; "123456789" gives 0x29B1. It detects every burst of up to 16 bits and every one,
-two or three wrong bits. Other errors pass one CRC-16 with probability 2⁻¹⁶. In reverse order the
-same wrong bits form another error polynomial, so other errors pass both with probability 2⁻³².
+nothing inverted; "123456789" gives 0x29B1. This CRC detects every burst of up to 16 bits, and every
+one, two or three wrong bits. Other errors pass one CRC-16 with probability 2⁻¹⁶. In reverse order
+the same wrong bits form another error polynomial, so other errors pass both with probability 2⁻³².
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A `Transport` over an open file descriptor: a serial port, a pseudo-terminal or a socket.
 
-It reads as soon as the system reports bytes: a round trip takes a third of the time that it takes
-with pyserial's ``read``.
+The transport reads as soon as the system reports bytes. A round trip takes a third of the time that
+it takes with pyserial's ``read``.
 """
 
 from __future__ import annotations
@@ -82,9 +82,9 @@ class DescriptorLine:
     def _hung_up(self) -> bool:
         """Return True if the connection is closed.
 
-        Call this after select() reported data but read() returned none. Terminal: closed if poll()
-        reports POLLHUP or an error, else another process read the bytes first. Any other
-        descriptor: always closed.
+        Call this after select() reported data but read() returned none. A terminal is closed if
+        poll() reports POLLHUP or an error; otherwise another process has read the bytes. Any other
+        descriptor is then always closed.
         """
         if not os.isatty(self._fd):
             return True

@@ -14,8 +14,8 @@ counts are unwrapped here.
     lost           += (n − n_last) − 1                 sampled, but never arrived
     device_skipped += (i − i_last) − (n − n_last)      not sampled: the device was delayed
 
-i counts the stream's sampling instants up to the sample's time (`Instants`). It is exact: the
-device's own clock gives both this time and the period.
+i counts the stream's sampling instants up to the sample's time (`Instants`). i is exact: the
+device's clock gives both this time and the period.
 """
 
 from __future__ import annotations

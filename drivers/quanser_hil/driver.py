@@ -59,9 +59,9 @@ class QuanserDriver:
     def estop(self, url: DeviceUrl) -> str:
         """Disable the amplifier and write zero volts; return a message.
 
-        This works on boards that a second program can open. Another program may then write its
-        volts again. They do not reach a disabled amplifier; without enable lines this raises
-        DeviceError.
+        This works on boards that a second program can open. The other program may then write its
+        volts again, but they do not reach a disabled amplifier. Raises DeviceError for a board
+        without enable lines.
         """
         from .wiring import Wiring
 

@@ -8,7 +8,7 @@
 
 One period when ARMED: reload the watchdog, discard older samples, write the volts, wait for the
 board's next sample. In every other state no volts are written and the watchdog is not reloaded. So
-it switches the outputs off if this process did not.
+the watchdog switches the outputs off if this process did not.
 
 The board measures counts only. The volts in a sample are those written, clipped to the amplifier's
 limit; the counts per revolution are the profile's.

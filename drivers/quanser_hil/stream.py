@@ -116,7 +116,7 @@ class EncoderStream:
         return self._drain() or counts
 
     def _drain(self) -> Counts | None:
-        """Read all samples in the buffer; return the newest one's counts, None without samples."""
+        """Read all samples in the buffer; return the newest counts, or None if it is empty."""
         counts: Counts | None = None
         while waiting := self._waiting():
             start = time.monotonic()

@@ -5,8 +5,8 @@
     EP 0       bmRequestType 0x40, bRequest 0x45, wValue = reason: stop, even if the pipes stall
 
 Reading needs a thread: libusb waits whole milliseconds, too long for a control period of 2 ms. A
-stalled pipe is cleared and used again; the link's checks and numbers detect the lost bytes. A pipe
-that stalls twice without a byte in between ends the connection.
+stalled pipe is cleared and used again. The checksums and sequence numbers of the frames show which
+were lost. A pipe that stalls twice without a byte in between ends the connection.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def _ms(seconds: float) -> int:
 def stop(device: Any, reason: int, name: str, tries: int = 1) -> None:
     """Set zero volts by a control request to ``device``; ``reason`` is a number of `Cause`.
 
-    It works even if the pipes stall or another process has claimed them. It is repeated after a
-    timeout, up to ``tries`` times in all. ``name``: the rig's URL, for messages.
+    The request works even if the pipes stall or another process has claimed them. It is repeated
+    after a timeout, up to ``tries`` times in all. ``name``: the rig's URL, for messages.
     """
     import usb.core
 
@@ -186,8 +186,8 @@ class UsbTransport:
     def _recover(self, error: Any, pipe: int, stalled: bool, doing: str) -> None:
         """Clear the stall of a pipe that caused ``error``; raise a DeviceError for other errors.
 
-        ``stalled``: this is the second stall in a row, which is raised too. ``doing``: the
-        operation that failed, as text.
+        ``stalled``: True for the second stall in a row, which also raises a DeviceError. ``doing``:
+        the operation that failed, as text.
         """
         if error.errno != errno.EPIPE or stalled:
             raise explain(error, self._name, doing) from error

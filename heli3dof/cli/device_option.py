@@ -20,10 +20,10 @@ AnyDevice = Annotated[
 
 
 def device_or_default(out: Output, device: str | None) -> str:
-    """Return the URL ``device``; if it is None, that of the only real rig or of the emulated one.
+    """Return the URL ``device``, or (None) the URL of the only real rig, else of the emulated rig.
 
-    If it chooses the emulated rig, it prints a note. Raises UsageError if several rigs are found,
-    and for a URL that no driver can open.
+    If this function chooses the emulated rig, it prints a note. Raises UsageError if it finds
+    several real rigs, or if no driver can open the URL.
     """
     from heli3dof.rig.drivers import MOCK, check_url, default_device
 

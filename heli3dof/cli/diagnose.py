@@ -131,8 +131,8 @@ def _load(
 ) -> tuple[list[Recording], list[Fault]]:
     """Return the recordings that can be read, and a fault for each log that cannot be imported.
 
-    The diagnosis reports such a log (radians in a column named degrees, for example) as bad data.
-    A missing file or a damaged recording raises RecordingError.
+    Such a log has, for example, radians in a column named degrees; the diagnosis reports it as bad
+    data. A missing file or a damaged recording raises RecordingError.
     """
     from heli3dof.cli.inputs import load_all
     from heli3dof.diagnosis.integrity import Fault, Kind
@@ -173,8 +173,8 @@ def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
 def stages(out: Output) -> Iterator[Callable[[str], None]]:
     """Context manager: yields a function that displays a text on what the diagnosis is doing.
 
-    On a terminal a spinner shows the text. Otherwise each text is printed as a line, except a count
-    of progress such as "Screening … flights: 31 of 64".
+    On a terminal a spinner shows the text. Otherwise each text is printed as a line, but no counts
+    such as "Screening … flights: 31 of 64".
     """
     if out.quiet or not live_allowed():
         yield lambda sentence: None if "… " in sentence else out.note(sentence)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def metrics_of(recording: Recording) -> Mapping[str, AxisMetrics]:
     """Return a recording's step-response metrics, such as overshoot and rise time, by axis name.
 
-    The ramp of the voltages to zero at the flight's end is left out.
+    They do not cover the ramp of the voltages to zero at the flight's end.
     """
     from heli3dof.comparison.metrics import flight_metrics
 
@@ -40,7 +40,7 @@ def recording_table(recording: Recording, title: str, note: str | None = None) -
 def recording_document(recording: Recording) -> dict[str, Any]:
     """Return, by axis name, the set value (degrees) and metrics of the first step, for JSON.
 
-    If an axis has no step, its reference from the start is used (`heli3dof.comparison.metrics`).
+    For an axis without a step they describe another segment (`heli3dof.comparison.metrics`).
     """
     metrics = metrics_of(recording)
     return {
@@ -50,7 +50,7 @@ def recording_document(recording: Recording) -> dict[str, Any]:
 
 
 def flight_table(flight: Flight) -> Group | str:
-    """Return a table of a flight to print: step-response metrics, how it ended, loop timing.
+    """Return a table of a flight to print: step-response metrics, outcome and loop timing.
 
     If the flight ended before its first control period, a sentence is returned instead.
     """

@@ -112,8 +112,8 @@ def _write_report(
 ) -> None:
     """Write an HTML report on an identified model to ``path``.
 
-    ``train``: the recordings used for identification. The report also compares the model with the
-    held-out recordings ``test``, if there are any.
+    ``result``: the identification; ``train``: the recordings used for it. The report also compares
+    the model with the held-out recordings ``test``, if there are any.
     """
     from heli3dof.comparison.compare import compare
     from heli3dof.paper.models import load_model

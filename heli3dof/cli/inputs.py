@@ -46,8 +46,8 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
 def check_distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> None:
     """Raise UsageError if two recordings contain the same samples, whatever their names.
 
-    Two in ``train`` would count twice. One in ``train`` and one in ``holdout`` would not be held
-    out. Two in ``holdout`` are allowed.
+    Samples that are twice in ``train`` would count twice. Samples in both ``train`` and ``holdout``
+    would not be held out. Two equal recordings in ``holdout`` are allowed.
     """
     names = {r.digest: r.name for r in train}
     for r in holdout:
@@ -142,7 +142,7 @@ def reference_comparison() -> tuple[list[Recording], list[Model]]:
 def identify_both(train: Sequence[Recording], test: Sequence[Recording]) -> list[Identification]:
     """Identify a black-box model (prediction-error method) and a grey-box model from ``train``.
 
-    Both identifications are returned in this order; ``test`` holds their held-out recordings.
+    Both identifications are returned in this order; ``test`` contains the held-out recordings.
     """
     from heli3dof.identification.identify import identify
 

@@ -1,6 +1,7 @@
 """``heli3dof monitor``: shows angles, rates, voltages, lateness and flags live, without arming.
 
-If another process uses the rig, that process supplies the readings; a free rig is opened and read.
+If another process uses the rig, that process supplies the readings. Otherwise this command opens
+the rig and reads it.
 """
 
 from __future__ import annotations
@@ -62,8 +63,8 @@ def _source(
 ) -> tuple[Callable[[], dict[str, Any] | None], dict[str, Any]]:
     """Return a function that reads the rig, and entries for the JSON document of ``monitor``.
 
-    The function returns a reading, or None once the process that uses the rig and supplies the
-    readings has ended. ``stack`` closes the connections that are opened here.
+    Another process that uses the rig supplies the readings. The function returns None once that
+    process has ended. ``stack`` closes the rig if it is opened here.
     """
     from heli3dof.rig.session.client import lives, running, state
     from heli3dof.rig.session.open_exclusive import open_rig, state_of
@@ -97,7 +98,8 @@ def _source(
 def _session(device: str | None, sessions: list[Running]) -> Running | None:
     """Return the newest of the ``sessions``, processes that use the device; None if it is free.
 
-    For an emulated rig, the session's URL must have every option of the given URL.
+    ``device``: URL; None: any. For an emulated rig, the session's URL must have every option of
+    ``device``.
     """
     from heli3dof.rig.drivers import is_private
     from heli3dof.rig.url import parse_url

@@ -10,9 +10,9 @@ byte of a file name   ``\\xff``                              PEP 383's surrogate
 anything else         ``\\u65e5``                            Python's own escape
 ====================  ====================================  ==============================
 
-A character that the encoding has is kept: cp1252 prints ``°``. `prepare` applies this to everything
-the process prints, other libraries included. `printable` applies it to text that is laid out in
-columns, before its width is measured.
+A character that the encoding has is kept: cp1252 prints ``°``. `prepare` applies this replacement
+to everything the process prints, other libraries included. `printable` applies it to text in
+columns, before the text's width is measured.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ def prepare() -> None:
     """Make stdout and stderr accept every character in their encoding.
 
     A closed stream (``2>&-``) is opened on the null device. Otherwise the next file to be opened,
-    perhaps a recording, would get its descriptor and receive what libraries print to stderr.
+    perhaps a recording, would get the stream's descriptor. Libraries would then print their
+    messages into that file.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
@@ -65,7 +66,7 @@ def prepare() -> None:
 def finish(code: str | int | None) -> str | int | None:
     """Flush stdout and stderr; return ``code``, or an error's exit code if output was not written.
 
-    It is no error if the program that reads the output ended first, as ``head`` does.
+    It is no error if the program that reads the output, such as ``head``, ended first.
     """
     for stream in (sys.stdout, sys.stderr):
         try:

@@ -206,9 +206,9 @@ def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> Non
 
 
 def _design_gain(data: dict[str, Any], remarks: dict[str, str]) -> None:
-    """Store an LQR gain in the profile ``data``, and a comment on it in ``remarks``.
+    """Design an LQR gain; store it in the profile ``data``, and a comment on it in ``remarks``.
 
-    If it equals the default gain, the key ``controller.K`` is removed instead.
+    If the designed gain equals the default gain, the key ``controller.K`` is removed instead.
     """
     from heli3dof.model.control.lqr import is_default_gain, lqr_gain
     from heli3dof.rig.profile import profile_from_dict

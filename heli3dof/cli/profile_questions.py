@@ -19,9 +19,10 @@ COMPUTED = "motor.V_o"
 
 
 def ask_missing(out: Output, data: dict[str, Any]) -> None:
-    """Ask the user for the required keys that ``data`` lacks, and add the answers to it.
+    """Ask the user for the required keys that a profile lacks, and add the answers to ``data``.
 
-    If stdin is not a terminal, raises UsageError with the names of these keys.
+    ``data``: the profile as nested dicts. If stdin is not a terminal, raises UsageError with the
+    names of the missing keys.
     """
     from heli3dof.rig.profile_file import put
 

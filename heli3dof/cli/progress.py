@@ -2,9 +2,9 @@
 
     step  flying  roll   +5.0°  pitch   -0.1°  yaw    +0.2°  late 0 ━━━━━━━━━──────── 0:12:30
 
-A thread of the library rich draws it from the control loop's state; the loop never waits. Drawing
-takes 0.5 ms of processor time (median; 90th percentile 1.0 ms). It holds Python's interpreter lock
-for `heli3dof.experiment.control_loop.realtime_priority.SWITCH_S` at most.
+A thread of the library rich draws the line from the control loop's state. Drawing takes 0.5 ms of
+processor time (median; 90th percentile 1.0 ms). The thread yields Python's interpreter lock to the
+loop within `heli3dof.experiment.control_loop.realtime_priority.SWITCH_S`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PER_SECOND = 10.0
 
 @contextmanager
 def progress(out: Output, live: Live, name: str) -> Iterator[None]:
-    """Context manager: shows a flight's progress; not with ``--quiet`` or without a terminal.
+    """Context manager: shows a flight's progress; nothing with ``--quiet`` or without a terminal.
 
     ``live``: the loop's progress; ``name``: the plan's name.
     """

@@ -100,7 +100,8 @@ def fly(
     """Fly a plan on a rig, record it, and print progress and a summary.
 
     ``device``: URL; ``output``: recording file, None for `default_path`; ``dry_run``: only check
-    and print the plan. A flight cut short ends the program with the exit code of its error.
+    and print the plan. A flight that did not complete its plan ends the program with the exit code
+    of the flight's error.
     """
     from heli3dof.experiment.control_loop.loop import Live
     from heli3dof.experiment.fly import fly_plan

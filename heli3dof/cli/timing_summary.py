@@ -75,7 +75,7 @@ def unacknowledged_text(latency: Mapping[str, Any]) -> str:
 
 
 def realtime_advice(outcome: Outcome) -> str | None:
-    """Return how to obtain a real-time permission that the system refused for the flight.
+    """Return a text: how to obtain a real-time permission that the system refused for the flight.
 
     None if no control period was late or missed, or if the system granted all that would help.
     """

@@ -2,7 +2,7 @@
 
 If a recording's controller is known, each model is simulated in the same closed loop
 (`heli3dof.comparison.replay`). Its step metrics are reported, and their differences from the
-experiment's, which are the content of Table II (erratum E11). For every recording, multi-step
+experiment's. Table II contains such differences (erratum E11). For every recording, multi-step
 prediction errors are reported too (`heli3dof.comparison.prediction`).
 """
 
@@ -53,9 +53,9 @@ def compare(
 ) -> Comparison:
     """Return the comparison of every model with every recording.
 
-    ``models`` may be a function that makes the models for a recording. ``horizons_s`` are the
-    prediction horizons; without any, nothing is predicted. If a model cannot be compared, its
-    ``ModelComparison.cannot`` gives the reason, and the others are compared.
+    ``models``: the models, or a function that makes the models for a recording. ``horizons_s``:
+    prediction horizons in s; if it is empty, nothing is predicted. If a model cannot be compared,
+    ``ModelComparison.cannot`` gives the reason, and the other models are compared.
     """
     flights = tuple(
         compare_flight(r, models(r) if callable(models) else models, horizons_s=horizons_s)

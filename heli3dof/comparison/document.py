@@ -13,8 +13,9 @@
                    constant_angles             prediction error of constant angles
     published[]    the paper's number, the one simulated here, whether and why it is reproducible
 
-The six metrics are ``peak_deg overshoot_deg overshoot_percent steady_error_deg rise_time_s
-settling_time_s``; `heli3dof.comparison.metrics` defines them. Undefined numbers are null.
+``<axis>`` is ``roll``, ``pitch`` or ``yaw``, ``<horizon>`` a prediction horizon in s. The six
+metrics are ``peak_deg overshoot_deg overshoot_percent steady_error_deg rise_time_s
+settling_time_s``. `heli3dof.comparison.metrics` defines them. Undefined numbers are null.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ def comparison_document(
 ) -> dict[str, Any]:
     """Return the comparison as a dict of JSON types, with the keys of the module's docstring.
 
-    ``published``: the paper's numbers, each with the one simulated here. If it is empty, the key is
-    left out.
+    ``published``: the paper's numbers, each with the number simulated here. If there are none, the
+    key ``published`` is left out.
     """
     document: dict[str, Any] = {
         "schema": SCHEMA,

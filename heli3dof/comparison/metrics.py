@@ -10,9 +10,9 @@ start value y_a (degrees), and s = sgn(y_r − y_a):
     rise time          from y_a + 10 % to y_a + 90 % of (y_r − y_a), interpolated
     settling time      from the step until y stays within ±2 % of |y_r − y_a| about y_r
 
-The paper's word "overshoot" has two meanings (erratum E10): its section II-C defines it as the
-largest difference from the set value, its section III and Table II print peak values. Here they are
-``overshoot_deg`` and ``peak_deg``.
+The paper's word "overshoot" has two meanings (erratum E10). Its section II-C defines overshoot as
+the largest difference from the set value. Its section III and Table II print peak values instead.
+Here the two are ``overshoot_deg`` and ``peak_deg``.
 
 Kinds of segment:
 
@@ -26,9 +26,9 @@ Kinds of segment:
 ``none``     there is no reference, and every metric is undefined.
 
 The *reported* segment of an axis is its first ``step``, else its ``start``, else the ``hold`` or
-``moving`` one. A ``hold`` or ``moving`` segment is then measured from the first change of any axis'
-reference, which excludes the take-off. ``AxisMetrics.steps`` has all segments. Undefined metrics
-are NaN.
+``moving`` segment. A reported ``hold`` or ``moving`` segment begins at the first change of any
+axis' reference, which excludes the take-off. ``AxisMetrics.steps`` has all segments. Undefined
+metrics are NaN.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ NOTHING = StepMetrics("none", np.nan, np.nan, np.nan, np.nan)
 def flight_metrics(recording: Recording) -> Mapping[str, AxisMetrics]:
     """Return the step metrics of a recording by axis name.
 
-    The ramp of the voltages to zero at the flight's end is left out.
+    They do not cover the ramp of the voltages to zero at the flight's end.
     """
     flown = under_control(recording)
     return step_metrics(
@@ -131,8 +131,9 @@ def step_metrics(
 ) -> Mapping[str, AxisMetrics]:
     """Return the step metrics of measured or simulated angles by axis.
 
-    t (N,) s, angle (N, 3) rad, reference (N, 3) rad before the rate limiter, NaN where absent. The
-    settling band is at least ± ``resolution`` (3,) rad, the encoder's step.
+    ``t`` (N,) in s; ``angle`` (N, 3) in rad; ``reference`` (N, 3) in rad, before the rate limiter,
+    NaN where there is none. The settling band is at least ± ``resolution`` (3,) rad, the encoder's
+    step.
     """
     changes = [_changes(reference[:, i]) for i in range(len(AXES))]
     first = min((int(c[0]) for c in changes if len(c)), default=0)
@@ -155,8 +156,8 @@ def axis_metrics(
 ) -> AxisMetrics:
     """Return the step metrics of one axis: t (N,) s, angle (N,) rad, reference (N,) rad.
 
-    If the reference never steps, its ``hold`` or ``moving`` segment is measured from the time
-    ``since_s`` (s) on. The settling band is at least ± ``resolution`` (rad), the encoder's step.
+    If the reference never steps, the ``hold`` or ``moving`` segment (see the module) begins at the
+    time ``since_s`` (s). The settling band is at least ± ``resolution`` (rad), the encoder's step.
     """
     y, ref = np.degrees(angle), np.degrees(reference)
     segments = _segments(t, y, ref)

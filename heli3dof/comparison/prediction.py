@@ -2,10 +2,10 @@
 
     e_h[k] = y[k] − ŷ[k | angles up to k − h, measured voltages],    RMSE_h = √(mean e_h²)
 
-y are the measured angles, ŷ the predicted ones. Predictions need no controller. The RMSE is given
-for three horizons h, and *over* a window of 3 s (the mean square over all horizons from 0 to 3 s),
-as in the literature on these rigs. The baseline is constant angles, ŷ[k] = y[k − h]; a useful model
-has a smaller error.
+y are the measured angles, ŷ the predicted angles. Predictions need no controller. The RMSE is given
+for three horizons h, and *over* a window of 3 s, as in the literature on these rigs. The latter is
+the root of the mean square over all horizons from 0 to 3 s. The baseline is constant angles: ŷ[k]
+is the angle measured h seconds earlier. A useful model has a smaller error than this baseline.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ def predictions(
 ) -> Predictions:
     """Return predictions of a recording at ``horizons_s`` (s), and at evenly spaced horizons.
 
-    The evenly spaced ones are ``steps`` horizons up to the longest of ``horizons_s``. They form a
-    prediction window.
+    The evenly spaced horizons are ``steps`` in number, up to the longest of ``horizons_s``. They
+    form a prediction window.
     """
     instants = np.round(max(horizons_s) * np.arange(1, steps + 1) / steps, 9)
     wanted = sorted({round(float(h), 9) for h in (*horizons_s, *instants)})
@@ -113,7 +113,8 @@ def over_window_deg(by_horizon: Mapping[float, FloatArray], made: Predictions) -
 def stitched(recording: Recording, made: Predictions) -> tuple[FloatArray, FloatArray]:
     """Return the predictions ``made`` as a curve of successive windows: t (M,) s, angle (M, 3) rad.
 
-    Each window starts at the measured angles and lasts ``made.window_s``. A row of NaN follows.
+    Each window starts at the measured angles, lasts ``made.window_s`` (s) and ends with a row of
+    NaN.
     """
     h = [float(x) for x in made.instants_s]
     steps = [0, *(max(1, round(x / recording.dt)) for x in h)]

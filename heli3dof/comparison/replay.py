@@ -5,8 +5,8 @@
 This is eq (7) of the paper, with errata E5 and E6 corrected. V_o is the hover voltage, K_g the
 gain, x the state, x_ref its reference, V_extra the plan's excitation, v_max the voltage limit. The
 model starts at rest at the flight's first angles; the rig's later motion does not enter. An
-open-loop replay would drift, because the plant integrates twice (0.05 V of bias is 25° after 10 s).
-The loop holds model and rig to the same references. The controller must be known.
+open-loop simulation would drift, because the plant integrates twice: 0.05 V of bias gives 25° after
+10 s. In closed loop model and rig follow the same references. The controller must be known.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Replay:
 def replay(model: Model, recording: Recording) -> Replay:
     """Simulate a model in closed loop with a recording's controller, references and first angles.
 
-    Raises ValueError if the recording lacks one of these
+    Raises ValueError if the recording lacks its controller, references or first angles
     (`heli3dof.model.control.loop_task.why_not_replayed`).
     """
     flown = under_control(recording)

@@ -46,7 +46,7 @@ class ModelComparison:
     name: str
     kind: str
     metrics: Mapping[str, AxisMetrics] | None
-    """Step metrics by axis of the closed-loop replay; None without a replay"""
+    """Step metrics by axis of the closed-loop replay; None if there is no replay"""
     replay_rmse_deg: FloatArray | None
     """(3,) RMSE between replayed and measured angles, degrees; NaN if the model diverges"""
     diverged_at_s: float | None

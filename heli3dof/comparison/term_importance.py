@@ -2,11 +2,11 @@
 
     share_t = RMSE(model without term t) − RMSE(model)      over `HORIZON_S`, degrees
 
-A term is a physical effect of the model, on one axis where it has one.
+A term is a physical effect of the model, on one axis if the effect is defined by axis.
 
-"Without" sets the term's parameters to the value at which they have no effect; a logarithmic
-parameter has none and gets its lowest value. The other parameters keep their values, so this
-measures how the fitted model uses a term, not the error of a model refitted without it.
+"Without" sets the term's parameters to the values at which the term has no effect. A parameter on a
+logarithmic scale has no such value and gets its lowest. The other parameters keep their values. So
+the share measures how the fitted model uses a term, not the error of a model refitted without it.
 """
 
 from __future__ import annotations

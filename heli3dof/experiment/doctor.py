@@ -1,6 +1,6 @@
 """Checks the port, the computer, the disk and the rig before a flight; no motor turns.
 
-Group of a check → where it comes from:
+Group of checks: where its checks come from:
 
 - ``port``: the driver's `heli3dof.rig.interface.Driver.examine`, before the port is opened
 - ``computer``: `heli3dof.rig.doctor.host` and the real-time priority that the system grants
@@ -52,9 +52,10 @@ def doctor(
 ) -> DoctorReport:
     """Run every check and return the report; call ``each`` with each check when it is done.
 
-    ``device``: a URL; default: the only rig found, else an emulated one. ``folder``: that of the
-    recordings. ``arm`` also arms the rig at zero volts, which tests its watchdog and its emergency
-    stop. A rig that cannot be opened is the last check of the report, not an exception.
+    ``device``: a URL; default: the only rig found, else an emulated rig. ``folder``: the folder of
+    the recordings. ``arm``: True also arms the rig at zero volts, which tests its watchdog and its
+    emergency stop. If the rig cannot be opened, the report's last check states this; no exception
+    is raised.
     """
     device, profile = device or default_device(), profile or default_profile()
     done: list[tuple[str, Check]] = []

@@ -43,9 +43,9 @@ class Flight:
     def raise_if_cut_short(self) -> None:
         """Raise an exception if the flight did not complete its plan; else do nothing.
 
-        It is SafetyTrip after a safety trip and KeyboardInterrupt after Ctrl-C. Otherwise it is the
-        DeviceError or Heli3dofError that ended the flight. A Heli3dofError may have another
-        exception as its cause. The recording is complete.
+        The exception is SafetyTrip after a safety trip, and KeyboardInterrupt after Ctrl-C.
+        Otherwise it is the DeviceError or Heli3dofError that ended the flight. A Heli3dofError may
+        have another exception as its cause. The recording is complete in any case.
         """
         self.raise_ending(self.outcome, self.path)
 
@@ -82,8 +82,8 @@ class Flight:
 def prepare(plan: Plan, profile: Profile, seed: int) -> Signals:
     """Check the plan and the controller's gain; return the rendered plan.
 
-    ``seed`` draws the plan's random signals. Raises PlanError, or UnstableLoop if the gain does not
-    stabilise the profile's hover model.
+    ``seed``: seed of the plan's random signals. Raises PlanError, or UnstableLoop if the gain does
+    not stabilise the profile's hover model.
     """
     signals = checked(plan, profile, seed)
     check_hover_loop(profile)
@@ -105,14 +105,14 @@ def fly_plan(
 ) -> Flight:
     """Fly a plan on a rig and record it (to the file ``output``, or in memory).
 
-    ``seed`` draws the plan's random signals, and an emulated rig's noise if its URL has no seed.
+    ``seed``: seed of the plan's random signals, and of an emulated rig's noise if its URL has none.
     ``force`` overwrites the file; ``meta`` is added to the recording's metadata; ``live`` receives
-    the progress. ``opened`` is called with the rig's identity, ``warn`` with each warning, before
-    the rig is armed.
+    the progress. Before the rig is armed, ``opened`` is called with the rig's identity, and
+    ``warn`` with each warning.
 
-    Returns the flight however it ended (see `Flight.raise_if_cut_short`). Raises if nothing flew:
-    PlanError, UnstableLoop, DeviceError, OutputExists, or SafetyTrip if an emergency stop came
-    after this command began (`heli3dof.rig.session.stop_stamp`).
+    Returns the flight however it ended (see `Flight.raise_if_cut_short`). If the flight did not
+    start, raises PlanError, UnstableLoop, DeviceError or OutputExists. Raises SafetyTrip if an
+    emergency stop came after this command began (`heli3dof.rig.session.stop_stamp`).
     """
     began_ns = command_began_ns()
     profile = (profile or default_profile()).with_controller()

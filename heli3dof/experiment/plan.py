@@ -71,8 +71,8 @@ class Plan:
     def render(self, dt: float, seed: int) -> Signals:
         """Return references and extra voltages for every control period of ``dt`` seconds.
 
-        ``seed`` draws the random signals. Raises PlanError naming the segment whose numbers give no
-        signal.
+        ``seed``: seed of the random signals. Raises PlanError, naming the segment, if a segment's
+        numbers give no signal.
         """
         rng = np.random.default_rng(seed)
         initial = rng.bit_generator.state
@@ -116,7 +116,7 @@ class Plan:
 def checked(plan: Plan, profile: Profile, seed: int) -> Signals:
     """Return the plan's signals after checking them against the profile's limits.
 
-    ``seed`` draws the random signals. Raises PlanError (`Plan.render`, `check_plan`).
+    ``seed``: seed of the random signals. Raises PlanError (`Plan.render`, `check_plan`).
     """
     _check_duration(plan, profile.limits)  # before rendering, which needs memory
     signals = plan.render(profile.dt, seed)
@@ -227,8 +227,9 @@ def step_plan(
 ) -> Plan:
     """Make a plan: hold level for ``settle_s`` (0: no hold), then step to these angles in degrees.
 
-    ``duration_s``: the step's. ``step_plan(roll=10)`` and ``step_plan((10, None, None))`` are the
-    same; an axis without an angle stays level. Raises ValueError for an axis with two angles.
+    ``duration_s``: duration of the step in s. ``step_plan(roll=10)`` and ``step_plan((10, None,
+    None))`` are the same plan. The reference of an axis without an angle stays 0. Raises ValueError
+    for an axis with two angles.
     """
     given: dict[str, float] = {}
     for axis, first, second in zip(AXES, target_deg, (roll, pitch, yaw), strict=True):

@@ -27,10 +27,9 @@ def simulate(
 ) -> Recording:
     """Fly a plan in closed loop on a model and return the recording.
 
-    The rig starts at rest on the table (the profile's rest angles) or level. ``seed`` draws the
-    plan's random signals. Controller and recording get angles rounded to whole encoder counts
-    unless ``quantised`` is False. Raises PlanError, or UnstableLoop if the gain does not stabilise
-    the model.
+    ``start``: at rest on the table (the profile's rest angles) or level. ``seed``: seed of the
+    plan's random signals. ``quantised``: controller and recording get angles rounded to whole
+    encoder counts. Raises PlanError, or UnstableLoop if the gain does not stabilise the model.
     """
     profile = (profile or default_profile()).with_controller()
     controller = profile.controller

@@ -117,7 +117,7 @@ class FitResult:
     warnings: tuple[str, ...] = ()
     response: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     """Function: frequencies ω (F,) rad/s → frequency response (F, 3, 2) rad/V from the two motors
-    to the three angles, and its standard deviation; None without a linear response"""
+    to the three angles, and its standard deviation; None if the model has no linear response"""
     test_interval_s: float | None = None
     """s: sampling interval of the errors that ``innovations`` returns; None: ``interval_s``."""
     correlation: np.ndarray | None = None

@@ -122,7 +122,7 @@ class Identification(Result):
     def to_dict(self, file: str | None = None) -> dict[str, Any]:
         """Return the model's entry in ``identify --json``; ``file`` is the saved model's path.
 
-        Unknown numbers are None.
+        An unknown value is None.
         """
         document: dict[str, Any] = {
             "name": self.model.name,

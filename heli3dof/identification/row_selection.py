@@ -14,13 +14,14 @@ amplifier's limit, or in free fall. Such rows are left out, each counted under a
 ``ramp_down``     the ramp of the voltages to zero that ends a flight (channel ``phase``)
 
 Two cases must be distinguished: the arm rests against a stop, or it reverses. Let q be the width of
-an encoder count. An arm with constant acceleration a that reverses within a count stays on it for
-T = 2 √(2q/a). It arrived at the rate v = √(2qa), so v T = 4q. An arm at a stop stays longer,
+an encoder count. An arm with constant acceleration a that reverses within a count stays on this
+count for T = 2 √(2q/a). The arm arrived at the rate v = √(2qa), so v T = 4q. An arm at a stop stays
+longer,
 
     v T > `HIT` q
 
-A filter without stops would treat the impact as process noise. Every other row on the same count
-is left out as well.
+A filter without stops would treat the impact as process noise. If a row is at a stop, all rows of
+the flight with the same count are left out.
 
 Rows in flight with a voltage at its limit are kept, because the recorded voltage is what reached
 the motor. Their share is reported.

@@ -3,7 +3,8 @@
     T(s)_{i,j} = N_ij(s) / D(s),      i = 1 front, 2 back;  j = 1 roll, 2 pitch, 3 yaw
 
 D is monic. Numerators are stored in rad/V and printed in degrees/V. Each coefficient has a standard
-deviation. That of a zero z follows from N(z) = Σ_k n_k z^{ν−k} = 0, with ν the highest power:
+deviation. The standard deviation of a zero z follows from N(z) = Σ_k n_k z^{ν−k} = 0, with ν the
+highest power:
 
     ∂z = −Σ_k z^{ν−k} ∂n_k / N′(z)
 """

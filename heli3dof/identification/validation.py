@@ -3,9 +3,9 @@
     fit = 100 (1 − ‖y − ŷ‖ / ‖y − ȳ‖)  %,     y measured, ŷ predicted, ȳ the mean of y
 
 Each axis is scored for predictions one sample, 0.1, 0.5, 1 and 3 s ahead. It is also scored for the
-closed-loop replay: the model flies the same references under the same controller. One sample ahead,
-almost every model fits a smooth motion to nearly 100 %. Horizons of 0.5 s and more, and the replay,
-separate good models from bad ones.
+closed-loop replay: a simulation in which the model follows the same references under the same
+controller. One sample ahead, almost every model fits a smooth motion to nearly 100 %. Horizons of
+0.5 s and more, and the replay, separate good models from bad ones.
 """
 
 from __future__ import annotations
@@ -90,7 +90,8 @@ class Metrics:
 def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
     """Return the score over pairs of measured and predicted angles (N, 3) rad.
 
-    Rows with a NaN are skipped. The fit compares with the mean of each pair's measured angles.
+    Rows with a NaN are skipped. The fit compares the prediction errors with the deviations of each
+    pair's measured angles from their mean.
     """
     error, spread, rows = np.zeros(3), np.zeros(3), 0
     for y, predicted in pairs:
@@ -112,7 +113,8 @@ def predictions(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return measured and predicted angles (N, 3) rad for each run of usable rows.
 
-    The predictions are ``horizon_s`` (s) ahead; NaN until the filter has settled.
+    ``runs`` are ranges of usable rows of the recordings in ``prepared``. The predictions are
+    ``horizon_s`` (s) ahead; NaN until the filter has settled.
     """
     out = []
     for run in runs:
@@ -156,7 +158,8 @@ def replays(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return measured and replayed angles (N, 3) rad for each recording that has ``runs``.
 
-    The replay is a closed-loop simulation; only the rows of ``runs`` are returned.
+    The replay is a closed-loop simulation of ``model`` with the recorded references and controller.
+    Only the rows of ``runs`` are returned.
     """
     out = []
     settle = round(AFTER_TAKE_OFF_S / prepared.dt)

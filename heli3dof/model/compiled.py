@@ -1,9 +1,10 @@
 """Compile functions with numba, cached on disk; a change in a called function recompiles them.
 
-``numba.njit(cache=True)`` keeps machine code in ``__pycache__`` (or the user's cache folder if that
-is read-only), so only the first run after an installation compiles, for some seconds. Numba checks
-the file of the compiled function only and would run old code after a change in a function that it
-calls. `compiled` therefore adds a digest of those functions to numba's cache key.
+``numba.njit(cache=True)`` keeps machine code in ``__pycache__``, or in the user's cache folder if
+``__pycache__`` is read-only. So only the first run after an installation compiles, for some
+seconds. Numba checks the file of the compiled function only. So numba would run old code after a
+change in a function that the compiled one calls. `compiled` therefore adds a digest of those
+functions to numba's cache key.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ from typing import Any
 def compiled(function: Callable[..., Any], *, leaf: bool = False, **options: Any) -> Any:
     """Return ``function`` under ``numba.njit``, cached on disk.
 
-    A change in its file, in a compiled function that it calls, or in a global number that it uses
-    causes recompilation.
+    A change in the function's file, in a compiled function that it calls, or in a global number
+    that it uses causes recompilation.
 
     ``leaf``: the function creates no array and calls only leaf functions. It is then inlined into
-    its callers and compiled without reference counting of arrays, which would cost up to ten times
-    as much as the arithmetic of a rigid body.
+    its callers and compiled without reference counting of arrays. That counting would take up to
+    ten times as long as the arithmetic of a rigid body.
 
     ``options`` go to numba; with ``error_model="numpy"`` a division by zero gives inf or NaN and
     does not raise. Floating point is strict (no fastmath), so results are those of plain Python.

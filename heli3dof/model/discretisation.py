@@ -5,9 +5,9 @@ Zero-order hold with the sample interval dt (s)::
     [A_d B_d]        ( [A B]    )
     [ 0   I ]  = exp ( [0 0] dt )        (`c2d_zoh`; `d2c_zoh` inverts it)
 
-The inverse needs the matrix logarithm. It does not exist for a discrete pole at zero (a delay) or
-on the negative real axis (an oscillation at half the sample rate). There `continuous` uses the
-bilinear rule z = (1 + s dt/2)/(1 − s dt/2); its result has a feedthrough D.
+The inverse needs the matrix logarithm, which does not exist for a discrete pole at zero (a delay)
+or on the negative real axis (an oscillation at half the sample rate). In these cases `continuous`
+uses the bilinear rule z = (1 + s dt/2)/(1 − s dt/2), whose result has a feedthrough D.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class Sampled(Protocol):
 class Continuous:
     """The model ẋ = A x + B ũ, ỹ = C x + D ũ; ũ (V) and ỹ (rad) are deviations from the trim.
 
-    ``method`` states how it was computed from a discrete-time model: ``hold``, by the inverse of
-    the zero-order hold (exact at the samples), or ``bilinear``.
+    ``method`` states how this model was computed from a discrete-time model: ``hold``, by the
+    inverse of the zero-order hold (exact at the samples), or ``bilinear``.
     """
 
     A: np.ndarray

@@ -1,8 +1,9 @@
 """Reproduce the paper's numbers of the hover model; the others cannot be reproduced.
 
-The paper simulates the hover model: a 10° roll step from level, gain K_g of eq (14), no limits hit.
-With this package's sampled controller the roll peak is 11.75° (11.85° in continuous time with ideal
-rates); the paper prints 12°. All other numbers need a recording that was never published.
+The paper simulates the hover model: a 10° roll step from level with the gain K_g of eq (14); no
+limit is reached. The roll peak is 11.75° with this package's sampled controller, and 11.85° in
+continuous time with ideal rates. The paper prints 12°. All other numbers need a recording that was
+never published.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def hover_metrics(hover: Model, profile: Profile | None = None) -> Mapping[str, 
 def reproduce(hover: Model | None) -> tuple[Reproduced, ...]:
     """Return all numbers of the paper with those simulated here, sorted by axis.
 
-    ``hover`` is the corrected hover model of Table I's rig; with None nothing is simulated.
+    ``hover`` is the corrected hover model of Table I's rig; if it is None, nothing is simulated.
     """
     metrics = None if hover is None else hover_metrics(hover)
     rows = []

@@ -43,8 +43,8 @@ def check_outputs(
     """Raise an error if an output file cannot be created. Call it before a long computation.
 
     * OutputExists: the file exists, and ``force`` is False
-    * UsageError: no folder, no permission, the same name twice, or one of ``inputs``, even with
-      ``force``
+    * UsageError: the folder is missing or not writable, two outputs have the same name, or an
+      output is one of ``inputs`` (an error even with ``force``)
     * NoSpace: the disk is full; a small file is written to every folder as a test
 
     Outputs that are None are skipped. ``fix`` is the remedy that the error message names.

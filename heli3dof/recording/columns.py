@@ -1,8 +1,8 @@
 """Contract columns: the columns of a log whose names docs/reference/contract.md fixes.
 
-Required are ``t_s``, ``v_front_V`` and ``v_back_V``. Angles, references, and the voltages before
-the limiter and added by the experiment are optional. Every name ends in its unit, an angle's in
-``_deg`` or ``_rad``.
+Required are ``t_s``, ``v_front_V`` and ``v_back_V``. Optional are angles, references, voltages
+before the limiter, and voltages that the experiment adds. Every name ends in its unit, that of an
+angle in ``_deg`` or ``_rad``.
 """
 
 from __future__ import annotations

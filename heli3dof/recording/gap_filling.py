@@ -4,10 +4,10 @@ The number of samples missing between t[k] and t[k+1] is
 
     n = max(0, round((t[k+1] − t[k] − δ) / dt) − 1)
 
-If the next interval is shorter than `EARLY` dt, sample k+1 was late by δ = dt − (t[k+2] − t[k+1]),
-at most t[k+1] − t[k] − dt. Otherwise δ = 0. Inserted rows have evenly spaced times and NaN as
-angles. They repeat all other values of row k, because the rig held its voltage. The voltage's
-integral over any interval is unchanged.
+If the next interval is shorter than `EARLY` dt, sample k+1 was late by δ = dt − (t[k+2] − t[k+1]).
+δ is limited to t[k+1] − t[k] − dt. If the next interval is not that short, δ = 0. Inserted rows
+have evenly spaced times and NaN as angles. They repeat all other values of row k, because the rig
+held its voltage. The voltage's integral over any interval is unchanged.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def missing(t: np.ndarray, dt: float) -> np.ndarray:
 
 
 def fill_gaps(recording: Recording, longest: float) -> tuple[Recording, np.ndarray]:
-    """Return the recording with inserted rows, and the indices (N,) there of its original rows.
+    """Return the recording with inserted rows, and the indices (N,) of the original rows in it.
 
     Intervals of more than ``longest`` control periods remain gaps. A recording without missing
     samples is returned unchanged.

@@ -1,6 +1,6 @@
 """`file_info`: describes a recording's file as a JSON-able dictionary.
 
-It also reads torn files: those that end early, for example because the program was killed.
+`file_info` also reads torn files: those that end early, for example because the program was killed.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def file_info(
 ) -> dict[str, Any]:
     """Return the `summary` of the recording in a file, and the file's name and size in bytes.
 
-    If ``torn`` is True, the file's end is missing: the summary is that of its intact part, and
-    ``fix`` is the command that recovers this part.
-    Raises RecordingError and UsageError, as `load` does.
+    If ``torn`` is True, the file's end is missing. The summary is then that of the intact part, and
+    ``fix`` is the command that recovers this part. Raises RecordingError and UsageError, as `load`
+    does.
     """
     path = Path(path)
     salvaged = _salvaged(path, profile) if importer_of(path) is None else None
@@ -63,8 +63,8 @@ def _salvaged(path: Path, profile: Profile | None) -> Recording | None:
 def summary(recording: Recording) -> dict[str, Any]:
     """Return a JSON-able dictionary that describes a recording.
 
-    It has the recording's length, timing, ranges of angles (degrees) and voltages (V), plan,
-    outcome, warnings and provenance.
+    The dictionary has the recording's length, timing, ranges of angles (degrees) and voltages (V),
+    plan, outcome, warnings and provenance.
     """
     meta: Mapping[str, Any] = recording.meta
     angles = {}

@@ -1,7 +1,8 @@
 """`link_warnings`: warns of a poor link between this computer and the rig.
 
-Causes are a dead time above one control period, losses, and rejected samples. The recording has the
-numbers, so the end of a flight and ``heli3dof info`` print the same warnings.
+It warns of a latency above one control period, of lost samples, of commands without an echo, and of
+rejected samples. The recording contains these values, so the end of a flight and ``heli3dof info``
+print the same warnings.
 """
 
 from __future__ import annotations

@@ -19,9 +19,9 @@ def load(
 ) -> Recording:
     """Read a `Recording` from an MCAP file or from a log (``.csv``, ``.csv.gz``, ``.mat``).
 
-    A log needs ``profile``. A recording of heli3dof contains one, which ``profile`` replaces.
-    ``columns`` names the rows or columns of a matrix in a MAT file. Raises RecordingError
-    (the command then exits with status 5) or UsageError (status 2).
+    A log needs the argument ``profile``. A recording of heli3dof contains a profile, which the
+    argument replaces. ``columns`` names the rows or columns of a matrix in a MAT file. Raises
+    RecordingError (the command then exits with status 5) or UsageError (status 2).
     """
     if importer_of(path) is not None:
         return import_log(path, profile, columns)

@@ -33,8 +33,8 @@ def provenance(
 
     ``source`` is ``flight``, ``simulation`` or ``import``; ``device`` the rig's URL; ``identity``
     what the rig reports about itself. ``named_host=False`` omits host and command line, for
-    published recordings. ``more`` is added unchanged. Entries that are None are omitted. ``plan``:
-    the plan flown; ``seed``: of its random signals.
+    published recordings. ``more`` is added unchanged. Entries that are None are omitted. ``plan``
+    is the experiment plan flown, ``seed`` the seed of the plan's random signals.
     """
     now = datetime.now(UTC)
     meta: dict[str, Any] = {
@@ -58,9 +58,11 @@ def provenance(
 def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
     """Return the entries ``seeds`` and ``seed`` of ``Recording.meta``, a recording's provenance.
 
-    ``plan`` is the requested seed, ``device`` the emulated rig's (None for a real rig).
-    ``plan_draws`` is True if the plan contains random signals. ``seeds`` has the seed of each, None
-    if it draws no random numbers. ``seed`` is the first of them that is not None, else ``plan``.
+    ``plan`` is the requested seed of the experiment plan, ``device`` that of the emulated rig (None
+    for a real rig). ``plan_draws`` is True if the plan contains random signals.
+
+    * ``seeds``: {"plan": ``plan``, or None without random signals; "device": ``device``}
+    * ``seed``: the first of these two seeds that is not None; if both are None, ``plan``
     """
     each = {"plan": plan if plan_draws else None, "device": device}
     return {"seed": next((s for s in each.values() if s is not None), plan), "seeds": each}

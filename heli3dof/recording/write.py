@@ -1,7 +1,8 @@
 """`write_recording`: writes a `Recording` to an MCAP file, completely or not at all.
 
 Message fields for which the recording has no channel are NaN (integers: 0) in the file. The
-metadata record ``heli3dof.columns`` lists them, so that reading the file restores the recording.
+metadata record ``heli3dof.columns`` lists these fields, so that reading the file restores the
+recording.
 """
 
 from __future__ import annotations

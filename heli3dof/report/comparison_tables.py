@@ -50,7 +50,8 @@ def step_name(step: StepMetrics) -> str:
 def metrics_table(flight: FlightComparison) -> Grid:
     """Return a table of the step metrics of experiment and models, and of their differences.
 
-    It describes one recording. The last column is the RMSE of each closed-loop replay in degrees.
+    The table describes one recording. Its last column is the RMSE of each model's closed-loop
+    replay in degrees.
     """
     rows = []
     for i, axis in enumerate(AXES):
@@ -140,9 +141,9 @@ def _prediction_cells(
 def table_ii(flight: FlightComparison) -> Grid | None:
     """Return a table like Table II of the paper, with the paper's numbers and this flight's.
 
-    The numbers are |model − experiment| of peak and steady error; the paper calls the peak
-    overshoot (erratum E10). Returns None if the closed loop was not simulated with the recording's
-    references.
+    The numbers are |model − experiment| of the peak and of the steady error. The paper's word for
+    the peak is overshoot (erratum E10). Returns None if the closed loop was not simulated with the
+    recording's references.
     """
     if flight.why is not None:
         return None

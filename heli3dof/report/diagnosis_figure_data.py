@@ -1,8 +1,8 @@
 """Compute the data of a diagnosis report's figures, from the diagnosis and its recordings.
 
-This module fits nothing. It runs the Kalman filter over the recordings once per finding. It
-simulates two models, which `diagnose` has fitted, with each recording's references: "before",
-without the causes, and "after", with them.
+This module fits nothing. For each finding it runs the Kalman filter over the recordings once. With
+each recording's references it simulates two models that `diagnose` has fitted. The model "before"
+lacks the causes, the model "after" includes them.
 """
 
 from __future__ import annotations

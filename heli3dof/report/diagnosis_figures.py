@@ -1,8 +1,8 @@
 """Draw figures of a diagnosis: a cause in the residual torque, and predictions before and after.
 
-"Before" is the refitted model without the causes, "after" the one with them. Points are measured
-residual torques, with error bars of one standard error. The line is the cause as fitted to the
-innovations, not to the points.
+"Before" is the refitted model without the causes, "after" the model with the causes. Points are
+measured residual torques, with error bars of one standard error. The line is the cause's torque as
+fitted to the innovations of the Kalman filter, not to the points.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Write the section of the HTML report on a diagnosis: verdict, tables, and a figure per cause.
 
 The JSON document of ``diagnose --json`` gives the sentences (`heli3dof.report.diagnosis_text`) and
-tables (`heli3dof.report.diagnosis_tables`). Figures and further tables need data that it lacks;
-`heli3dof.report.diagnosis_figure_data` computes them.
+tables (`heli3dof.report.diagnosis_tables`). The figures and further tables need data that are not
+in this document; `heli3dof.report.diagnosis_figure_data` computes these data.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def unmodelled_table(leftovers: Sequence[Leftover]) -> Grid:
 
 
 def replayed_table(replayed: Sequence[Replayed]) -> Grid:
-    """Return overshoot and steady error (°) as a table: measured, without the causes, with them."""
+    """Return a table of overshoot, steady error (°): measured, simulated without, with causes."""
     rows = [
         [r.recording, r.axis, *(fixed(v, 2) for v in (*r.overshoot_deg, *r.steady_error_deg))]
         for r in replayed

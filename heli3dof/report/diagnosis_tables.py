@@ -1,8 +1,8 @@
 """Make the tables of a diagnosis, and its terminal output: tables and sentences in reading order.
 
-Each function's ``document`` is that of ``diagnose --json`` (schema ``heli3dof.diagnosis/1``). So a
-diagnosis read from a file looks like a new one. `heli3dof.report.diagnosis_text` writes the
-sentences.
+Each function's argument ``document`` is the JSON document of ``diagnose --json`` (schema
+``heli3dof.diagnosis/1``). So a diagnosis read from a file looks like a new diagnosis.
+`heli3dof.report.diagnosis_text` writes the sentences.
 """
 
 from __future__ import annotations

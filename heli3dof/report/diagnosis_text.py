@@ -1,7 +1,7 @@
 """Write the sentences of a diagnosis from the JSON document of ``diagnose --json``.
 
 Each function's argument ``document`` is that document, ``finding`` an entry of its list of causes.
-`verdict` and the functions that yield strings write whole sentences. Those of `faults` and
+`verdict` and the functions that yield strings write whole sentences. The sentences of `faults` and
 `next_steps` name an action. docs/reference/contract.md defines the document's keys.
 """
 
@@ -45,7 +45,7 @@ def name_of(finding: Document) -> str:
 
 
 def variable(name: str) -> str:
-    """Return the key of a variable, on which a residual torque depends, in words.
+    """Return in words the key of a variable on which a residual torque depends.
 
     >>> variable("pitch*roll_rate")
     'pitch × roll rate'
@@ -215,7 +215,7 @@ def _confounded(name: str, others: Sequence[str]) -> str:
 
 
 def turn_by_hand(scales: Sequence[str]) -> str:
-    """Return how to find a wrong encoder scale (counts per revolution); ``scales``: effect names.
+    """Return a text: how to check these encoder ``scales`` (counts per revolution) by hand.
 
     >>> turn_by_hand(["encoder.scale.yaw"])[:35]
     'turn yaw by hand through a known an'
@@ -230,7 +230,8 @@ def turn_by_hand(scales: Sequence[str]) -> str:
 def adopted(document: Document) -> bool:
     """Return True if the diagnosis added at least one cause to the model.
 
-    Faults of a recording and parameters off calibration are reported, but not added.
+    The diagnosis also reports faults of a recording and wrong calibration values, but adds them to
+    no model.
     """
     return any(
         f["gain"]["holdout_log_likelihood"] is not None or "measured_on" in f["gain"]

@@ -95,7 +95,7 @@ def plain(text: str, most: int = 200) -> str:
 
 
 def model_lines(kinds: list[str]) -> list[Line]:
-    """Return a line style for each model, by its kind; a hover model has the same everywhere."""
+    """Return a line style for each model, by its kind; a hover model has one style everywhere."""
     lines: list[Line] = []
     identified = 0
     for kind in kinds:

@@ -2,8 +2,8 @@
 
 Figure 7 is roll, 8 pitch, 9 yaw: reference, experiment and every model over time. If the controller
 is known, the models' curves are closed-loop replays. Otherwise they are multi-step predictions in
-successive windows, each starting at the measured angles. The subtitle gives peaks or RMSE.
-`heli3dof.report.figure_style` writes SVG or PNG.
+successive windows, each starting at the measured angles. The subtitle gives the peaks of the
+replays or the RMSE of the predictions. `heli3dof.report.figure_style` writes SVG or PNG.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ NUMBER = {"roll": 7, "pitch": 8, "yaw": 9}
 def comparison_figures(comparison: Comparison) -> dict[str, dict[str, Figure]]:
     """Draw the paper's Figures 7, 8 and 9; the result is recording's name → axis → figure.
 
-    A repeated name gets a number. An axis that was not measured has no figure.
+    The second recording with the same name gets a number. An axis that was not measured has no
+    figure.
     """
     figures: dict[str, dict[str, Figure]] = {}
     for flight in comparison.flights:

@@ -1,6 +1,6 @@
 """Write the HTML report of flights: summary, warnings, flights, models, comparison, provenance.
 
-``heli3dof report``, ``diagnose --report`` and ``demo`` use it.
+``heli3dof report``, ``diagnose --report`` and ``demo`` use this report.
 """
 
 from __future__ import annotations

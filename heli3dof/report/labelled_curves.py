@@ -1,7 +1,7 @@
 """Plot curves over time with a label at each curve's end instead of a legend.
 
-Overlapping labels are moved apart. If a curve ends early, because its model diverged, its
-label is at that point.
+Overlapping labels are moved apart. A curve ends early if its model diverged; its label is then at
+that point.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ def angle_figure(
 ) -> Figure:
     """Draw angles over time with a label at each curve's end.
 
-    ``frame`` names the curves that determine the vertical range. Others may leave the axes, so that
-    a diverging model does not flatten the rest.
+    ``frame`` names the curves that determine the vertical range (empty: all). Other curves may
+    leave this range, so that a diverging model does not flatten the rest.
     """
     import matplotlib
     from matplotlib.figure import Figure
@@ -94,9 +94,9 @@ def _marks(axes: Axes, c: Curve) -> None:
 
 
 def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]:
-    """Return the lowest and highest y to plot: the range of the curves named in ``frame``.
+    """Return the lowest and highest angle to plot: the range of the curves named in ``frame``.
 
-    Other curves widen it, at most threefold.
+    Other curves widen this range, at most threefold. If ``frame`` is empty, all curves count.
     """
     framed = [c.y[np.isfinite(c.y)] for c in curves if not frame or c.label in frame]
     framed = [y for y in framed if len(y)]
@@ -192,7 +192,7 @@ def spread(places: np.ndarray, gap: float) -> np.ndarray:
 def _start(block: list[float], gap: float) -> float:
     """Return the height (0…1) of the lowest of a block of labels that are ``gap`` apart.
 
-    The labels are centred on the mean of the heights ``block`` that they should have.
+    ``block``: the heights (0…1) of the curves' ends. The labels are centred on their mean.
     """
     length = gap * (len(block) - 1)
     return float(np.clip(np.mean(block) - length / 2, 0.0, max(1.0 - length, 0.0)))

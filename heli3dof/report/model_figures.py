@@ -46,7 +46,8 @@ def bode_figure(
 ) -> Figure:
     """Draw Bode diagrams at ω (M,) rad/s, one column for each channel.
 
-    ``channels`` maps a channel's name, as ``roll / front (rad/V)``, to the models' curves.
+    ``channels`` maps a channel's name, such as ``roll / front (rad/V)``, to the curves of the
+    models.
     """
     import matplotlib
     from matplotlib.figure import Figure

@@ -35,7 +35,8 @@ HIGHEST = 100.0
 def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
     """Return HTML strings: a table of models and poles, and Bode diagrams of the linear models.
 
-    The closed-loop poles need the controller in ``profile``; without it they are left out.
+    The closed-loop poles need the controller in ``profile``; without a controller they are left
+    out.
     """
     if not models:
         return []
@@ -72,8 +73,8 @@ def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
 def plant_poles(model: LinearModel) -> np.ndarray:
     """Return the continuous-time poles (n,) of a discrete model, rad/s: log(z)/Δt.
 
-    For a discretised continuous model they are computed from the continuous one, because the
-    repeated eigenvalue z = 1 of a chain of integrators is ill-conditioned.
+    The poles of a discretised continuous model are computed from the continuous model. The repeated
+    eigenvalue z = 1 of a chain of integrators would be ill-conditioned.
     """
     if model.exact_hold:
         return np.asarray(np.linalg.eigvals(model.continuous().A))
@@ -82,7 +83,7 @@ def plant_poles(model: LinearModel) -> np.ndarray:
 
 
 def poles_text(poles: np.ndarray, most: int = 12) -> str:
-    """Format poles by decreasing real part, conjugate pairs once, repeated ones with their number.
+    """Format poles by decreasing real part: conjugate pairs once, repeated poles with their number.
 
     >>> poles_text(np.array([-1.5 - 0.79j, -0.1, -1.5 + 0.79j, 0.0, 0.0]))
     '0 (twice), −0.10, −1.50 ± 0.79j'

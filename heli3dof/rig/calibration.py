@@ -4,12 +4,13 @@
 
 Counts are zero when the device starts (docs/reference/protocol.md), so counts_at_rest holds until
 the next start. Two numbers detect a restart: the boot number, and the start instant s = (host's
-time) − (device's uptime). A board without a random source or flash repeats its boot number, so both
-are compared. With W the time since ``zero``, the device has not restarted if
+time) − (device's uptime), both in s. A board without a random source or flash memory repeats its
+boot number, so both numbers are compared. W is the time since ``heli3dof zero`` in s. The device
+has not restarted if
 
     |s_now − s_zero| ≤ START_TOLERANCE_S + CLOCK_TOLERANCE · W        modulo UPTIME_WRAP_S
 
-since after a restart s_now is later than the instant of ``zero``, and s_zero earlier.
+After a restart s_now is later than the instant of ``heli3dof zero``, but s_zero is always earlier.
 
 =====================  ============================  ==========================================
 stored                 the device states             counts_at_rest
@@ -89,7 +90,7 @@ COUNTS_AT_POWER_UP = RestCounts((0, 0, 0), "power-up")
 def rest_counts_of(identity: Identity) -> RestCounts:
     """Return the encoder counts at the rest angles of the connected device ``identity``.
 
-    The module's table states when the stored counts are used.
+    The table in the module's docstring states when the stored counts are used.
     """
     try:
         stored = load_calibration(identity.serial)
@@ -129,7 +130,8 @@ def rest_counts_of(identity: Identity) -> RestCounts:
 def _same_start(stored: Calibration, identity: Identity) -> bool | None:
     """Return True if the device has not restarted since ``stored`` was measured, else False.
 
-    It compares the start instants of ``stored`` and ``identity``; None if one is missing.
+    It compares the start instants of ``stored`` and of the connected device ``identity``. Returns
+    None if one of the instants is missing.
     """
     if stored.started_s is None or identity.started_s is None:
         return None

@@ -7,9 +7,9 @@ drift, so the estimate may rise again, by `DRIFT` at most:
     θ[k] = min(h[k] − d[k],  θ[k−1] + DRIFT · (d[k] − d[k−1]))
     lateness[k] = h[k] − (d[k] + θ[k]) ≥ 0
 
-Lateness is the transport delay beyond the smallest one, which is part of θ. A delayed sample
-raises the estimate by the drift at most. So the estimate follows a device clock that is up to
-100 ppm slow, and a fast one with every sample.
+k numbers the samples; all times are in s. Lateness is the transport delay beyond the smallest
+delay, which is part of θ. A delayed sample raises the estimate by the drift at most. So the
+estimate follows a device clock that is up to 100 ppm slow, and any clock that is fast.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class ClockOffset:
     """Estimates the offset θ = host's time − device's time in s, for one device's clock."""
 
     def __init__(self, device_s: float, host_s: float) -> None:
-        """Start with the first sample: taken at ``device_s``, arrived at ``host_s``.
+        """Start with the first sample, taken at ``device_s``, which arrived at ``host_s``.
 
         Both in s: ``device_s`` on the device's clock, ``host_s`` on the host's monotonic clock.
         """

@@ -1,7 +1,7 @@
 """Finds drivers through the entry-point group ``heli3dof.drivers``.
 
-heli3dof never imports a driver package by name, so third-party drivers work like ours. A driver
-that fails to import is a warning when rigs are listed, and an error only when its URL is used.
+heli3dof never imports a driver package by name, so third-party drivers work like its own. If a
+driver cannot be imported, listing rigs causes a warning, and only its own URLs cause an error.
 """
 
 from __future__ import annotations
@@ -60,9 +60,10 @@ def check_url(url: str | DeviceUrl) -> DeviceUrl:
 
 
 def open_driver(url: str | DeviceUrl, profile: Profile) -> Rig:
-    """Open the rig of a device URL without a lock; ``heli3dof estop`` does not know this process.
+    """Open the rig of a device URL without locking the rig.
 
-    Applications use `heli3dof.open_rig`.
+    ``heli3dof estop`` cannot request a stop from this process, so applications use
+    `heli3dof.open_rig`.
     """
     parsed = check_url(url)
     return load_driver(parsed.scheme).open(parsed, profile)
@@ -78,7 +79,8 @@ def is_private(url: str | DeviceUrl) -> bool:
 def with_seed(url: str, seed: int) -> str:
     """Return the URL with the option ``seed`` added, which seeds an emulated rig's noise.
 
-    The URL stays the same if its driver lacks this option or the URL already has it.
+    The URL stays the same if its driver does not know this option, or if the URL already has a
+    seed.
     """
     parsed = parse_url(url)
     if "seed" not in load_driver(parsed.scheme).options or "seed" in parsed.options:
@@ -109,7 +111,7 @@ MOCK = "mock:"
 
 
 def default_device() -> str:
-    """Return the URL of the only real rig found; without a real one, `MOCK`, the emulated rig's.
+    """Return the URL of the only real rig found; if there is none, `MOCK`, the emulated rig's URL.
 
     Raises UsageError if several real rigs are found.
     """

@@ -9,7 +9,8 @@ A flight ends (exit 4, motors ramped to zero) as soon as
 with the numbers of the profile's ``[limits]``. The envelope never changes a command: the recorded
 voltage follows the control law until the flight ends.
 
-V[k], t[k]: a motor's voltage in control period k and the period's time since the start.
+The limits are in the units of their keys. V[k], t[k]: a motor's voltage (V) in control period k,
+and the period's time (s) since the flight's start.
 """
 
 from __future__ import annotations

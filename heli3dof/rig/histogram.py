@@ -2,8 +2,9 @@
 
     bin(t) = ⌈ln(t / SHORTEST_S) / ln(1 + RATIO)⌉     bin 0: up to SHORTEST_S; the last: from 85 s
 
-A quantile is reported as the upper edge of its bin, at most 1 % too long; in bin 0 as 0, in the
-last bin as the longest time, which is stored exactly.
+t is a time in s. A quantile is reported as the upper edge of its bin, at most 1 % too long. A
+quantile in bin 0 is reported as 0, a quantile in the last bin as the longest time, which is stored
+exactly.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class Histogram:
         self.worst_s = 0.0
 
     def add(self, time_s: float) -> None:
-        """Count one time; a negative one counts as zero."""
+        """Add a time in s to the count of its bin; a negative time counts as zero."""
         at = 0
         if time_s > SHORTEST_S:
             at = min(ceil(log(time_s / SHORTEST_S) / _STEP), BINS - 1)

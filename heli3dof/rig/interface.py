@@ -1,7 +1,7 @@
 """Defines the interface between the control loop and a rig, real or emulated.
 
-One exchange is one control period. The command takes effect at once, and the sample is taken at
-the end of the period. So sample k's voltage follows from sample k's angles and is held until k+1::
+One exchange is one control period. The command takes effect at once, and the sample is taken at the
+end of the period. So the voltage computed from the angles of sample k is held until sample k+1::
 
     sample = rig.arm()
     while flying:
@@ -16,8 +16,9 @@ device      ``due_s`` is ignored; `Rig.exchange` returns the device's next sampl
 virtual     the clock runs as fast as the host exchanges; no sample is ever late
 ==========  =====================================================================================
 
-A driver package registers a `Driver` under the entry-point group ``heli3dof.drivers``, by the
-scheme of its URLs. Optional abilities of drivers and rigs are protocols of their own, below.
+A driver package registers a `Driver` in the entry-point group ``heli3dof.drivers``, under the
+scheme of its URLs. For each optional ability of a driver or a rig there is a further protocol
+below.
 """
 
 from __future__ import annotations
@@ -164,8 +165,9 @@ class HasLinkStatistics(Protocol):
     def statistics(self) -> object:
         """Return a dataclass of the link's counters since the rig was opened.
 
-        The recording's outcome stores it. ``lost``: samples that the device sent and the host never
-        received. ``device_skipped``: samples that a busy device did not take.
+        The recording stores these counters with the flight's outcome. ``lost``: samples that the
+        device sent and the host never received. ``device_skipped``: samples that a busy device did
+        not take. `heli3dof.rig.link_counters` has the other names.
         """
         ...
 
@@ -176,10 +178,10 @@ class ReportsDeviceCause(Protocol):
 
     @property
     def device_cause(self) -> str | None:
-        """Return the cause that the device stated with the last sample, or None.
+        """Return the cause of the device's stop, as stated with the last sample, or None.
 
-        ``OVERCURRENT``, ``BUTTON``, ``WATCHDOG`` and the others of docs/reference/protocol.md, or
-        the driver's own word.
+        The cause is one of docs/reference/protocol.md, such as ``OVERCURRENT``, ``BUTTON`` or
+        ``WATCHDOG``, or one that only this driver has.
         """
         ...
 
@@ -216,7 +218,8 @@ class Driver(Protocol):
     def estop(self, url: DeviceUrl) -> str:
         """Set the rig of that URL to zero volts, even while another process holds it.
 
-        Returns in words what was done. Raises DeviceError if the rig cannot be reached.
+        Returns a text that describes how the rig was stopped. Raises DeviceError if the rig cannot
+        be reached.
         """
         ...
 

@@ -28,7 +28,7 @@ _PRESENT = {former: present for present, former in FORMER_NAMES.items()}
 def present_names(details: Mapping[str, Any]) -> dict[str, Any]:
     """Return a flight's outcome details with former counter names replaced by the present ones.
 
-    The counters in its entry ``link`` are renamed, too.
+    The counters in the entry ``link`` of the details are renamed, too.
     """
     renamed = {_PRESENT.get(name, name): value for name, value in details.items()}
     if isinstance(link := renamed.get("link"), Mapping):
@@ -37,7 +37,7 @@ def present_names(details: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def attribute_of(statistics: Any, counter: str) -> str | None:
-    """Return the name of the attribute of ``statistics`` that holds this counter; None without.
+    """Return the name of the attribute of ``statistics`` that is this counter; None if none is.
 
     ``statistics``: the link's counters of a rig. A driver that uses the counter's former name
     causes a DeprecationWarning.

@@ -1,17 +1,21 @@
-"""A rig's profile: the parameters of the paper's Table I and of the loop, read from TOML.
+"""A rig's profile: the parameters of the paper's Table I and of the control loop, read from TOML.
 
-Names are the paper's symbols; `heli3dof.toml_file.Key` holds each key's unit, range and
-measurement. ``Profile.controller`` is None where the file has no ``[controller]``: the controller
-of an imported log is then unknown. Every model of the rig derives from the keys::
+The keys are named by the paper's symbols. The `heli3dof.toml_file.Key` of each key gives its unit,
+its range and how to measure it. ``Profile.controller`` is None if the file has no ``[controller]``;
+the controller of an imported log is then unknown. Every model of the rig derives from the keys::
 
     T_g     = 2 L_a K_f V_o                            gravity's torque on the level arm, N·m
     J_roll  = m_w L_w² + (m_f + m_b) L_a²              kg·m², unless ``[inertia]`` gives it
     J_pitch = (m_f + m_b) L_h²
     J_yaw   = J_roll + J_pitch
 
-Table I swaps the rows 14 and 15, L_w and L_a (E1). V_o is calibrated; its sign cannot be derived
-from Table I's masses (E2). Three point masses cannot represent three measured inertias (J_yaw would
-always be the sum of the other two), so measured inertias have keys of their own (``[inertia]``).
+L_a, L_w: yaw axis to body and to counterweight (m); L_h: pitch axis to motor (m); K_f: thrust per
+volt (N/V); V_o: hover voltage (V); m_w, m_f, m_b: masses of counterweight, front and back motor
+(kg).
+
+Table I swaps the rows 14 and 15, L_w and L_a (erratum E1). V_o is calibrated; its sign cannot be
+derived from Table I's masses (E2). Of three point masses J_yaw is always the sum of the other two
+inertias. So measured inertias have their own section ``[inertia]``.
 """
 
 from __future__ import annotations
@@ -171,7 +175,8 @@ def _encoder(axis: str, positive: str, typical: str) -> Key:
 class Encoder(Section):
     """Counts per revolution (4 per line); negative if the count falls as the angle rises.
 
-    Counts are zero at power-up, with the rig at its rest angles: on the table, −27.5° in roll.
+    Counts are zero at power-up, with the rig at its rest angles. The paper's rig rests with its
+    body on the table, at −27.5° in roll.
     """
 
     roll: Annotated[Counts, _encoder("roll", "body up", "4096")]
@@ -224,11 +229,11 @@ class Loop(Section):
 class Limits(Section):
     """Limits that end a flight (safety envelope); the defaults suit the paper's rig.
 
-    Angles are absolute readings. ``roll_min_deg`` lies below the table (−27.5°), so that a start
-    from rest is within the limits. The motors are ramped to zero over
-    ``ramp_down_s`` after a trip or an interrupt, and over ``landing_s`` at a plan's end. Far from
-    the hover voltage they go to zero at once (`heli3dof.experiment.control_loop.ramp_down`).
-    `heli3dof.experiment.safety_monitors` explains the safety monitors' keys, the last four.
+    Angles are absolute encoder readings. ``roll_min_deg`` is below the rest angle on the table
+    (−27.5°), so that a start from rest is within the limits. After a trip or an interrupt the
+    motors are ramped to zero over ``ramp_down_s``, at a plan's end over ``landing_s``. Far from the
+    hover voltage they go to zero at once (`heli3dof.experiment.control_loop.ramp_down`).
+    `heli3dof.experiment.safety_monitors` explains the last four keys, those of the safety monitors.
     """
 
     roll_min_deg: Annotated[
@@ -273,8 +278,9 @@ class Limits(Section):
 class ControllerSpec(Section):
     """Gains and filters of the default controller; see `heli3dof.model.control.controller`.
 
-    ``K`` is 2 × 8 in V per rad and s. Rows: front, back motor. Columns: errors of roll r, pitch p
-    and yaw ψ; rates ṙ, ṗ, ψ̇; time integrals of the errors of r and ψ.
+    ``K`` is 2 × 8, in V/rad, V·s/rad (rates) and V/(rad·s) (integrals). Rows: front, back motor.
+    Columns: errors of the angles roll r, pitch p and yaw ψ; negative rates −ṙ, −ṗ, −ψ̇; time
+    integrals of the errors of r and ψ.
     """
 
     K: Annotated[
@@ -341,7 +347,7 @@ class Profile(Section):
     def gravity_torque(self) -> float:
         """Return (L_w m_w − L_a m_f − L_a m_b) g in N·m: the right-hand side of the paper's eq (5).
 
-        With Table I's masses it is +1.170 N·m, which is a *counterweight-heavy* arm (E2).
+        With Table I's masses it is +1.170 N·m: the arm is *counterweight-heavy* (erratum E2).
 
         L_w, L_a: arms (m) of counterweight and body; m_w, m_f, m_b: masses (kg) of counterweight,
         front and back motor; g = 9.81 m/s².
@@ -361,7 +367,7 @@ class Profile(Section):
     def inertias(self) -> tuple[float, float, float]:
         """Return J_roll, J_pitch, J_yaw in kg·m² at level attitude.
 
-        They are those of the profile's ``[inertia]``. The point masses give the values missing
+        They come from the profile's section ``[inertia]``. The point masses give the values missing
         there.
         """
         roll, pitch, yaw = self.mass_inertias
@@ -437,7 +443,7 @@ def profile_from_dict(
     """Check nested dicts, as read from TOML, and return the profile that they describe.
 
     ``source``: the profile's name in errors. ``recorded``: the dicts are from a recording or a
-    model file, so implausible numbers pass. Raises ProfileError.
+    model file, so implausible numbers are accepted. Raises ProfileError.
     """
     return check(Profile, data, source, ProfileError, recorded=recorded)
 

@@ -1,7 +1,7 @@
 """Writes profiles as commented TOML files, and edits them without losing comments.
 
-A new file lists every key: the given ones as values, the others commented out with their defaults.
-`changed_text` edits with tomlkit, which keeps comments and order.
+A new file lists every key: the given keys with their values, the others commented out with their
+defaults. `changed_text` edits with tomlkit, which keeps comments and order.
 """
 
 from __future__ import annotations

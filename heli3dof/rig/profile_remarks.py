@@ -1,14 +1,15 @@
 """Reports legal but unusual values of a profile, for ``profile check`` and ``profile new``.
 
-The balance of the level arm gives a hover voltage from the masses::
+The balance of the level arm gives a hover voltage per motor, V_m, from the masses
+(`heli3dof.rig.profile` explains the symbols)::
 
     V_m = (L_a (m_f + m_b) − L_w m_w) g / (2 L_a K_f)        positive: body-heavy, rests body down
 
-It is a small difference of two large torques. If each is known to a share ε (the profile's
-tolerance), the standard deviation of V_m is ε √((L_a m_h)² + (L_w m_w)²) g / (2 L_a K_f), with
-m_h = m_f + m_b. That is often half of V_m, and the arm's own mass is missing. So V_o is measured,
-and V_m contradicts it only when far off. The sign of V_o must be that of −(rest angle): an arm that
-rests body down needs thrust to rise.
+V_m follows from a small difference of two large torques. If each torque is known to a share ε (the
+profile's tolerance), the standard deviation of V_m is ε √((L_a m_h)² + (L_w m_w)²) g / (2 L_a K_f),
+with m_h = m_f + m_b. That is often half of V_m. The arm's own mass is not included either. So the
+hover voltage V_o is measured; only a large difference from V_m is reported. The sign of V_o must be
+that of −(rest angle): an arm that rests body down needs thrust to rise.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def mass_hover_voltage(profile: Profile) -> float:
 def estimated_hover_voltage(profile: Profile) -> float:
     """Return a first value of the hover voltage per motor (V), until it is measured.
 
-    It is |V_m| (`mass_hover_voltage`) with the sign of −(rest angle).
+    It is |V_m| with the sign of −(rest angle in roll). V_m: `mass_hover_voltage`.
     """
     size = mass_hover_voltage(profile)
     rest = profile.encoder.roll_rest_deg

@@ -5,8 +5,9 @@ sample's time d on the device's clock is
 
     t_0 + i·dt ≤ d < t_0 + (i + BUSY)·dt        t_0: time of instant 0, estimated
 
-The estimate of t_0 is the smallest d − i·dt so far. Before each sample it rises by CREEP·dt, since
-the device's own period (whole µs, on its own crystal) may be longer than dt.
+The estimate of t_0 is the smallest d − i·dt so far. dt is the control period in s, i counts the
+instants. Before each sample the estimate rises by CREEP·dt, since the device's period on its own
+crystal may be longer than dt.
 """
 
 from __future__ import annotations

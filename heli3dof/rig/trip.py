@@ -7,7 +7,7 @@ from __future__ import annotations
 
 
 class Trip(str):
-    """A string: what was observed. ``cause``: its likely cause; ``fix``: what to run or to do.
+    """A string: what the safety monitor observed. ``cause``: the likely cause; ``fix``: what to do.
 
     ``by_motion``: the rig moved differently from what its voltages demand, so the motion before the
     trip may show the fault (`heli3dof.experiment.safety_monitors.wiring_fault`).
@@ -24,7 +24,7 @@ class Trip(str):
 
     @staticmethod
     def first(*reasons: str | None) -> Trip | None:
-        """Join the given reasons to one `Trip` with the first known cause; None without any."""
+        """Join the given reasons to one `Trip` with the first known cause; None if none exists."""
         given = [each for each in reasons if each]
         if not given:
             return None

@@ -14,7 +14,7 @@ def wrapped_difference_s(a_s: float, b_s: float) -> float:
     >>> wrapped_difference_s(1.0, UPTIME_WRAP_S - 1.0)
     2.0
 
-    W = `UPTIME_WRAP_S`: the uptime at which the device's counter starts again from 0.
+    W = `UPTIME_WRAP_S`: the uptime in s at which the device's counter starts again from 0.
     """
     half_s = UPTIME_WRAP_S / 2
     return (a_s - b_s + half_s) % UPTIME_WRAP_S - half_s

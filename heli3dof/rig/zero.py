@@ -2,8 +2,8 @@
 
     counts_at_rest = median(count) − (angle now − rest angle) · counts per revolution / 2π
 
-rounded to whole counts. The rig is not at rest if an axis moves by more than both `STILL_DEG` and
-`STILL_COUNTS` during the measurement.
+rounded to whole counts, with both angles in rad. The rig is not at rest if an axis moves by more
+than both `STILL_DEG` and `STILL_COUNTS` during the measurement.
 """
 
 from __future__ import annotations
@@ -80,8 +80,9 @@ def calibrate(
 ) -> Calibration:
     """Return the calibration of a rig that stands at known angles.
 
-    ``standing``: its encoder readings; ``angles_deg``: roll, pitch and yaw in degrees; None: the
-    axis is at its rest angle. Raises CheckFailed if the rig moved.
+    ``standing``: the rig's encoder readings. ``angles_deg``: roll, pitch and yaw in degrees; None
+    if the axis is at its rest angle. ``device``: the rig's URL. Raises CheckFailed if the rig
+    moved.
     """
     per_count = profile.encoder.rad_per_count
     rest = profile.encoder.rest_rad
@@ -132,9 +133,9 @@ def zero(
 ) -> ZeroResult:
     """Measure the encoder counts of a rig at rest and store them. Moves nothing.
 
-    ``angles_deg``: roll, pitch and yaw at which the rig stands now; None is the axis's rest angle.
-    ``store``: False for a dry run. Raises DeviceError, SafetyTrip for an armed rig, and CheckFailed
-    for a rig that moves.
+    ``angles_deg``: roll, pitch and yaw at which the rig stands now, in degrees; None: the axis's
+    rest angle. ``store``: False only measures. Raises DeviceError, SafetyTrip for an armed rig, and
+    CheckFailed for a rig that moves.
     """
     device, profile = device or default_device(), profile or default_profile()
     with open_rig(device, profile) as rig:

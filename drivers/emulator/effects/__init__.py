@@ -1,8 +1,8 @@
 """The effects, one family per file: physics that the URL option ``hide=`` adds to the ideal rig.
 
 Every module in this folder is loaded for its tuple ``EFFECTS``. A new effect needs its physics in
-the module's docstring, a compiled function of a few lines, and an `Effect` that names its
-parameters with units and bounds.
+the module's docstring, a short compiled function, and an `Effect` that names its parameters with
+units and bounds.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 - Backlash of full width w between the axis and its encoder: the encoder moves only while one of the
   two flanks is in contact.
 - Offset: the rig was not at its nominal rest when the counts were zeroed: reading = angle + offset.
-  The table (roll) and the start are defined by readings, so an offset shifts their true angles.
+  Readings define the roll angle on the table and the starting angles, so an offset shifts their
+  true values.
 - Scale: a wrong number of encoder lines: reading = rest + k (angle − rest), k the scale.
 """
 

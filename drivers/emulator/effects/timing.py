@@ -1,8 +1,9 @@
 """Sampling jitter and lost samples.
 
-Jitter: sample k is taken at k dt + ε, ε normal with the given standard deviation (|ε| at most 0.4
-of a period); the device's time stamps are the true instants. Gaps: samples are lost at random, each
-with probability ``lost_share``. The voltage is then held and the time stamps have a gap.
+Jitter: sample k is taken at k dt + ε. ε is normally distributed with the given standard deviation,
+|ε| at most 0.4 of a period; the device's time stamps are the true instants. Gaps: samples are lost
+at random, each with probability ``lost_share``. The voltage is then held and the time stamps have a
+gap.
 """
 
 from __future__ import annotations

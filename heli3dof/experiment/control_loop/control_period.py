@@ -1,9 +1,9 @@
 """`Period`: data of one control period, from which safety monitors judge the flight.
 
-A *monitor* is a callable. The loop calls it with every `Period`, before it sends the command. The
-monitor returns why the flight must end now, or None. It may keep state from period to period, so
-each flight needs new monitors. It runs inside the control period: it may take a few microseconds,
-and no input or output is allowed.
+A *monitor* is a callable. The loop calls the monitor with every `Period`, before the command is
+sent. The monitor returns why the flight must end now, or None. It may keep state from period to
+period, so each flight needs new monitors. A monitor runs inside the control period, so it may take
+a few microseconds and must not read or write files.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ class Period(NamedTuple):
 def motor_voltage(sample: Sample, sent: tuple[float, float]) -> tuple[float, float]:
     """Return the voltages (front, back) at the motors in V: reported by the device, or ``sent``.
 
-    ``sent`` (V) is the last command. It is used where ``sample.v_applied`` is NaN because the
-    amplifier does not report its output.
+    ``sent`` (V) is the last command. It replaces values of ``sample.v_applied`` that are NaN
+    because the amplifier does not report its output voltages.
     """
     front, back = sample.v_applied
     return (front if isfinite(front) else sent[0], back if isfinite(back) else sent[1])

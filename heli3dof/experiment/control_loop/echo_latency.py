@@ -5,13 +5,15 @@ times are on the host's monotonic clock::
 
     latency(c) = h_k − s_c,   k the first sample with e_k = c
 
-It is the dead time of the control loop: transmission, the wait for the next sampling instant, and
-transmission back. On a rig without delay it is one period less the controller's computing time.
-A device can measure this delay only modulo its period.
+The latency is the dead time of the control loop: transmission, the wait for the next sampling
+instant, and transmission back. On a rig without delay the latency is one control period minus the
+controller's computing time. A device could measure the latency only modulo its period, so the host
+measures it.
 
-A command is **unacknowledged** if the sample that ends its control period does not echo it: it was
-lost, refused, or has not arrived yet. It was **never echoed** if a later command was echoed first.
-Both are counted while the device is enabled; a stopped device refuses every command.
+A command is **unacknowledged** if the sample at the end of its control period does not echo it.
+Such a command was lost, was refused, or has not arrived yet. A command was **never echoed** if a
+later command was echoed first. Both are counted while the device is enabled; a stopped device
+refuses every command.
 """
 
 from __future__ import annotations
@@ -53,8 +55,8 @@ class EchoLatency:
 class EchoMeter:
     """Measures the command-to-echo latency of one flight, in constant memory.
 
-    ``dt``: the control period in s. ``clocked``: False for a virtual clock; then the meter counts
-    commands but does not time them.
+    ``dt``: the control period in s. ``clocked``: False for a virtual clock; the meter then counts
+    commands without measuring times.
     """
 
     def __init__(self, dt: float, *, clocked: bool = True) -> None:

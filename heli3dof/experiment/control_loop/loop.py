@@ -4,8 +4,8 @@
 
 Deadlines are absolute; the loop skips missed periods and never makes up for them
 (`heli3dof.experiment.control_loop.timekeeping`). Whatever ends the flight, the motors go to zero
-(`heli3dof.experiment.control_loop.ramp_down`): in a ramp if the last voltages are near the hover
-voltage, else at once. The loop records this, too.
+(`heli3dof.experiment.control_loop.ramp_down`). They go in a ramp if the last voltages are near the
+hover voltage, else at once. The loop records this phase, too.
 """
 
 from __future__ import annotations
@@ -81,10 +81,10 @@ def fly(
     monitors: Sequence[Monitor] = (),
     must_still_fall: Callable[[], bool] = lambda: False,
 ) -> Outcome:
-    """Fly the rendered plan in closed loop, ramp to zero, and return how the flight ended.
+    """Fly the rendered plan in closed loop, ramp the motors to zero, and return the outcome.
 
-    An error of the rig, the recorder or a callback ends the flight and is in the outcome. The
-    profile must have a controller and the control rate for which the signals were rendered.
+    An exception of the rig, the recorder or a callback ends the flight and is part of the outcome.
+    The profile must have a controller and the control rate for which ``signals`` was rendered.
 
     Args:
         signals: the rendered plan.
@@ -166,7 +166,7 @@ class _Flight:
     ) -> tuple[_End, RampDown]:
         """Ramp to zero from the last ``sample``; return how flight and ramp ended.
 
-        ``end``: how the plan ended. The callbacks are those of `fly`.
+        ``end``: how the plan ended. The other arguments are described in `fly`.
         """
         self.live.phase = "ramping down"
         limits = self.profile.limits
@@ -191,9 +191,10 @@ class _Flight:
         return _after_ramp(end, ramp), ramp
 
     def outcome(self, end: _End, ramp: RampDown, granted: Realtime | None) -> Outcome:
-        """Return the flight's outcome; a trip names the wiring fault that explains it, if any.
+        """Return the flight's outcome; a trip names a wiring fault if one explains the trip.
 
-        ``granted``: the real-time measures; None on a virtual clock.
+        ``end``, ``ramp``: how the plan and the ramp ended. ``granted``: the real-time measures;
+        None on a virtual clock.
         """
         detail, tally = end.detail, self.tally
         if end.ending == "tripped" and isinstance(detail, Trip) and detail.by_motion:
@@ -217,7 +218,8 @@ class _Flight:
     def period(self, k: int, sample: Sample) -> tuple[Sample, _End | None]:
         """Fly period ``k`` of the plan; ``sample`` was taken at the period's beginning.
 
-        Returns the next sample and None, or the same sample and why the flight ends.
+        Returns the next sample and None. If the flight ends, returns the same sample and the
+        reason.
         """
         exchange, live = self.exchange, self.live
         if exchange.unreadable is not None:
@@ -248,8 +250,8 @@ class _Flight:
     def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:
         """Run the controller for period ``k``; return the reference (rad) and three voltages (V).
 
-        The voltages (front, back) are those that the plan adds, and the controller's output before
-        and after the limiter. ``angle``: measured angles in rad.
+        The three voltages (front, back) are, in this order: the plan's addition, the controller's
+        output before the limiter, and after it. ``angle``: measured angles in rad.
         """
         # Plain floats from here on, made row by row: an hour of them would fill the memory.
         reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
@@ -260,8 +262,8 @@ class _Flight:
     def bridge(self, k: int, skipped: int, angle: Triple) -> None:
         """Run the controller through the ``skipped`` periods before ``k``, at interpolated angles.
 
-        ``angle`` (rad) was measured in period k. Without this step the controller's filters would
-        take the motion of all these periods for that of one.
+        ``angle`` (rad) was measured in period ``k``. Without this step the controller's filters
+        would attribute the motion of all these periods to one.
         """
         before = self.before
         for j in range(max(1, skipped - BRIDGED + 1), skipped + 1):
@@ -311,8 +313,8 @@ class _Flight:
     def judge_ramp(self, sample: Sample, voltage: Pair) -> str | None:
         """Return a safety monitor's report on a period of the ramp to zero, or None.
 
-        ``sample``: the period's sample; ``voltage``: the voltages (front, back) in V sent before
-        it.
+        ``sample``: the period's sample; ``voltage``: voltages (front, back) in V sent before the
+        sample.
         """
         t = sample.device_time_s - self.t0
         return self.judge(self.flown, t, sample, self.angle(sample), voltage, voltage, True)
@@ -354,7 +356,7 @@ def _after_ramp(end: _End, ramp: RampDown) -> _End:
 
 @contextmanager
 def _granted(identity: Identity) -> Iterator[Realtime | None]:
-    """Context manager: take the real-time measures and yield which the system granted.
+    """Context manager: take the real-time measures and yield those that the system granted.
 
     On a virtual clock no measure is taken, and None is yielded. ``identity``: the device's.
     """

@@ -101,9 +101,9 @@ class Outcome:
 
 
 def link_counts(rig: Any) -> dict[str, Any] | None:
-    """Return the link's counters ``rig.statistics`` as a dict for JSON; None if it has none.
+    """Return the link's counters ``rig.statistics`` as a dict for JSON; None if the rig has none.
 
-    A histogram of times becomes its median, 99.9 % quantile and largest time.
+    A histogram of times is replaced by its median, 99.9 % quantile and largest time.
     """
     statistics = getattr(rig, "statistics", None)
     if not is_dataclass(statistics) or isinstance(statistics, type):
@@ -138,9 +138,9 @@ class Tally:
     ) -> None:
         """Add one control period to the counts.
 
-        ``lateness``: delay of its sample after the deadline (s); ``turnaround``: computing time
-        (s). ``missed``, ``lost``, ``device_skipped``: periods skipped before it by the host, the
-        connection, the device.
+        ``lateness``: delay of the period's sample after the deadline (s); ``turnaround``: computing
+        time (s). ``missed``, ``lost``, ``device_skipped``: numbers of periods skipped before this
+        period by the host, the connection and the device.
         """
         if lateness > LATE_S:
             self.late += 1

@@ -5,19 +5,20 @@
     V_start = V_last   where |V_last,front − V_o| ≤ ½ V_h and |V_last,back − V_o| ≤ ½ V_h
     V_start = 0        elsewhere,                             V_h = max(|V_o|, v_max/8)
 
-V_last: last voltages sent; V_o: hover voltage of each motor; v_max: the amplifier's limit. A ramp
-sets down an arm that its thrust carries. From voltages far from the hover voltage it throws the arm
-(24 V after a wrong encoder sign: up to 100°) or drives it into the table, so both motors go to zero
-at once. The law reads no angle, because the encoders may be why the flight ends.
-`make bench TOPIC=ramp_down` compares it with other laws.
+V_last: last voltages sent; V_o: hover voltage of each motor; v_max: the amplifier's limit. From
+voltages near the hover voltage, a ramp sets the arm down. From other voltages, a ramp would throw
+the arm (24 V after a wrong encoder sign: up to 100°) or drive it into the table. Both motors then
+go to zero at once. The law reads no angle, because wrong encoders may be why the flight ends. `make
+bench TOPIC=ramp_down` compares this law with others.
 
 * Periods that the host misses or the connection loses are skipped, so the ramp takes no longer.
 * If the device does not answer, or a second Ctrl-C arrives, the loop stops the device at once.
 * If the device stops on its own, the loop goes on recording its samples for the time of the ramp.
 * After a completed plan the ramp is slow (``landing_s``) and has a `Supervision`. A report of a
   safety monitor, a failure of the recorder or a request to end shortens the rest to
-  ``ramp_down_s``. Otherwise, if the roll count stays constant above the table after the ramp,
-  the loop holds zero volts for `FALL_S` at most, in which a live encoder must show the arm fall.
+  ``ramp_down_s``. Without such an event, if the roll count stays constant above the table after the
+  ramp, the loop holds zero volts for `FALL_S` at most. In this time a live encoder must show the
+  arm fall.
 """
 
 from __future__ import annotations
@@ -93,7 +94,8 @@ def ramp_start(last: Pair, motor: Motor) -> Pair:
 class _Schedule:
     """Computes the voltages of a ramp to zero: V[i] = V_start (1 − i/n); zero after i = n.
 
-    V_start: voltages (V) at its beginning; i: control periods since then; n: its length in periods.
+    V_start: voltages (V) at the ramp's start; i: control periods since then; n: its length in
+    periods.
     """
 
     def __init__(self, start: Pair, steps: int) -> None:
@@ -128,7 +130,7 @@ def ramp_to_zero(
     known: int = 0,
     supervision: Supervision | None = None,
 ) -> RampDown:
-    """Ramp to zero in ``steps`` control periods; return how it went. Exceptions become its result.
+    """Ramp to zero in ``steps`` control periods; return the result, which includes any exception.
 
     Args:
         exchange: sends the commands and returns the samples.
@@ -187,7 +189,7 @@ def ramp_to_zero(
 class GuardedRecorder:
     """Passes rows to a recorder. After the recorder's first exception it ignores further rows.
 
-    So a failure of the recorder does not interrupt the ramp to zero.
+    So the recorder's failure does not interrupt the ramp to zero.
     """
 
     def __init__(self, append: Callable[[Row], None]) -> None:

@@ -16,9 +16,9 @@ interpreter    no garbage collection; other threads give   every user
                way within 0.1 ms
 =============  ==========================================  ======================================
 
-The flight goes on without a measure that is not granted; `Realtime` reports the command that
-grants it. The loop must wait while another thread of this program holds the interpreter's lock. So
-under SCHED_FIFO these threads, too, run above all ordinary programs, but below the loop.
+The flight goes on without a measure that is not granted; `Realtime` reports the command that grants
+it. The loop must wait while another thread of this program holds the interpreter's lock. So these
+threads, too, run under SCHED_FIFO, above all ordinary programs but below the loop.
 """
 
 from __future__ import annotations
@@ -122,10 +122,10 @@ def _scheduling(undo: ExitStack, priority: int) -> Check:
 
 
 def _schedule(undo: ExitStack, thread: int, priority: int) -> int:
-    """Run thread ``thread`` (0: the calling one) under SCHED_FIFO; return the priority it got.
+    """Run the thread with id ``thread`` (0: this thread) under SCHED_FIFO; return its priority.
 
-    ``priority`` (1 to 99) is the one to ask for. The former scheduling returns when ``undo``
-    closes.
+    ``priority`` (1 to 99) is the priority to request. When ``undo`` closes, the former scheduling
+    is restored.
     """
     import resource
 

@@ -46,8 +46,8 @@ class RigExchange:
     def exchange(self, since: Sample, voltage: tuple[float, float]) -> Sample:
         """Send the voltages (V) computed from the sample ``since``; return the next sample.
 
-        If a field of the next sample is no valid number, return ``since`` with the next period's
-        time.
+        If a field of the next sample is not a valid number, this returns ``since`` with the next
+        period's time.
         """
         time = self._time
         self.sequence = (self.sequence + 1) & 0xFFFFFFFF

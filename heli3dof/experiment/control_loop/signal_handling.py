@@ -1,7 +1,7 @@
 """Ctrl-C, SIGTERM and a closed terminal end a flight between two periods, never within one.
 
-On Windows the signals are Ctrl-C and Ctrl-Break. Closing the terminal there ends the program within
-seconds, and the device's watchdog ends the flight.
+On Windows the signals are Ctrl-C and Ctrl-Break. If the terminal is closed there, the program ends
+within seconds, and the device's watchdog ends the flight.
 
 =============  ==============================================================
 first signal   the flight ends, the motors are ramped to zero
@@ -58,8 +58,8 @@ class StopSignals:
 def stop_signals() -> Iterator[StopSignals]:
     """Context manager: catch the signals of `SIGNALS` in its block.
 
-    Python handles signals only in the main thread; in another thread this catches none. A signal
-    that the program was started to ignore (SIGHUP under nohup) stays ignored.
+    Python handles signals only in the main thread, so in another thread this catches none. A signal
+    that was ignored when the program started (SIGHUP under nohup) stays ignored.
     """
     received = StopSignals()
     before = {}

@@ -67,7 +67,7 @@ BY_CAUSE = {
 
 
 def explain(flags: int, device_cause: str | None = None) -> Trip | None:
-    """Return what stopped the device, the likely cause and the fix; None if it is not stopped.
+    """Return a `Trip`: what stopped the device, cause and fix; None if it is not stopped.
 
     ``flags``: the flags of a sample; ``device_cause``: the cause that the device states.
     """

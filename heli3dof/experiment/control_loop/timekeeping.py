@@ -11,19 +11,19 @@ device     by the device's clock, mapped   those that the link counted, or by wh
 virtual    when it arrives                 none
 =========  ==============================  ====================================================
 
-A link that numbers its samples distinguishes three kinds of skipped period (``rig.statistics``):
+A link that numbers its samples counts three kinds of skipped period in ``rig.statistics``:
 
 * *lost*: the device made a sample that never arrived
 * *left out* (``device_skipped``): the device was busy and made no sample
 * *passed over* (``samples_stale``): the sample came too late to be used; the host *missed* it
 
-Over any other link, the device's time gives the number of skipped periods. Those that the link
-counts as lost are lost; without a count, those that were due after the host began to wait. The rest
-is missed.
+Over any other link, the device's time gives the number of skipped periods. Of these, the number
+that the link counts as lost are lost. If the link does not count, those are lost that were due
+after the host began to wait. The rest is missed.
 
-The plan's index k advances by skipped periods, too, so the references keep wall time. Lateness
-counts from the first deadline that the host did not meet: a host that was away for 5.5 periods is
-late by 5.5 periods and has missed 5, on any clock.
+The plan's index k advances by skipped periods, too, so the references follow real time. Lateness
+counts from the first deadline that the host did not meet. With the host and the device timebase, a
+host that stalls for 5.5 periods is late by 5.5 periods and has missed 5.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Skipped = Callable[[], tuple[int, int, int]]
 
 
 class VirtualTime:
-    """Clock for deadlines that advances with each sample, so no sample is late.
+    """Clock for deadlines at which each sample is on time: it advances with the samples.
 
     Base class of the other clocks.
     """
@@ -123,7 +123,7 @@ class DeviceTime(VirtualTime):
 class CountedTime(DeviceTime):
     """Clock of a rig whose link counts the lost, left-out and passed-over samples separately.
 
-    The counts replace the estimate of `DeviceTime`.
+    `DeviceTime` estimates these numbers; here the link's counts replace the estimates.
     """
 
     def __init__(self, dt: float, skipped: Skipped) -> None:

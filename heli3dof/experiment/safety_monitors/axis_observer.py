@@ -1,7 +1,8 @@
 """Computes each axis's expected acceleration α, and observes its motion with a filter.
 
 α follows from the rigid body, one axis at a time (paper, eqs (10) and (11), with cos and sin kept).
-V_f, V_b: front and back motor's voltages (V); roll r, pitch p in rad, accelerations in rad/s²::
+V_f, V_b: front and back motor's voltages (V); roll r, pitch p in rad; accelerations in rad/s².
+`heli3dof.rig.profile` explains the other symbols::
 
     α_roll  = (L_a K_f cos p (V_f + V_b) − T_g cos r) / J_roll       T_g = 2 L_a K_f V_o
     α_pitch =  L_h K_f (V_f − V_b) / J_pitch
@@ -56,7 +57,8 @@ class ExpectedAcceleration:
     def typical(self) -> tuple[float, float, float]:
         """Return the typical |α| (rad/s²) of roll, pitch and yaw, under the hover voltage V_h.
 
-        For roll both motors have V_h, for pitch one, for yaw both at the pitch angle `TILT`.
+        For roll both motors are at V_h, for pitch one motor, for yaw both, at the pitch angle
+        `TILT`.
         """
         return (
             2 * self.roll_per_V * self.hover_V,

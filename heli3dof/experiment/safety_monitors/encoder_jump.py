@@ -1,12 +1,12 @@
-"""Detects a count that changed by more than the rig can turn, and a device's clock that is wrong.
+"""Detects an encoder count that changed by more than the rig can turn, and a wrong device clock.
 
 It reports a change Δcounts between two samples Δt apart if
 
     |Δcounts| · q  >  2 · rate_max · Δt + 2 q      q: rad per count
 
-rate_max is that of the profile's ``[limits]``, doubled because the envelope judges a filtered rate.
-A smaller jump cannot be distinguished from motion in this way. After a jump of about 2¹⁶ or 2²⁴
-counts it reports a counter that wrapped.
+rate_max is the rate limit of the profile's ``[limits]``, doubled because the envelope judges a
+filtered rate. A smaller jump cannot be distinguished from motion in this way. A jump of about 2¹⁶
+or 2²⁴ counts is reported as an overflow of the counter.
 """
 
 from __future__ import annotations

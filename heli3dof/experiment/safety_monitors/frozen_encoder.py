@@ -1,31 +1,33 @@
 """Detects an encoder whose count stays constant although its axis must be turning.
 
-While a count stays constant, a model of the axis runs on from the observer's state at the last
+While a count stays constant, a model of the axis is simulated from the observer's state at the last
 change of the count (`heli3dof.experiment.safety_monitors.axis_observer`). The model has more dry
-friction than the axis has shown so far in this flight, so a live axis turns at least as far::
+friction than the axis has shown so far in this flight. So the real axis turns at least as far as
+the model::
 
     ω̇ = α + b − f sgn(ω)      at rest while |α + b| ≤ f       f = F + 0.25 |α + b|      (rad/s²)
 
 ω: the model's rate; α: the expected acceleration under the voltages at the motors; b: the mean
-unmodelled acceleration of the observer; f: dry friction, in which 0.25 |α + b| covers a thrust or
-an inertia that is wrong by a quarter. The encoder is reported as frozen when the model has turned
-further than the clearance C.
+unmodelled acceleration of the observer; f: dry friction, with the part F that is estimated below.
+The part 0.25 |α + b| covers an error of thrust or inertia by a quarter. The encoder is reported as
+frozen when the model has turned further than the clearance C.
 
 F starts at the largest value of known rigs, C at 1.2°, more than their backlash. Both are then
 estimated from the axis's own motion:
 
-* Motion up and down differ in unmodelled acceleration by twice the axis's own friction F₀, whatever
-  the bias b. F = F_min + 3 |F₀| after half a second in each direction.
+* Between motion in one direction and in the other, the unmodelled acceleration differs by twice the
+  axis's own friction F₀, whatever the bias b. F = F_min + 3 |F₀| after half a second in each
+  direction.
 * To turn back, an axis needs a change of α of at least 2 F₀. F is at most the third-smallest change
-  that turned it back.
+  of α after which the axis turned back.
 * F is at least the largest deviation of the unmodelled acceleration from b while the axis moved
-  (rotor lag, thrust curve, aerodynamics), forgotten within seconds of motion or standstill.
-* Before each turn the model has moved s while the count stayed constant (backlash, delay). C is at
-  least twice the largest such s.
+  (rotor lag, thrust curve, aerodynamics). This deviation is forgotten within seconds.
+* s is the angle by which the model turns while the count stays constant before the axis turns back
+  (backlash, delay). C is at least twice the largest such s.
 
-On the table pitch and yaw may be held and are not judged; roll is judged there only under a thrust
-that lifts every known rig. An axis at a mechanical stop is reported as such, and not judged during
-the ramp to zero.
+On the table friction may hold pitch and yaw, so they are not judged. Roll is judged there only
+under a thrust that lifts every known rig. An axis at a mechanical stop is reported as such, and is
+not judged during the ramp to zero.
 
 False alarms: 0 in 10 h of calm and rich flight on rigs that differ by ±15 % from their profile;
 detection times: docs/results/benchmarks.md, `make bench TOPIC=watches`.
@@ -166,8 +168,8 @@ class FrozenEncoder(SafetyMonitor):
 class _Axis:
     """State of one axis: motion observer, estimates of friction F and clearance C, standstill.
 
-    ``i``: 0 roll, 1 pitch, 2 yaw; ``q``: rad per count. ``most``: upper limit of F in rad/s², the
-    largest friction of known rigs.
+    ``i``: 0 roll, 1 pitch, 2 yaw; ``q``: rad per count; ``most``: upper limit of F in rad/s². That
+    is the largest friction of known rigs.
     """
 
     def __init__(self, i: int, q: float, most: float) -> None:
@@ -215,8 +217,8 @@ class _Axis:
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
         """Advance the roll axis by ``h`` (s) while the arm is near its rest angle on the table.
 
-        ``count``: the encoder's count; ``angle``: the same in rad; ``lift``: acceleration (rad/s²)
-        by the thrust beyond the one that lifts any known rig.
+        ``count``: the encoder's count; ``angle``: the encoder's angle in rad. ``lift``:
+        acceleration (rad/s²) by the part of the thrust above the thrust that lifts every known rig.
         """
         if count != self.count:
             self.restart(count, angle)
@@ -229,7 +231,7 @@ class _Axis:
         """Advance an axis in the air by ``h`` (s).
 
         ``alpha``: expected acceleration α (rad/s²); ``count``: the encoder's count; ``angle``: the
-        same in rad.
+        encoder's angle in rad.
         """
         observer = self._observer
         observer.step(h, alpha, angle)
@@ -264,7 +266,7 @@ class _Axis:
             self._swing = abs(self.moved)
 
     def _observe(self, h: float, rate: float, unmodelled: float) -> None:
-        """Update b and, from its difference between motion up and down, the friction F.
+        """Update the mean b and, from motion in both directions, the friction F (see the module).
 
         ``h``: time step (s); ``rate``: ω (rad/s); ``unmodelled``: unmodelled acceleration (rad/s²),
         whose mean is b.

@@ -2,9 +2,9 @@
 
     asleep = (boottime − monotonic) − (boottime − monotonic at the flight's start)
 
-Meanwhile the rig's watchdog has ramped the rig to zero, or the rig has held one voltage. The loop's
-rates, integrals and last voltage are out of date, so the device is stopped at once, without a ramp.
-On a system without CLOCK_BOOTTIME only the device's watchdog ends the flight.
+In that time the rig's watchdog has ramped the motors to zero, or the rig has held one voltage. The
+controller's rates, integrals and last voltage are out of date, so the device is stopped at once,
+without a ramp. On a system without CLOCK_BOOTTIME only the device's watchdog ends the flight.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Detects a loop that misses too many deadlines.
 
-It reports when, of the last second's samples, a share of more than ``late_max_share`` came later
-than ``late_max_s`` after their deadlines. Periods missed before a late sample count as late, too.
+A sample is late if it came more than ``late_max_s`` after its deadline. The monitor reports when a
+share of more than ``late_max_share`` of the last second's samples was late. Periods missed before a
+late sample count as late, too.
 
 A busy host still has some quick periods. If even the quickest tenth of the last second's commands
 took more than `SLOW_PERIODS` to be echoed, the link or the device is slow, not the host.

@@ -1,7 +1,9 @@
 """Detects a link that loses frames: samples by the gap they leave, commands by the missing echo.
 
-It reports when, for longer than ``lost_max_s``, no sample came though the host waited for it (lost
-on the link, or not made by a device that was busy), or the samples echoed no new command.
+The monitor reports if one of these states lasts longer than ``lost_max_s`` (s):
+
+- The host waits, but no sample comes. The link lost it, or a busy device did not make it.
+- Samples come, but echo no new command.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Detects a motor that was commanded beyond its limit for longer than ``saturated_max_s``.
 
-While |command| > v_max the loop is open and the integrators wind up: the rig does not fly the plan.
-The time restarts after the command was below the limit for a tenth of ``saturated_max_s``. A sample
-with the flag SATURATED counts for both motors.
+While |command| > v_max the control loop is open and the integrators wind up: the rig does not
+follow the plan. The time starts again after the command was below the limit for a tenth of
+``saturated_max_s``. A sample with the device's flag SATURATED counts for both motors.
 """
 
 from __future__ import annotations

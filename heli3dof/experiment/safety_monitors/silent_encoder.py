@@ -1,15 +1,15 @@
-"""Detects an encoder that changed its count often in calm flight, and not at all in the ramp.
+"""Detects an encoder whose count changed often in calm flight, but not in the ramp to zero.
 
-A calm axis still wanders by a count or two. Its standstills end at random, so the longest of N
-standstills is about L = (ln N)/λ, where λ is the rate at which they end. A standstill of T then has
-the probability N exp(−λ T) of occurring once in N, and falls below ε after
+A calm axis still wanders by a count or two. Its standstills end at random, at a rate λ, so the
+longest of N standstills is about L = (ln N)/λ. The probability that one of N standstills lasts
+longer than T is about N exp(−λ T). This probability is below ε if
 
     T > L (1 + ln(1/ε) / ln N)
 
 Pitch and yaw are judged during the ramp to zero while the arm is in the air, on standstills of two
-seconds and more: without the controller a live axis drifts away. (`FrozenEncoder` judges roll,
-which must fall then.) An axis that did not wander to and fro before is not reported: dry friction
-may hold it.
+seconds and more. Without the controller, an axis with a live encoder drifts away. (`FrozenEncoder`
+judges roll, which must fall then.) An axis that did not wander to and fro before is not reported,
+because dry friction may hold it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SHORTEST_S = 0.01
 class SilentEncoder(SafetyMonitor):
     """Safety monitor that learns the standstills of pitch and yaw in the air.
 
-    It judges the standstills of these axes in the ramp to zero.
+    In the ramp to zero it judges the standstills of these axes.
     """
 
     order = 60
@@ -79,7 +79,7 @@ class _Axis:
     def restart(self, count: int, t: float) -> None:
         """Restart the observation of the axis; its encoder shows ``count`` at time ``t`` (s).
 
-        The present standstill is not learned, because its beginning is unknown.
+        The standstill in progress is not learned, because its beginning is unknown.
         """
         self._count, self.since = count, t
         self._from_change = False
@@ -89,7 +89,7 @@ class _Axis:
         self._calm_from = t + WINDOW_S
 
     def step(self, count: int, t: float, ramping_down: bool) -> None:
-        """Update the axis with the encoder's count at time ``t`` (s) while the rig is in flight.
+        """Update the axis with its encoder's ``count`` at time ``t`` (s), with the arm in the air.
 
         ``ramping_down``: True in the ramp to zero, whose standstills are not learned.
         """
@@ -117,7 +117,7 @@ class _Axis:
     def longest_credible_s(self) -> float:
         """Return T in s, the longest standstill that a live encoder may show (see the module).
 
-        It is infinite for an axis that has not yet moved to and fro enough.
+        T is infinite for an axis that has not yet moved to and fro enough.
         """
         if self._n < STANDSTILLS or self._reversals < REVERSALS or not self._from_change:
             return float("inf")

@@ -7,11 +7,12 @@ control was lost, the measured angle is fitted by
 
     θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
 
-s is the model's gain, b ~ N(0, B²) an unmodelled acceleration (friction, a wrong hover voltage).
-With v the mean squared residual and n the number of independent residuals, the hypothesis's score
-is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) over the axes that moved. A fault is reported
-only if its score exceeds that of a rig without fault by `SURE`, and every other fault's by
-`DISTINCT`. If none does, the test is repeated on the longer windows of `WINDOWS_S`, up to 1.6 s.
+θ₀, ω₀: initial angle and rate; s: the model's gain; b ~ N(0, B²): an unmodelled acceleration
+(friction, a wrong hover voltage). v is the mean squared residual, n the number of independent
+residuals. The hypothesis's score is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) over the
+axes that moved. A fault is reported only if its score exceeds that of a rig without fault by
+`SURE`, and every other fault's score by `DISTINCT`. If no fault does, the test is repeated on the
+longer windows of `WINDOWS_S`, up to 1.6 s.
 """
 
 from __future__ import annotations
@@ -225,10 +226,10 @@ def _score(
 
 
 def _fit(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float) -> tuple[float, float]:
-    """Fit θ(t) of the module to an axis's angles; return mean squared residual (rad²) and b.
+    """Fit the module's θ(t) to an axis's angles; return mean squared residual (rad²) and b.
 
     ``t``: times in s; ``theta``: measured angles in rad; ``alpha``: α_H in rad/s². b: unmodelled
-    acceleration in rad/s². ``weight`` of its prior: rad per count divided by B, in s².
+    acceleration in rad/s². ``weight`` of the prior of b: rad per count divided by B, in s².
     """
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]

@@ -1,7 +1,8 @@
 """The kinds of segment of a plan: one file each, with a class named ``Segment``.
 
-A segment is a table of the plan's TOML. It has a duration, and renders the references (rad) and
-the voltages that the experiment adds (V) for its control periods. Nothing else lists the kinds.
+A segment is a table of the plan's TOML file. It has a duration. For each of its control periods it
+renders the references (rad) and the voltages (V) that the experiment adds. No other file lists the
+kinds.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ class BaseSegment(Section):
     def target(self, before: np.ndarray) -> np.ndarray:
         """Return the angle references (3,) in rad that this segment sets.
 
-        ``before``: the previous segment's references (3,) in rad, which stay unless this one
-        changes them.
+        ``before``: references (3,) in rad at the end of the previous segment. They stay unless this
+        segment changes them.
         """
         given = (self.roll_deg, self.pitch_deg, self.yaw_deg)
         return np.array(
@@ -69,8 +70,8 @@ class BaseSegment(Section):
     def opened(self, clock: Clock) -> np.ndarray:
         """Return the mode (n, 3) of each axis's control loop in each of n control periods.
 
-        The modes are closed, learning and open (`model.control.loop_opening`). By default all loops
-        are closed. ``clock``: the segment's control periods.
+        The modes are closed, learning and open (`heli3dof.model.control.loop_opening`). By default
+        all loops are closed. ``clock``: the segment's control periods.
         """
         return np.zeros((clock.n, 3), dtype=np.int8)
 
@@ -111,8 +112,9 @@ Band = Annotated[
 class FreeSegment(BaseSegment):
     """A segment that opens the loop of one axis.
 
-    First the loop is closed: it holds the axis for ``learn_s``, in which its mean voltage is
-    measured, and brings it to the initial state. Then the loop opens and that voltage stays.
+    First the loop is closed. It holds the axis for ``learn_s`` seconds, in which the mean voltages
+    are measured. Then it brings the axis to the initial state. Then the loop opens, and the mean
+    voltages stay applied.
     """
 
     learn_s: Annotated[
@@ -122,9 +124,9 @@ class FreeSegment(BaseSegment):
     ] = 4.0
 
     def opened_after(self, clock: Clock, axis: int, approach_s: float) -> np.ndarray:
-        """Return the mode (n, 3) of each axis's control loop; that of ``axis`` (0 … 2) opens.
+        """Return the mode (n, 3) of each axis's control loop; the loop of ``axis`` (0 … 2) opens.
 
-        In the first ``learn_s`` seconds the mean voltage is measured. In the next ``approach_s``
+        In the first ``learn_s`` seconds the mean voltages are measured. In the next ``approach_s``
         seconds the closed loop brings the axis to its initial state. Then the loop opens.
         """
         mode = np.zeros((clock.n, 3), dtype=np.int8)

@@ -3,8 +3,8 @@
     s(t) = sin φ(t),  φ(t) = 2π f_1 (k^(t/T) − 1) T / ln k,  k = f_2/f_1    (exponential sweep)
     V_front += (common_V + difference_V) s,   V_back += (common_V − difference_V) s
 
-T is ``duration_s``, (f_1, f_2) is ``band_Hz``. The instantaneous frequency is f_1 k^(t/T): every
-octave gets the same time. On pitch the chirp separates a lag from a delay, whose phases differ at
+T is ``duration_s``, (f_1, f_2) is ``band_Hz``. The instantaneous frequency is f_1 k^(t/T), so every
+octave lasts equally long. On pitch the chirp separates a lag from a delay, whose phases differ at
 high frequency.
 """
 

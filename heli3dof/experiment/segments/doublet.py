@@ -3,7 +3,7 @@
     c(t) = +common_V for 0 ≤ t < T_p,  −common_V for T_p ≤ t < 2 T_p,  then 0
     d(t) the same with difference_V;   V_front += c + d,  V_back += c − d
 
-T_p is ``pulse_s``. Doublets on pitch at two trims separate a lag from a delay.
+T_p is ``pulse_s``. Doublets on pitch at two mean voltages separate a lag from a delay.
 """
 
 from __future__ import annotations

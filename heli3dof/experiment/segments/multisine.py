@@ -5,9 +5,9 @@
 
 f_k = k/duration_s, within ``band_Hz``; with ``tilt`` > 0 the amplitudes fall with frequency. σ is
 the RMS of its sum, so A_c = ``common_V`` and A_d = ``difference_V`` are RMS values (V). Common and
-difference take every other frequency, so they are orthogonal over the segment: roll answers to the
-sum, pitch to the difference. Of `DRAWS` random sets of phases φ_k the segment uses the one with
-the lowest crest factor (peak/RMS).
+difference voltage contain alternate frequencies, so they are orthogonal over the segment. Roll
+responds to the common voltage, pitch to the difference. Of `DRAWS` random sets of phases φ_k the
+segment uses the set with the lowest crest factor (peak/RMS).
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class Segment(BaseSegment):
 def _low_crest(lines: np.ndarray, tilt: float, clock: Clock) -> np.ndarray:
     """Return a multisine (n,) of RMS 1 with a low crest factor; n, dt: those of ``clock``.
 
-    It is the signal with the smallest peak of `DRAWS` signals with random phases, shifted
-    cyclically so that it starts near zero. ``lines``: its frequencies in multiples of 1/(n dt). Its
+    Of `DRAWS` signals with random phases it is the one with the smallest peak, shifted cyclically
+    so that it starts near zero. ``lines``: the signal's frequencies in multiples of 1/(n dt). The
     amplitudes are proportional to frequency^−tilt. n: number of control periods; dt: their length
     in s.
     """

@@ -3,8 +3,8 @@
     r_ref(t) = r_0 + (r_1 − r_0) t/T                     r_0, r_1: old, new reference
     V_front += (common_V + difference_V) t/T,  V_back += (common_V − difference_V) t/T
 
-T is ``duration_s``. A slow ramp shows friction, a dead zone and the static thrust curve. The loop
-compensates the voltage offset, which ends with the segment.
+T is ``duration_s``. A slow ramp shows friction, a dead zone and the static thrust curve. The
+control loop compensates the voltage offset, which ends with the segment.
 """
 
 from __future__ import annotations

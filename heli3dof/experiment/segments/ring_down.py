@@ -5,10 +5,11 @@
     the rest   the stored voltages stay, so the thrust F is constant:
                J_roll r̈ = L_a cos p F − T_g cos r − k_r sin r − c_r ṙ − …
 
-The frequency √(k_r/J_roll) shows a pendulum's stiffness, the decay its friction c_r. Without
-stiffness roll stays, or drifts. Pitch and yaw stay in closed loop; so does roll again beyond a
-share of the envelope (`heli3dof.model.control.loop_opening`). F: sum of both thrusts (N); r, p:
-roll and pitch (rad); J_roll: inertia; L_a: arm length; T_g: gravity torque.
+F: sum of both thrusts (N); r, p: roll and pitch (rad); J_roll: inertia (kg·m²); L_a: yaw axis to
+body (m); T_g: gravity torque (N·m); k_r: pendulum stiffness (N·m/rad); c_r: viscous friction
+(N·m·s/rad). The frequency √(k_r/J_roll) shows k_r, the decay c_r. Without stiffness roll stays, or
+drifts. Pitch and yaw stay in closed loop. Roll returns to closed loop beyond a share of the
+envelope (`heli3dof.model.control.loop_opening`).
 """
 
 from __future__ import annotations

@@ -137,6 +137,7 @@ def selection_score(model: LinearModel, prepared: Prepared) -> float:
     """Return the mean fit (%) of ``model`` on the training runs; −∞ if it is not finite.
 
     The mean is over the axes of 1 s predictions and, if possible, of the closed-loop replay.
+    ``prepared`` holds the recordings and their training runs.
     """
     runs = prepared.train
     scores = [validation.score(validation.predictions(model, prepared, runs, SELECT_HORIZON_S))]

@@ -9,8 +9,8 @@ states, m inputs and l outputs, only n(m+2l) directions of the n(n+m+2l) entries
 predictor. The others change the state coordinates (Ã → TÃT⁻¹ …). A QR at each iterate removes them
 ("data-driven local coordinates", McKelvey, Helmersson & Ribarits, Automatica 40 (2004) 1629–1635).
 The initial state of each segment enters linearly and is eliminated (variable projection); the
-offset d is a parameter like the others. A stable predictor is one inequality, ρ(Ã) < 1 (spectral
-radius), while A may have integrators or unstable poles.
+offset d is a parameter like the others. The predictor is stable if ρ(Ã) < 1 (spectral radius),
+while A may have integrators or unstable poles.
 """
 
 from __future__ import annotations
@@ -72,12 +72,13 @@ def pem(
 
     Args:
         data: segments at one rate, u (N, m) and y (N, l), deviations from fixed trims.
-        start: for instance from `heli3dof.identification.black_box.pbsid.pbsid`. Its predictor is
-            made stable first.
+        start: initial model, for instance from `heli3dof.identification.black_box.pbsid.pbsid`. The
+            function first makes its predictor stable.
         max_iterations: largest number of Levenberg–Marquardt steps.
         tolerance: the search ends when a step lowers V by less than this.
         rho_max: largest spectral radius of Ã = A − K C; steps beyond it are rejected.
-        output_error: fix K = 0, so the innovation e is the simulation error; biased under feedback.
+        output_error: fix K = 0, so the innovation e is the simulation error. Feedback then biases
+            the fit.
     """
     u_s = np.vstack([u for u, _ in data]).std(axis=0) + 1e-12
     y_s = np.vstack([y for _, y in data]).std(axis=0) + 1e-12

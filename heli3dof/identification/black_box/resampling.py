@@ -2,22 +2,24 @@
 
 The model's A, B at the interval T (s) of the fit, q control periods dt, become A^{1/q} and the
 matching B (by the matrix logarithm of [A B; 0 I]). The responses agree exactly at the instants of
-the fit, unless A has a real eigenvalue λ ≤ 0.001. Such a mode has no usable logarithm:
+the fit, unless A has a real eigenvalue λ ≤ 0.001. The mode of such an eigenvalue has no usable
+logarithm:
 
-* λ ≥ −0.5: it is replaced by a mode at |λ| (at least 0.001) with the same static gain.
-* λ < −0.5: it decays too slowly for that, and the fit is rejected.
+* λ ≥ −0.5: the mode is replaced by one at |λ| (at least 0.001) with the same static gain.
+* λ < −0.5: the mode decays too slowly to be replaced, and the fit is rejected.
 
 The gain K at the control rate is the Kalman gain for the process noise K S Kᵀ spread evenly over
-the q samples. On held-out flights it predicts 0.1 to 2.5 s ahead as well as the fit at its own
-rate. It predicts better than a K fitted at 2 ms, where the encoders' rounding dominates the
-innovations.
+the q samples. On held-out flights the resampled model predicts 0.1 to 2.5 s ahead as well as the
+fit at the decimated rate. It predicts better than with a K fitted at 2 ms, where the encoders'
+rounding dominates the innovations.
 
 The predictor's offset d becomes trims: y0 (rad) and u0 (V) such that the predictor of
 
     x[k+1] = A x[k] + B (V[k] − u0) + K e[k],  y[k] = C x[k] + y0 + e[k]
 
-has the same constant term. Of all such pairs, the one with the least ‖δy0‖² + ‖δu0/20‖² is taken,
-δ being the change from the data's means. Yaw integrates, so pitch and voltages carry its offset.
+has the same constant term. Many pairs (y0, u0) have this property. `trims` takes the one with the
+least ‖δy0‖² + ‖δu0/20‖², where δ is the change from the data's means. Yaw integrates, so pitch and
+voltages carry the offset of yaw.
 """
 
 from __future__ import annotations
@@ -66,9 +68,9 @@ def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.nd
 def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the continuous-time A and B of a model whose sampling interval is T (s).
 
-    Raises NoContinuousModel if it has no continuous equivalent. In modal coordinates, an eigenvalue
-    z becomes s = log(z)/T, and its row b of B becomes b s/(z − 1). Where eigenvalues nearly
-    coincide, the matrix logarithm is used instead.
+    Raises NoContinuousModel if the model has no continuous equivalent. In modal coordinates, an
+    eigenvalue z becomes s = log(z)/T, and the row b of B for this mode becomes b s/(z − 1). Where
+    eigenvalues nearly coincide, the matrix logarithm is used instead.
     """
     A, B, _ = with_real_logarithm(model.A, model.B)
     z, V = np.linalg.eig(A)

@@ -33,10 +33,11 @@ def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> n
 def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
     """Return the model; K is replaced by a Kalman gain if A − K C is not stable enough.
 
-    That is if the spectral radius of A − K C exceeds ``rho``. The subspace method PBSID's
-    regression on estimated states does not guarantee a stable predictor. The process noise is
-    K S Kᵀ plus the first multiple of I, from 1e-6 to 1e4 of its trace, that gives a stable
-    predictor; S is the innovations' covariance. If none does, the result is that of `stable_plant`.
+    K is replaced if the spectral radius of A − K C exceeds ``rho``. PBSID regresses on estimated
+    states, which does not guarantee a stable predictor. The Kalman gain assumes the process noise K
+    S Kᵀ + c I, where S is the innovations' covariance. c is the first of 1e-6, 1e-4, …, 1e4 times
+    the trace of K S Kᵀ that gives a stable predictor. If none does, the result is that of
+    `stable_plant`.
     """
     if spectral_radius(model.At) <= rho:
         return model

@@ -4,10 +4,10 @@
     D(s) = (s² + a₁ s + a₀)(s² + b₁ s + b₀),  a, b > 0,      deg N, deg I ≤ 3
 
 y_i is angle i (rad), u_j the voltage of motor j (V), c_i a constant offset. N and I are polynomials
-in s; I_i stands for the initial condition. It is fitted as the paper's toolbox does by default: by
-*output error* with a stable denominator. For a given D all other coefficients enter linearly. So
-the search is over log(a₁, a₀, b₁, b₀) only (variable projection, Golub & Pereyra 1973). The input u
-is held over each interval. Each segment has its own initial condition I; the offsets c are common.
+in s; I_i stands for the initial condition. The fit is the default of the paper's toolbox: *output
+error* with a stable denominator. For a given D all other coefficients enter linearly. So the search
+is over log(a₁, a₀, b₁, b₀) only (variable projection, Golub & Pereyra 1973). The input u is held
+over each interval. Each segment has its own initial condition I; the offsets c are common.
 
 The method exists to reproduce the paper. Output error assumes voltages that are independent of the
 disturbances, which does not hold in closed loop. And four stable poles cannot describe this plant,
@@ -149,9 +149,10 @@ def _covariance(
 ) -> np.ndarray:
     """Return the sandwich covariance of the coefficients [den[1:], num.ravel()].
 
-    ``log_p`` (4,) are the logarithms of the denominator's parameters, X (ΣN, q) the regressors at
-    them, ``theta`` (q, 3) their coefficients. E (ΣN, 3) rad are the simulation errors, ``size``
-    (3,) rad is the angles' standard deviation. T (s) is the sampling interval of ``data``.
+    ``log_p`` (4,) are the logarithms of the denominator's parameters, X (ΣN, q) the regressors for
+    this denominator, ``theta`` (q, 3) the regressors' coefficients. E (ΣN, 3) rad are the
+    simulation errors, ``size`` (3,) rad is the angles' standard deviation. T (s) is the sampling
+    interval of ``data``.
     """
     q, outputs = X.shape[1], E.shape[1]
     p = 4 + q * outputs

@@ -1,8 +1,8 @@
 """Compute standard deviations of poles, transfer functions and frequency responses (delta method).
 
-A fit has p parameters θ with covariance P (p, p). They change the entries of the predictor's
-matrices (Ã, B, K, C), Ã = A − K C, along the columns of Θ, ``PemFit.tangent``. A smooth function
-f (q,) of the model, for instance its poles, has to first order the covariance
+A fit has p parameters θ with covariance P (p, p). A change of θ changes the entries of the
+predictor's matrices (Ã, B, K, C), Ã = A − K C, along the columns of Θ, ``PemFit.tangent``. A smooth
+function f (q,) of the model, for instance its poles, has to first order the covariance
 
     cov f = F P Fᵀ,      F = ∂f/∂θ = ∂f/∂(Ã, B, K, C) · Θ      (q, p)
 
@@ -41,7 +41,8 @@ def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
 def poles(fit: PemFit, T: float) -> list[Pole]:
     """Return the continuous-time poles log(λ)/T (1/s) with standard deviations; λ: A's eigenvalues.
 
-    T (s) is the sampling interval. A real λ ≤ 0 has no real logarithm; its pole is log|λ|/T.
+    T (s) is the sampling interval of ``fit``. A real λ ≤ 0 has no real logarithm; its pole is
+    log|λ|/T.
     """
     model = fit.model
     n, m, l = model.order, model.B.shape[1], len(model.C)
@@ -93,7 +94,7 @@ def polynomials(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
 def response(model: StateSpace, T: float, omega: np.ndarray) -> np.ndarray:
     """Return the frequency response C (jωI − A)⁻¹ B (F, 3, 2) rad/V at ω (F,) rad/s.
 
-    A, B are continuous; T (s) is the sampling interval of ``model``.
+    A, B, C are the matrices in continuous time; T (s) is the sampling interval of ``model``.
     """
     A, B = continuous(model, T)
     eye = np.eye(model.order)

@@ -7,13 +7,14 @@ sums over blocks of half a second, B = Σ_b s_b s_bᵀ. With n parameters and m 
 
     κ = max(1, tr((H + Λ)⁻¹ B)/n · m/(m − n))      cov = κ (H + Λ)⁻¹
 
-κ widens the intervals where the scores scatter more than the noise model allows. It is one number
-in place of the full sandwich H⁻¹ B H⁻¹: with a hundred blocks each entry of B is uncertain by 10 to
-20 %, their average by 2 to 5 %. Values below 1 are not used, because blocks of half a second miss
-the scatter from slow drifts.
+κ widens the intervals where the scores scatter more than the noise model allows. κ is one number in
+place of the full sandwich H⁻¹ B H⁻¹: with a hundred blocks each entry of B is uncertain by 10 to 20
+%, their average by 2 to 5 %. Values below 1 are not used, because blocks of half a second miss the
+scatter from slow drifts.
 
 The Cramér–Rao bound is that of the same rig with encoders whose rounding is white noise of variance
-Δ²/12 (Δ: encoder step), at the estimated process noise (its intensity scaled by √κ).
+Δ²/12, with the encoder step Δ. The bound is evaluated at the estimated process noise, with its
+intensity scaled by √κ.
 """
 
 from __future__ import annotations
@@ -76,8 +77,8 @@ class Estimate(PhysicalFit):
     def inflation(self) -> float:
         """Return κ ≥ 1, by which the covariance of the estimates is multiplied.
 
-        It is the ratio of the variance of the score (the log-likelihood's gradient), computed from
-        blocks of the flight, to the variance that the noise model expects.
+        κ is the variance of the score (the log-likelihood's gradient), computed from blocks of the
+        flight, divided by the variance that the noise model expects.
         """
         o, n = self.optimum, len(self.free)
         scores = block_scores(self.problem.data, o, BLOCK_S)
@@ -146,8 +147,9 @@ def estimate(
 ) -> Estimate:
     """Return the maximum-likelihood fit, searched from the parameter coordinates ``start`` (n,).
 
-    ``noise`` (4,) are the initial noise intensities (roll, pitch, yaw, jitter); None: defaults. If
-    the search does not converge, it is repeated from other parameter values.
+    ``problem`` is the likelihood of the recordings. ``noise`` (4,) is the initial process noise on
+    roll, pitch, yaw (rad/s²/√Hz) and jitter (s); None: defaults. If the search does not converge,
+    it is repeated from other parameter values.
     """
     if any(t.effect.starts for t in problem.structure.terms):
         start, noise = likeliest_start(
@@ -184,7 +186,8 @@ def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
 def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Return the Cramér–Rao bound (n,) on the standard deviations of the coordinates θ (n,).
 
-    It includes the prior. ``noise`` (4,) holds process noise and jitter, as in `Optimum`.
+    The bound includes the prior. ``theta`` is θ, ``noise`` (4,) is process noise on roll, pitch,
+    yaw (rad/s²/√Hz) and jitter (s).
     """
     white = replace(
         problem,
@@ -211,9 +214,10 @@ class Candidate:
 def score_test(found: Estimate, term: Term) -> Candidate:
     """Test by Rao's score test whether the fit ``found`` needs one more ``term``.
 
-    It takes one linearisation and no fit: 10 ms per parameter for 60 s of flight. The linearisation
-    point is the term's absence. A logarithmic parameter has no such value, so its start is used.
-    The score of a term whose first order vanishes (`motor.saturation`) means little.
+    The test takes one linearisation and no fit: 10 ms per parameter for 60 s of flight. The
+    linearisation point is the parameter value at which the term has no effect. A logarithmic
+    parameter has no such value, so its starting value is used. The score means little for a term
+    without an effect of first order (`motor.saturation`).
     """
     wider = Structure(found.structure.profile, (*found.structure.terms, term))
     problem = replace(found.problem, structure=wider)

@@ -1,15 +1,16 @@
 """Fit physical parameters by the method ``freeflight``: by free-run predictions of up to 3 s.
 
-It suits real rigs with sampling jitter (`heli3dof.recording.logs.sampling_jitter`) or with
+The method suits real rigs with sampling jitter (`heli3dof.recording.logs.sampling_jitter`) or with
 unmodelled fast motion (`heli3dof.identification.greybox.noise_check`). The method ``greybox`` calls
-it where it detects either and no terms were given. `heli3dof.identification.greybox.multistep`
-gives the criterion.
+this method if it detects either of them and the user gave no terms.
+`heli3dof.identification.greybox.multistep` gives the criterion.
 
-`REAL_TERMS` are the effects that identified rigs needed: thrust as a power of rotor speed, a limit
-on spin-up, dry friction, inflow, the propellers' angular momentum, flapping, and the coupling of a
-body that hangs below its axis while yaw moves. Two more have a value per recording. One is the
-offset of the pitch encoder, which is zeroed at the angle at which the body hangs. The other is the
-trim torque (``mass.imbalance``: weight, or thrust that falls as motors warm up).
+`REAL_TERMS` are the effects that identified rigs needed. On thrust: a power of rotor speed, a limit
+on spin-up, inflow. On torque: dry friction, the propellers' angular momentum, flapping, and the yaw
+coupling of a body that hangs below its axis. Two more effects have a different value in each
+recording. One is the offset of the pitch encoder, which is zeroed at the angle at which the body
+hangs. The other is the trim torque (``mass.imbalance``: weight, or thrust that falls as motors warm
+up).
 """
 
 from __future__ import annotations
@@ -187,10 +188,10 @@ def flight_of(recording: Recording) -> Flight:
 
 
 def free_rows(recording: Recording) -> np.ndarray:
-    """Return (N,) bool: the rows that the rigid-body model can be fitted to.
+    """Return (N,) bool: True for the rows to which the rigid-body model can be fitted.
 
-    Rows after take-off count from the end of the climb, seconds earlier than for a linear model
-    (`heli3dof.identification.row_selection`).
+    After take-off, rows are used from the end of the climb on. That is seconds earlier than for a
+    linear model (`heli3dof.identification.row_selection`).
     """
     masks = unusable(recording)
     bad = np.logical_or.reduce([m for reason, m in masks.items() if reason != "take_off"])

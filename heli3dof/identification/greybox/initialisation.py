@@ -1,8 +1,9 @@
 """Choose initial values of parameters whose likelihood is flat at the nominal value.
 
-An example is ``encoder.backlash``: a filter without backlash explains all of it by process noise,
-so its likelihood has no slope there, and it can have several maxima. The likelihood is therefore
-evaluated at each value that the effect lists in ``starts``, after the noise has adapted to it.
+An example is ``encoder.backlash``. A filter without backlash explains all of it by process noise.
+So the likelihood has no slope at zero backlash, and can have several maxima. The likelihood is
+therefore evaluated at each value that the effect lists in ``starts``, after the noise has adapted
+to this value.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ SETTLING = 3
 def likeliest_start(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the parameter coordinates (n,) and noise (4,) from which a fit should start.
+    """Return the parameter coordinates (n,) and the noise (4,) from which a fit should start.
 
-    They are ``theta``, but for effects with ``starts`` the value of highest likelihood.
+    The coordinates are ``theta``, but for an effect with ``starts`` the value of highest
+    likelihood. The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     theta = theta.copy()

@@ -2,15 +2,15 @@
 
     Q(z) = r(z)ᵀ r(z) + (z − z_0)ᵀ Λ (z − z_0),      D = ∂r/∂z by differences,  (dim, R)
 
-z (dim,) are the unknowns, z_0 is the prior mean, Λ (dim, dim) the prior's precision.
-`descend` computes D in every round: dim evaluations of r per step. `follow_on` starts near a
-minimum with the tangents D of a similar problem (without some rows or a term). It updates them from
-every evaluation (Broyden), with d the step and w = diag(D Dᵀ + Λ) d:
+z (dim,) are the unknowns, z_0 is the prior mean, Λ (dim, dim) the prior's precision. `descend`
+computes D in every round: dim evaluations of r per step. `follow_on` starts near a minimum with the
+tangents D of a similar problem (without some rows or a term). It updates D from every evaluation
+(Broyden), with d the step and w = diag(D Dᵀ + Λ) d:
 
     D ← D + w (r(z + d) − r(z) − Dᵀ d)ᵀ / (wᵀ d)
 
-`follow_on` recomputes D after two failed steps in a row. Before it ends, it also does so if a step
-gained less than half, or more than one and a half times, what D predicted.
+`follow_on` recomputes D after two failed steps in a row. Before `follow_on` ends, it also
+recomputes D if a step's gain was below 0.5 or above 1.5 times the gain that D predicted.
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ def descend(
 ) -> Descent:  # fmt: skip
     """Minimise the cost of problem v from ``z``, until an iteration gains less than ``settled``.
 
-    It ends after ``rounds`` iterations at the latest. After each it calls ``say(iteration, cost at
-    the start, cost now)``.
+    The search ends after ``rounds`` iterations at the latest. After each iteration it calls
+    ``say(iteration, cost at the start, cost now)``.
     """
     r = v.residuals(z)
     here = begun = v.cost(r, z)
@@ -135,10 +135,10 @@ def follow_on(
 ) -> Descent:  # fmt: skip
     """Minimise the cost of the problem v from ``z``, with updates of the derivatives ``tangents``.
 
-    ``tangents`` (dim, R) are those of a similar problem, so few are computed by differences. It
-    ends when a step's predicted gain is below ``settled`` or below ``share`` of the cost, after
-    ``enough`` evaluations at the latest. Rows of ``tangents`` that are NaN are computed first, all
-    of them if it is None. Later they are recomputed ``fresh`` times at most.
+    ``tangents`` (dim, R) are the derivatives of a similar problem's residuals. Rows that are NaN
+    are first computed by differences, all rows if ``tangents`` is None. Later all rows are
+    recomputed ``fresh`` times at most. The search ends when a step's predicted gain is below
+    ``settled`` or below ``share`` of the cost, and after ``enough`` evaluations at the latest.
     """
     r = v.residuals(z)
     here = begun = v.cost(r, z)

@@ -4,13 +4,13 @@
 
 Z_ik is the probability of reading k of axis i given all earlier readings, by the filter of
 `heli3dof.model.estimation.ekf_quantised`. θ (n,) are the parameters' coordinates: logarithms, or
-multiples of a typical size (`Free.inward`). a (4,) is the noise: the intensities of the angular
-acceleration on roll, pitch and yaw, rad/s²/√Hz, and the sampling jitter, s. The prior
-N(start, spread²) of each parameter is weak. It only fixes parameters about which the recordings
-carry no information.
+multiples of a typical size (`Free.inward`). a (4,) is the noise: process noise on roll, pitch, yaw
+(rad/s²/√Hz), then sampling jitter (s). The prior N(start, spread²) of each parameter is weak. It
+only fixes parameters about which the recordings carry no information.
 
 Far from the true parameters a simulation may diverge between two readings. Then ℓ = −∞, so a search
-rejects the point. Tangents that diverged count as zero, so only the prior moves that coordinate.
+rejects the point. A derivative ∂c/∂θ that diverged counts as zero, so only the prior moves its
+coordinate.
 """
 
 from __future__ import annotations
@@ -93,8 +93,9 @@ class Likelihood:
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> Pass:
         """Return the filter's run over the data at the coordinates θ (n,) and the noise a (4,).
 
-        ``keep`` selects what the result holds: 0 the likelihood only, 1 also each reading's
-        quantities for `tangents`, 2 also the states X, 3 also the running likelihood in X.
+        a (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``keep`` selects
+        what the result holds: 0 the likelihood only, 1 also each reading's quantities for
+        `tangents`, 2 also the states X, 3 also the running likelihood in X.
         """
         from heli3dof.model.estimation.ekf_quantised import filter_blocks
 
@@ -160,8 +161,8 @@ def diverged(D: np.ndarray) -> np.ndarray:
 def score_and_information(at: Pass, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the likelihood's score (n,) and information (n, n), without the prior.
 
-    They are Σ g ∂c and Σ w ∂c ∂cᵀ over the E readings of the run ``at``. D (n, E) is ∂c/∂θ, the
-    derivatives of the predicted readings; g and w are fields of `Pass`.
+    The score is Σ g ∂c, the information Σ w ∂c ∂cᵀ, over the E readings of the run ``at``. D (n, E)
+    is ∂c/∂θ, the derivatives of the predicted readings; g and w are fields of `Pass`.
     """
     return D @ at.g, (D * at.w) @ D.T
 

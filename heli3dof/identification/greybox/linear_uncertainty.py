@@ -94,7 +94,8 @@ def linear_quantities(
 def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
     """Return each run's prediction errors (rad) and mean voltages (V).
 
-    Predictions are `TEST_INTERVAL_S` ahead; the voltages are means over that interval.
+    ``runs`` are ranges of usable rows of the recordings in ``prepared``. Predictions are
+    `TEST_INTERVAL_S` ahead; the voltages are means over that interval.
     """
     q = max(1, round(TEST_INTERVAL_S / prepared.dt))
     E, U = [], []

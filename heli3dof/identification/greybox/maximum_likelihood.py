@@ -1,9 +1,9 @@
 """Maximise the likelihood by Gauss–Newton steps on the innovations; also estimate the noise.
 
-Each round runs the filter at θ. It then takes a Newton step of each axis' log noise intensity, from
-the likelihood at three of them (the axes are nearly independent). Let c be the filter's prediction
-of a reading, g the score and w the information of that reading. With the tangents ∂c/∂θ at fixed
-filter gains, the round solves
+Each round runs the filter at θ. It then takes a Newton step of the logarithm of each axis' noise
+intensity, from the likelihood at three intensities. The axes are nearly independent. Let c be the
+filter's prediction of a reading, g the score and w the information of that reading. With the
+tangents ∂c/∂θ at fixed filter gains, the round solves
 
     (H + Λ + λ diag(H + Λ)) δ = Σ g ∂c − Λ (θ − θ_0),     H = Σ w ∂c ∂cᵀ,   Λ the prior's precision
 
@@ -83,7 +83,9 @@ def maximise(
 ) -> Optimum:
     """Maximise likelihood times prior in at most ``rounds`` Gauss–Newton rounds.
 
-    The search starts at coordinates ``start`` (n,), by default the prior mean, and ``noise`` (4,).
+    ``problem`` is the likelihood, a function of n parameter coordinates. The search starts at
+    coordinates ``start`` (n,), by default the prior mean. ``noise`` (4,) is the initial process
+    noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """
     low, high = problem.bounds
     theta = problem.prior_mean.copy() if start is None else np.clip(start, low, high)
@@ -144,10 +146,11 @@ def better_noise(
 ) -> tuple[np.ndarray, float]:
     """Return the noise (4,) after one Newton step of its log intensities, and the largest step.
 
-    ``theta`` (n,) are the parameter coordinates, ``a`` (4,) is the noise before the step. Slope and
-    curvature are differences over a factor of e^`_PROBE` up and down, because the likelihood is
-    rough at smaller scales. The intensity of an axis that was not measured (False in ``axes``, (3,)
-    bool) stays as it is.
+    ``theta`` (n,) are the parameter coordinates. ``a`` (4,) is the noise before the step: process
+    noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s), which stays. Slope and curvature are
+    computed from intensities changed by the factors e^±`_PROBE`, because the likelihood is rough at
+    smaller scales. The intensity of an axis that was not measured (False in ``axes``, (3,) bool)
+    stays as it is.
     """
     factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)

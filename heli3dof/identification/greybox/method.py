@@ -49,7 +49,8 @@ jitter, gives better estimates than the multi-step fit."""
 def fit(prepared: Prepared, request: Request) -> FitResult:
     """Return a maximum-likelihood fit to the training runs and to recordings lacking an angle.
 
-    ``request.partial`` contains these recordings, ``request.terms`` names the effects to fit.
+    ``prepared`` holds the recordings with all angles and their training runs. ``request.partial``
+    contains the recordings that lack an angle, ``request.terms`` names the effects to fit.
     """
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]

@@ -1,8 +1,9 @@
 """Fit physical parameters by minimising the errors of predictions up to 3 s ahead.
 
-It is for logs with sampling jitter or unmodelled fast motion. One step ahead, a sample taken at
-another time than its stamp causes an error in proportion to the rate. That error pulls every
-parameter that acts through accelerations towards zero. Over a second or more it is negligible.
+The method is for logs with sampling jitter or unmodelled fast motion. If a sample was taken at
+another time than its time stamp states, a one-step prediction has an error in proportion to the
+rate. This error pulls every parameter that acts through accelerations towards zero. Over a second
+or more the error is negligible.
 
 Predictions run freely from the filter's states (`heli3dof.model.estimation.ekf_jitter`) at S starts
 k, to M horizons h_j; i is the axis, e the error in rad. The fit minimises
@@ -19,8 +20,8 @@ stage estimates the errors' scales s again. The search is
 geometry: lengths and a few masses determine the inertias' *ratios*. Their common factor (in units
 of K_f) follows from the thrust gain, which differs by a factor of two between rigs.
 
-A parameter named in ``varying`` has a value of its own in each recording, with the prior
-N(common value, ``varying``²).
+A parameter named in ``varying`` has a different value in each recording, with the prior N(common
+value, ``varying``²).
 """
 
 from __future__ import annotations
@@ -144,7 +145,8 @@ class MultiStep:
     def values(self, z: np.ndarray, flight: int | None = None) -> np.ndarray:
         """Return the parameter values (n,) in their units at the coordinates z (dim,).
 
-        With the index ``flight``, parameters that vary have that flight's values, else common ones.
+        A parameter that varies by recording has the value of the flight with index ``flight``. If
+        this is None, it has the value common to all flights.
         """
         theta = z[: self.n].copy()
         if flight is not None:
@@ -155,7 +157,8 @@ class MultiStep:
     def states(self, z: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:
         """Return the filter's estimates (N, 6) of angles (rad), rates (rad/s) in flight number i.
 
-        z (dim,) are the coordinates, ``noise`` (4,) is as in `MultiStepFit`. Unused rows are NaN.
+        z (dim,) are the coordinates; ``noise`` (4,) is process noise on roll, pitch, yaw
+        (rad/s²/√Hz) and jitter (s). Unused rows are NaN.
         """
         flight = self.flights[i]
         X = np.full((len(flight.t), 6), np.nan)
@@ -169,7 +172,8 @@ class MultiStep:
     def errors(self, z: np.ndarray, noise: np.ndarray, horizons_s: Sequence[float]) -> list[Any]:
         """Return each flight's prediction errors (S, M, 3) rad from S start rows at M horizons.
 
-        z (dim,) are the coordinates, ``noise`` (4,) is as in `MultiStepFit`.
+        z (dim,) are the coordinates; ``noise`` (4,) is process noise on roll, pitch, yaw
+        (rad/s²/√Hz) and jitter (s), for the filter.
         """
         out = []
         for i, flight in enumerate(self.flights):
@@ -275,9 +279,10 @@ def search(
 ) -> MultiStepFit:
     """Return the fit that minimises the prediction errors, from the coordinates ``start`` (dim,).
 
-    ``stages_s`` are the horizons (s) of successive minimisations, of ``rounds`` iterations at most.
-    ``noise`` (4,) is the filter's, ``fixed`` (M, 3) rad are the RMS errors that scale the
-    residuals; by default each stage estimates them. ``say`` gets a line of text per iteration.
+    ``problem`` holds flights and model structure. ``stages_s`` are the horizons (s) of successive
+    minimisations, of ``rounds`` iterations at most. ``noise`` (4,) is the filter's process noise on
+    roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``fixed`` (M, 3) rad are the RMS errors that scale
+    the residuals; by default each stage estimates them. ``say`` gets a line of text per iteration.
     """
     p = problem
     z = p.start.copy() if start is None else start.copy()
@@ -305,7 +310,8 @@ def least_squares_problem(
 ) -> LeastSquares:
     """Return the least-squares problem for predictions at the M horizons ``stage_s`` (s).
 
-    ``noise`` (4,) is the filter's; ``scale`` (M, 3) rad divides the errors.
+    ``noise`` (4,) is the filter's process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    ``scale`` (M, 3) rad divides the errors.
     """
     seconds = sum(len(f.starts) * _apart(f) for f in p.flights)
     size = len(stage_s) * sum(len(f.starts) for f in p.flights)
@@ -319,9 +325,9 @@ def least_squares_problem(
 
 
 def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return noise (4,) with a higher likelihood than ``a``, at the coordinates z (dim,).
+    """Return noise (4,) with a higher likelihood than noise ``a`` (4,), at coordinates z (dim,).
 
-    Three entries are the process noise on roll, pitch, yaw (rad/s²/√Hz), the last is jitter (s).
+    Their entries are process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s).
     """
     a = a.copy()
     tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]

@@ -1,7 +1,7 @@
 """Check whether a maximum-likelihood fit is valid for recordings, or should not be used.
 
-Sampling jitter and unmodelled fast motion make it invalid. One step ahead, unmodelled motion looks
-like a random torque, and the likelihood estimates a process noise to match. White angular
+Sampling jitter and unmodelled fast motion make the fit invalid. One step ahead, unmodelled motion
+looks like a random torque, and the likelihood estimates a process noise to match. White angular
 acceleration of intensity a_i (rad/s²/√Hz) on axis i accumulates: from a known state, after h
 seconds, the angle has the standard deviation
 
@@ -12,7 +12,8 @@ If predictions are better than that, the torque is not white: it changes sign fr
 cannot be trusted. The likelihood is rejected if, on any axis, both hold:
 
 * a_i exceeds `TIMES` × the intensity of known rigs (`heli3dof.model.greybox.prediction.NOISE`).
-* σ_i(`HORIZON_S`) exceeds `OVER` × the prediction error of the refitted rigid body.
+* σ_i(`HORIZON_S`) exceeds `OVER` × the RMSE of predictions `HORIZON_S` ahead. The predictions are
+  those of the rigid body, refitted to the recordings.
 
 Encoder backlash alone meets the second condition, a missing effect alone the first.
 """
@@ -82,10 +83,10 @@ class NoiseCheck:
 
 
 def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
-    """Refit the rigid body to recordings of one rig, and return its noise and prediction error.
+    """Fit the rigid body without effects to a rig's recordings; return its noise and errors.
 
-    The recordings need all three angles. Returns None if they are too short. Raises RecordingError
-    where no row is usable.
+    The recordings need all three angles. Returns None if they are too short for the test. Raises
+    RecordingError if no row is usable.
     """
     flights = [flight_of(r) for r in recordings]
     if sum(len(f.starts) for f in flights) < LEAST_WINDOWS:
@@ -109,8 +110,8 @@ def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
 def fit(prepared: Prepared, request: Request) -> FitResult:
     """Return the maximum-likelihood fit, or a multi-step fit if the likelihood is invalid.
 
-    `no_likelihood` finds that. The likelihood is always used if ``request`` names its terms or has
-    recordings that lack an angle. ``prepared`` holds the recordings.
+    `no_likelihood` tests the recordings in ``prepared``. Without that test the function uses the
+    likelihood in two cases: ``request`` names the terms, or a recording lacks an angle.
     """
     if request.terms is None and not request.partial and (reason := no_likelihood(prepared)):
         return freeflight.handed_over(freeflight.fit(prepared, request), reason)
@@ -120,7 +121,8 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
 def no_likelihood(prepared: Prepared) -> str:
     """Return why a maximum-likelihood fit to the training recordings is invalid, or ``""``.
 
-    If the controller of any of them is known, only sampling jitter is tested.
+    The function tests the recordings for sampling jitter. If the controller of every recording is
+    unknown, it also tests the process noise (`likelihood_obstacle`).
     """
     sources = [prepared.recordings[i] for i in sorted({r.source for r in prepared.train})]
     if any(r.profile.controller is not None for r in sources):
@@ -131,7 +133,8 @@ def no_likelihood(prepared: Prepared) -> str:
 def likelihood_obstacle(recordings: Sequence[Recording]) -> str:
     """Return why recordings make a maximum-likelihood fit invalid, or an empty string.
 
-    The test assumes an unknown controller. Sampling jitter comes first, then the process noise.
+    The function is for recordings whose controller is unknown. It tests sampling jitter first, then
+    the process noise (`noise_check`).
     """
     if all(has_jitter(r) for r in recordings):
         return CLOCK

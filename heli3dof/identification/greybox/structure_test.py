@@ -7,9 +7,10 @@ precision. To second order, the log-likelihood gained by omitting a is
 
     Δℓ(a) = a·g − ½ aᵀ V a,      V = H_aa − H_aθ A⁻¹ H_θa
 
-Each share is 0 or 1. κ is how much more the scores scatter than the noise model allows. If the best
-of the three combinations gains more than `SURE` × κ, the simplified equations are fitted. They
-replace the full ones if that fit gains as much.
+Each share is 0 or 1. κ is the ratio of the scores' actual variance to the variance that the noise
+model expects. If the best of the three combinations with an omission gains more than `SURE` × κ,
+the simplified equations are fitted. They replace the full ones if that fit's gain also exceeds
+`SURE` × κ.
 """
 
 from __future__ import annotations
@@ -49,7 +50,8 @@ def with_simplifications(found: Estimate) -> Estimate:
 def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
     """Return the log-likelihood's gradient (2,) and curvature (2, 2) at the fit ``found``.
 
-    They are by the omitted shares; the curvature is V of the module.
+    Both are with respect to the omitted shares a (2,). The curvature is V in the module's
+    docstring.
     """
     o, n, own = found.optimum, len(found.theta), found.structure
     wide = replace(

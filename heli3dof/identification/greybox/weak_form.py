@@ -183,7 +183,8 @@ def weak_start(
 ) -> np.ndarray:  # fmt: skip
     """Return the coordinates (dim,) from which the multi-step fit should start.
 
-    They minimise the weak form's errors, searched from ``start`` (dim,) in ``rounds`` rounds.
+    The coordinates minimise the weak form's errors over the flights of ``problem``. The search
+    starts at ``start`` (dim,) and takes ``rounds`` rounds; ``say`` gets lines of progress.
     """
     logs = [log_of(f) for f in problem.flights]
     z = np.clip(problem.start if start is None else start, *problem.bounds)

@@ -66,8 +66,9 @@ def sampled_loop_poles(
 ) -> np.ndarray:
     """Return the poles (rad/s, rightmost first) of the loop sampled every dt s, as s = log(z)/dt.
 
-    A pole at z = 0 (a pure delay) has no finite s and is omitted. The loop's states are those of
-    the model, two per derivative filter and one per integral.
+    The loop is ``model`` under the gain of ``controller``, with its derivative filters. Its states
+    are those of the model, two per derivative filter and one per integral. A pole at z = 0 (a pure
+    delay) has no finite s and is omitted.
     """
     model = model.at(dt)
     axes = [i for i in range(3) if model.modelled[i]]

@@ -40,8 +40,8 @@ def paper_gain(hover: Hover) -> np.ndarray:
     """Return the LQR gain (2, 8) of the six states and two integrals, with the paper's Q and R.
 
     K = R⁻¹BᵀP, where P solves the Riccati equation AᵀP + PA − PBR⁻¹BᵀP + Q = 0. For the corrected
-    hover model with V_o from eq (6) it equals the paper's gain (14) up to its truncated digits.
-    That is the evidence for errata E3 and E4.
+    hover model with V_o from eq (6), K equals the paper's gain (14) up to its truncated digits.
+    This is the evidence for errata E3 and E4.
     """
     A = np.zeros((8, 8))
     A[:6, :6] = hover.A
@@ -56,8 +56,8 @@ def with_rotor_lag(hover: Hover, tau: float) -> Hover:
     """Return the hover model extended by first-order rotors, τ V̇_r = V − V_r, with τ = ``tau`` s.
 
     V is a motor voltage and V_r the voltage that determines the thrust. The two additional states
-    are V_r − V_o in V. This is not in the paper; the lag may explain why its rig overshot far more
-    than its model.
+    are V_r − V_o in V. The lag is not in the paper. It may explain why the paper's rig overshot far
+    more than the paper's model.
     """
     A, B = np.zeros((8, 8)), np.zeros((8, 2))
     A[:6, :6], A[:6, 6:], A[6:, 6:] = hover.A, hover.B, -np.eye(2) / tau
@@ -84,10 +84,10 @@ def step_response(
 ) -> Response:
     """Simulate a step of the references to ``target`` (3,) rad at t = 0, for ``duration_s``.
 
-    The start is at rest at ``angle0`` (3,) rad, level by default, or the state ``x0``. With a
-    ``rate_limit`` (rad/s) the references ramp from the start angles. ``v_max`` (V) limits each
-    motor voltage V; the response is then by Runge–Kutta 4 with step ``dt`` (s), otherwise it is
-    exact.
+    The loop is ``hover`` under the gain ``K`` (2, 8). It starts at rest at ``angle0`` (3,) rad,
+    level by default, or in the state ``x0``. With a ``rate_limit`` (rad/s) the references ramp from
+    the start angles. ``v_max`` (V) limits each motor voltage V: the function then integrates by
+    Runge–Kutta 4 with step ``dt`` (s). Without ``v_max`` the response is exact.
     """
     if x0 is None:
         x0 = np.zeros(len(hover.A))
@@ -125,8 +125,8 @@ def _exact(
 ) -> np.ndarray:
     """Return the exact states x (N, n) of ẋ = A x + B r at the times t (N,) s, with x(0) = ``x0``.
 
-    ``reference`` gives r (3,) rad at a time: r_i has the slope ``slope``[i] (rad/s) up to
-    ``corners``[i] (s), then it is constant. One matrix exponential per corner, one for the step.
+    ``reference`` gives r (3,) rad at a time: r_i has the slope ``slope``[i] (rad/s) up to the time
+    ``corners``[i] (s), then r_i is constant.
     """
     n = len(A)
     M = np.zeros((n + 6, n + 6))
@@ -159,8 +159,8 @@ def _limited(
 ) -> np.ndarray:
     """Return x at the times t (s) of ẋ = A x + B u, x(0) = ``x0``, by Runge–Kutta 4.
 
-    ``hover`` with two error integrals is the plant. u = F x + K_p r is limited so that |V_o + u| ≤
-    ``v_max`` (V); ``reference`` gives r (3,) rad at a time, K_p = K[:, :3].
+    The plant is ``hover`` with two error integrals. The feedback u = F x + K_p r, K_p = K[:, :3],
+    is limited so that |V_o + u| ≤ ``v_max`` (V). ``reference`` gives r (3,) rad at a time.
     """
     A, B, C, V_o, Kp = hover.A, hover.B, hover.C, hover.V_o, K[:, :3]
     n = len(A)

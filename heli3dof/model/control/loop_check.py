@@ -1,13 +1,14 @@
 """Check the closed loop of a profile before a flight: poles, disk margin, simulated steps.
 
 The margin is for the sampled loop (filtered rates, integrals), broken at both motors' voltages at
-once. L(z) is the 2 × 2 loop gain there and S = (I + L)⁻¹ the sensitivity. The factors f_F and f_B
-change gain and phase of the front and back motor independently. Their disk margin is::
+once. At the motors, L(z) is the 2 × 2 loop gain and S = (I + L)⁻¹ the sensitivity. Two complex
+factors, f_F and f_B, multiply the front and back voltage independently. Their disk margin is::
 
     α = 1 / max_ω μ(S − I/2),       μ: the structured singular value for diag(f_F, f_B)
 
-The loop stays stable for each f real from (1 − α/2)/(1 + α/2) to its inverse, or with any phase up
-to 2 atan(α/2). For M = [a b; c d] the scaling that balances |b| and |c| makes μ exact::
+The loop stays stable if each factor is real, from (1 − α/2)/(1 + α/2) to the inverse of this
+number. The loop also stays stable if each is a pure phase shift of at most 2 atan(α/2). For M = [a
+b; c d] the scaling that balances |b| and |c| makes μ exact::
 
     μ(M)² = (F + √(F² − 4 |det M|²)) / 2,    F = |a|² + |d|² + 2 |b c|
 
@@ -202,7 +203,7 @@ def _step(
 def _trip(
     profile: Profile, t: FloatArray, angle: FloatArray, command: FloatArray, voltage: FloatArray
 ) -> str | None:
-    """Return the first trip of a safety monitor in a simulated flight; None without one.
+    """Return the first trip of a safety monitor in a simulated flight, or None if none trips.
 
     ``angle`` (N, 3) rad, and the voltages (N, 2) V before (``command``) and after the limiter, are
     sampled at the times t (N,) s.

@@ -15,11 +15,12 @@ Each axis has a mode in each control period:
 
 The replacement is implemented as an extra voltage, extra_m += Σ_i (c̄_im − c_im). The reference of
 an open axis is its own angle, so its integral does not grow. When the loop closes, the reference
-returns to the plan's at the rate `RETURN`, without a jump. A recording contains the references and
-extra voltages as changed here, so V = law(angle, reference) + extra and a replay needs no modes.
+returns to the flight plan's reference at the rate `RETURN`, without a jump. A recording contains
+the references and extra voltages as changed here, so V = law(angle, reference) + extra and a replay
+needs no modes.
 
-The built-in plans open roll or yaw and keep pitch closed: with both voltages frozen, 1 % of
-mismatch between the motors tips a body without pitch stiffness over in seconds. If an angle or rate
+The built-in plans open roll or yaw and keep pitch closed. With an open pitch loop, 1 % of mismatch
+between the motors would tip over a body without pitch stiffness in seconds. If an angle or rate
 exceeds `SHARE` of the safety envelope, all loops are closed until no axis has the mode OPEN.
 """
 
@@ -105,8 +106,8 @@ def before_law(
     ``p`` and ``s`` are the law's parameters and state; ``mode`` (3): 0 CLOSED, 1 LEARN, 2 OPEN for
     each axis; ``angle`` (3) rad: measured; ``room``: bounds from `free_within`; ``z``: the state of
     this module, `N_OPENING` zeros at the start. ``reference`` (3) rad is overwritten with the one
-    to apply. The excitation ``extra`` (2) V is moved to ``z`` for `after_law` and set to zero. Both
-    functions run on Python lists and under ``numba.njit`` on float64 arrays.
+    to apply. The excitation ``extra`` (2) V is moved to ``z`` for `after_law` and set to zero.
+    `before_law` and `after_law` run on Python lists and under ``numba.njit`` on float64 arrays.
     """
     anything = False
     for i in range(3):

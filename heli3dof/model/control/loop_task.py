@@ -31,8 +31,8 @@ def why_not_replayed(recording: Recording) -> str | None:
 def loop_task(recording: Recording) -> LoopTask:
     """Return the closed-loop simulation task that replays a recorded flight.
 
-    It has the recorded references, extra voltages, start angles and controller. Its rows are the
-    profile's control periods; a lost sample gets the last reference and extra voltage. The
+    The task has the recorded references, extra voltages, start angles and controller. Its rows are
+    the profile's control periods; a lost sample gets the last reference and extra voltage. The
     recording must hold closed-loop rows only (`under_control`). Raises ValueError if
     `why_not_replayed` gives a reason.
     """

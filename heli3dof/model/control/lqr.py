@@ -5,9 +5,9 @@ States (r, p, ψ, ṙ, ṗ, ψ̇, ∫r, ∫ψ) about hover, inputs V_F − V_o a
     minimise ∫ (xᵀ Q x + uᵀ R u) dt,    Q = diag(100, 1, 10, 0, 0, 2, 10, 0.1)
                                         R = 0.05 (24 V / v_max)² I₂
 
-in radians and seconds. For the rig of the paper's Table I this gives its gain K_g (14) up to
-truncated digits, which also proves the errata E3 and E4. R is larger for an amplifier with a lower
-limit v_max (V), so that a step uses the same share of v_max.
+in radians and seconds. For the rig of the paper's Table I this gives the paper's gain K_g (14) up
+to truncated digits, which also proves the errata E3 and E4. R is larger for an amplifier with a
+lower limit v_max (V), so that a step uses the same share of v_max.
 """
 
 from __future__ import annotations
@@ -31,9 +31,10 @@ DIGITS = 5
 
 
 def lqr_gain(profile: Profile) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the gain K (2 × 8) for a rig; rows front and back, columns as in ``[controller] K``.
+    """Return the gain K (2 × 8) for a rig; its rows are for the front and back motor.
 
-    Raises CheckFailed if no gain exists: at V_o = 0 the thrust cannot turn the rig in yaw.
+    The columns are those of the profile's key K in ``[controller]``. Raises CheckFailed if no gain
+    exists: at V_o = 0 the thrust cannot turn the rig in yaw.
     """
     import control
 

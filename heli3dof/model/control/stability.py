@@ -25,7 +25,7 @@ def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarra
 
     The error names the poles with real part ≥ −`MARGIN` (rad/s). Linear models are checked twice:
     with `Model.loop_poles`, and with the loop sampled every ``dt`` s with the derivative filter. A
-    low loop rate can make the second unstable.
+    low loop rate can make the sampled loop unstable.
     """
     poles = model.loop_poles(controller, dt)
     unstable = poles[~(poles.real < -MARGIN)]

@@ -1,7 +1,8 @@
 """Rotor flapping: rotors that travel sideways exert a torque on pitch, τ_pitch = k ψ̇.
 
 At the travel speed L_a ψ̇ (arm length times yaw rate) the advancing blades lift more than the
-retreating ones. Propellers of equal direction then exert a moment about the arm; k in N·m·s/rad.
+retreating ones. Two propellers that turn in the same direction then exert a moment about the arm; k
+is in N·m·s/rad.
 """
 
 from __future__ import annotations

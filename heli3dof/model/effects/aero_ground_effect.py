@@ -1,7 +1,8 @@
 """More thrust near the table: F → F (1 + a exp(−h/h₀)), h the body's height (m) above the table.
 
 h = L_a (sin r − sin r_rest) with arm length L_a (m), roll r, and roll r_rest at rest on the table.
-F is a rotor's thrust, a its relative increase at the table; h₀ = 0.1 m unless estimated.
+F is a rotor's thrust, a its relative increase at the table. h₀ is the height over which the
+increase falls to 1/e: 0.1 m unless estimated.
 """
 
 from __future__ import annotations

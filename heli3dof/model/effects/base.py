@@ -1,7 +1,8 @@
 """`Effect`, `Parameter`, `Term`: a physical effect (friction, lag …) that a model may contain.
 
 To add an effect, write one file in this folder with ``EFFECT = Effect(...)`` and the equation in
-its docstring, or register such an object under the entry-point group ``heli3dof.effects``.
+its docstring. Another package registers such an object under the entry-point group
+``heli3dof.effects``.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ class Parameter:
 
     Attributes:
         null: the value at which the effect is absent.
-        low, high: bounds of an estimate. They exceed the physical range where the true value may
-            be zero (friction), because a confidence interval cut off at zero is wrong.
+        low, high: bounds of an estimate. Of a parameter that may truly be zero (friction), they
+            also permit the wrong sign, because a confidence interval cut off at zero is wrong.
         typical: a size with a noticeable effect on a rig; scales steps and default priors.
         log: if true, the logarithm is estimated (positive parameters only).
         prior_std: standard deviation of the weak prior about ``start``, in ``unit`` (of the
@@ -73,8 +74,8 @@ def share(meaning: str) -> Parameter:
 
     ``meaning`` describes the part. The true value is 0 or 1. So once the model has this parameter,
     a fit starts at 1 with the prior N(1, `SHARE_STD`²). A flight at few heights determines the
-    parameter poorly, and without the prior its estimate would predict other heights badly. It may
-    lie slightly outside 0 … 1.
+    parameter poorly, and without the prior the model would predict other heights badly. The
+    estimate may lie slightly outside 0 … 1.
     """
     return Parameter("share", "–", 0.0, -0.3, 2.0, 0.2, meaning, prior_std=SHARE_STD, start=1.0)
 
@@ -103,8 +104,8 @@ class Effect:
             omitted parameters are at null. Default: the first parameter at `SMALL` · typical.
             Several are needed if the shape of the predicted change depends on the value.
         probe_quantiles: for a limit of the voltage: the quantiles of |V| to use as ``probes``.
-        scan: the second parameter is a ``frequency`` or an ``instant``, and a diagnosis evaluates
-            the score at all its values (`heli3dof.diagnosis.scans`).
+        scan: ``frequency`` or ``instant`` if the second parameter is one. A diagnosis then
+            evaluates the score at all its values (`heli3dof.diagnosis.scans`).
 
     An effect without parameters is a switch; a diagnosis does not report it.
     """
@@ -146,8 +147,9 @@ class Effect:
     def screened(self) -> bool:
         """Return True if a score test on innovations of a model without the effect can detect it.
 
-        It is False for effects with ``starts``, whose likelihood must be evaluated at those values,
-        and for effects without equations (jitter and lost samples, which time stamps show).
+        The result is False for effects with ``starts``, whose likelihood must be evaluated at those
+        values. It is also False for effects without equations: jitter and lost samples, which time
+        stamps show.
         """
         return bool(self.hooks) and not self.starts
 

@@ -3,9 +3,9 @@
 At the angle q the encoder reads q − w/2 while the angle rises and q + w/2 while it falls. In
 between it keeps its reading e: e ← min(q + w/2, max(q − w/2, e)).
 
-A simulation keeps e in the effect's memory ``mem``. A filter needs no memory: the direction of a
-change of the reading shows which of both values applies. A constant reading leaves the angle in an
-interval wider by w.
+A simulation keeps e in the effect's memory ``mem``. A filter needs no memory: when the reading
+changes, the direction of the change shows which of the two values applies. While the reading is
+constant, the interval that contains the angle is wider by w.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The encoder's zero was set at the wrong angle: reading = angle + offset.
 
-On roll it is indistinguishable from other values of the gravity and pendulum torques. On pitch the
-body is tilted at reading zero, so the thrust causes a torque on yaw proportional to it.
+On roll it is indistinguishable from other values of the gravity and pendulum torques. On pitch, a
+reading of zero means a true pitch angle of −offset. The tilted thrust then causes a torque on yaw
+that is proportional to the offset.
 """
 
 from __future__ import annotations

@@ -2,8 +2,9 @@
 
 ``rest`` is the angle at which the encoder counts from zero. Other inertias and stiffnesses fit
 nearly as well; only the sines and cosines of the angle differ. k also scales the variance of the
-readings, which the linearised innovations omit, so its score and its estimate are biased. Instead,
-compare the encoder's data sheet with the counts per revolution in the profile.
+readings. The linearised innovations omit this, so the score and the estimate of k are biased.
+Instead of fitting k, compare the encoder's data sheet with the counts per revolution in the
+profile.
 """
 
 from __future__ import annotations

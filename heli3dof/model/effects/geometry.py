@@ -1,13 +1,16 @@
 """The parts of the rigid body that the hover model omits: q̈ = (1 − a) q̈_hover + a q̈_rigid.
 
-q̈ are the angular accelerations of roll r, pitch p, yaw ψ. a = 1 is the complete rigid body, with
-the symbols of `heli3dof.model.physics.rigid_body`: gravity torque proportional to cos r, thrust F
-that tilts with the body (L_a cos p F, −L_a cos r sin p F instead of −T_g p), yaw torque L_h sin r D
-of the thrust difference D, configuration-dependent inertias, Coriolis and centrifugal torques. q̈
-is linear in a, because both accelerations are for the same state, thrusts and parameters.
+q̈ are the angular accelerations of roll r, pitch p, yaw ψ. a = 1 is the complete rigid body. q̈ is
+linear in a, because both accelerations are for the same state, thrusts and parameters. The parts
+are, with the symbols of `heli3dof.model.physics.rigid_body`:
 
-A score test at a = 0 shows whether recordings need it. In a model with this effect, a has the prior
-N(1, 0.2²) (`heli3dof.model.effects.base.share`).
+* the gravity torque's factor cos r
+* the thrust F that tilts with the body: L_a cos p F on roll, −L_a cos r sin p F (not −T_g p) on yaw
+* the yaw torque L_h sin r D of the thrust difference D
+* inertias that depend on the angles, Coriolis and centrifugal torques
+
+A score test at a = 0 shows whether recordings need these parts. In a model with this effect, a has
+the prior N(1, 0.2²) (`heli3dof.model.effects.base.share`).
 """
 
 from __future__ import annotations

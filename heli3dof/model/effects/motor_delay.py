@@ -1,7 +1,8 @@
 """A constant delay T (s) of the motors: at time t they have the commanded voltage V(t − T).
 
-In the sample interval in which a delayed voltage arrives, the motor has the previous voltage first.
-The model uses the time-weighted mean of both, exact to second order in the interval.
+In the sample interval in which a delayed voltage arrives, the motor first still has the previous
+voltage. The model uses the time-weighted mean of both voltages, exact to second order in the
+interval.
 """
 
 from __future__ import annotations

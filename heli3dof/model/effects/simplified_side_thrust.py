@@ -1,9 +1,9 @@
 """Equations with the yaw torque L_h sin r D but without inertia couplings, D = F_f − F_b.
 
 F_f and F_b are the front and back thrust, r, p roll and pitch. In the complete rigid body M_pψ p̈
-cancels most of it, because p̈ follows D. Equations that project the thrusts but not the inertias
-keep it (`heli3dof.model.physics.rigid_body`). The parameter η (0 … 1) acts only with
-`simplified_couplings`. It is a choice of equations; a diagnosis does not report it.
+cancels most of this torque, because p̈ follows D. Equations that project the thrusts but not the
+inertias keep the torque (`heli3dof.model.physics.rigid_body`). The parameter η (0 … 1) acts only
+with `simplified_couplings`. A diagnosis does not report this choice of equations.
 """
 
 from __future__ import annotations

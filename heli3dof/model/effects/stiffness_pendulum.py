@@ -1,7 +1,8 @@
 """The centre of mass lies below the axis: τ = −k sin q, q the angle of roll or pitch.
 
-k = m g d in N·m, with d the distance of the moving mass's centre below the axis. On the roll axis
-the arm is a pendulum of ω_n = √(k/J_roll), 1.0 to 1.8 rad/s on identified rigs.
+k = m g d in N·m, with the moving mass m, gravity g, and the distance d of the mass's centre below
+the axis. On the roll axis the arm is a pendulum of ω_n = √(k/J_roll), 1.0 to 1.8 rad/s on
+identified rigs.
 """
 
 from __future__ import annotations

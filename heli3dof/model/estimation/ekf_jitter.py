@@ -9,13 +9,13 @@ m_i is the ideal reading in state x_k. δ_k is common to the axes, so their erro
 The filter adds δ_k as a state without memory and processes the three readings one after the other.
 This is the exact update with the joint covariance diag(Δ²/12) + σ_t² ṁ ṁᵀ. In contrast,
 `heli3dof.model.estimation.ekf_quantised` uses encoder edges and treats the axes' jitter as
-independent. It is more accurate for accurate clocks.
+independent. `ekf_quantised` is more accurate if the clock is accurate.
 
-b are effect parameters that are constant within a recording and differ between recordings (the
-angle at which an encoder was switched on). They are states too, x = (q, q̇, b), with ḃ = 0 and
-b ~ N(b_0, σ_b²) at the start of each run. The covariance P of x grows as in
-`heli3dof.model.estimation.ekf_quantised`, with ∂q̈/∂(q, q̇, b). x advances by the midpoint rule; its
-error over one sample h, h³ q⃛/24, is a thousandth of an encoder step.
+b are effect parameters that are constant within a recording and differ between recordings, such as
+the angle at which an encoder was switched on. They are states too, x = (q, q̇, b), with ḃ = 0. At
+the start of each run (interval of usable rows) their distribution is N(b_0, σ_b²). The covariance P
+of x grows as in `heli3dof.model.estimation.ekf_quantised`, with ∂q̈/∂(q, q̇, b). x advances by the
+midpoint rule; its error over one sample h, h³ q⃛/24, is a thousandth of an encoder step.
 """
 
 from __future__ import annotations

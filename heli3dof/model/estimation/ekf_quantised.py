@@ -7,8 +7,9 @@ of intensity a_i² ((rad/s²)²/Hz) on each axis, so over a step h (s) P becomes
     P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ]
 
 The derivatives are recomputed every `RELINEARISE_S`. Then dry friction changes x and P
-(`heli3dof.model.physics.dry_friction`). If an encoder reads k times its angle, a² is the noise of
-the reading, so the angle gets a²/k². Thus k is estimated from the motion, not from the noise level.
+(`heli3dof.model.physics.dry_friction`). If an encoder reads k times its angle, a² is the process
+noise of the reading, and that of the angle is a²/k². Thus k is estimated from the motion, not from
+the noise level.
 
 The readings update x and P by events (`heli3dof.model.estimation.quantised_measurement`), such as a
 change of a reading. Each event has the likelihood Z and acts on one component c of x, with the
@@ -18,7 +19,7 @@ P_c is column c of P.
 Σ ln Z is the log-likelihood of a recording. A parameter set θ′ near θ changes the prediction of c
 by δc; with the gains P_c kept, the update is x ← x + P_c (g − w δc). `follow` computes δc at all
 events for several parameter sets. The differences give ∂c/∂θ, which a Gauss–Newton step needs. The
-gains are kept for readings, not for angles, which differ by k.
+gains that are kept are those of readings, not of angles, which differ by the factor k.
 """
 
 from __future__ import annotations
@@ -126,9 +127,9 @@ def _filter(  # type: ignore[no-untyped-def]
     """Filter all blocks of a `Data`; return the number of events E (measurement updates).
 
     ``s0``, ``first``, ``address``, ``par``, ``mem0``: the model (`Structure`); ``blocks`` … ``y``:
-    from `Data`; ``a2`` (3,): process noise. R2 (3,) rad² is the noise of an encoder edge,
-    ``jitter`` (s) that of sampling instants. ``loglik`` (3,) gets Σ ln Z of each axis. ``keep``
-    selects what else is stored:
+    from `Data`; ``a2`` (3,): process noise. R2 (3,) rad² is the variance of an encoder edge,
+    ``jitter`` (s) the standard deviation of the sampling instants. ``loglik`` (3,) gets Σ ln Z of
+    each axis. ``keep`` selects what else is stored:
     - ≥ 1: for each event its ``row``, ``state`` (0–2 an angle's reading, 3–5 a rate, 6–8 a rate
       with opposite sign), prediction C, score G, information W and gain K (6,);
     - ≥ 2: X (N, 6), the states after the updates of a row;
@@ -277,8 +278,8 @@ def _follow(  # type: ignore[no-untyped-def]
 
     δc is the change of a predicted angle or rate, with the filter's gains kept. s0 (J, SIZE) and
     pars (J, H + 1, PARAMETERS) are the sets. row, state, C, G, W, K are the events that `_filter`
-    stored; other arguments as there. The integration is coarser than the filter's: make the
-    filter's own set the first one and subtract its row of D.
+    stored; other arguments as there. The integration is coarser than the filter's. So pass the
+    filter's own parameters as the first set, and subtract the first row of D from the other rows.
     """
     N, E = V.shape[0], row.shape[0]
     seen = first[MEASURE + 1] > first[MEASURE]

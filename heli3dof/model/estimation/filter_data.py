@@ -167,9 +167,9 @@ def starts_on_table(recording: Recording) -> bool:
 def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
     """Return the number of rows from lift-off, the first row, to the end of the initial climb.
 
-    The climb ends when ``roll`` (N,) rad, sampled every ``dt`` s, is above half of ``rest`` (the
-    negative roll on the table, rad) and has not risen for `CLIMB_S`. In the climb, rotors spin up
-    and time stamps are least accurate.
+    ``roll`` (N,) rad is sampled every ``dt`` s; ``rest`` is the negative roll angle on the table
+    (rad). The climb ends when roll is above half of ``rest`` and has not risen for `CLIMB_S`. In
+    the climb, rotors spin up and time stamps are least accurate.
     """
     ahead = max(1, round(CLIMB_S / dt))
     later = roll[np.minimum(np.arange(len(roll)) + ahead, len(roll) - 1)]

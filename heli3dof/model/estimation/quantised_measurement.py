@@ -3,19 +3,19 @@
 A reading of an encoder with step Δ states that the angle is in one interval between two edges. An
 unchanged reading adds almost no information. Treating every sample as white noise of variance
 Δ²/12, or truncating the distribution at every sample, makes a fit find effects that do not exist.
-So the filter keeps a Gaussian N(m, S) of the angle and the probability Z = Φ(β) − Φ(α) that the
-angle is in the interval, α, β = (lower, upper edge − m)/√S, with the normal density φ and its
-distribution function Φ. An update depends on the reading:
+So the filter keeps a Gaussian N(m, S) of the angle, and the probability Z that the angle is in the
+interval. Z = Φ(β) − Φ(α), α = (lower edge − m)/√S, β = (upper edge − m)/√S. φ is the normal density
+and Φ its distribution function. An update depends on the reading:
 
-* It passes the edge e between two samples: the angle was e, up to the distance that the rate q̇
-  covers in one period h. The likelihood is the flux N(e; m, S) E[q̇⁺] h, q̇⁺ the rate's positive part
-  in the direction of the step, divided by the last Z. The first factor updates the angle, the
-  second the rate. The second is required, because edges are more likely at high rates.
-* It does not change: no update until Z has fallen below exp(`LOG_UPDATE_RATIO`) of its last value.
-  Then the Gaussian gets the mean and variance of its part inside the interval, and ln Z minus its
-  last value is added to the log-likelihood.
-* It changes by several steps, or by nearly one per period: the Gaussian gets the mean and
-  variance of its part inside the new interval, and ln Z is added.
+* The reading passes the edge e between two samples: the angle was e, up to the distance that the
+  rate q̇ covers in one period h. The likelihood is the flux N(e; m, S) E[q̇⁺] h, q̇⁺ the rate's
+  positive part in the direction of the step, divided by the last Z. The first factor updates the
+  angle, the second the rate. The second is required, because edges are more likely at high rates.
+* The reading does not change: no update until Z has fallen below exp(`LOG_UPDATE_RATIO`) of its
+  last value. Then the Gaussian gets the mean and variance of its part inside the interval, and ln Z
+  minus its last value is added to the log-likelihood.
+* The reading changes by several steps, or by nearly one per period. Then the Gaussian gets the mean
+  and variance of its part inside the new interval, and ln Z is added.
 
 If the sampling instants have the standard deviation ``jitter`` (s), S grows by (jitter · q̇)². Logs
 of hosts without real-time scheduling need this.

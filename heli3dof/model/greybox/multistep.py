@@ -28,8 +28,8 @@ def _windows(  # type: ignore[no-untyped-def]
     """Simulate from S recorded states; write the encoder readings at M later rows to ``out``.
 
     ``out`` (S, M, 3) rad; ``starts`` (S,): start rows; ``ahead`` (M,), ascending: rows ahead; X:
-    states at each row; ``where``: positions of varying parameters; ``mean``: thrust integral;
-    ``low``: roll on the table (rad); ``stride``: rows per step. Others: see `integrator`.
+    states at each row; ``where``: positions of parameters that vary by recording; ``mean``: thrust
+    integral; ``low``: roll on the table (rad); ``stride``: rows per step. Others: see `integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
@@ -90,8 +90,9 @@ def errors(
 ) -> np.ndarray:
     """Return reading − prediction, (S, M, 3) rad, ``ahead`` (M,) rows after each of the S starts.
 
-    ``values`` (n,) are the parameters of ``structure``. ``states`` (N, 6 + B) are the filter's
-    estimates: angles, rates, and the B parameters ``varying`` that replace those in ``values``.
+    ``values`` (n,) are the parameters of ``structure``. ``flight`` has the recorded arrays and the
+    start rows. ``states`` (N, 6 + B) are the filter's estimates: angles, rates, and the B
+    parameters ``varying`` that replace those in ``values``.
     """
     hooks = structure.hooks
     s, par = structure.arrays(values)

@@ -3,8 +3,8 @@
 An extended Kalman filter (`heli3dof.model.estimation.ekf_quantised`, or `ekf_jitter` if parameters
 vary by recording) estimates the state at each row from readings up to that row. From there the
 model is simulated to the horizon in steps of about `STEP_S`, with the thrusts' exact mean over each
-step. In rows on the table the state is the reading at rate zero. Predicted roll stays above the
-table.
+step. While the rig rests on its table, the state is the measured angles with zero rates. Predicted
+roll stays above the table.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, strid
     """Simulate n rows ahead from each state X[k]; write the encoder readings to ``out[k + n]``.
 
     ``out`` is in rad; ``mean``: thrust integral (`impulse`); ``low``: roll on the table (rad);
-    ``stride``: rows per step; ``where``: positions of varying parameters. Others: see `integrator`.
+    ``stride``: rows per step; ``where``: positions of parameters that vary by recording. Others:
+    see `integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
@@ -71,7 +72,8 @@ _roll_compiled = compiled(_roll, error_model="numpy")
 def predict(model: GreyBoxParameters, recording: Recording, horizon_s: float) -> np.ndarray:
     """Return (N, 3) rad: row k predicts the recorded ``angle[k]``, ``horizon_s`` s ahead.
 
-    NaN in the first rows and on an axis that was not measured.
+    The prediction uses readings up to ``horizon_s`` before row k, and voltages of all rows before
+    k. It is NaN in the first rows and on an axis that was not measured.
     """
     N = len(recording)
     n = max(1, round(horizon_s / recording.dt))
@@ -166,8 +168,8 @@ def impulse(
 ) -> np.ndarray:
     """Return (N + 1, 2) N·s: the integral of the rotors' thrusts up to each row and to the end.
 
-    Voltages V (N, 2) V hold for h (N,) s. Before the first row the rotors are in steady state, or
-    at standstill (``still``).
+    ``values`` (n,) are the parameters of ``structure``. Voltages V (N, 2) V hold for h (N,) s.
+    Before the first row the rotors are in steady state, or at standstill (``still``).
     """
     if still:
         V, h = np.vstack([np.zeros(2), V]), np.concatenate([h[:1], h])

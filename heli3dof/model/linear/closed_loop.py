@@ -67,10 +67,10 @@ _fly_compiled = compiled(_fly)
 def fly(model: LinearParameters, task: LoopTask) -> LoopResult:
     """Return the simulated flight of the task with the model, starting at rest at ``task.angle0``.
 
-    The start need not be an equilibrium; the model has no table. Quantised readings are angle0 plus
-    whole encoder steps. A diverging loop gives inf and NaN. An axis that is not modelled is NaN in
-    the result, and the controller reads angle0 for it. Raises RecordingError if ``task.dt`` does
-    not suit the model (`LinearParameters.at`).
+    The start need not be an equilibrium, because the model omits the table on which a real rig
+    rests. Quantised readings are angle0 plus whole encoder steps. A diverging loop gives inf and
+    NaN. An axis that is not modelled is NaN in the result, and the controller reads angle0 for it.
+    Raises RecordingError if ``task.dt`` does not suit the model (`LinearParameters.at`).
     """
     model = model.at(task.dt)
     N = len(task.reference)

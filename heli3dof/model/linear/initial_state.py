@@ -62,9 +62,9 @@ def rest_state(model: LinearParameters, angle0: np.ndarray) -> np.ndarray:
 def state_spread(model: LinearParameters, axes: np.ndarray) -> np.ndarray:
     """Return the covariance (n, n) of a state whose free response has an uncertainty of 1 rad rms.
 
-    It is the inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over `WINDOW` seconds, for the measured ``axes``
-    (3,) bool. For another uncertainty, multiply it by that variance (rad²). Unobservable directions
-    of the state get zero variance.
+    The covariance is the inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over `WINDOW` seconds, for the
+    measured ``axes`` (3,) bool. For another uncertainty, multiply the covariance by that variance
+    (rad²). Unobservable directions of the state get zero variance.
     """
     O, _ = responses(model, axes)
     W = O.T @ O / (len(O) / int(axes.sum()))

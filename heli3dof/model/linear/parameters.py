@@ -68,10 +68,11 @@ class LinearParameters:
         return self.exact_hold and np.array_equal(self.C, np.eye(3, 6))
 
     def at(self, dt: float) -> Self:
-        """Return this model for the sample interval ``dt`` (s); with `exact_hold` it is resampled.
+        """Return this model for the sample interval ``dt`` (s), resampled if that is possible.
 
-        Raises RecordingError if it cannot be resampled and dt differs by more than 1 % from its
-        own.
+        Resampling is possible for the exact zero-order hold of a continuous-time model (field
+        `exact_hold`). Any other model is returned unchanged if ``dt`` is within 1 % of the model's
+        interval. Otherwise raises RecordingError.
         """
         off = abs(dt / self.dt - 1)
         if self.exact_hold and off > 1e-9:

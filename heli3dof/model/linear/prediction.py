@@ -10,8 +10,8 @@ The sum is a convolution with the first h − 1 samples of the impulse response,
 model is not simulated from t = 0, because the plant integrates twice: 0.05 V of bias would cause
 25° of drift in 10 s.
 
-L_k is the time-varying Kalman gain from an uncertain initial state. After it has converged, its
-limit is used. The noise that it assumes depends on the model:
+L_k is the time-varying Kalman gain from an uncertain initial state. After L_k has converged, its
+limit is used. The noise that this Kalman gain assumes depends on the model:
 
 * K ≠ 0, the innovation form: process noise K e, measurement noise e, cov e = S. If every axis is
   measured, the limit is K itself.
@@ -20,7 +20,7 @@ limit is used. The noise that it assumes depends on the model:
   intensity is large on purpose: the hover model's accelerations are off by tenths of rad/s² on a
   real rig, and the filter must still follow the rates.
 * any other model with K = 0 (output error): the same encoder noise, and process noise that makes
-  the free response drift by `DRIFT` rad/√s, whatever the basis of the state.
+  the free response drift by `DRIFT` rad/√s in any state coordinates.
 
 The filter ignores an axis without readings and skips a lost reading. Lost rows are filled in gaps
 of up to `heli3dof.model.estimation.filter_data.LOST` periods.
@@ -51,9 +51,10 @@ _SETTLE_S = 3.0
 def predict(model: LinearParameters, recording: Recording, horizon_s: float) -> np.ndarray:
     """Return (N, 3) rad: row k predicts the recorded ``angle[k]``, ``horizon_s`` s ahead.
 
-    It uses voltages up to k − 1 and angles up to k − h; h is the horizon in samples, at least one.
-    NaN in the first h rows and on an axis that is not modelled or not measured. Raises
-    RecordingError if the sample interval is not the model's (`LinearParameters.at`).
+    The prediction uses voltages up to row k − 1 and angles up to row k − h; h is the horizon in
+    samples, at least one. It is NaN in the first h rows and on an axis that is not modelled or not
+    measured. Raises RecordingError if the sample interval is not the model's
+    (`LinearParameters.at`).
     """
     model = model.at(recording.dt)
     whole, own = fill_gaps(recording, LOST)
@@ -136,7 +137,8 @@ def noise(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the process (n, n), measurement (m, m) and cross (n, m) noise covariance per sample.
 
-    m is the number of ``axes`` (3,) bool that are used.
+    n is the number of the model's states, m that of the ``axes`` (3,) bool that are used. The
+    encoder steps are those of the recording's profile.
     """
     n, m, dt = model.order, int(axes.sum()), model.dt
     encoder = np.diag(recording.profile.encoder.rad_per_count[axes] ** 2 / 12)

@@ -1,4 +1,4 @@
-"""Calls the compiled functions of physical effects by their machine address.
+"""Call the compiled functions of physical effects by their machine addresses.
 
 Compiling the simulation for one set of effects would cost seconds for every candidate of a
 diagnosis. Here each effect's function is compiled once and cached on disk (0.2 s the first time,
@@ -49,9 +49,9 @@ def address(function: Hook) -> int:
 def caller() -> Any:
     """Return the numba intrinsic ``call(address, i, s, par, mem, out)`` for compiled functions.
 
-    It calls an effect's function at ``address[i]`` with the context s, row i of the parameters
-    ``par``, row i of the memory ``mem``, and the result ``out``. It passes pointers, because
-    slicing arrays in an inner loop would cost more than the effects.
+    ``call`` calls an effect's function at ``address[i]`` with the context s, row i of the
+    parameters ``par``, row i of the memory ``mem``, and the result ``out``. The arrays are passed
+    as pointers, because slicing arrays in an inner loop would cost more than the effects.
     """
     import numba
     from llvmlite import ir

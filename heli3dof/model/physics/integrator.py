@@ -3,7 +3,8 @@
 Filters, closed loops and predictions use these functions. A row k is a sample: time t[k] (s), h[k]
 (s) to the next row, voltages V[k] (2,) V held until then. The other arguments:
 
-- ``s``: the context of rig and state (`heli3dof.model.physics.state_layout`); ``x`` (6,) = (q, q̇).
+- ``s``: parameters and state of the rig (`heli3dof.model.physics.state_layout`); ``x`` (6,) = (q,
+  q̇), angles (rad) and rates (rad/s).
 - ``first``, ``address``, ``par``, ``mem``: the active effects (`physics.parametrisation`).
 - ``target``, ``F`` (N, 2) N: each row's steady-state thrusts and thrusts at its start
   (`physics.rotor`).
@@ -207,8 +208,8 @@ readings = compiled(_readings, leaf=True, error_model="numpy")
 def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
     """Return (rising, falling, slope) of the encoder reading of axis i at the state x.
 
-    They are the readings (rad) for a rising and a falling angle, and ∂reading/∂angle. m and
-    ``slope`` are work space; the module explains the other arguments.
+    These are the reading (rad) for a rising angle, that for a falling angle, and ∂reading/∂angle. m
+    and ``slope`` are work space; the module explains the other arguments.
     """
     s[FLANK + i] = 1.0
     readings(s, x, first, address, par, mem, m, slope)

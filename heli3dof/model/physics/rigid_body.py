@@ -1,6 +1,6 @@
 """The nonlinear rigid body: an arm that turns in roll and yaw and carries a bar that pitches.
 
-r, p, ψ are roll, pitch, yaw (rad). The bar carries the two motors at ±L_h. It has rotational
+r, p, ψ are roll, pitch, yaw (rad). The bar carries the two motors at ±L_h. The bar has rotational
 inertia only about axes perpendicular to itself. Its angular velocity is
 
     ω_a = ṗ + sin r ψ̇                    along the arm
@@ -202,8 +202,8 @@ accelerations = compiled(_accelerations, leaf=True, error_model="numpy")
 def _advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
     """Advance angles and rates x (6,) by h s with the thrusts F0, Fm, F1 (2,) N.
 
-    These are the exact thrusts at start, middle and end. Method: Runge–Kutta–Nyström with Simpson's
-    weights; the thrusts contribute an error of order h⁵. w (≥ 5, 3) is work space.
+    F0, Fm, F1 are the exact thrusts at start, middle and end. Method: Runge–Kutta–Nyström with
+    Simpson's weights; the thrusts contribute an error of order h⁵. w (≥ 5, 3) is work space.
     """
     force, torque, a0, am, a1 = w[0], w[1], w[2], w[3], w[4]
     for i in range(6):

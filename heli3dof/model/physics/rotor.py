@@ -70,8 +70,9 @@ aim = compiled(_aim, leaf=True, error_model="numpy")
 def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
     """Write each row's steady-state thrusts to ``target`` and thrusts at its start to F, (N, 2) N.
 
-    It computes rows lead … stop − 1 from the voltages V (N, 2) held for h (N,) s. In row ``lead``
-    the rotors are in steady state. Other arguments: see `heli3dof.model.physics.integrator`.
+    The function computes rows lead … stop − 1 from the voltages V (N, 2) held for h (N,) s. In row
+    ``lead`` the rotors are in steady state. Other arguments: see
+    `heli3dof.model.physics.integrator`.
     """
     tau = s[TAU_M]
     left, at = 0.0, -1.0

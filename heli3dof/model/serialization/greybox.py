@@ -17,7 +17,8 @@ def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
     """Return the model from the output of `GreyBoxModel.to_dict`.
 
     Raises KeyError for a missing key, TypeError or ValueError for invalid content, and UsageError
-    for an unknown term, with the plug-in that provided it when the file was written.
+    for an unknown term (effect). Its message names the plug-in that provided the term when the file
+    was written.
     """
     names = tuple(str(t) for t in data["terms"])
     _check_terms(names, data.get("plug_ins", {}))

@@ -1,7 +1,7 @@
 """Check that a log's angles have the unit that their column's name states, by three tests.
 
 1. The encoder's grid: angles are multiples of 360/N degrees or 2π/N radians for N counts per
-   revolution. Values on one unit's grid are not on the other's.
+   revolution. Values on the grid of one unit are not on that of the other.
 2. Size: roll and pitch cannot exceed half a revolution.
 3. Newton's law: over windows of length T, the second difference of an angle q is the torque M over
    the inertia J, integrated twice:
@@ -10,7 +10,7 @@
 
    M/J follows from the voltages: L_a K_f (V_f + V_b)/J_roll, L_h K_f (V_f − V_b)/J_pitch. The ratio
    of the standard deviations, left to right side, is 0.4 … 2.7 on real rigs, because M lacks other
-   torques. A wrong unit changes it by a factor of 57.3.
+   torques. A wrong unit changes this ratio by a factor of 57.3.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _refuse(
     """Raise RecordingError if the angles ``values``, which are off their grid, have another unit.
 
     ``source``: the log; ``name``, ``unit``: the angle's column and its stated unit; ``counts``: the
-    encoder's counts per revolution; ``ratio``: measured to explained motion (`newton`), or None.
+    encoder's counts per revolution; ``ratio``: measured over explained motion (`newton`), or None.
     """
     other = OTHER[unit]
     if on_grid(values, TURN[other] / counts, levels=4):
@@ -188,9 +188,9 @@ def _check_reference(
 ) -> None:
     """Raise RecordingError if an angle follows its reference, but in another unit.
 
-    Both (N,) are in revolutions, converted by the units in their names. An error is a correlation
-    above 0.5 with a slope outside 1/15 … 15; degrees taken for radians give 57.3. ``name``,
-    ``ref``: their columns' names.
+    ``angle`` and ``reference`` (N,) are in revolutions, converted by the units in their columns'
+    names ``name`` and ``ref``. It is an error if their correlation exceeds 0.5 and the slope of
+    ``angle`` over ``reference`` is outside 1/15 … 15. Degrees taken for radians give 57.3.
     """
     spread = float(np.std(reference))
     if spread == 0 or np.std(angle) == 0:
@@ -212,9 +212,10 @@ def newton(
 ) -> tuple[float, float] | None:
     """Compare an angle's second difference with the integrated torque by Newton's law.
 
-    ``angle`` (N,) is in rad; ``columns`` has the voltages. Returns the ratio of the standard
-    deviations, about 1 in the right unit, and the correlation, positive with the right sign. None
-    for yaw, for fewer than eight windows, and if angle or torque is constant to about one count.
+    ``angle`` (N,) rad is that of ``axis``; ``columns`` has the voltages, ``profile`` the rig's
+    parameters. Returns the ratio of the standard deviations, about 1 in the right unit, and the
+    correlation, positive with the right sign. Returns None for yaw, for fewer than eight windows,
+    and if angle or torque is constant to about one count.
     """
     dt = float(np.median(np.diff(columns["t_s"])))
     n = max(1, round(NEWTON_WINDOW_S / dt))
@@ -244,7 +245,8 @@ def _moving_sum(x: np.ndarray, n: int) -> np.ndarray:
 def wrong_unit(source: str, name: str, unit: str, evidence: str) -> RecordingError:
     """Return the error for an angle whose unit is not the one in its name.
 
-    ``source``: the log; ``name``: the column; ``unit``: its stated unit; ``evidence``: in words.
+    ``source``: the log; ``name``: the column; ``unit``: its stated unit; ``evidence``: text that
+    shows the error.
     """
     true_name = name.removesuffix(unit) + OTHER[unit]
     return RecordingError(

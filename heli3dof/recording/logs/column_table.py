@@ -24,7 +24,7 @@ def recording_from_table(
 ) -> Recording:
     """Check a table and return it as a `Recording`; warnings are added to ``meta["warnings"]``.
 
-    ``check_values=False`` skips the checks of whether angles and voltages have the units they name.
+    ``check_values=False`` skips the checks that angles and voltages have the units in their names.
     Raises RecordingError for:
 
     * a missing required column, or no angle at all

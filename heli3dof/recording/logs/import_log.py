@@ -36,10 +36,10 @@ def import_log(
 ) -> Recording:  # fmt: skip
     """Read another program's log (CSV, gzipped CSV, MAT, MCAP) as a `Recording`.
 
-    * ``profile``: the rig's; None: the one in the file, which only MCAP can contain. Without
-      ``[controller]``, the controller that flew is unknown.
+    * ``profile``: the rig's profile. None selects the one in the file, which only MCAP can contain.
+      If the profile has no ``[controller]``, the controller of the flight is unknown.
     * ``columns``: names of the rows or columns of a matrix in a MAT file
-    * ``check_values=False`` skips the checks that angles and voltages have the units they name
+    * ``check_values=False`` skips the checks that angles and voltages have the units in their names
 
     Warnings are in ``Recording.meta["warnings"]``. Raises RecordingError or UsageError.
     """
@@ -72,9 +72,10 @@ def import_log(
 def _read(
     importer: Importer, path: Path, profile: Profile | None, columns: str | Sequence[str] | None
 ) -> Table:
-    """Return the file's table. Any exception of an importer's own becomes a RecordingError.
+    """Return the file's table; convert an importer's unexpected exceptions to RecordingError.
 
-    An importer need not convert the exceptions of its parser; an OSError keeps its own message.
+    So an importer need not convert the exceptions of its parser. Errors of heli3dof and OSError are
+    not converted.
     """
     try:
         table = importer.read(path, profile, columns)

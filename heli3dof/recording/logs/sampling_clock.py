@@ -1,19 +1,24 @@
-"""Estimate the sampling clock: period, lost samples, and when the samples were really taken.
+"""Estimate a log's sampling clock: period, lost samples, and the true sampling times.
 
-The loop takes a sample every T s. The log says t_k = t_0 + n_k T + ε_k, where n_k counts the
-samples, lost ones too, and ε_k is the error of the stamp or of the sampling. A phase-locked loop
-follows the clock,
+The control loop takes a sample every T s. The log's time stamps are t_k = t_0 + n_k T + ε_k, where
+n_k counts all samples, including lost ones. ε_k is an error of the time stamp or of the sampling
+time. A phase-locked loop follows the clock,
 
     n_k = n_{k−1} + round((t_k − ĝ_{k−1}) / T̂),    e_k = t_k − ĝ_{k−1} − (n_k − n_{k−1}) T̂
     ĝ_k = t_k − e_k + α e_k,    T̂ ← T̂ + β e_k
 
-with small α, β, so that the count is right while |ε| stays under half a period, and a clock that
-drifts is followed. T̂ and ĝ start where the first stamps fall into step best. ε is the residual
-of straight lines t_k over n_k, fitted to stretches of `STRETCH` samples.
+T̂ is the estimated period and ĝ the estimated even clock; α and β are small. So the count n_k is
+right while |ε| stays below half a period, and the loop follows a clock that drifts. T̂ and ĝ start
+at the values that fit the first time stamps best. ε is the residual of straight lines t_k over n_k,
+fitted to groups of `STRETCH` samples.
 
-If ε is large, either the samples were taken at the stamps, or evenly and only the stamps are late
-(a host that receives several samples at once stamps them all then). The motion decides
-(`sampling_times`): the jitter σ_t of `sampling_jitter` is computed for both clocks.
+A large ε has one of two causes:
+
+* The samples were taken at the times of the time stamps.
+* They were taken evenly and the time stamps are late. A host that receives several samples at once
+  gives all of them nearly the same time stamp.
+
+`sampling_times` decides by the motion: it computes the jitter σ_t of `sampling_jitter` for both.
 """
 
 from __future__ import annotations
@@ -33,7 +38,7 @@ HEAD = 500
 BUNCHED = 0.5
 """Median over mean of the intervals below which samples were stamped in bursts"""
 LATE = 0.2
-"""Share of the period: stamps with a smaller jitter are taken as they are"""
+"""Share of the period: time stamps with a smaller jitter are taken as they are"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,17 +54,17 @@ class Ticks:
 
     @property
     def lost(self) -> int:
-        """Samples that should be there and are not."""
+        """Return the number of lost samples."""
         return int(self.number[-1]) + 1 - len(self.number)
 
     @property
     def longest_gap(self) -> int:
-        """Samples lost in a row, at most."""
+        """Return the largest number of consecutive lost samples."""
         return int(np.diff(self.number).max()) - 1
 
 
 def ticks(t: np.ndarray) -> Ticks:
-    """Follow the increasing stamps t (N,) s, N ≥ 10."""
+    """Return the sampling clock of the increasing time stamps t (N,) s, N ≥ 10."""
     even = (t[-1] - t[0]) / (len(t) - 1)
     if np.median(np.diff(t)) < BUNCHED * even:  # stamps in bursts: no loop locks to them
         number = np.arange(len(t))
@@ -78,8 +83,9 @@ def ticks(t: np.ndarray) -> Ticks:
 def sampling_times(recording: Recording) -> Recording:
     """Return the recording with the times at which its samples were taken.
 
-    These are its time stamps, or an even clock where the stamps' jitter exceeds `LATE` of the
-    period and the motion does not fit them better. Then the stamps are the times of arrival.
+    These are the times of an even clock if the jitter of the time stamps exceeds `LATE` times the
+    period, and the motion does not fit the time stamps better. Then the time stamps are taken to be
+    times of arrival at the host. Otherwise the time stamps are kept.
     """
     r = recording
     if len(r) < HEAD or not (np.diff(r.t) > 0).all():
@@ -94,7 +100,7 @@ def sampling_times(recording: Recording) -> Recording:
 
 
 def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarray:
-    """(N,) n_k by the loop of the module, from this period on."""
+    """Return n_k (N,) by the module's phase-locked loop, which starts with ``period`` (s)."""
     # The first stamp may be late itself: the phase is the circular mean of the first ones.
     turn = np.exp(2j * np.pi * (t[:HEAD] - t[0]) / period)
     grid = float(t[0] + np.angle(turn.sum()) / (2 * np.pi) * period)
@@ -111,8 +117,10 @@ def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarr
 
 
 def _period(t: np.ndarray) -> float:
-    """A first T: the median interval, or where much is lost or late the T near it at which the
-    first stamps fall into step best, max |Σ exp(2πi t_k / T)|."""
+    """Return an initial period T in s: the median interval if the clock is even.
+
+    Otherwise it is the T near the median that maximises |Σ exp(2πi t_k / T)| over the first t_k.
+    """
     dt = np.diff(t)
     T = float(np.median(dt))
     if (np.abs(dt - T) < 0.1 * T).all():
@@ -123,14 +131,14 @@ def _period(t: np.ndarray) -> float:
 
 
 def _slope(number: np.ndarray, t: np.ndarray) -> float:
-    """s per sample, by least squares."""
+    """Return the period in s: the least-squares slope of the times ``t`` (s) over ``number``."""
     n = number - number.mean()
     below = float(n @ n)
     return float(n @ (t - t.mean())) / below if below > 0 else float(np.median(np.diff(t)))
 
 
 def _scatter(number: np.ndarray, t: np.ndarray) -> tuple[float, int]:
-    """Standard deviation of t about straight lines over n, and the degrees of freedom."""
+    """Return the standard deviation (s) of t about straight lines, and the degrees of freedom."""
     stretches = max(1, len(t) // STRETCH)
     square, freedom = 0.0, 0
     for n, x in zip(np.array_split(number, stretches), np.array_split(t, stretches), strict=True):

@@ -1,7 +1,7 @@
 """Estimate sampling jitter from the motion, when the log's time stamps do not show it.
 
-If a host sampled in bursts but logged evenly spaced times, it took sample k by δ_k later than t_k.
-All angles y_i are displaced by the same δ_k::
+If a host sampled in bursts but logged evenly spaced times t_k, it took sample k at t_k + δ_k. All
+angles y_i are displaced by the same δ_k::
 
     y_i(t_k + δ_k) ≈ y_i(t_k) + ẏ_i δ_k
 
@@ -15,7 +15,7 @@ with the encoder's step q and τ = `SCALE_S`. For a single axis, σ_t² is the s
 
 The standard deviation of σ_t² is a jackknife over blocks of `BLOCK_S`. With b the blocks' shares of
 the denominator, σ_t² over its standard deviation follows Student's t with ν = 1/Σ b² − 1 degrees of
-freedom. Of bursts longer than the window, only a part is found: the true jitter is then larger.
+freedom. If bursts last longer than the window, the true jitter is larger than the estimate.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.n
 
 
 def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
-    """Return the variance s² (N,) of an axis's angle in rad², by quantisation and jitter.
+    """Return the variance s² (N,) in rad² that quantisation and jitter cause in an axis's angle.
 
     ``rate``: ẏ (N,) in rad/s; ``step``: the encoder's step in rad; the jitter is `SCALE_S`.
     """

@@ -4,8 +4,8 @@
 
 The recorder encodes seven chunks of varying size per second. Buffers of varying size would fragment
 the heap. If zstd knows the size of its input, it allocates a buffer for that size (half a MiB) and
-replaces it when the size changes much. It is therefore not given the size, and keeps one buffer for
-`CHUNK_BYTES` from the first chunk on.
+replaces the buffer when the size changes much. `ChunkMaker` therefore does not give the size, so
+that zstd keeps one buffer for `CHUNK_BYTES` from the first chunk on.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Build the chunk index of an MCAP file at its end, from the heads of its chunks.
 
-A list in memory would grow by an entry every 0.15 s of flight. Each chunk's head contains the data
-of its index entry. The length of its message indexes follows from its number of rows n:
+An index kept in memory would grow by an entry every 0.15 s of flight. Each chunk's head contains
+the data of its index entry. The length of its message indexes follows from its number of rows n:
 
     n = uncompressed size / bytes per row        each message index has 15 + 16 n bytes
 
-These are opcode 1, length 8, channel 2, length of the entries 4; and per row time 8, offset 8.
+The 15 bytes are opcode 1, length 8, channel 2, length of the entries 4; the 16: time 8, offset 8.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def chunk_indexes(
 def _at(stream: BinaryIO, at: int, rows: RowFormat) -> tuple[ChunkIndex | None, int]:
     """Return the index entry of the record at byte ``at``, and the byte after the record.
 
-    The entry is None if the record is no chunk. The byte after a chunk is that after its message
-    indexes. ``rows``: the byte format of the chunks' rows.
+    The entry is None if the record is not a chunk. For a chunk, the byte after its message indexes
+    is returned. ``rows``: the byte format of the chunks' rows.
     """
     stream.seek(at)
     head = stream.read(HEAD.size)

@@ -45,9 +45,10 @@ SUMMARY_BYTES = 64 * 1024
 class McapFile:
     """Writes one recording to an unbuffered binary stream.
 
-    If the stream can be read, `finish` adds an index of the chunks; a pipe's file has none.
-    ``good`` is the byte offset after the last complete record. After a failed write, the caller may
-    cut off the rest. ``channel_names``: message name → names of its fields, for the MCAP channel.
+    If the stream can be read, `finish` adds an index of the chunks; a pipe cannot be read, so its
+    output has no index. ``good`` is the byte offset after the last complete record. After a failed
+    write, the caller may cut off the rest. ``channel_names``: message name → names of its fields,
+    for the MCAP channel.
     """
 
     def __init__(

@@ -36,11 +36,12 @@ from heli3dof.rig.profile import Profile, profile_from_dict
 
 
 def read_recording(path: str | Path, profile: Profile | None = None) -> Recording:
-    """Return an MCAP file of heli3dof, or another program's with a log's columns, as a recording.
+    """Return the recording in an MCAP file, which heli3dof or another program has written.
 
-    ``profile`` replaces the one in the file; another program's file needs it. Raises RecordingError
-    for a file that is missing, torn (its end is missing), damaged, no MCAP, without samples, or
-    without the columns of docs/reference/contract.md.
+    ``profile`` replaces the one in the file. A file of another program needs this argument unless
+    it contains a profile. Raises RecordingError for a file that is missing, torn (its end is
+    missing), damaged, not an MCAP file, without samples, or without the columns of
+    docs/reference/contract.md.
     """
     path = Path(path)
     found = open_mcap(path)

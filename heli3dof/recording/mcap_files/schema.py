@@ -133,10 +133,11 @@ MAX_CHANNELS = 2000
 
 
 def channels_layout(names: Sequence[str]) -> Layout:
-    """Return the layout of a third message, for a log's columns that the first two do not have.
+    """Return the layout of a third message for the columns of a log without a standard field.
 
-    Its columns are called ``column1`` …; ``names`` are in the MCAP channel's metadata, and in the
-    schema with characters that protobuf allows.
+    The first two messages, sample and command, have the standard fields. The columns of the third
+    are called ``column1`` …; ``names`` are in the MCAP channel's metadata, and in the schema with
+    characters that protobuf allows.
     """
     columns: list[Column] = []
     taken: set[str] = set()

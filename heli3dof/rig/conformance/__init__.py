@@ -1,4 +1,4 @@
-"""Tests the requirements on every driver, as cases that run on any device URL.
+"""Tests the requirements on every driver: test cases that run on any device URL.
 
 In a driver's own tests::
 
@@ -9,9 +9,9 @@ In a driver's own tests::
         conforms(case, "lab://bench-7")
 
 or without pytest: ``python -m heli3dof.rig.conformance lab://bench-7``. A failed case raises
-`NotConforming`; one that does not apply to this rig raises `unittest.SkipTest`, which pytest counts
-as skipped. Cases that move motors run on emulated rigs only, unless ``moves=True``: on a real rig
-they apply the highest voltage for a control period and lift the body.
+`NotConforming`. A case that does not apply to this rig raises `unittest.SkipTest`, which pytest
+counts as skipped. Cases that move motors run on emulated rigs only, unless ``moves=True``. On a
+real rig they apply the highest voltage for a control period and lift the body.
 """
 
 from .bench import Bench, Case, Host, NotConforming, conforms

@@ -1,9 +1,9 @@
 """``python -m heli3dof.rig.conformance URL``: run every case on one rig, one line each.
 
-A case also fails if the driver raises an exception that is no `Heli3dofError`; the line names the
-exception and where it was raised.
+A case also fails if the driver raises an exception that is no `Heli3dofError`. The case's line then
+names the exception and where it was raised.
 
-Exit 0: every case holds · 6: one fails · 2, 3: the URL or its rig cannot be used.
+Exit code: 0 if no case failed, 6 if one failed, 2 or 3 if the URL or its rig cannot be used.
 """
 
 from __future__ import annotations

@@ -50,10 +50,10 @@ class Host:
         return self.rig.exchange(Command(self.sequence, v_front, v_back), self.due)
 
     def hold(self, v_front: float, v_back: float) -> Sample:
-        """Send the voltages (V) every period until a sample echoes the command; return that sample.
+        """Send the voltages (V) every period until a sample echoes them; return that sample.
 
-        On a busy computer a command may miss its period. Raises NotConforming if none of `PATIENCE`
-        commands is echoed.
+        A sample echoes a command by its number. On a busy computer a command may miss its period.
+        Raises NotConforming if none of `PATIENCE` commands is echoed.
         """
         for _ in range(PATIENCE):
             sample = self.send(v_front, v_back)
@@ -159,7 +159,7 @@ def require_rest(sample: Sample, when: str) -> None:
 def require_error(call: Callable[[], object], when: str) -> DeviceError:
     """Call ``call``, which must raise a DeviceError with cause and fix; return this error.
 
-    The case fails without one; ``when`` names the situation in the message.
+    Without such an error the case fails, and ``when`` names the situation in the message.
     """
     try:
         found = call()

@@ -23,7 +23,7 @@ TRIES = 3
 def _timed(call: Callable[[], Iterable[T]]) -> tuple[list[T], float]:
     """Call ``call`` until it takes less than `QUICK_S`; return its result and its time in s.
 
-    After `TRIES` calls, the last one counts: a busy computer may delay the others.
+    A busy computer may delay some calls, so there are up to `TRIES` calls; the last call counts.
     """
     for _ in range(TRIES):
         start = time.monotonic()

@@ -12,8 +12,8 @@ group determines what each of them is called with:
 `ARMED`        `armed.Armed`: the rig at zero volts     `armed`: traffic, watchdog, emergency stop
 =============  =======================================  ===========================================
 
-To add a check, add a file with both, or a function to a file's ``CHECKS``. The driver checks its
-port before it is opened: permission, holder, latency timer
+To add a check, add a file with ``GROUP`` and ``CHECKS``, or a function to a file's ``CHECKS``.
+Before the port is opened, the driver checks the port's permission, holder and latency timer
 (`heli3dof.rig.interface.Driver.examine`). `heli3dof.experiment.control_loop.realtime_priority`
 checks what the system grants the loop.
 """

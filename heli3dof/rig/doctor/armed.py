@@ -1,7 +1,7 @@
 """Checks that need an armed rig: samples lost in the loop, the watchdog, the emergency stop.
 
-For ``doctor --arm``. Every command is zero volts, so nothing turns unless the amplifier is broken.
-Keep your hands off the propellers.
+These checks are for ``doctor --arm``. Every command is zero volts, so nothing turns unless the
+amplifier is broken. Keep your hands off the propellers.
 
     arm → zero volts at the control rate for a second → silence until the watchdog must have
     expired → arm → emergency stop → arm → close

@@ -164,10 +164,10 @@ def state(opened: Opened) -> Check:
 
 
 def rest_angles(opened: Opened) -> Check:
-    """Compare the angles, by the stored calibration, with the profile's rest angles and limits.
+    """Compare the angles at the stored calibration with the profile's rest angles and limits.
 
     An angle outside the envelope would end any flight at once. An angle that is more than
-    `ONE_TURN` outside shows an error of the counter.
+    `ONE_TURN` outside shows that the encoder's counter is wrong.
     """
     rest, profile = opened.rig.rest, opened.profile
     counts = opened.samples[-1].counts

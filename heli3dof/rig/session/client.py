@@ -1,8 +1,8 @@
 """Lists the running sessions from another process, and requests a stop or the state.
 
 A session is a process that uses a rig. The locks' holder files name the sessions. A session is
-alive if its socket accepts a connection: that of a hanging process does, that of a killed one does
-not.
+alive if its socket accepts a connection. The socket of a hanging process does, the socket of a
+killed process does not.
 """
 
 from __future__ import annotations
@@ -110,7 +110,8 @@ class Request:
         """Return True if the session accepted the connection, even if it does not answer.
 
         A hanging process accepts connections, but after a while no more. Windows takes seconds to
-        refuse one. So after a timeout, the lock on the rig decides whether the session is alive.
+        refuse a connection. So after a timeout, the lock on the rig decides whether the session is
+        alive.
         """
         return self._line is not None or (self.timed_out and is_held(self.session.lock))
 

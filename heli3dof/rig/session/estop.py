@@ -1,13 +1,13 @@
 """Stops rigs now, whichever process holds them.
 
-    first                →  leave a stamp: no command begun before it can arm (`stop_stamp`)
+    first                →  store the time: no command begun before can arm (`stop_stamp`)
     running session      →  request it through its socket; it confirms that the device has stopped
     no answer in 200 ms  →  directly: the driver stops the device although a process holds it
     no session           →  directly
 
-All requests are sent before any answer is read, so a hanging session delays no other. Rigs without
-a session follow, all at once: those that a driver finds, and those that were opened before. A port
-at which no rig is known (`heli3dof.rig.session.known_devices`) gets nothing, since another
+All requests are sent before any answer is read, so a hanging session delays no other. Then all rigs
+without a session are stopped at once: those that a driver finds, and those opened before. Nothing
+is sent to a port at which no rig is known (`heli3dof.rig.session.known_devices`), since another
 instrument may be there.
 """
 
@@ -43,15 +43,16 @@ class Stopped:
     seconds: float
     """s from the command to the confirmation"""
     held: bool
-    """True if a session held it; False: found by a driver or opened before, and perhaps no rig"""
+    """True if a session held the rig; False: a driver found the device, which may be no rig"""
 
 
 def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]]:
     """Stop one device, or (None) all running sessions and rigs; return (results, URLs left out).
 
-    URLs left out were found and may not be rigs: nothing was sent to them. ``reason`` goes into the
-    recording. Raises UsageError for an invalid URL; a DeviceError becomes a result with ``done``
-    False.
+    A URL is left out if a driver found the port, but it is not known as that of a rig (`is_known`).
+    Nothing is sent to such a port, since it may belong to another instrument. ``reason`` is stored
+    in the recording of the flight that ends. Raises UsageError for an invalid URL. A device that
+    cannot be stopped gives a result with ``done`` False.
     """
     if device is not None:
         check_url(device)
@@ -85,8 +86,8 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
 def _await(question: Request, start: float) -> Stopped | None:
     """Wait for a session's answer to a stop request, and return the result.
 
-    Without an answer, the driver stops a real rig directly. None: the process of an emulated rig
-    has ended. ``start``: when the stop began, in s (monotonic).
+    Without an answer, the driver stops a real rig directly. Returns None if the session was the
+    process of an emulated rig and has ended. ``start``: when the stop began, in s (monotonic).
     """
     session = question.session
     who = f"pid {session.pid} (`{session.doing}`)"
@@ -110,8 +111,8 @@ def _await(question: Request, start: float) -> Stopped | None:
 def _all_directly(devices: Sequence[str], start: float) -> list[Stopped]:
     """Stop each device through its driver, in a thread per device; return the results.
 
-    An unreachable device takes seconds to fail and delays no other. ``start``: when the stop began,
-    in s (monotonic).
+    An unreachable device fails after seconds, without delaying the others. ``start``: when the stop
+    began, in s (monotonic).
     """
     results: dict[str, Stopped] = {}
 
@@ -155,8 +156,8 @@ class EstopResult:
     def raise_if_not_stopped(self, device: str | None = None) -> None:
         """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
 
-        ``device``: the URL that was to be stopped; None: all. If all were to be stopped, a device
-        without a session may be no rig: it need not confirm once others were stopped.
+        ``device``: the URL to stop; None: all. A device without a session may not be a rig. So when
+        all are to be stopped, it need not confirm if at least one other device was stopped.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:
@@ -191,7 +192,7 @@ def request_estop(device: str | None, reason: str) -> EstopResult:
 
 
 def estop(device: str | None = None, reason: str = "heli3dof.estop()") -> EstopResult:
-    """Stop a rig now, or (None) every rig in use or found: zero volts, whichever process flies it.
+    """Stop a rig now, or (None) every rig in use or found: zero volts, also if a process flies it.
 
     ``reason`` is stored in the recording of the flight that it ends. Raises DeviceError if no rig
     was stopped or one did not confirm (`EstopResult.raise_if_not_stopped`).

@@ -1,8 +1,8 @@
 """Records where rigs were opened, so that ``heli3dof estop`` stops only rigs.
 
 A serial port may lead to any instrument, and bytes that stop a rig may start another instrument. A
-place (the part of a device URL after the scheme, or the device's persistent name) is known as a
-rig's if
+*place* is the part of a device URL after the scheme, or the device's persistent name. It is known
+as that of a rig if
 
     its driver lists only rigs (it is not `RecognisesRigs`), or ``is_rig(url)`` is true now,
     or a rig was opened there before
@@ -38,7 +38,7 @@ def is_known(device: str) -> bool:
 def remembered() -> Iterator[str]:
     """Yield each URL at which a rig was opened before, if the same device is connected there now.
 
-    Only for drivers that cannot list every rig (`NamesPlaces`).
+    It yields only URLs of drivers that cannot list every rig (`NamesPlaces`).
     """
     for place, device, _ in _lines():
         with suppress(Exception):  # a line of before 2026-11, or a driver that was removed
@@ -48,7 +48,7 @@ def remembered() -> Iterator[str]:
 
 
 def serials_at(device: str) -> set[str]:
-    """Return possible serial numbers at this URL: those of rigs opened there, and its last part."""
+    """Return possible serial numbers at this URL: those of rigs opened there, and the URL's end."""
     url = parse_url(device)
     name = device_name(url)
     serials = {serial for _, at, serial in _lines() if at and device_name(at) == name}

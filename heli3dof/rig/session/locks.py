@@ -6,9 +6,9 @@
     holder   <lock>.json                    the process that holds it: a separate file, since on
                                             Windows no other process can read a locked one
 
-The system releases a lock when its process ends, ``kill -9`` included (the filelock library: flock,
-or LockFileEx on Windows). The boot number is part of the name since serial numbers are not always
-unique: emulated rigs and newly flashed boards share the factory's.
+The filelock library locks with flock, or LockFileEx on Windows. The system releases a lock when its
+process ends, even by ``kill -9``. The boot number is part of the device lock's name, because
+emulated rigs and newly flashed boards may have the same serial number.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ TAKE_S, TRY_S = 0.1, 0.01
 class Lock:
     """A lock on a file, from construction until `release`; `write_holder` names the holder.
 
-    Raises DeviceError, naming the holder, if another process has locked it. ``device``: the URL
-    for that message.
+    Raises DeviceError, naming the holder, if another process has locked the file. ``device``: the
+    rig's URL, for the error's message.
     """
 
     def __init__(self, path: Path, device: str) -> None:

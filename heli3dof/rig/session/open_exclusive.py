@@ -1,10 +1,10 @@
-"""Opens a rig in a session: it is locked, and other processes can stop and observe it.
+"""Opens a rig in a session: the rig is locked, and other processes can stop and observe it.
 
     with open_rig("serial:///dev/ttyACM0", profile) as rig:
         sample = rig.read()
 
-Every program that moves or reads a rig uses this. `heli3dof.rig.drivers.open_driver` alone does not
-lock the rig, and ``heli3dof estop`` cannot reach it.
+Every program that moves or reads a rig uses this function. `heli3dof.rig.drivers.open_driver` alone
+does not lock the rig, and ``heli3dof estop`` cannot request a stop from its process.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ def open_rig(
 ) -> Iterator[StoppableRig]:
     """Context manager: open and lock the rig; close and unlock it at the end.
 
-    ``doing``: what the session does, for messages; default: the command line. ``also`` adds to the
-    state that other processes read. ``began_ns``: when the command that moves the rig began
-    (`heli3dof.rig.session.stop_stamp`). Counts are zero at the stored rest angles;
-    ``rig.rest.note`` holds what the user should know about them. Raises DeviceError where
-    the rig is missing, not permitted, busy (naming the other session), or without a serial number.
+    ``doing``: what the session does, for messages; default: the command line. ``also`` returns
+    entries to add to the state that other processes read. ``began_ns``: when the command that moves
+    the rig began, in ns (`heli3dof.rig.session.stop_stamp`). Counts are zero at the stored rest
+    angles; ``rig.rest.note`` states what the user should know about these. Raises DeviceError if
+    the rig is missing, not permitted, in use by another session, or without a serial number.
     """
     with Session(device, private=is_private(device), doing=doing, began_ns=began_ns) as session:
         opened = open_driver(device, profile)

@@ -7,10 +7,10 @@
         {"key": "…", "do": "estop", "reason": "…"}   answered when the rig has been stopped
         {"key": "…", "do": "state"}                  answered with what `Session.state` returns
 
-A thread answers; it sleeps until a request comes. The control loop reads the attribute
+A thread answers the requests; it sleeps until a request comes. The control loop reads
 `Session.stop_reason` in every period (`heli3dof.rig.session.stoppable_rig`), so that only one
-thread uses the rig. An emulated rig is private to its process: its lock has the pid in its name,
-and no serial number or lock of a device identifies it to other processes.
+thread uses the rig. An emulated rig is private to its process: its port lock has the process
+identifier in its name, and it has no device lock.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ class Session:
     """One process's lock on one rig. Close it, or use it in a ``with`` statement.
 
     ``private``: the rig is emulated in this process. ``doing``: what the session does, for
-    messages. ``began_ns``: when the command that uses the rig began
-    (`heli3dof.rig.session.stop_stamp`). Raises DeviceError where another session holds the rig,
-    naming it.
+    messages. ``began_ns``: when the command that uses the rig began, in ns
+    (`heli3dof.rig.session.stop_stamp`). Raises DeviceError, naming the other session, if another
+    session holds the rig.
     """
 
     def __init__(
@@ -89,10 +89,10 @@ class Session:
             raise
 
     def claim(self, identity: Identity) -> None:
-        """Lock the identified device, whatever its port. Raises DeviceError if it is busy.
+        """Lock the identified device, whatever its port. Raises DeviceError if it is in use.
 
-        A private (emulated) rig gets no lock and no stamp name by its serial number: no other
-        process can reach it, and several emulated rigs share one number.
+        A private (emulated) rig gets no such lock, and no stop by serial number applies to it. No
+        other process can reach it, and several emulated rigs have the same number.
         """
         if not self.private:
             self._names = names_of(self.device, [identity.serial])
@@ -108,9 +108,11 @@ class Session:
                 self.confirm("before it had armed its emulated rig")
 
     def begin_to_arm(self) -> str | None:
-        """Return why the rig must not be armed (a requested stop, or a stop's stamp), or None.
+        """Return why the rig must not be armed, the reason of an emergency stop; else None.
 
-        Call it again after every attempt: a stop may come while the rig is being armed.
+        A stop forbids to arm if it was requested from this session, or came after the command began
+        that uses the rig (`heli3dof.rig.session.stop_stamp`). Call this again after every attempt
+        to arm, because a stop may come in between.
         """
         with self._deciding:
             if self.stop_reason is None:
@@ -209,7 +211,7 @@ class _Answering(threading.Thread):
     def _read_request(self, client: socket.socket) -> None:
         """Read a client's request and carry it out: stop the rig, or return its state.
 
-        One receive call reads it, since it is far shorter than the buffer of a local socket.
+        One receive call reads the request, which is far shorter than the buffer of a local socket.
         """
         self._forget(client)
         try:

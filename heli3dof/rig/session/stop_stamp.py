@@ -3,12 +3,14 @@
     <runtime>/<name>@<time>.stop      name: a device, a serial number, or ``all``
                                       time: of the stop, ns on the host's monotonic clock
 
-A *command* starts flights: the run of a program, or a call (table). A flight must not arm if
+Such a file is the *stamp* of a stop. A *command* starts flights: it is the run of a program, or a
+call (see the table). A flight must not arm if
 
     its command began ≤ time of a stop of its rig ≤ now
 
-A stop leaves its stamp before it looks for sessions. A flight looks for stamps after its session
-is visible. So either the stop finds the session, or the flight finds the stamp.
+A stop writes its stamp before it looks for sessions (processes that use a rig). A flight looks for
+stamps after its session is visible. So either the stop finds the session, or the flight finds the
+stamp.
 
 When a command began:
 
@@ -21,7 +23,7 @@ a server, a window, a test run  the program's last call of `start_command`
 ==============================  ==================================================================
 
 The monotonic clock is common to all processes of a computer and is never set. After a restart of
-the computer an old stamp lies in the future or has another boot identifier: it is ignored.
+the computer an old stamp has a time in the future or another boot identifier, and is ignored.
 """
 
 from __future__ import annotations
@@ -63,7 +65,7 @@ def command_began_ns() -> int:
 
 
 def leave_stamp(names: Iterable[str], reason: str) -> None:
-    """Store a stop: no command begun until now can arm the rigs with these names (`names_of`)."""
+    """Store a stop: no command begun before it can arm the rigs with these names (`names_of`)."""
     folder, now = runtime_folder(), time.monotonic_ns()
     about = {"reason": reason, "at": datetime.now().strftime("%H:%M:%S"), "boot": _boot()}
     for name in names:
@@ -91,16 +93,16 @@ def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
 
 
 def names_of(device: str, serials: Iterable[str] = ()) -> list[str]:
-    """Return a rig's names in stamp files: one for its URL, and one per possible serial number."""
+    """Return the names of a rig in stop files: one for its URL, one per possible serial number."""
     numbers = [f"serial-{binascii.crc32(s.encode()):08x}" for s in serials if s]
     return [device_name(device), *numbers]
 
 
 def _process_start_ns() -> int:
-    """Return when this process started, or up to 10 ms earlier (Linux), in ns (monotonic).
+    """Return when this process started, in ns (monotonic); on Linux up to 10 ms too early.
 
-    Other systems: psutil's value, wrong by any change of the wall clock since the start. Without
-    psutil: the time at which this module was imported.
+    On other systems psutil gives the time; it is wrong by any change of the wall clock since the
+    start. Without psutil the result is the time at which this module was imported.
     """
     try:
         fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()

@@ -1,4 +1,4 @@
-"""Wraps a rig in a session: other processes can stop it; its counts are zero at rest angles.
+"""Wraps a rig: other processes can stop it, and its counts are zero at the rest angles.
 
 An emergency stop that another process requests ends the loop by the samples' flag ESTOP::
 
@@ -7,9 +7,9 @@ An emergency stop that another process requests ends the loop by the samples' fl
                          (`heli3dof.rig.session.stop_stamp`)?
                          →  SafetyTrip, since arming would clear the stop
 
-This holds in every phase of a flight, the ramp to zero included, within one control period of the
-request. `StoppableRig.arm` checks before and after; a rig with several attempts to arm checks in
-each of them (`heli3dof.rig.interface.ArmsWithPermission`).
+The stop acts within one control period of the request, in every phase of a flight, also in the ramp
+to zero. `StoppableRig.arm` checks before and after it arms. A rig with several attempts to arm
+checks in each attempt (`heli3dof.rig.interface.ArmsWithPermission`).
 """
 
 from __future__ import annotations

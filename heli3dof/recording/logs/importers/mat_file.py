@@ -28,10 +28,10 @@ def read(
 ) -> Table:
     """Return the columns of a MAT log.
 
-    ``columns`` names the matrix's rows or columns in order: ``t_s,v_front_V,…``, with ``-`` for one
-    to skip. ``log:t_s,v_front_V,…`` takes the matrix from the variable ``log``. Without
-    ``columns``, the variables or the fields of a structure must have the columns' names. Raises
-    RecordingError or UsageError.
+    ``columns`` names the matrix's rows or columns in order: ``t_s,v_front_V,…``; the name ``-``
+    skips a row or column. ``log:t_s,v_front_V,…`` takes the matrix from the variable ``log``.
+    Without ``columns``, the variables or the fields of a structure must have the columns' names.
+    Raises RecordingError or UsageError.
     """
     variables = _load(path)
     table = _structures(variables)

@@ -47,8 +47,8 @@ def read(
 ) -> Table:
     """Return the table of another program's MCAP file; ``columns`` is not used.
 
-    Raises RecordingError if the file is damaged or lacks required columns. It also does so if
-    neither ``profile`` nor the file has the rig's profile.
+    Raises RecordingError if the file is damaged or lacks required columns. ``profile`` is the
+    rig's; if it is None, the file must contain a profile.
     """
     content = scan(path.read_bytes())
     try:
@@ -104,7 +104,8 @@ def _joined(
 ) -> dict[str, np.ndarray]:
     """Return the columns of the topic ``base`` (a channel id) and of those with its log times.
 
-    ``tables`` has the log times (ns) and columns of each topic by channel id.
+    ``tables`` has the log times (ns) and columns of each topic by channel id, ``content`` the
+    topics' names. Warnings are appended to ``warnings``.
     """
     log_time, columns = tables[base]
     columns = dict(columns)
