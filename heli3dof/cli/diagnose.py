@@ -21,6 +21,7 @@ from heli3dof.cli.options import (
     Recordings,
     ReportFile,
     Seed,
+    Verbose,
     rig_profile,
 )
 from heli3dof.cli.output import Output, live_allowed, verb
@@ -57,6 +58,7 @@ def diagnose(
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Find the causes of the simulation's error: heli3dof diagnose rec.mcap -o model.json."""
     from heli3dof.cli.inputs import check_distinct, check_same_rig
@@ -79,7 +81,7 @@ def diagnose(
         names = tuple(map(stem, recordings)), tuple(map(stem, holdout or []))
         refused = Diagnosis(*names, "bad_data", (*faults, *test_faults))
         document = to_document(refused)
-        show_diagnosis(out, document)
+        show_diagnosis(out, document, verbose=verbose)
         out.emit(document)
         _end_with_bad_data(out, refused)
     check_distinct(train, test)
@@ -94,7 +96,7 @@ def diagnose(
                 stage("Simulating candidates for the next flight …")
                 upcoming = next_experiment(result, seed=seed)
     document = to_document(result, written, upcoming)
-    show_diagnosis(out, document)
+    show_diagnosis(out, document, verbose=verbose)
     if written is not None:
         out.note(f"Model: {written}")
     if report is not None:
@@ -102,18 +104,19 @@ def diagnose(
             write_page(diagnosis_page(result, document, train, test), report, force=force)
         out.note(f"Report: {report}")
     elif result.fitted is not None:
-        out.note("For figures, and Table II before and after, add --report FILE.html")
+        out.note("For all tables add --verbose, for figures --report FILE.html")
     out.emit(document)
     if result.verdict == "bad_data":
         _end_with_bad_data(out, result)
 
 
-def show_diagnosis(out: Output, document: Mapping[str, Any]) -> None:
-    """Print the diagnosis ``document`` (that of ``diagnose --json``) as tables and sentences."""
+def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = False) -> None:
+    """Print the diagnosis ``document`` (that of ``diagnose --json``), ``verbose``: with tables."""
+    from heli3dof.report.diagnosis_summary import diagnosis_summary
     from heli3dof.report.diagnosis_tables import diagnosis_tables
     from heli3dof.report.text_table import Grid, to_rich
 
-    for each in diagnosis_tables(document):
+    for each in diagnosis_tables(document) if verbose else diagnosis_summary(document):
         out.show(to_rich(each) if isinstance(each, Grid) else each)
 
 

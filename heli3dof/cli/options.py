@@ -49,6 +49,7 @@ Columns = Annotated[
 Force = Annotated[bool, typer.Option("--force", help="Overwrite the output file if it exists.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print warnings and errors only.")]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Print all tables, not a summary.")]
 Quick = Annotated[
     bool,
     typer.Option("--quick", help="Faster: fewer null simulations, no cross-validation."),

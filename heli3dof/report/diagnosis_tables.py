@@ -139,12 +139,9 @@ def gains(document: Document) -> Grid:
         span = interval(fall.get("interval", (None, None)))
         sides = (_degrees(side.get(axis)) for side in (before, after))
         rows.append([axis, *sides, reduction, span, _degrees(floor.get(axis))])
-    where = "the held-out recordings" if document["holdout"] else "blocks left out of the fit"
-    if gain.get("measured_on") == "the recordings themselves":
-        where = "the fitted recordings themselves, which is optimistic"
     notes = [
-        f"Measured on {where}. Before: the base simulation with its own parameters refitted; "
-        "calibration alone is therefore not counted as a gain."
+        f"Measured on {words.measured_on(document)}. Before: the base simulation with its own "
+        "parameters refitted; calibration alone is therefore not counted as a gain."
     ]
     L = gain.get("holdout_log_likelihood")
     if L is not None:

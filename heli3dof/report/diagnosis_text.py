@@ -239,6 +239,13 @@ def adopted(document: Document) -> bool:
     )
 
 
+def measured_on(document: Document) -> str:
+    """Return the data on which the gain was measured, in words."""
+    if document["gain"].get("measured_on") == "the recordings themselves":
+        return "the fitted recordings themselves, which is optimistic"
+    return "the held-out recordings" if document["holdout"] else "blocks left out of the fit"
+
+
 def unmodelled_effects(document: Document) -> Iterator[str]:
     """Yield a sentence per residual torque without a known cause: its axis, what it depends on."""
     for rest in document["leftover"]:
@@ -315,13 +322,6 @@ def next_steps(document: Document) -> Iterator[str]:
     if document["verdict"] == "bad_data":
         yield "Correct the log or record again, then run heli3dof diagnose again."
         return
-    nulls = str(document.get("about", {}).get("nulls", "simulated"))
-    if not nulls.startswith("simulated"):
-        yield (
-            "The controller of these recordings is unknown, so there are no null simulations and "
-            "only clear causes are reported. If you know the controller, add [controller] to the "
-            "profile."
-        )
     upcoming = document["next_experiment"]
     if upcoming is not None:
         yield f"Next experiment: heli3dof run {upcoming['plan']}. Reason: {upcoming['why']}."
@@ -331,6 +331,13 @@ def next_steps(document: Document) -> Iterator[str]:
         yield (
             "A larger flight shows smaller effects: heli3dof run large, then diagnose it together "
             "with these recordings."
+        )
+    nulls = str(document.get("about", {}).get("nulls", "simulated"))
+    if not nulls.startswith("simulated"):
+        yield (
+            "The controller of these recordings is unknown, so there are no null simulations and "
+            "only clear causes are reported. If you know the controller, add [controller] to the "
+            "profile."
         )
     off = document["verdict"] == "off_calibration" or any(
         c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]

@@ -1,0 +1,92 @@
+"""Summarise a diagnosis in about ten lines: what `heli3dof diagnose` prints without --verbose.
+
+The lines answer in this order: how wrong the simulation is, the causes and how certain they are,
+what the extended model gains, what no effect explains, and what to do next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from heli3dof.axes import AXES
+from heli3dof.report import diagnosis_text as words
+from heli3dof.report.diagnosis_tables import split_unit
+from heli3dof.report.diagnosis_text import Document, listed, name_of, number, percent
+from heli3dof.report.text_table import fixed, significant
+
+MOST_CAUSES = 4
+"""Causes that the summary states; the tables list all"""
+
+
+def diagnosis_summary(document: Document) -> list[str]:
+    """Return the lines of the summary; ``document`` is that of ``diagnose --json``."""
+    return [
+        words.verdict(document),
+        *_faults(document),
+        *_simulation_error(document),
+        *words.calibration_change(document),
+        *_causes(document),
+        *_gain(document),
+        *words.unmodelled_effects(document),
+        *_next(document),
+    ]
+
+
+def _faults(document: Document) -> list[str]:
+    """Return the faults that make a recording unusable; notes are left to the tables."""
+    told = [f for f in document.get("integrity", ()) if f["kind"] in ("bad_data", "finding")]
+    return list(dict.fromkeys(words.faults({"integrity": told})))
+
+
+def _simulation_error(document: Document) -> Iterator[str]:
+    error = document["simulation_error"]
+    known = [axis for axis in AXES if error[axis]["rmse_deg"] is not None]
+    parts = []
+    for axis in known:
+        floor = error[axis]["noise_floor_deg"]
+        noise = "" if floor is None else f" (noise {fixed(floor, 2, '°')})"
+        parts.append(f"{axis} {fixed(error[axis]['rmse_deg'], 2, '°')}{noise}")
+    if parts:
+        seconds = error[known[0]]["horizon_s"]
+        yield f"Simulation error, RMSE of {seconds:g} s predictions: {', '.join(parts)}."
+
+
+def _causes(document: Document) -> Iterator[str]:
+    """Yield a line per cause: name, size, confidence, and the effects confounded with it."""
+    found = document["findings"]
+    for n, f in enumerate(found[:MOST_CAUSES], start=1):
+        sizes = []
+        for key, estimate in f["parameters"].items():
+            parameter, unit = split_unit(key)
+            value, std = estimate["value"], estimate["std"]
+            unit = f" {unit}" if unit else ""
+            sizes.append(
+                f"{parameter.replace('_', ' ')} {significant(value, std)} ± "
+                f"{significant(std, std)}{unit}"
+            )
+        sure = "" if f["confidence"] is None else f" (confidence {percent(f['confidence'])})"
+        others = [str(x) for x in f["tied_with"]]
+        confounded = f"; or {listed(others, 'or')}: these recordings do not tell" if others else ""
+        like = "; likely, not confirmed" if f.get("like") else ""
+        yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{sure}{confounded}{like}."
+    if len(found) > MOST_CAUSES:
+        yield f"{len(found) - MOST_CAUSES} weaker causes: see --verbose."
+
+
+def _gain(document: Document) -> Iterator[str]:
+    if not words.adopted(document):
+        return
+    error = document["gain"]["holdout_rmse_deg"]
+    parts = [
+        f"{axis} {fixed(number(error['before'][axis]), 2, '°')} → "
+        f"{fixed(number(error['after'][axis]), 2, '°')}"
+        for axis in AXES
+        if error["before"].get(axis) is not None
+    ]
+    where = words.measured_on(document)
+    yield f"The extended model reduces this error on {where}: {', '.join(parts)}."
+
+
+def _next(document: Document) -> list[str]:
+    """Return the first recommended step."""
+    return list(words.next_steps(document))[:1]
