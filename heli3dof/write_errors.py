@@ -27,6 +27,7 @@ _NO_PLACE = {
 }  # fmt: skip
 """The path cannot hold a file, or the device fails."""
 ELSEWHERE = "another place with -o"
+"""What the error's message recommends: to write to another path, which ``-o`` sets"""
 
 
 def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofError | None:
@@ -55,7 +56,10 @@ def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofErro
 
 @contextlib.contextmanager
 def write_errors_explained(path: Path, *, fix: str = ELSEWHERE) -> Iterator[None]:
-    """Context manager: raise an OSError from writing ``path`` as the error of `refusal`."""
+    """Context manager: convert an OSError from writing ``path`` to a heli3dof error (`refusal`).
+
+    ``fix``: what the error's message recommends. An OSError with another cause stays as it is.
+    """
     try:
         yield
     except OSError as error:

@@ -92,9 +92,9 @@ def check_profile(
 ) -> None:
     """Raise a DeviceError if the device's ``identity`` contradicts the ``profile``.
 
-    Compared are counts per revolution, voltage limit and sample period; the error names the
-    profile's key. ``name`` is the rig's port or URL. ``signs="profile"``: the signs of the encoder
-    counts are those of the profile and are not compared.
+    The function compares counts per revolution, voltage limit and sample period; the error names
+    the key of the profile that differs. ``name`` is the rig's port or URL. With ``signs="profile"``
+    the function does not compare the signs of the encoder counts, and the profile's signs apply.
     """
     for axis, theirs in zip(
         AXES, (identity.counts_roll, identity.counts_pitch, identity.counts_yaw), strict=True

@@ -1,6 +1,6 @@
 """Checks the port, the computer, the disk and the rig before a flight; no motor turns.
 
-Group of checks: where its checks come from:
+The groups of checks, and where each group comes from:
 
 - ``port``: the driver's `heli3dof.rig.interface.Driver.examine`, before the port is opened
 - ``computer``: `heli3dof.rig.doctor.host` and the real-time priority that the system grants

@@ -34,8 +34,8 @@ def diagnosis_summary(document: Document) -> list[str]:
 
 def _faults(document: Document) -> list[str]:
     """Return the faults that make a recording unusable; notes are left to the tables."""
-    told = [f for f in document.get("integrity", ()) if f["kind"] in ("bad_data", "finding")]
-    return list(dict.fromkeys(words.faults({"integrity": told})))
+    stated = [f for f in document.get("integrity", ()) if f["kind"] in ("bad_data", "finding")]
+    return list(dict.fromkeys(words.faults({"integrity": stated})))
 
 
 def _simulation_error(document: Document) -> Iterator[str]:

@@ -105,7 +105,10 @@ def calibration_change(document: Document) -> Iterator[str]:
 
 
 def possibly_off(document: Document) -> list[Document]:
-    """Return the entries of ``calibration`` that exceed the tolerance, but not significantly."""
+    """Return the entries of ``calibration`` that may exceed the tolerance.
+
+    Their estimates exceed it, but without statistical significance.
+    """
     return [c for c in document["calibration"] if c.get("beyond_tolerance") == "not_surely"]
 
 

@@ -2,11 +2,11 @@
 
     angle = rest + (count − counts_at_rest) · 2π / counts per revolution
 
-Counts are zero when the device starts (docs/reference/protocol.md), so counts_at_rest holds until
-the next start. Two numbers detect a restart: the boot number, and the start instant s = (host's
-time) − (device's uptime), both in s. A board without a random source or flash memory repeats its
-boot number, so both numbers are compared. W is the time since ``heli3dof zero`` in s. The device
-has not restarted if
+Counts are zero when the device starts (docs/reference/protocol.md), so counts_at_rest is valid
+until the next start. Two numbers detect a restart: the boot number, and the start instant s =
+(host's time) − (device's uptime), both in s. A board without a random source or flash memory
+repeats its boot number, so both numbers are compared. W is the time since ``heli3dof zero`` in s.
+The device has not restarted if
 
     |s_now − s_zero| ≤ START_TOLERANCE_S + CLOCK_TOLERANCE · W        modulo UPTIME_WRAP_S
 

@@ -1,7 +1,7 @@
 """Finds drivers through the entry-point group ``heli3dof.drivers``.
 
 heli3dof never imports a driver package by name, so third-party drivers work like its own. If a
-driver cannot be imported, listing rigs causes a warning, and only its own URLs cause an error.
+driver cannot be imported, listing rigs causes a warning, and only this driver's URLs cause errors.
 """
 
 from __future__ import annotations

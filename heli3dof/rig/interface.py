@@ -181,7 +181,7 @@ class ReportsDeviceCause(Protocol):
         """Return the cause of the device's stop, as stated with the last sample, or None.
 
         The cause is one of docs/reference/protocol.md, such as ``OVERCURRENT``, ``BUTTON`` or
-        ``WATCHDOG``, or one that only this driver has.
+        ``WATCHDOG``, or a cause that only this driver has.
         """
         ...
 

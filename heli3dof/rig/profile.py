@@ -424,7 +424,7 @@ class Profile(Section):
     __str__ = __repr__
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the profile as nested dicts with the keys of its TOML file; None is omitted."""
+        """Return the profile as nested dicts with its TOML file's keys; omit keys that are None."""
         return self.model_dump(mode="json", exclude_none=True)
 
 

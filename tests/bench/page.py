@@ -78,9 +78,9 @@ ROWS: tuple[tuple[str, str, str], ...] = (
 
 HEAD = """# Benchmarks
 
-Each row is one measured number. *Bar* is the value required before the measurement, **no** marks a
-row that misses it. The last two columns are the command that repeats the measurement and the commit
-it was made at. The computer was shared: times are upper bounds.
+Each row is one measured number. *Bar* is the required value, fixed before the measurement; **no**
+marks a row that misses it. The last two columns are the command that repeats the measurement and
+the commit at which it was made. The computer was shared, so times are upper bounds.
 
 `python -m tests.bench.page` writes this page from [benchmarks.json](benchmarks.json). Every other
 figure is in [data/figures.csv](data/figures.csv), with one CSV file for each table.

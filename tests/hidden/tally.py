@@ -11,6 +11,7 @@ import numpy as np
 
 from tests.hidden.cases import CLASSES, Truth
 from tests.hidden.judge import RATED_NUMBERS, Number, Verdict, judge, names
+from tests.hidden.rig_cases import RIG_CLASSES
 
 PLANS = ("rich", "steps", "run-step")
 
@@ -199,7 +200,7 @@ def _listed(result: Counter[str]) -> str:
 
 
 def _order(group: str) -> int:
-    return list(CLASSES).index(group)
+    return [*CLASSES, *RIG_CLASSES].index(group)
 
 
 def times_s(cases: Iterable[Judged]) -> tuple[float, float]:

@@ -1,9 +1,9 @@
 """`Period`: data of one control period, from which safety monitors judge the flight.
 
 A *monitor* is a callable. The loop calls the monitor with every `Period`, before the command is
-sent. The monitor returns why the flight must end now, or None. It may keep state from period to
-period, so each flight needs new monitors. A monitor runs inside the control period, so it may take
-a few microseconds and must not read or write files.
+sent. The monitor returns why the flight must end now, or None. A monitor may keep state from period
+to period, so each flight needs new monitors. A monitor runs inside the control period, so it may
+take a few microseconds and must not read or write files.
 """
 
 from __future__ import annotations

@@ -12,8 +12,8 @@ measures it.
 
 A command is **unacknowledged** if the sample at the end of its control period does not echo it.
 Such a command was lost, was refused, or has not arrived yet. A command was **never echoed** if a
-later command was echoed first. Both are counted while the device is enabled; a stopped device
-refuses every command.
+later command was echoed first. Both kinds of command are counted while the device is
+enabled; a stopped device refuses every command.
 """
 
 from __future__ import annotations

@@ -191,10 +191,10 @@ class _Flight:
         return _after_ramp(end, ramp), ramp
 
     def outcome(self, end: _End, ramp: RampDown, granted: Realtime | None) -> Outcome:
-        """Return the flight's outcome; a trip names a wiring fault if one explains the trip.
+        """Return the flight's outcome; if a wiring fault explains a trip, the trip names the fault.
 
-        ``end``, ``ramp``: how the plan and the ramp ended. ``granted``: the real-time measures;
-        None on a virtual clock.
+        ``end``, ``ramp``: how the plan and the ramp ended. ``granted``: the real-time settings
+        that the system granted; None on a virtual clock.
         """
         detail, tally = end.detail, self.tally
         if end.ending == "tripped" and isinstance(detail, Trip) and detail.by_motion:
@@ -263,7 +263,7 @@ class _Flight:
         """Run the controller through the ``skipped`` periods before ``k``, at interpolated angles.
 
         ``angle`` (rad) was measured in period ``k``. Without this step the controller's filters
-        would attribute the motion of all these periods to one.
+        would attribute the motion of all these periods to one period.
         """
         before = self.before
         for j in range(max(1, skipped - BRIDGED + 1), skipped + 1):
@@ -356,9 +356,9 @@ def _after_ramp(end: _End, ramp: RampDown) -> _End:
 
 @contextmanager
 def _granted(identity: Identity) -> Iterator[Realtime | None]:
-    """Context manager: take the real-time measures and yield those that the system granted.
+    """Context manager: request the real-time settings; yield those that the system granted.
 
-    On a virtual clock no measure is taken, and None is yielded. ``identity``: the device's.
+    On a virtual clock no setting is requested, and None is yielded. ``identity``: the device's.
     """
     with ExitStack() as undo:
         if identity.timebase == "virtual":

@@ -1,7 +1,7 @@
-"""Real-time measures for the control loop, in force during a flight.
+"""Real-time settings for the control loop, in force during a flight.
 
 =============  ==========================================  ======================================
-measure        purpose                                     permitted to
+setting        purpose                                     permitted to
 =============  ==========================================  ======================================
 scheduling     SCHED_FIFO: no ordinary program delays      rtprio in limits.d, or CAP_SYS_NICE
                the loop
@@ -16,7 +16,7 @@ interpreter    no garbage collection; other threads give   every user
                way within 0.1 ms
 =============  ==========================================  ======================================
 
-The flight goes on without a measure that is not granted; `Realtime` reports the command that grants
+The flight goes on without a setting that is not granted; `Realtime` reports the command that grants
 it. The loop must wait while another thread of this program holds the interpreter's lock. So these
 threads, too, run under SCHED_FIFO, above all ordinary programs but below the loop.
 """
@@ -53,7 +53,7 @@ _PR_SET_TIMERSLACK, _PR_GET_TIMERSLACK = 29, 30
 
 @dataclass(frozen=True)
 class Realtime:
-    """Result of asking the system for real-time measures: a `Check` of each, granted or refused."""
+    """Result of requesting real-time settings: a `Check` of each, granted or refused."""
 
     checks: tuple[Check, ...]
     scheduled: bool
@@ -63,11 +63,11 @@ class Realtime:
 
     @property
     def refused(self) -> tuple[Check, ...]:
-        """Return the checks of those real-time measures that the system refused."""
+        """Return the checks of those real-time settings that the system refused."""
         return tuple(check for check in self.checks if check.good is False)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the granted and refused measures as a dict for the recording's outcome."""
+        """Return the granted and refused settings as a dict for the recording's outcome."""
         return {
             "scheduled": self.scheduled,
             "memory_locked": self.locked,
@@ -78,7 +78,7 @@ class Realtime:
 
 @contextmanager
 def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
-    """Context manager: take all permitted real-time measures; undo them after the block.
+    """Context manager: apply all permitted real-time settings; undo them after the block.
 
     The calling thread gets the SCHED_FIFO ``priority`` (1 to 99).
     """

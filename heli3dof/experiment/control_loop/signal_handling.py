@@ -58,8 +58,8 @@ class StopSignals:
 def stop_signals() -> Iterator[StopSignals]:
     """Context manager: catch the signals of `SIGNALS` in its block.
 
-    Python handles signals only in the main thread, so in another thread this catches none. A signal
-    that was ignored when the program started (SIGHUP under nohup) stays ignored.
+    Python handles signals only in the main thread, so elsewhere this function catches none. A
+    signal that was ignored when the program started (SIGHUP under nohup) stays ignored.
     """
     received = StopSignals()
     before = {}

@@ -17,9 +17,9 @@ A link that numbers its samples counts three kinds of skipped period in ``rig.st
 * *left out* (``device_skipped``): the device was busy and made no sample
 * *passed over* (``samples_stale``): the sample came too late to be used; the host *missed* it
 
-Over any other link, the device's time gives the number of skipped periods. Of these, the number
-that the link counts as lost are lost. If the link does not count, those are lost that were due
-after the host began to wait. The rest is missed.
+Over any other link, the device's time gives the number of skipped periods. Of these, as many are
+lost as the link has counted lost samples. If the link does not count, the periods that were due
+after the host began to wait are lost. The rest is missed.
 
 The plan's index k advances by skipped periods, too, so the references follow real time. Lateness
 counts from the first deadline that the host did not meet. With the host and the device timebase, a

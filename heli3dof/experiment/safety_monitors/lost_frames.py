@@ -2,7 +2,7 @@
 
 The monitor reports if one of these states lasts longer than ``lost_max_s`` (s):
 
-- The host waits, but no sample comes. The link lost it, or a busy device did not make it.
+- The host waits, but no sample comes: the link lost a sample, or a busy device made none.
 - Samples come, but echo no new command.
 """
 

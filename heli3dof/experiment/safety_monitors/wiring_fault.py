@@ -7,12 +7,12 @@ control was lost, the measured angle is fitted by
 
     θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
 
-θ₀, ω₀: initial angle and rate; s: the model's gain; b ~ N(0, B²): an unmodelled acceleration
-(friction, a wrong hover voltage). v is the mean squared residual, n the number of independent
-residuals. The hypothesis's score is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) over the
-axes that moved. A fault is reported only if its score exceeds that of a rig without fault by
-`SURE`, and every other fault's score by `DISTINCT`. If no fault does, the test is repeated on the
-longer windows of `WINDOWS_S`, up to 1.6 s.
+θ₀, ω₀: initial angle and rate; s: scale factor of the model; b ~ N(0, B²): an unmodelled
+acceleration (friction, a wrong hover voltage). v is the mean squared residual, n the number of
+independent residuals. The hypothesis's score is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²)
+over the axes that moved. A fault is reported only if its score exceeds that of a rig without fault
+by `SURE`, and every other fault's score by `DISTINCT`. If no fault does, the test is repeated on
+the longer windows of `WINDOWS_S`, up to 1.6 s.
 """
 
 from __future__ import annotations

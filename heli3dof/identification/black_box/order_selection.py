@@ -9,10 +9,10 @@ are known. Each candidate maximises the likelihood of the innovations
 * predictions 1 s ahead, and
 * the closed-loop replay, where the controller is known.
 
-Neither is the fitted criterion, so a larger order does not score better merely because it has more
-parameters. The replay rejects models that are good one step ahead and diverge in closed loop; the
-prediction rejects poor noise models. The smallest order within `TIE` of the best score is chosen.
-Held-out data are not used.
+The fit minimises neither of the two, so a larger order does not score better merely because it has
+more parameters. The replay rejects models that are good one step ahead and diverge in closed loop;
+the prediction rejects poor noise models. The smallest order within `TIE` of the best score is
+chosen. Held-out data are not used.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ tangents D of a similar problem (without some rows or a term). It updates D from
     D ← D + w (r(z + d) − r(z) − Dᵀ d)ᵀ / (wᵀ d)
 
 `follow_on` recomputes D after two failed steps in a row. Before `follow_on` ends, it also
-recomputes D if a step's gain was below 0.5 or above 1.5 times the gain that D predicted.
+recomputes D if a step lowered the cost by less than 0.5 or more than 1.5 times D's prediction.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class LeastSquares:
         """Return z (dim,) after a Levenberg–Marquardt step with gradient g and Hessian H.
 
         The step adds ``damping`` times the diagonal of H to H. A coordinate at a bound stays there,
-        and the step of the others is solved again.
+        and the step of the other coordinates is computed again.
         """
         A = H + damping * np.diag(np.diag(H))
         stopped = ((z <= self.low) & (g > 0)) | ((z >= self.high) & (g < 0))
@@ -100,7 +100,7 @@ def descend(
     v: LeastSquares, z: np.ndarray, *, rounds: int, settled: float,
     say: Callable[[int, float, float], None] | None = None,
 ) -> Descent:  # fmt: skip
-    """Minimise the cost of problem v from ``z``, until an iteration gains less than ``settled``.
+    """Minimise problem v's cost from ``z`` until an iteration lowers it by less than ``settled``.
 
     The search ends after ``rounds`` iterations at the latest. After each iteration it calls
     ``say(iteration, cost at the start, cost now)``.
@@ -137,7 +137,7 @@ def follow_on(
 
     ``tangents`` (dim, R) are the derivatives of a similar problem's residuals. Rows that are NaN
     are first computed by differences, all rows if ``tangents`` is None. Later all rows are
-    recomputed ``fresh`` times at most. The search ends when a step's predicted gain is below
+    recomputed ``fresh`` times at most. The search ends when a step's predicted decrease is below
     ``settled`` or below ``share`` of the cost, and after ``enough`` evaluations at the latest.
     """
     r = v.residuals(z)

@@ -2,7 +2,7 @@
 
 The model is linearised about hover. With f any of these quantities, P the covariance of the
 parameters θ and F = ∂f/∂θ by differences, cov f = F P Fᵀ. `innovations` computes the errors for the
-residual tests. `fit_result` collects all in a `FitResult`.
+residual tests. `fit_result` collects all results in a `FitResult`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Fit physical parameters by maximum likelihood: `fit` for ``identify``, `fit_greybox` for scripts.
 
-A term is an effect of the grey-box model, on one axis where it has one. `DEFAULT_TERMS` apply to
-every rig: pendulum stiffness, viscous friction, rotor lag, and constant torques on pitch and yaw
-(trims). Other effects are added by name.
+A term is an effect of the grey-box model, on one axis if it is the effect of an axis.
+`DEFAULT_TERMS` apply to every rig: pendulum stiffness, viscous friction, rotor lag, and constant
+torques on pitch and yaw (trims). Other effects are added by name.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ k, to M horizons h_j; i is the axis, e the error in rad. The fit minimises
     ρ(u) = 2 c² (√(1 + (u/c)²) − 1),   c = `ROBUST`
 
 where T/τ is the number of independent windows in T seconds of flight (τ = `WINDOW_S`). The fit runs
-in stages, from short horizons to long ones, because a poor start diverges over long ones. Each
+in stages, from short horizons to long ones, because a poor start diverges over long horizons. Each
 stage estimates the errors' scales s again. The search is
 `heli3dof.identification.greybox.levenberg_marquardt`; its tangents include the filter.
 

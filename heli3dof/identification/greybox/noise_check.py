@@ -15,7 +15,7 @@ cannot be trusted. The likelihood is rejected if, on any axis, both hold:
 * σ_i(`HORIZON_S`) exceeds `OVER` × the RMSE of predictions `HORIZON_S` ahead. The predictions are
   those of the rigid body, refitted to the recordings.
 
-Encoder backlash alone meets the second condition, a missing effect alone the first.
+Encoder backlash alone meets only the second condition, a missing effect alone only the first.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
 def fit(prepared: Prepared, request: Request) -> FitResult:
     """Return the maximum-likelihood fit, or a multi-step fit if the likelihood is invalid.
 
-    `no_likelihood` tests the recordings in ``prepared``. Without that test the function uses the
+    `no_likelihood` tests the recordings in ``prepared``. The function skips this test and uses the
     likelihood in two cases: ``request`` names the terms, or a recording lacks an angle.
     """
     if request.terms is None and not request.partial and (reason := no_likelihood(prepared)):

@@ -1,9 +1,10 @@
 """Test whether simplified equations of motion describe the rig better than the full ones.
 
 Two terms can be omitted: the inertia couplings and the yaw inertia's variation
-(`heli3dof.model.effects.simplified_couplings`). Let a (2,) be the omitted shares, and g their score
-at the fit θ̂ of the full equations. H is the information of (θ, a); A is H_θθ plus the prior's
-precision. To second order, the log-likelihood gained by omitting a is
+(`heli3dof.model.effects.simplified_couplings`). Let a (2,) be the share of each term that is
+omitted, and g the log-likelihood's gradient with respect to a, at the fit θ̂ of the full equations.
+H is the information of (θ, a); A is H_θθ plus the prior's precision. To second order, omitting the
+shares a raises the log-likelihood by
 
     Δℓ(a) = a·g − ½ aᵀ V a,      V = H_aa − H_aθ A⁻¹ H_θa
 
@@ -48,10 +49,9 @@ def with_simplifications(found: Estimate) -> Estimate:
 
 
 def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """Return the log-likelihood's gradient (2,) and curvature (2, 2) at the fit ``found``.
+    """Return the gradient g (2,) and curvature V (2, 2) in the module's Δℓ(a) at the fit ``found``.
 
-    Both are with respect to the omitted shares a (2,). The curvature is V in the module's
-    docstring.
+    a (2,) is the share of each of the two terms that the simplified equations omit.
     """
     o, n, own = found.optimum, len(found.theta), found.structure
     wide = replace(

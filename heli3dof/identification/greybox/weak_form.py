@@ -15,7 +15,7 @@ side, and the prior N(θ_0, Λ⁻¹), the fit minimises
 
 where s is the errors' scale (1.48 × their median size), estimated again in each of `ROUNDS` rounds.
 Nothing is simulated, so the search converges in seconds, even from values at which a simulation
-diverges. Noise in q and q̇ biases the result slightly, so it only starts the multi-step fit.
+diverges. Noise in q and q̇ biases the result slightly, so it is only the multi-step fit's start.
 """
 
 from __future__ import annotations

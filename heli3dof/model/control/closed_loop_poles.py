@@ -1,6 +1,7 @@
 """Closed-loop poles of a linear model with the controller gain K (2 × 8), without limiters.
 
-Continuous loop with exact rates ẏ as in the paper, and the integrals ξ (rad·s) of erratum E6::
+Continuous loop with exact rates ẏ as in the paper, and the error integrals ξ (rad·s) that the
+paper's model lacks (erratum E6)::
 
     ẋ = A x + B u,   ξ̇_r = r_ref − r,   ξ̇_ψ = ψ_ref − ψ
     u = K_p (y_ref − y) − K_d ẏ + K_i ξ          K = [K_p (2×3)  K_d (2×3)  K_i (2×2)]

@@ -5,8 +5,8 @@
     V = V_o + K_g [r_ref − r, p_ref − p, ψ_ref − ψ, −ṙ, −ṗ, −ψ̇, ∫(r_ref − r), ∫(ψ_ref − ψ)] + extra
     v = clip(V, ±v_max)
 
-in radians, seconds and volts, with errata E5, E6, E7 corrected; extra is an excitation voltage. At
-sample k:
+in radians, seconds and volts, with the paper's errata E5, E6, E7 (docs/explanation/paper.md)
+corrected; extra is an excitation voltage. At sample k:
 
 1. Each reference passes a rate limiter. After `Controller.reset` it starts at the measured angle.
 2. Each rate is the encoder angle filtered by ω² s / (s² + 2 ζ ω s + ω²), discretised by Tustin.

@@ -1,13 +1,15 @@
-"""The paper's closed loop in continuous time: eq (7) with the gain (14), corrected by E5 and E6.
+"""The paper's closed loop in continuous time: eq (7) with the gain K_g (14), errata corrected.
 
 ::
 
     V − V_o = K_p (y_ref − y) − K_d ẏ + K_i ξ,    ξ̇ = (r_ref − r, ψ_ref − ψ)
 
-y = (r, p, ψ) in rad. The rates are exact derivatives of y, not of the error, and the integrals have
-no clamp. The paper's results for its hover model are from this loop; the rig runs
-`heli3dof.model.control.controller`. Without a voltage limit the response is exact, by matrix
-exponentials between the corners of the reference. `paper_gain` is the LQR design of K_g.
+y = (r, p, ψ) in rad; K_p, K_d, K_i are the columns of K_g. The printed eq (7) lacks the factor that
+K_g multiplies (erratum E5), and the printed model lacks the integrals ξ (erratum E6). The rates are
+exact derivatives of y, not of the error, and the integrals have no clamp. The paper's results for
+its hover model are from this loop; the rig runs `heli3dof.model.control.controller`. Without a
+voltage limit the response is exact, by matrix exponentials between the corners of the reference.
+`paper_gain` is the LQR design of K_g.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ def paper_gain(hover: Hover) -> np.ndarray:
 
     K = R⁻¹BᵀP, where P solves the Riccati equation AᵀP + PA − PBR⁻¹BᵀP + Q = 0. For the corrected
     hover model with V_o from eq (6), K equals the paper's gain (14) up to its truncated digits.
-    This is the evidence for errata E3 and E4.
+    This is the evidence for errata E3 (a sign in A) and E4 (a factor in B).
     """
     A = np.zeros((8, 8))
     A[:6, :6] = hover.A

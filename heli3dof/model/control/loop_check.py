@@ -7,8 +7,8 @@ factors, f_F and f_B, multiply the front and back voltage independently. Their d
     α = 1 / max_ω μ(S − I/2),       μ: the structured singular value for diag(f_F, f_B)
 
 The loop stays stable if each factor is real, from (1 − α/2)/(1 + α/2) to the inverse of this
-number. The loop also stays stable if each is a pure phase shift of at most 2 atan(α/2). For M = [a
-b; c d] the scaling that balances |b| and |c| makes μ exact::
+number. The loop also stays stable if each factor is a pure phase shift of at most 2 atan(α/2). For
+M = [a b; c d] the scaling that balances |b| and |c| makes μ exact::
 
     μ(M)² = (F + √(F² − 4 |det M|²)) / 2,    F = |a|² + |d|² + 2 |b c|
 

@@ -16,8 +16,8 @@ Each axis has a mode in each control period:
 The replacement is implemented as an extra voltage, extra_m += Σ_i (c̄_im − c_im). The reference of
 an open axis is its own angle, so its integral does not grow. When the loop closes, the reference
 returns to the flight plan's reference at the rate `RETURN`, without a jump. A recording contains
-the references and extra voltages as changed here, so V = law(angle, reference) + extra and a replay
-needs no modes.
+the references and extra voltages as changed here. So V = law(angle, reference) + extra is true for
+its rows, and a replay needs no modes.
 
 The built-in plans open roll or yaw and keep pitch closed. With an open pitch loop, 1 % of mismatch
 between the motors would tip over a body without pitch stiffness in seconds. If an angle or rate

@@ -6,7 +6,7 @@ that cause them in steady state; k in N·m·s/V. At the angular velocity ω the 
 
     ω_a = ṗ + sin r ψ̇             ω_b = −cos p ṙ + cos r sin p ψ̇
 
-the couple is (−H ω_b, H ω_a). By virtual work, without work done on the body,
+the couple is (−H ω_b, H ω_a), which does no work on the body. By the principle of virtual work,
 
     τ_roll = −cos p H ω_a,  τ_pitch = −H ω_b,  τ_yaw = H (cos r sin p ω_a − sin r ω_b)
 """

@@ -6,9 +6,9 @@ roll, pitch, yaw; L_a and L_h the distances of body and rotors (m). At hover the
 for every n.
 
 * n = 1: the loss is proportional to the thrust, F (1 − k v_n).
-* n = 1/2: it is proportional to the rotor's speed Ω, with F ∝ Ω², as for a propeller.
-* n = 0: it does not depend on the thrust. On a level rig it equals viscous friction on roll and
-  pitch with coefficients in the ratio (L_a/L_h)².
+* n = 1/2: the loss is proportional to the rotor's speed Ω, with F ∝ Ω², as for a propeller.
+* n = 0: the loss does not depend on the thrust. On a level rig it equals viscous friction on roll
+  and pitch with coefficients in the ratio (L_a/L_h)².
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ class Effect:
         axes: the axes on which it can act; empty for an effect without an axis.
         order: calling order among the effects of the same stage, along the signal path.
         confused_with: effects that explain similar data.
-        separated_by: the named experiment plan that best distinguishes it from those.
+        separated_by: name of the plan that best distinguishes this effect from those.
         starts: for effects whose likelihood has zero slope at null. A fit starts at the most likely
             of these values (ascending) of the first parameter.
         identifiable: the motion that makes it identifiable.
@@ -104,8 +104,8 @@ class Effect:
             omitted parameters are at null. Default: the first parameter at `SMALL` · typical.
             Several are needed if the shape of the predicted change depends on the value.
         probe_quantiles: for a limit of the voltage: the quantiles of |V| to use as ``probes``.
-        scan: ``frequency`` or ``instant`` if the second parameter is one. A diagnosis then
-            evaluates the score at all its values (`heli3dof.diagnosis.scans`).
+        scan: ``frequency`` or ``instant`` if the second parameter is a frequency or an instant. A
+            diagnosis then evaluates the score at all its values (`heli3dof.diagnosis.scans`).
 
     An effect without parameters is a switch; a diagnosis does not report it.
     """

@@ -171,7 +171,7 @@ def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
 
     ``values`` start with T_g, J_r, J_p, J_ψ, estimated in units of K_f, so a wrong K_f scales all
     by this ratio. The result is the median of the ratios of these four to their nominal values,
-    because a single deviation has other causes.
+    because a deviation of only one of them has another cause than K_f.
     """
     nominal = (profile.trim_torque, *profile.inertias)
     ratio = sorted(v / n for v, n in zip(values[:4], nominal, strict=True) if n and v / n > 0)

@@ -65,8 +65,8 @@ rates; η restores L_h sin r D. Each is zero unless the model contains its effec
 
 **Not identifiable from flights.** All torques and inertias multiplied by one factor give the same
 motion. So K_f stays at the profile's value as the unit, and T_g, J_r, J_p, J_ψ and every effect's
-torque are estimated *in units of it*. If the true K_f is 1.1 times the profile's, each estimate is
-its true value divided by 1.1. Weighing one part (or the masses in the profile) gives the factor.
+torque are estimated *in units of K_f*. If the true K_f is 1.1 times the profile's, each estimate is
+its true value divided by 1.1. The weight of one part, or the profile's masses, give the factor.
 """
 
 from __future__ import annotations

@@ -18,7 +18,8 @@ A large ε has one of two causes:
 * They were taken evenly and the time stamps are late. A host that receives several samples at once
   gives all of them nearly the same time stamp.
 
-`sampling_times` decides by the motion: it computes the jitter σ_t of `sampling_jitter` for both.
+Stamps in bursts are late. Otherwise the motion decides: `sampling_times` computes the jitter σ_t of
+`sampling_jitter` for both clocks.
 """
 
 from __future__ import annotations
@@ -35,8 +36,9 @@ SLOW_ALPHA, SLOW_BETA = 0.02, 0.0001
 PASSES = 2
 STRETCH = 250
 HEAD = 500
-BUNCHED = 0.5
-"""Median over mean of the intervals below which samples were stamped in bursts"""
+BUNCHED = 0.1
+"""Share of the mean interval, and of the samples: stamps are in bursts if more intervals than this
+are shorter than this. No control loop samples so, and no phase-locked loop locks to it."""
 LATE = 0.2
 """Share of the period: time stamps with a smaller jitter are taken as they are"""
 
@@ -65,8 +67,7 @@ class Ticks:
 
 def ticks(t: np.ndarray) -> Ticks:
     """Return the sampling clock of the increasing time stamps t (N,) s, N ≥ 10."""
-    even = (t[-1] - t[0]) / (len(t) - 1)
-    if np.median(np.diff(t)) < BUNCHED * even:  # stamps in bursts: no loop locks to them
+    if in_bursts(t):
         number = np.arange(len(t))
         jitter, freedom = _scatter(number, t)
         return Ticks(number, _slope(number, t), jitter, float(jitter / np.sqrt(2 * freedom)))
@@ -96,7 +97,13 @@ def sampling_times(recording: Recording) -> Recording:
     even = r.t[0] + clock.period_s * clock.number
     steps = r.profile.encoder.rad_per_count
     stamped, spaced = (motion_jitter(t, r.angle, steps).sigma_s for t in (r.t, even))
-    return r if stamped < spaced else replace(r, t=even)
+    return r if stamped < spaced and not in_bursts(r.t) else replace(r, t=even)
+
+
+def in_bursts(t: np.ndarray) -> bool:
+    """Return whether many of the time stamps (N,) follow each other almost at once; `BUNCHED`."""
+    intervals = np.diff(t)
+    return bool((intervals < BUNCHED * intervals.mean()).mean() > BUNCHED)
 
 
 def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarray:

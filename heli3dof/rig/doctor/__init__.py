@@ -1,7 +1,7 @@
 """The checks of ``heli3dof doctor``: functions that return a `Check`.
 
 A file of this folder states in ``GROUP`` when its checks run, and lists them in ``CHECKS``. The
-group determines what each of them is called with:
+group determines the argument of these checks:
 
 =============  =======================================  ===========================================
 ``GROUP``      called with                              examples

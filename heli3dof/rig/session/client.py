@@ -1,8 +1,8 @@
 """Lists the running sessions from another process, and requests a stop or the state.
 
 A session is a process that uses a rig. The locks' holder files name the sessions. A session is
-alive if its socket accepts a connection. The socket of a hanging process does, the socket of a
-killed process does not.
+alive if its socket accepts a connection. The socket of a hanging process accepts connections, the
+socket of a killed process does not.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ class Stopped:
 def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]]:
     """Stop one device, or (None) all running sessions and rigs; return (results, URLs left out).
 
-    A URL is left out if a driver found the port, but it is not known as that of a rig (`is_known`).
+    A URL is left out if a driver found the port, but no rig is known to be there (`is_known`).
     Nothing is sent to such a port, since it may belong to another instrument. ``reason`` is stored
     in the recording of the flight that ends. Raises UsageError for an invalid URL. A device that
     cannot be stopped gives a result with ``done`` False.
@@ -156,8 +156,8 @@ class EstopResult:
     def raise_if_not_stopped(self, device: str | None = None) -> None:
         """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
 
-        ``device``: the URL to stop; None: all. A device without a session may not be a rig. So when
-        all are to be stopped, it need not confirm if at least one other device was stopped.
+        ``device``: the URL to stop; None: all. A device without a session may not be a rig. So
+        when all are to be stopped, such a device need not confirm if another device was stopped.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:

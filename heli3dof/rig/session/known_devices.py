@@ -1,8 +1,8 @@
 """Records where rigs were opened, so that ``heli3dof estop`` stops only rigs.
 
 A serial port may lead to any instrument, and bytes that stop a rig may start another instrument. A
-*place* is the part of a device URL after the scheme, or the device's persistent name. It is known
-as that of a rig if
+*place* is the part of a device URL after the scheme, or the device's persistent name. A place
+is known to be a rig's if
 
     its driver lists only rigs (it is not `RecognisesRigs`), or ``is_rig(url)`` is true now,
     or a rig was opened there before

@@ -24,12 +24,20 @@ def arrivals(t: np.ndarray, burst: int) -> np.ndarray:
     return np.repeat(t[burst - 1 :: burst], burst) + 1e-5 * (np.arange(len(t)) % burst)
 
 
+@pytest.mark.parametrize("dt", [DT, 0.01])
 @pytest.mark.parametrize("burst", [2, 5])
-def test_stamps_of_arrival_give_way_to_an_even_clock(burst: int) -> None:
-    t = DT * np.arange(10_000)
+def test_stamps_of_arrival_give_way_to_an_even_clock(burst: int, dt: float) -> None:
+    t = dt * np.arange(10_000)
     recording = sampling_times(log(arrivals(t, burst), t))
-    assert np.diff(recording.t) == pytest.approx(DT, rel=1e-6)
-    assert recording.dt == pytest.approx(DT, rel=1e-6)
+    assert np.diff(recording.t) == pytest.approx(dt, rel=1e-6)
+    assert recording.dt == pytest.approx(dt, rel=1e-6)
+
+
+def test_late_stamps_without_bursts_give_way_to_an_even_clock_by_the_motion() -> None:
+    rng = np.random.default_rng(5)
+    t = DT * np.arange(10_000)
+    recording = sampling_times(log(t + rng.uniform(0, 0.8 * DT, 10_000), t))
+    assert np.diff(recording.t) == pytest.approx(DT, rel=1e-3)
 
 
 def test_true_stamps_stay_however_uneven() -> None:
