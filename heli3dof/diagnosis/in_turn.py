@@ -19,7 +19,7 @@ import numpy as np
 
 from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.corrected import Corrected
-from heli3dof.diagnosis.select import Choice, likeliest, this_one
+from heli3dof.diagnosis.select import Choice, likeliest
 from heli3dof.diagnosis.steps import Bench, Step, extended, settled
 from heli3dof.diagnosis.tilted import maximise_tilted
 from heli3dof.diagnosis.trials import widened
@@ -48,13 +48,11 @@ def flown(
 
 
 def instead(choice: Choice, other: Contender) -> Choice:
-    """The same step with another of its contenders taken: tied as before, and no surer than odds
-    of its score against the one that it replaces."""
+    """The same step with another of its contenders taken: tied as before, and as sure."""
     rest = tuple(c for c in choice.contenders if c is not other)
     names = [n for n in (choice.term.name, *choice.tied_with) if n != other.term.name]
-    sure = min(choice.confidence, this_one([other.score, rest[0].score if rest else 0.0]))
     return replace(
-        choice, term=other.term, score=other.score, Z2=other.Z2, confidence=sure,
+        choice, term=other.term, score=other.score, Z2=other.Z2,
         tied_with=tuple(names), contenders=(other, *rest),
     )  # fmt: skip
 

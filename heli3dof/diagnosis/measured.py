@@ -191,9 +191,25 @@ def _findings(
     written = [t.name for t in found.structure.formal]
     choices = beside_each_other(choices, written)
     return tuple(
-        Finding(c, forwards(in_SI(found, scale, c.term.name)), g, w.optimum.noise)
+        Finding(
+            replace(c, confidence=min(c.confidence, size_confidence(found, c.term.name))),
+            forwards(in_SI(found, scale, c.term.name)), g, w.optimum.noise,
+        )
         for c, w, g in zip(choices, less, gains, strict=True)
-    )
+    )  # fmt: skip
+
+
+def size_confidence(found: Corrected, name: str) -> float:
+    """Return the probability that a term's first parameter v has the sign found: Φ(|v − v_0|/σ).
+
+    v_0 is its value in a rig without the effect. One for a term without such a value, as a limit.
+    """
+    from scipy.stats import norm
+
+    j = _number_of(found, name)
+    if j is None or found.free[j].log or not math.isfinite(found.free[j].null):
+        return 1.0
+    return float(norm.cdf(abs(float(found.values[j]) - found.free[j].null) / float(found.std[j])))
 
 
 def beside_each_other(choices: Sequence[Choice], written: Sequence[str] = ()) -> list[Choice]:

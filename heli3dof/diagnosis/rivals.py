@@ -30,7 +30,7 @@ from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.corrected import Corrected, correct, fly_again, model_at
 from heli3dof.diagnosis.nulls import Nulls
 from heli3dof.diagnosis.occam import price
-from heli3dof.diagnosis.select import EVEN, TIE, Choice, this_one
+from heli3dof.diagnosis.select import TIE, Choice, this_one
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
@@ -95,12 +95,13 @@ def told_apart(
     if k == 0 or not decides:  # what was tied with it and is no rival still is
         open_ += [n for n in choice.tied_with if n not in named or not decides]
     best = replace(near[k], optimum=fits[k].optimum)
-    sure = this_one([float(least(W)[k]), 0.0])
+    apart = [W[k, j] for j, c in enumerate(near) if c.term.name not in open_]
+    sure = this_one([float(min(apart)), 0.0]) if apart else 1.0
     if decides:
         bought = price(best.problem, best.optimum, best.term.name, nulls.inflation)
         best = replace(best, score=best.Z2 - bought)
     elif k:
-        best, sure = near[0], EVEN
+        best, sure = near[0], 1.0
     others = [c for c in choice.contenders if c.term.name != best.term.name]
     sure = min(nulls.confidence(best.Z2), sure, 1.0 if decides else choice.confidence)
     tied = tuple(n for n in dict.fromkeys(open_) if n != best.term.name)

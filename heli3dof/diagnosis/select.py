@@ -164,11 +164,12 @@ def likeliest(
             return None
     above, best, below = fits[:k], fits[k], fits[k + 1 :]
     fits = [best, *above, *below]
-    close = (f for f in below if best.score - f.score < slack(screen, nulls, best, f))
+    close = [f for f in below if best.score - f.score < slack(screen, nulls, best, f)]
     tied = tuple(f.term.name for f in (*above, *close))
-    second = [f.score for f in below[:1]]
+    # Of the best or one of those tied with it, against the best of the others.
+    second = [f.score for f in below if f not in close][:1]
     sure = min(nulls.confidence(best.Z2), this_one([best.score, *second, 0.0]))
-    if weak or above:
+    if weak:
         sure = min(sure, EVEN)
     return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits), weak, nulls.threshold)
 

@@ -38,10 +38,10 @@ from heli3dof.diagnosis.corrected import (
     optimum_at,
     scatter_of,
 )
+from heli3dof.diagnosis.limit_cycle import edge_rates
 from heli3dof.diagnosis.looks import look
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW
-from heli3dof.model.estimation.filter_data import Data
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
@@ -80,12 +80,6 @@ class Round:
     """(B, n)"""
     slopes: np.ndarray
     """(3,) mean ∂ℓ/∂ln a of the flights"""
-
-
-def edge_rates(data: Data) -> np.ndarray:
-    """(3,) r, within runs."""
-    changed = [np.diff(data.y[start:stop], axis=0) != 0 for _, start, stop in data.blocks]
-    return np.asarray(np.concatenate(changed).mean(axis=0))
 
 
 def weighed(

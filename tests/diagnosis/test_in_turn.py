@@ -108,11 +108,12 @@ def test_an_existing_fit_is_reused(unflyable: list[str]) -> None:
     assert taken[1] is fit
 
 
-def test_a_replacement_is_confounded_with_the_original_at_half_the_confidence() -> None:
+def test_a_replacement_is_confounded_with_the_original_at_the_same_confidence() -> None:
     close = [contender(n, 50.0) for n in NAMES[:3]]
-    new = instead(choice(*close, tied=2), close[1])
+    before = choice(*close, tied=2)
+    new = instead(before, close[1])
     assert (new.term.name, new.tied_with) == (NAMES[1], (NAMES[0], NAMES[2]))
-    assert new.confidence == 0.5
+    assert new.confidence == before.confidence
     assert new.contenders[0] is close[1]
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from heli3dof.diagnosis import measured
@@ -15,6 +16,7 @@ from heli3dof.diagnosis.measured import (
     adopted,
     beside_each_other,
     is_worth,
+    size_confidence,
     stands_out,
     within_a_count,
 )
@@ -212,3 +214,11 @@ def test_backlash_that_shrinks_below_a_count_without_another_cause_is_dropped(
     assert [(d.name, d.why) for d in gone] == (
         [] if named else [(MASS, DOES_NOT_PAY), (BACKLASH, WITHIN_A_COUNT)]
     )
+
+
+def test_a_cause_is_no_surer_than_its_size() -> None:
+    """5.3 ± 2.9 is 1.83 standard deviations from nothing: 97 %, however likely the cause."""
+    free = SimpleNamespace(term="stiffness.pendulum.roll", log=False, null=0.0)
+    fit = cast(Any, SimpleNamespace(free=[free], values=np.array([5.3]), std=np.array([2.9])))
+    assert size_confidence(fit, "stiffness.pendulum.roll") == pytest.approx(0.966, abs=0.001)
+    assert size_confidence(fit, "motor.saturation") == 1.0

@@ -9,9 +9,10 @@ import pytest
 
 from heli3dof.diagnosis.base_fit import base_of
 from heli3dof.diagnosis.corrected import Corrected, fly_again, model_at
+from heli3dof.diagnosis.limit_cycle import edge_rates
 from heli3dof.diagnosis.looks import look
 from heli3dof.diagnosis.steps import Bench
-from heli3dof.diagnosis.weighed import edge_rates, jacobian, three, weighed, weights
+from heli3dof.diagnosis.weighed import jacobian, three, weighed, weights
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.model.estimation.filter_data import Stretch, data_of
