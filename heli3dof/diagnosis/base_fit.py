@@ -77,4 +77,8 @@ def base_at(bench: Bench, problem: Informed) -> Corrected:
     freed = correct(problem, theta, noise, bench.recordings, seed=bench.seed, pilots=bench.pilots)
     if freed.scatter is None:
         return Corrected(problem, found.optimum)
-    return weighed(problem, freed, bench.recordings, seed=bench.seed) if cycling.any() else freed
+    if not cycling.any():
+        return freed
+    sure = weighed(problem, freed, bench.recordings, seed=bench.seed)
+    roll, pitch, yaw = (bool(axis) for axis in cycling)
+    return replace(sure, problem=replace(problem, known_noise=(roll, pitch, yaw)))

@@ -16,6 +16,7 @@ from heli3dof.diagnosis.limit_cycle import (
 )
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.steps import Bench
+from heli3dof.diagnosis.tilted import maximise_tilted
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
@@ -80,3 +81,14 @@ def test_a_step_on_a_limit_cycle_has_the_rigs_inertias(name: str) -> None:
     nominal = np.array([f.start for f in found.structure.free[1:4]])
     assert found.values[1:4] / nominal == pytest.approx(np.ones(3), abs=0.15)
     assert found.optimum.noise[0] < 0.006
+
+
+@needs_real_data
+def test_the_noise_of_a_limit_cycle_stays_when_an_effect_is_fitted() -> None:
+    """Along the likelihood's ridge the noise would grow again, and another rig be fitted."""
+    recording, problem = plant_2("st-c000")
+    known = replace(problem, known_noise=(True, False, False))
+    noise = np.array([0.004, 0.02, 0.0035, 0.0])
+    free, held = (maximise_tilted(p, p.prior_mean, noise, None) for p in (problem, known))
+    assert held.noise[0] == 0.004
+    assert free.noise[0] > 2 * held.noise[0]
