@@ -6,8 +6,9 @@ With θ̂ ± σ the first number of a term and θ_0 its absence, the chance that
 
 and for a number that differs by recording that of the χ² of all its values. A term is a named cause
 where blocks left out need it (`heli3dof.diagnosis.backward`, or it is known beforehand to be
-there), P is at least `SURE`, and both halves of the flights show it, of one size
-(`heli3dof.diagnosis.real_halves`; what is known beforehand must be of one size only). The others
+there), P is at least `SURE`, σ is at most `LITTLE` of the prior's, and both halves of the flights
+show it, of one size (`heli3dof.diagnosis.real_halves`; what is known beforehand must be of one size
+only). The others
 stay in the extended model, within what is known of such rigs: dry friction of some size is in every
 joint, and a term at exactly zero predicts worse, on flights that move what these did not, than one
 at a size that is likely.
@@ -28,6 +29,7 @@ from heli3dof.model.greybox.model import GreyBoxModel
 SURE = 0.95
 LITTLE = 0.7
 """σ over the prior's: from there on the recordings have said little."""
+MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly that of the prior"
 
 
 def apart(fit: MultiStepFit, name: str) -> float:
@@ -44,8 +46,22 @@ def named(found: Backward) -> tuple[list[Removal], list[Removal]]:
     return sure, [*(r for r in found.kept if r not in sure), *found.gone]
 
 
+def mostly_prior(fit: MultiStepFit, name: str) -> bool:
+    """Return whether the recordings said little of the term's first number: σ > `LITTLE` σ_prior.
+
+    A prior whose mean is far from the term's absence would name it whatever was recorded.
+    """
+    free = fit.structure.free
+    j = next((j for j, f in enumerate(free) if f.term == name), None)
+    if j is None or free[j].name in fit.problem.varying:
+        return False
+    return bool(fit.std[j] > LITTLE * fit.prior_std[j])
+
+
 def contradicted(found: Backward, r: Removal) -> str:
-    """Why the halves of the flights do not bear that name; empty where they do."""
+    """Why the recordings do not bear that name; empty where they do."""
+    if mostly_prior(found.fit, r.term):
+        return MOSTLY_PRIOR
     halves = seen(found.halves, r.term)
     if halves is None:
         return ""
@@ -92,6 +108,8 @@ def within(found: Backward, only_kept: list[Removal]) -> list[dict[str, Any]]:
 
 
 def _why(found: Backward, r: Removal) -> str:
+    if mostly_prior(found.fit, r.term):
+        return MOSTLY_PRIOR
     if not found.halves:
         return "its size is not significant, and no blocks were left out"
     if r in found.gone:

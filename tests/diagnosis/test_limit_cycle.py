@@ -86,7 +86,7 @@ def test_a_step_on_a_limit_cycle_has_the_rigs_inertias(name: str) -> None:
 @needs_real_data
 def test_the_noise_of_a_limit_cycle_stays_when_an_effect_is_fitted() -> None:
     """Along the likelihood's ridge the noise would grow again, and another rig be fitted."""
-    recording, problem = plant_2("st-c000")
+    _, problem = plant_2("st-c000")
     known = replace(problem, known_noise=(True, False, False))
     noise = np.array([0.004, 0.02, 0.0035, 0.0])
     free, held = (maximise_tilted(p, p.prior_mean, noise, None) for p in (problem, known))

@@ -129,3 +129,13 @@ def test_terms_without_information_are_unseen(flat: MultiStepFit) -> None:
     assert YAW in set(unseen(flat, []))
     assert YAW not in set(unseen(fit, []))
     assert "friction.viscous.yaw" in set(unseen(fit, []))
+
+
+def test_a_prior_far_from_absence_names_no_cause(flat: MultiStepFit) -> None:
+    """rotor_curve: prior 2.0 ± 0.2 beside an absence of 1.0, five deviations without any data."""
+    curve = "motor.rotor_curve"
+    assert apart(flat, curve) > 0.99
+    causes, kept = named(backward_of(flat, {curve: NEEDED}, {}))
+    assert causes == []
+    assert [r.term for r in kept] == [curve]
+    assert "prior" in within(backward_of(flat, {curve: NEEDED}, {}), kept)[0]["why"]
