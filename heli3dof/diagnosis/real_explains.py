@@ -90,14 +90,7 @@ def explains(
     if "stiffness.pendulum.roll" in causes and len(rows) > 10:
         slope, level = np.polyfit(rows[:, 0], rows[:, 2], 1)
         low, high = (hover_voltage(fit, a) for a in (-10, 10))
-        times = (high - low) / (20 * slope)
-        also = "" if 1 / ALIKE < times < ALIKE else ", unlike the measurement"
-        said.append(
-            "The hover voltage rises with roll because the arm is a pendulum "
-            f"(stiffness.pendulum.roll): measured {level - 10 * slope:.1f} V at −10° and "
-            f"{level + 10 * slope:.1f} V at +10° (a line through the rows with constant roll); "
-            f"the model's are {low:.1f} V and {high:.1f} V{also}."
-        )
+        said += pendulum(level - 10 * slope, level + 10 * slope, low, high)
     if "motor.rotor_curve" in causes and hover_voltage(fit, 0.0) > LEAST_HOVER * LOW_V[1]:
         n = fit.values[fit.structure.names.index(EXPONENT)]
         hover = hover_voltage(fit, 0.0)
@@ -108,3 +101,21 @@ def explains(
             f"{' and '.join(parts)}, and zero for negative voltages."
         )
     return said
+
+
+def pendulum(at_minus_10: float, at_10: float, model_minus_10: float, model_10: float) -> list[str]:
+    """Return the sentence that a pendulum explains the hover voltage's change with roll, or nothing.
+
+    Voltages in V at −10° and +10° of roll: on a line through the recordings, and the model's. If
+    the two change in opposite directions, a pendulum does not explain the recordings.
+    """
+    times = (model_10 - model_minus_10) / (at_10 - at_minus_10)
+    if not times > 0:
+        return []
+    also = "" if 1 / ALIKE < times < ALIKE else ", unlike the measurement"
+    return [
+        f"The hover voltage {'rises' if at_10 > at_minus_10 else 'falls'} with roll because the arm "
+        f"is a pendulum (stiffness.pendulum.roll): measured {at_minus_10:.1f} V at −10° and "
+        f"{at_10:.1f} V at +10° (a line through the rows with constant roll); the model's are "
+        f"{model_minus_10:.1f} V and {model_10:.1f} V{also}."
+    ]
