@@ -104,7 +104,7 @@ def explains(
 
 
 def pendulum(at_minus_10: float, at_10: float, model_minus_10: float, model_10: float) -> list[str]:
-    """Return the sentence that a pendulum explains the hover voltage's change with roll, or nothing.
+    """Return the sentence that a pendulum changes the hover voltage with roll; empty if it cannot.
 
     Voltages in V at −10° and +10° of roll: on a line through the recordings, and the model's. If
     the two change in opposite directions, a pendulum does not explain the recordings.
@@ -113,9 +113,10 @@ def pendulum(at_minus_10: float, at_10: float, model_minus_10: float, model_10: 
     if not times > 0:
         return []
     also = "" if 1 / ALIKE < times < ALIKE else ", unlike the measurement"
+    changes = "rises" if at_10 > at_minus_10 else "falls"
     return [
-        f"The hover voltage {'rises' if at_10 > at_minus_10 else 'falls'} with roll because the arm "
-        f"is a pendulum (stiffness.pendulum.roll): measured {at_minus_10:.1f} V at −10° and "
+        f"The hover voltage {changes} with roll because the arm is a pendulum "
+        f"(stiffness.pendulum.roll): measured {at_minus_10:.1f} V at −10° and "
         f"{at_10:.1f} V at +10° (a line through the rows with constant roll); the model's are "
         f"{model_minus_10:.1f} V and {model_10:.1f} V{also}."
     ]

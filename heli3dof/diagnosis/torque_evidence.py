@@ -141,7 +141,8 @@ def leftover_evidence(found: Estimate, rest: Leftover) -> Evidence:
     unit = UNITS[rest.depends_on]
     z = _read(flight.variable(rest.depends_on), unit)[rows]
     knots, torque = np.array(rest.table).T
-    name = rest.like or f"a {rest.axis} torque without a name"
+    slope = float(np.polyfit(_read(knots, unit), torque, 1)[0])
+    name = f"Unmodelled {rest.axis} torque, slope {slope:.3g} N·m/({unit}),".replace("-", "−")
     return Evidence(
         name, rest.axis, rest.depends_on, unit,
         *_binned(z, flight.torque[rows, i], flight.data.h[rows], BINS), _read(knots, unit), torque,
