@@ -34,6 +34,6 @@ def test_a_cable_stiffness_in_yaw_is_named_with_its_size() -> None:
 
 def test_a_step_flight_of_the_unmodified_rig_has_no_finding() -> None:
     result = diagnose(flight(step_plan((10.0, None, None)), "", 1102), quick=True)
-    assert result.verdict == "nothing_found"
+    assert result.verdict == "off_calibration"  # the rig is up to 7 % off its profile
     assert not result.findings
     assert "drag.quadratic.yaw" in result.not_identifiable

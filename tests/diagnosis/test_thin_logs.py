@@ -23,7 +23,7 @@ def decimated(hide: str, every: int) -> Recording:
 
 def test_at_100_hz_nothing_is_found_and_the_rate_is_reported() -> None:
     result = diagnose(decimated("", 5), quick=True)
-    assert result.verdict == "nothing_found"
+    assert result.verdict == "off_calibration"  # the rig is up to 7 % off its profile
     assert not result.findings
     assert result.about["nulls"] == "simulated"
     (note,) = result.integrity

@@ -110,7 +110,7 @@ def test_any_finding_on_an_unmodified_rig_is_a_false_alarm(result: dict[str, Any
     assert judge(result, NOTHING).alarm
 
 
-@pytest.mark.parametrize("verdict", ["nothing_found", "not_identifiable"])
+@pytest.mark.parametrize("verdict", ["nothing_found", "off_calibration", "not_identifiable"])
 def test_no_finding_on_an_unmodified_rig_is_no_alarm(verdict: str) -> None:
     assert not judge(document(verdict=verdict), NOTHING).alarm
 
