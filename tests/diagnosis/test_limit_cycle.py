@@ -73,10 +73,9 @@ def test_the_noise_that_is_matched_is_that_of_the_rig_that_flew() -> None:
 
 
 @needs_real_data
-@pytest.mark.parametrize("name", ["st-c002", "st-c013"])
-def test_a_step_on_a_limit_cycle_has_the_rigs_inertias(name: str) -> None:
-    """Plant 2's inertias are the profile's; the likelihood alone gives roll 0.14 and 0.21 of it."""
-    recording, _ = plant_2(name)
+def test_a_step_on_a_limit_cycle_has_the_rigs_inertias() -> None:
+    """Plant 2's inertias are the profile's; the likelihood alone gives 0.14 of roll's."""
+    recording, _ = plant_2("st-c002")
     found = base_of(Bench((recording,), 0, 6, "rigid", False))
     nominal = np.array([f.start for f in found.structure.free[1:4]])
     assert found.values[1:4] / nominal == pytest.approx(np.ones(3), abs=0.15)
