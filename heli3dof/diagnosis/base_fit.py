@@ -79,6 +79,7 @@ def base_at(bench: Bench, problem: Informed) -> Corrected:
         return Corrected(problem, found.optimum)
     if not cycling.any():
         return freed
-    sure = weighed(problem, freed, bench.recordings, seed=bench.seed)
+    found = weighed(problem, freed, bench.recordings, seed=bench.seed)
+    # Along the likelihood's ridge a further effect would be fitted to another rig's noise.
     roll, pitch, yaw = (bool(axis) for axis in cycling)
-    return replace(sure, problem=replace(problem, known_noise=(roll, pitch, yaw)))
+    return replace(found, problem=replace(problem, known_noise=(roll, pitch, yaw)))

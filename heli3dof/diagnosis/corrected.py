@@ -28,7 +28,7 @@ from functools import cached_property
 import numpy as np
 
 from heli3dof.diagnosis.colour import colour
-from heli3dof.diagnosis.looks import free_noise, held, look
+from heli3dof.diagnosis.looks import held, look
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import (
@@ -69,9 +69,6 @@ class Informed(Likelihood):
 
     doubt: float = 1.0
     """By which the tolerance is multiplied"""
-    known_noise: tuple[bool, bool, bool] = (False, False, False)
-    """Axes whose noise stays where the limit cycle put it (`heli3dof.diagnosis.limit_cycle`). Along
-    it the likelihood has a ridge, on which a further effect would be fitted to another rig."""
 
     @cached_property
     def prior_precision(self) -> np.ndarray:
@@ -162,7 +159,7 @@ def correct(
     begin = theta, noise
     low, high = problem.bounds
     precision = problem.prior_precision
-    axes = free_noise(problem)
+    axes = problem.free_noise
     settled = False
     n = len(theta)
     secant = Secant()

@@ -24,13 +24,20 @@ from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.counts import LEVEL, untold, with_counts
 from heli3dof.diagnosis.imitated import look_beside, with_imitators
 from heli3dof.diagnosis.in_turn import flown, in_turn
-from heli3dof.diagnosis.integrity import Fault, Kind, integrity
+from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.nearly import with_near
 from heli3dof.diagnosis.proxies import base_beside
 from heli3dof.diagnosis.real_doubts import doubted
 from heli3dof.diagnosis.real_log import diagnose_real, no_likelihood
-from heli3dof.diagnosis.result import Diagnosis, Finding, in_order, tied_in, verdict_of
+from heli3dof.diagnosis.result import (
+    Diagnosis,
+    Finding,
+    in_order,
+    physical,
+    tied_in,
+    verdict_of,
+)
 from heli3dof.diagnosis.select import MOST, least_found
 from heli3dof.diagnosis.steps import Bench, Step, eliminated, looked_at
 from heli3dof.diagnosis.unnamed import Settled, unnamed
@@ -139,8 +146,7 @@ def _diagnosed(
         tied_in(each), bench.axes, rest_rad=float(profile.encoder.rest_rad[0]),
         tolerance=profile.tolerance, level_deg=least_found(first.screen, first.nulls, LEVEL),
     )  # fmt: skip
-    physical = [f for f in each if not isinstance(f, Fault)]
-    like = bool(physical) and isinstance(physical[0], Finding) and physical[0].like
+    like = any(isinstance(f, Finding) and f.like for f in physical(each)[:1])
     unsure = like and not bench.controller_is_known
     return Diagnosis(
         *names, verdict_of(each, last.left, whole.refit, unsure=unsure), faults, whole,

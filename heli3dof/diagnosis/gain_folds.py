@@ -59,12 +59,15 @@ NOISE_STEPS = 4
 _PROBE = 0.4  # step of the log intensity
 
 
-def on_holdout(found: Estimate, recordings: Sequence[Recording]) -> HeldOut:
-    """A fit as it stands, on recordings that it was not made from."""
+def on_holdout(
+    found: Estimate, recordings: Sequence[Recording], theta: np.ndarray | None = None
+) -> HeldOut:
+    """A fit as it stands, or with other coordinates θ (n,), on recordings it was not made from."""
     runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
     problem = Likelihood(data_of(recordings, runs), found.structure)
     o = found.optimum
-    seen = _evaluate(problem, o.theta, o.noise, (0, len(problem.data.t)))
+    at = o.theta if theta is None else theta
+    seen = _evaluate(problem, at, o.noise, (0, len(problem.data.t)))
     return _cells(problem.data, "holdout", [seen])
 
 
@@ -86,14 +89,12 @@ def on_blocks(found: Estimate, blocks: int = BLOCKS) -> HeldOut:
 def uncalibrated(found: Estimate, holdout: Sequence[Recording]) -> HeldOut:
     """Evaluate the structure of ``found`` with the profile's numbers, on the rows of `held_out`."""
     problem, noise = found.problem, found.optimum.noise
-    if holdout:
-        runs = [run for i, r in enumerate(holdout) for run in usable_runs(r, i)]
-        problem = Likelihood(data_of(holdout, runs), found.structure)
-    d = problem.data
-    cuts = [(0, len(d.t))] if holdout else _cuts(d, BLOCKS)
     theta = problem.coordinates(found.structure.values_of({}))
+    if holdout:
+        return on_holdout(found, holdout, theta)
+    cuts = _cuts(problem.data, BLOCKS)
     seen = parallel_map(lambda k: _evaluate(problem, theta, noise, cuts[k]), len(cuts))
-    return _cells(d, "holdout" if holdout else "blocks left out", seen)
+    return _cells(problem.data, "blocks left out", seen)
 
 
 def held_out(found: Estimate, holdout: Sequence[Recording]) -> HeldOut:

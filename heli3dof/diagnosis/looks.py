@@ -76,12 +76,6 @@ def look(problem: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bo
     return replace(here, slope=(up - down) / (2 * _PROBE), bend=bend)
 
 
-def free_noise(problem: Likelihood) -> np.ndarray:
-    """(3,) bool: the axes whose noise is estimated; on a limit cycle it is known (`Informed`)."""
-    known = getattr(problem, "known_noise", (False, False, False))
-    return np.asarray(problem.data.axes & ~np.array(known))
-
-
 def held(problem: Likelihood) -> np.ndarray:
     """(n,) bool: which parameters stay where they are."""
     return np.array([f.name in HELD for f in problem.structure.free])

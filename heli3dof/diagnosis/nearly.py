@@ -7,8 +7,8 @@ cells of `CELL_S`,
 
     s = 2 √(C var d_c)
 
-the second is tied with the first where 2 (ℓ_a − ℓ_b) < `AGREED` s, else
-the first is no surer than Φ(2 (ℓ_a − ℓ_b)/s). For 2 (ℓ_a − ℓ_b) stands the difference of the scores
+the second is tied with the first where 2 (ℓ_a − ℓ_b) < `AGREED` s, else the first is no surer than
+Φ(2 (ℓ_a − ℓ_b)/s). For 2 (ℓ_a − ℓ_b) stands the difference of the scores
 (`heli3dof.diagnosis.select`), freed of false slopes and less the price of a cause's numbers.
 
 Where flights of each cause were asked (`heli3dof.diagnosis.rivals`) they know better.

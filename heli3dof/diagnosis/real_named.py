@@ -8,10 +8,9 @@ and for a number that differs by recording that of the χ² of all its values. A
 where blocks left out need it (`heli3dof.diagnosis.backward`, or it is known beforehand to be
 there), P is at least `SURE`, σ is at most `LITTLE` of the prior's, and both halves of the flights
 show it, of one size (`heli3dof.diagnosis.real_halves`; what is known beforehand must be of one size
-only). The others
-stay in the extended model, within what is known of such rigs: dry friction of some size is in every
-joint, and a term at exactly zero predicts worse, on flights that move what these did not, than one
-at a size that is likely.
+only). The others stay in the extended model, within what is known of such rigs: dry friction of
+some size is in every joint, and a term at exactly zero predicts worse, on flights that move what
+these did not, than one at a size that is likely.
 """
 
 from __future__ import annotations

@@ -114,6 +114,11 @@ def in_order(
     return (*faults, *out)
 
 
+def physical(found: Sequence[Fault | Finding | Off]) -> list[Finding | Off]:
+    """Return the causes in the rig: without the faults of the recordings."""
+    return [f for f in found if not isinstance(f, Fault)]
+
+
 def verdict_of(
     findings: Sequence[Fault | Finding | Off], left: Sequence[Leftover], refit: Gain | None = None,
     *, unsure: bool = False,
@@ -125,12 +130,12 @@ def verdict_of(
     """
     if left:
         return "unexplained"
-    physical = [f for f in findings if not isinstance(f, Fault)]
-    if not physical:
+    causes = physical(findings)
+    if not causes:
         if refit is not None and refit.of_calibration:
             return "off_calibration"
         return "explained" if findings else "nothing_found"
-    first = physical[0]
+    first = causes[0]
     tied = first.choice.tied_with if isinstance(first, Finding) else first.tied_with
     return "ambiguous" if tied or unsure else "explained"
 

@@ -14,9 +14,10 @@ Under rival k it has mean m_k and standard deviation s_k, and with B − 1 degre
     f_k(d) = t_{B−1}((d − m_k)/s_k √(1 + 1/B)) / s_k,        W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
 The rival whose least W is largest is the cause; those with W below `TIE` are tied with it, and its
-certainty is `this_one` of that least W. Where the false slopes are small but the score is too
-(below `MODEST`: a plain step tells little), the scores name the cause and this is a second opinion:
-whom it prefers, or cannot tell from that one, is tied with it.
+certainty is `this_one` of the least W over the rivals that are not tied with it. Where the false
+slopes are small but the score is too (below `MODEST`: a plain step tells little), the scores name
+the cause and this is a second opinion: whom it prefers, or cannot tell from that one, is tied with
+it.
 """
 
 from __future__ import annotations

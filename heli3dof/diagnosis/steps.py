@@ -15,7 +15,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.corrected import Corrected, Informed, correct, fly_again, model_at
-from heli3dof.diagnosis.looks import free_noise, look
+from heli3dof.diagnosis.looks import look
 from heli3dof.diagnosis.nulls import Nulls, controller_is_known, formula_nulls, simulated_nulls
 from heli3dof.diagnosis.occam import price
 from heli3dof.diagnosis.rivals import told_apart
@@ -201,7 +201,7 @@ def from_quiet(bench: Bench, found: Corrected) -> Corrected:
     problem, o = found.problem, found.optimum
     theta = o.theta.copy()
     theta[1:4] = problem.prior_mean[1:4]
-    axes = np.append(free_noise(problem), False)
+    axes = np.append(problem.free_noise, False)
     fits = [
         maximise_tilted(problem, theta, np.where(axes, o.noise * share, o.noise), None)
         for share in (MUCH_QUIETER, MUCH_QUIETER**2)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.looks import Look, free_noise, held, look
+from heli3dof.diagnosis.looks import Look, held, look
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW, Optimum
 
@@ -58,7 +58,7 @@ def maximise_tilted(
     low, high = problem.bounds
     theta, a = np.clip(start, low, high), noise.copy()
     precision = problem.prior_precision
-    axes = free_noise(problem)
+    axes = problem.free_noise
     still = held(problem) if hold is None else held(problem) | hold
     lam, moved, settled = 1e-3, 0.0 if hold_noise else np.inf, False
 

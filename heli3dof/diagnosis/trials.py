@@ -27,7 +27,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.looks import free_noise
 from heli3dof.diagnosis.screen import with_term
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import better_noise
@@ -141,7 +140,7 @@ def beginning(
         near = range(max(best - NEIGHBOURS, 0), min(best + NEIGHBOURS + 1, len(values)))
         full[j] = values[best]
         for _ in range(SETTLING):
-            a, moved = better_noise(ext, full, a, free_noise(ext))
+            a, moved = better_noise(ext, full, a, ext.free_noise)
             if moved < SETTLED:
                 break
     return full, a

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from heli3dof.axes import AXES
 from heli3dof.report import diagnosis_text as words
 from heli3dof.report.diagnosis_tables import split_unit
-from heli3dof.report.diagnosis_text import Document, listed, name_of, number, percent
+from heli3dof.report.diagnosis_text import Document, listed, name_of, percent
 from heli3dof.report.text_table import fixed, significant
 
 MOST_CAUSES = 4
@@ -76,15 +76,8 @@ def _causes(document: Document) -> Iterator[str]:
 def _gain(document: Document) -> Iterator[str]:
     if not words.adopted(document):
         return
-    error = document["gain"]["holdout_rmse_deg"]
-    parts = [
-        f"{axis} {fixed(number(error['before'][axis]), 2, '°')} → "
-        f"{fixed(number(error['after'][axis]), 2, '°')}"
-        for axis in AXES
-        if error["before"].get(axis) is not None
-    ]
-    where = words.measured_on(document)
-    yield f"The extended model reduces this error on {where}: {', '.join(parts)}."
+    where, falls = words.measured_on(document), words.before_and_after(document["gain"])
+    yield f"The extended model reduces this error on {where}: {falls}."
 
 
 def _next(document: Document) -> list[str]:

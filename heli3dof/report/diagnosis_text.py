@@ -83,17 +83,23 @@ def verdict(document: Document) -> str:
     return f"Verdict: {word.replace('_', ' ')}. {meaning}"
 
 
+def before_and_after(gain: Document) -> str:
+    """Return the RMSE in degrees by axis, before → after, of a gain of the JSON document."""
+    error = gain["holdout_rmse_deg"]
+    return ", ".join(
+        f"{axis} {fixed(number(error['before'][axis]), 2, '°')} → "
+        f"{fixed(number(error['after'][axis]), 2, '°')}"
+        for axis in AXES
+        if error["before"].get(axis) is not None
+    )
+
+
 def calibration_change(document: Document) -> Iterator[str]:
     """Yield, for the verdict off_calibration, the gain of a refit and the ratios that are off."""
     if document["verdict"] != "off_calibration":
         return
-    error = document["calibration_gain"]["holdout_rmse_deg"]
-    falls = [
-        f"{axis} {fixed(error['before'][axis], 2, '°')} → {fixed(error['after'][axis], 2, '°')}"
-        for axis in AXES
-        if error["before"].get(axis) is not None
-    ]
-    yield f"With refitted parameters, the RMSE of 1 s predictions changes: {', '.join(falls)}."
+    falls = before_and_after(document["calibration_gain"])
+    yield f"With refitted parameters, the RMSE of 1 s predictions changes: {falls}."
     off = [
         f"{r['ratio']} = {significant(r['value'], r['std'])} ± {significant(r['std'], r['std'])} "
         f"(profile: {significant(r['nominal'], r['std'])})"

@@ -132,7 +132,7 @@ def test_terms_without_information_are_unseen(flat: MultiStepFit) -> None:
 
 
 def test_a_prior_far_from_absence_names_no_cause(flat: MultiStepFit) -> None:
-    """rotor_curve: prior 2.0 ± 0.2 beside an absence of 1.0, five deviations without any data."""
+    """rotor_curve: prior 2.0 ± 0.2, absence at 1.0: five deviations without any data."""
     curve = "motor.rotor_curve"
     assert apart(flat, curve) > 0.99
     causes, kept = named(backward_of(flat, {curve: NEEDED}, {}))

@@ -58,6 +58,13 @@ class Likelihood:
     structure: Structure
     noise_steps: float = ENCODER_NOISE
     """Standard deviation of the encoder readings' noise, in encoder steps"""
+    known_noise: tuple[bool, bool, bool] = (False, False, False)
+    """Roll, pitch, yaw: whether the axis' process noise is known, so that no fit changes it"""
+
+    @property
+    def free_noise(self) -> np.ndarray:
+        """Return (3,) bool: the measured axes whose process noise a fit estimates."""
+        return np.asarray(self.data.axes & ~np.array(self.known_noise))
 
     @cached_property
     def prior_mean(self) -> np.ndarray:

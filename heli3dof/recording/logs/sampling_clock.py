@@ -67,18 +67,20 @@ class Ticks:
 
 def ticks(t: np.ndarray) -> Ticks:
     """Return the sampling clock of the increasing time stamps t (N,) s, N ≥ 10."""
-    if in_bursts(t):
-        number = np.arange(len(t))
-        jitter, freedom = _scatter(number, t)
-        return Ticks(number, _slope(number, t), jitter, float(jitter / np.sqrt(2 * freedom)))
+    number = np.arange(len(t)) if in_bursts(t) else _counted(t)
+    jitter, freedom = _scatter(number, t)
+    return Ticks(number, _slope(number, t), jitter, float(jitter / np.sqrt(2 * max(freedom, 1))))
+
+
+def _counted(t: np.ndarray) -> np.ndarray:
+    """Return n_k (N,) of time stamps that a phase-locked loop can follow."""
     # A count that is nearly right gives the period so well that a slower loop can count again.
     number = _follow(t, _period(t), ALPHA, BETA)
     for _ in range(PASSES):
         if number[-1] == len(t) - 1 and (np.diff(number) == 1).all():
             break
         number = _follow(t, _slope(number, t), SLOW_ALPHA, SLOW_BETA)
-    jitter, freedom = _scatter(number, t)
-    return Ticks(number, _slope(number, t), jitter, float(jitter / np.sqrt(2 * max(freedom, 1))))
+    return number
 
 
 def sampling_times(recording: Recording) -> Recording:
@@ -95,9 +97,12 @@ def sampling_times(recording: Recording) -> Recording:
     if not clock.jitter_s > LATE * clock.period_s or clock.lost:
         return r
     even = r.t[0] + clock.period_s * clock.number
-    steps = r.profile.encoder.rad_per_count
-    stamped, spaced = (motion_jitter(t, r.angle, steps).sigma_s for t in (r.t, even))
-    return r if stamped < spaced and not in_bursts(r.t) else replace(r, t=even)
+    if not in_bursts(r.t):
+        steps = r.profile.encoder.rad_per_count
+        stamped, spaced = (motion_jitter(t, r.angle, steps).sigma_s for t in (r.t, even))
+        if stamped < spaced:
+            return r
+    return replace(r, t=even)
 
 
 def in_bursts(t: np.ndarray) -> bool:
