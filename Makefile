@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 JOBS   ?= auto
 PEERS  := .venv-peers
 
-.PHONY: help demo test test-kernel-usb check format bench bench-peers bench-hidden bench-rigs pages recordings firmware test-firmware test-qemu fuzz clean
+.PHONY: help demo test test-kernel-usb check format bench bench-peers bench-hidden bench-rigs bench-rules pages recordings firmware test-firmware test-qemu fuzz clean
 
 help:
 	@echo "make demo        fly the mock rig, identify, compare, diagnose, report"
@@ -17,6 +17,7 @@ help:
 	@echo "make bench-peers other people's tools on the same flights (long; Octave where installed)"
 	@echo "make bench-hidden flights that hide a cause, and who finds it (long; resumes where it stopped)"
 	@echo "make bench-rigs  the same on rigs that the diagnosis was not made on (long; resumes)"
+	@echo "make bench-rules  what each rule of the diagnosis is worth on these flights (long; resumes)"
 	@echo "make pages       compute the tables in docs/ again"
 	@echo "make recordings  re-make the reference recordings that ship"
 	@echo "make firmware    the device side in C, as a program on a PTY: build/firmware/heli3dof-rig"
@@ -70,6 +71,9 @@ bench-hidden: $(STAMP) $(PEERS)/.installed
 
 bench-rigs: $(STAMP)
 	$(BIN)/python -m tests.bench rigs
+
+bench-rules: $(STAMP)
+	$(BIN)/python -m tests.bench rules
 
 # The computed blocks of the pages; tests compare the committed text with them.
 pages: $(STAMP)

@@ -29,6 +29,7 @@ SLOW = (
     "ramp_down",
     "realtime",
     "rigs",
+    "rules",
     "soak",
     "watches",
 )

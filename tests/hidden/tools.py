@@ -12,12 +12,14 @@ import subprocess
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from heli3dof.recording.recording import Recording
+from tests.hidden import rules
 from tests.paths import ROOT
 
 PEERS_PYTHON = ROOT / ".venv-peers" / "bin" / "python"
@@ -109,6 +111,7 @@ def longest(rows: np.ndarray) -> slice:
     return slice(int(starts[i]), int(stops[i]))
 
 
+RULES = ("heli3dof", "tests/hidden/rules.py")
 TOOLS = {
     "whole": Tool("**heli3dof diagnose**", whole, ("heli3dof",)),
     "quick": Tool("**heli3dof diagnose --quick**", quick, ("heli3dof",)),
@@ -123,4 +126,9 @@ TOOLS = {
         "residual test (whiteness, past inputs)", residuals,
         ("heli3dof/identification", "heli3dof/model", "tests/hidden/residual_test.py"),
     ),
+    "rules": Tool("diagnose, with the rules noted", rules.traced, RULES),
+    **{
+        f"without {name}": Tool(f"without: {name}", partial(rules.without, name), RULES)
+        for name in rules.BY_NAME
+    },
 }  # fmt: skip

@@ -1,0 +1,220 @@
+"""The diagnosis' rules, one by one: in which flights each changes the answer, and what it is worth.
+
+A rule is a function of `heli3dof.diagnosis` that can be left out: a cause that it would refuse
+stays, an alternative that it would add is not added. `traced` runs a diagnosis and notes the rules
+that changed anything in it. `without` runs a diagnosis without one rule. Both are used by
+`tests.bench.bench_rules`: a rule that changes no answer, or makes as many wrong as right, can go.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, cast
+
+import numpy as np
+
+from heli3dof.diagnosis.calibration import Off
+from heli3dof.diagnosis.corrected import Corrected
+from heli3dof.diagnosis.leftover import Leftover
+from heli3dof.diagnosis.result import Finding
+from heli3dof.diagnosis.select import Choice
+from heli3dof.diagnosis.steps import Bench, Step, extended
+from heli3dof.diagnosis.trials import rings
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.maximum_likelihood import Optimum
+from heli3dof.recording.recording import Recording
+
+Function = Callable[..., Any]
+PACKAGE = "heli3dof.diagnosis."
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A function of the diagnosis, and what stands in its place where it is left out."""
+
+    name: str
+    where: str
+    """module:function"""
+    left_out: Function
+    """Called with the function itself and its arguments; returns the outcome without the rule"""
+
+    @property
+    def function(self) -> Function:
+        module, name = self.where.split(":")
+        return cast(Function, getattr(importlib.import_module(PACKAGE + module), name))
+
+
+def _argument(k: int) -> Function:
+    """Leave out a rule that changes its argument number k: return it unchanged."""
+    return lambda rule, *args, **_: args[k]
+
+
+def _always(value: Any) -> Function:
+    return lambda rule, *_, **__: value
+
+
+def _bic(rule: Function, problem: Likelihood, fit: Optimum, name: str, *_: Any) -> float:
+    numbers = sum(f.term == name for f in problem.structure.free)
+    return numbers * float(np.log(max(len(fit.at.row), 2)))
+
+
+def _as_chosen(
+    rule: Function, bench: Bench, step: Step, first: float | None,
+    made: Mapping[str, Corrected] | None = None,
+) -> tuple[Choice | None, Corrected | None]:  # fmt: skip
+    if step.choice is None:
+        return None, None
+    return step.choice, (made or {}).get(step.choice.term.name) or extended(bench, step.choice)
+
+
+RULES = (
+    Rule("an inertia that runs away is held", "base_fit:runaway", _always(False)),
+    Rule("the noise of a limit cycle is matched", "limit_cycle:matched", _argument(2)),
+    Rule("edge rates weigh in a limit cycle", "weighed:weighed", _argument(1)),
+    Rule("effects without a slope are tried", "trials:trials",
+         lambda rule, *args: [t for t in rule(*args) if rings(t.term)]),
+    Rule("ringing effects are tried last", "trials:trials",
+         lambda rule, *args: [t for t in rule(*args) if not rings(t.term)]),
+    Rule("no price for a parameter that its prior determines", "occam:price", _bic),
+    Rule("every rig's own effects come first", "select:surest_first",
+         lambda rule, screen, nulls, fits: list(fits)),
+    Rule("a weak further cause is refused", "select:likeliest",
+         lambda rule, found, screen, nulls, fits, first: rule(found, screen, nulls, fits, None)),
+    Rule("… unless it moves the rig as the first one does", "select:alike", _always(False)),
+    Rule("undetectable effects are no candidates", "select:unidentifiable", _always(())),
+    Rule("a torque may hide in an inertia", "swallowed:swallowed", _always(None)),
+    Rule("rivals are compared by their flights", "rivals:told_apart", _argument(0)),
+    Rule("of confounded causes, the one with the best companion", "companions:explained",
+         lambda rule, bench, step: (step.choice, {})),
+    Rule("a cause whose rig does not fly is refused", "in_turn:flown", _as_chosen),
+    Rule("alternatives of a cause that does not pay", "in_turn:in_turn",
+         lambda rule, *_: iter(())),
+    Rule("a fit from less noise", "steps:from_quiet", _argument(1)),
+    Rule("backward elimination", "steps:eliminated",
+         lambda rule, bench, found, steps: (found, list(steps))),
+    Rule("a cause must gain on held-out data", "measured:is_worth", _always(True)),
+    Rule("… and stand out of coloured noise", "measured:stands_out", _always(float("inf"))),
+    Rule("… and exceed one count", "measured:within_a_count", _always(False)),
+    Rule("a residual torque competes with names", "competition:rival", _always(None)),
+    Rule("a residual torque takes a name's place", "proxies:stand_ins", _always(())),
+    Rule("a residual torque makes names unsure", "proxies:doubted", _argument(0)),
+    Rule("a residual torque makes base parameters unsure", "proxies:base_beside", _always(None)),
+    Rule("a residual torque is like a name", "proxies:named_like",
+         lambda rule, left, names: tuple(left)),
+    Rule("pieces of the flight must agree", "nearly:with_near", _argument(0)),
+    Rule("recordings must agree", "real_doubts:doubted", _argument(0)),
+    Rule("causes confounded with an inertia", "imitated:with_imitators", _argument(0)),
+    Rule("encoder scales confounded with causes", "counts:with_counts",
+         lambda rule, findings, off, *_, **__: (tuple(findings), tuple(off))),
+    Rule("the noise may bias base parameters", "calibration:doubt", _always(0.0)),
+    Rule("free run: both halves must show it", "real_named:contradicted", _always("")),
+    Rule("free run: confounded causes", "backward:tied", _argument(1)),
+    Rule("free run: the size must be significant", "real_named:apart", _always(1.0)),
+)  # fmt: skip
+BY_NAME = {rule.name: rule for rule in RULES}
+
+
+def outline(x: Any) -> Any:
+    """Return what counts of a rule's outcome: names, alternatives, and numbers to six digits."""
+    match x:
+        case Choice():
+            return (x.term.name, x.tied_with, outline(x.confidence), x.weak)
+        case Finding():
+            return (outline(x.choice), x.like)
+        case Off():
+            return (x.term.name, x.tied_with)
+        case Corrected():
+            return (tuple(t.name for t in x.structure.terms), outline(x.optimum.theta))
+        case Leftover():
+            return (x.axis, x.depends_on, x.like)
+        case np.ndarray():
+            return outline(x.tolist())
+        case float():
+            return float(f"{x:.6g}")
+        case str() | int() | None:
+            return x
+        case tuple() | list():
+            return tuple(map(outline, x))
+        case dict():
+            return tuple(map(outline, x.items()))
+        case _:
+            return x.term.name if hasattr(x, "term") else getattr(x, "name", type(x).__name__)
+
+
+@contextmanager
+def replaced(function: Function, by: Function) -> Iterator[None]:
+    """Context manager: every module of the package that holds ``function`` holds ``by`` instead."""
+    places = [
+        (module, name)
+        for key, module in list(sys.modules.items())
+        if key.startswith("heli3dof")
+        for name, value in list(vars(module).items())
+        if value is function
+    ]
+    for module, name in places:
+        setattr(module, name, by)
+    try:
+        yield
+    finally:
+        for module, name in places:
+            setattr(module, name, function)
+
+
+def noted(rule: Rule, changed: set[str]) -> Function:
+    """Return the rule's function, which notes its name in ``changed`` where it changes anything."""
+    function = rule.function
+
+    def watched(*args: Any, **keywords: Any) -> Any:
+        result = function(*args, **keywords)
+        if rule.left_out is _as_chosen:  # without the second fit
+            chosen = args[1].choice
+            same = chosen is None or result[0] is chosen
+        elif isinstance(result, Iterator):
+            return _noting(result, rule.name, changed)
+        else:
+            same = outline(result) == outline(rule.left_out(function, *args, **keywords))
+        if not same:
+            changed.add(rule.name)
+        return result
+
+    return watched
+
+
+def _noting(items: Iterator[Any], name: str, changed: set[str]) -> Iterator[Any]:
+    for item in items:
+        changed.add(name)
+        yield item
+
+
+def traced(recording: Recording) -> dict[str, Any]:
+    """Return the document of a diagnosis; its key ``rules`` lists the rules that changed anything.
+
+    A rule may change a fit on the way without changing the answer.
+    """
+    changed: set[str] = set()
+    with ExitStack() as stack:
+        for rule in RULES:
+            stack.enter_context(replaced(rule.function, noted(rule, changed)))
+        document = _diagnosed(recording)
+    return {**document, "rules": sorted(changed)}
+
+
+def without(name: str, recording: Recording) -> dict[str, Any]:
+    """Return the document of a diagnosis without the rule of that name."""
+    rule = BY_NAME[name]
+    with replaced(rule.function, partial(rule.left_out, rule.function)):
+        return _diagnosed(recording)
+
+
+def _diagnosed(recording: Recording) -> dict[str, Any]:
+    from heli3dof.diagnosis.diagnose import diagnose
+    from heli3dof.diagnosis.document import diagnosis_document
+
+    # Through JSON text, as another program would read it.
+    return dict(json.loads(json.dumps(diagnosis_document(diagnose(recording)))))
