@@ -79,6 +79,22 @@ def test_no_modules_of_a_package_import_one_another_in_a_circle(package: str) ->
     TopologicalSorter(edges).prepare()  # raises CycleError with the circle
 
 
+def test_no_folders_of_the_diagnosis_import_one_another_in_a_circle() -> None:
+    """Modules at the top of the package count as folders of their own."""
+    modules = {_module(path): path for path in files("diagnosis")}
+    edges: dict[str, set[str]] = {}
+    for name, path in modules.items():
+        folder = _folder(name)
+        edges.setdefault(folder, set()).update(
+            {_folder(other) for other in _edges(path) & set(modules)} - {folder}
+        )
+    TopologicalSorter(edges).prepare()
+
+
+def _folder(module: str) -> str:
+    return ".".join(module.split(".")[:3])
+
+
 def _module(path: Path) -> str:
     parts = path.relative_to(ROOT).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)

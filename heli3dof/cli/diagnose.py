@@ -64,7 +64,7 @@ def diagnose(
     from heli3dof.cli.inputs import check_distinct, check_same_rig
     from heli3dof.diagnosis.diagnose import diagnose
     from heli3dof.diagnosis.document import diagnosis_document as to_document
-    from heli3dof.diagnosis.next_experiment import next_experiment
+    from heli3dof.diagnosis.planning.next_experiment import next_experiment
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.model.model_file import save_model
     from heli3dof.recording.atomic_write import check_outputs, default_output, stem

@@ -27,7 +27,7 @@ from heli3dof.cli.renamed_options import renamed
 from heli3dof.errors import Heli3dofError, UsageError
 
 if TYPE_CHECKING:
-    from heli3dof.diagnosis.run_auto import AutoResult
+    from heli3dof.diagnosis.planning.run_auto import AutoResult
     from heli3dof.experiment.fly import Flight
     from heli3dof.experiment.plan import Plan
     from heli3dof.recording.recording import Recording
@@ -153,7 +153,7 @@ def _fly_auto(
     seed: int,
 ) -> None:
     from heli3dof.cli.diagnose import stages
-    from heli3dof.diagnosis.run_auto import run_auto
+    from heli3dof.diagnosis.planning.run_auto import run_auto
 
     result = run_auto(
         plan,

@@ -2,12 +2,12 @@
 
 0. Integrity: a recording that is itself at fault is not diagnosed.
 1. The base: the profile's rigid body or the paper's hover model, its T_g and inertias fitted and
-   freed of the filter's bias (`heli3dof.diagnosis.corrected`).
+   freed of the filter's bias (`estimate.bias_correction`).
 2. The screen of every candidate, against simulated nulls of the recordings' own fit.
-3. Causes one by one by full fits (`heli3dof.diagnosis.select`); after each, its own correction,
+3. Causes one by one by full fits (`selection.select`); after each, its own correction,
    nulls and screen anew. Then backwards: what the others made superfluous goes.
 4. What it gains on data not seen, against the base refitted; what does not pay goes.
-5. What is left and has no name; names that only stood in for it go (`unnamed`).
+5. What is left and has no name; names that only stood in for it go (`settle_unmodelled`).
 """
 
 from __future__ import annotations
@@ -17,19 +17,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from heli3dof.diagnosis.base_fit import BASES, as_written, base_of
-from heli3dof.diagnosis.calibration import Off, calibrated, doubt, off_nominal
-from heli3dof.diagnosis.companions import explained
-from heli3dof.diagnosis.corrected import Corrected
-from heli3dof.diagnosis.counts import LEVEL, untold, with_counts
-from heli3dof.diagnosis.imitated import look_beside, with_imitators
-from heli3dof.diagnosis.in_turn import flown, in_turn
+from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
+from heli3dof.diagnosis.conclusion.encoder_scales import LEVEL, undetectable_scales, with_scale_ties
+from heli3dof.diagnosis.conclusion.inertia_ties import look_beside, with_confounded_causes
+from heli3dof.diagnosis.conclusion.segments import with_segment_ties
+from heli3dof.diagnosis.conclusion.stand_ins import base_with_residual
+from heli3dof.diagnosis.conclusion.unnamed import Settled, settle_unmodelled
+from heli3dof.diagnosis.estimate.base_fit import BASES, fit_base
+from heli3dof.diagnosis.estimate.base_parameters import (
+    OffNominal,
+    base_parameters,
+    doubt,
+    off_nominal,
+)
+from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
+from heli3dof.diagnosis.estimate.setup import Setup
+from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_real, no_likelihood
+from heli3dof.diagnosis.free_run.recordings_agree import marked_unsure
 from heli3dof.diagnosis.integrity import Kind, integrity
-from heli3dof.diagnosis.measured import adopted, fitted
-from heli3dof.diagnosis.nearly import with_near
-from heli3dof.diagnosis.proxies import base_beside
-from heli3dof.diagnosis.real_doubts import doubted
-from heli3dof.diagnosis.real_log import diagnose_real, no_likelihood
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
@@ -38,9 +43,15 @@ from heli3dof.diagnosis.result import (
     tied_in,
     verdict_of,
 )
-from heli3dof.diagnosis.select import MOST, least_found
-from heli3dof.diagnosis.steps import Bench, Step, eliminated, looked_at
-from heli3dof.diagnosis.unnamed import Settled, unnamed
+from heli3dof.diagnosis.selection.alternatives import alternatives, first_that_flies
+from heli3dof.diagnosis.selection.companions import best_with_companion
+from heli3dof.diagnosis.selection.select import MOST, least_found
+from heli3dof.diagnosis.selection.steps import (
+    Step,
+    as_written,
+    backward_elimination,
+    screening_step,
+)
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects import term
 from heli3dof.parallel import report_progress
@@ -103,34 +114,34 @@ def _diagnosed(
             train, held, faults, why=why, base=base, quick=quick, seed=seed, says=clock.says
         )
     flights = QUICK_FLIGHTS if quick else FLIGHTS
-    bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
+    bench = Setup(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
     clock.start("base", "Fitting the base simulation and simulating its bias …")
-    least = base_of(bench)
+    least = fit_base(bench)
     steps, found = causes(bench, least, flights, clock)
     first = steps[0]
     clock.start("backward", "Refitting without each cause …")
-    found, steps = eliminated(bench, found, steps)
+    found, steps = backward_elimination(bench, found, steps)
     clock.start("gain", "Measuring the gain on held-out data …")
     taken = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
     found, findings, dropped, after = adopted(
-        found, taken, held, seed=seed, instead=partial(in_turn, bench)
+        found, taken, held, seed=seed, instead=partial(alternatives, bench)
     )
     clock.start("left", "Searching for unmodelled effects …")
     many = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
-    last = unnamed(bench, Settled(found, findings, dropped, after), held, flights=many)
-    last = replace(last, findings=with_near(last.findings))
+    last = settle_unmodelled(bench, Settled(found, findings, dropped, after), held, flights=many)
+    last = replace(last, findings=with_segment_ties(last.findings))
     if not bench.controller_is_known:
         clock.says("Fitting each recording separately …")
-        last = replace(last, findings=doubted(last.findings, train))
+        last = replace(last, findings=marked_unsure(last.findings, train))
     clock.start("gain", "Measuring the gain on held-out data …")
     least = as_written(least, last.found)
     whole = fitted(least, last.found, last.after, train, held, seed=seed)
     clock.start("off", "Comparing the calibration with the profile …")
     off = base_off(last) if last.sure else ()
-    off = tuple(with_imitators(o, look_beside(steps, last.found)) for o in off)
+    off = tuple(with_confounded_causes(o, look_beside(steps, last.found)) for o in off)
     profile = train[0].profile
-    findings, off = with_counts(
-        last.findings, off, calibrated(last.found),
+    findings, off = with_scale_ties(
+        last.findings, off, base_parameters(last.found),
         rest_rad=float(profile.encoder.rest_rad[0]), tolerance=profile.tolerance,
     )  # fmt: skip
     clock.stop()
@@ -142,7 +153,7 @@ def _diagnosed(
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
     each = in_order(sized, findings, off)
-    dark = untold(
+    dark = undetectable_scales(
         tied_in(each), bench.axes, rest_rad=float(profile.encoder.rest_rad[0]),
         tolerance=profile.tolerance, level_deg=least_found(first.screen, first.nulls, LEVEL),
     )  # fmt: skip
@@ -155,15 +166,17 @@ def _diagnosed(
     )  # fmt: skip
 
 
-def base_off(last: Settled) -> tuple[Off, ...]:
+def base_off(last: Settled) -> tuple[OffNominal, ...]:
     """The base's numbers that are off nominal, beside what is left."""
-    beside = None if last.held is None or not last.left else base_beside(last.found, last.held)
+    beside = (
+        None if last.held is None or not last.left else base_with_residual(last.found, last.held)
+    )
     return off_nominal(last.found, doubted=doubt(last.found), beside=beside)
 
 
 def causes(
-    bench: Bench, base: Corrected, flights: int, clock: Clock
-) -> tuple[list[Step], Corrected]:
+    bench: Setup, base: CorrectedFit, flights: int, clock: Clock
+) -> tuple[list[Step], CorrectedFit]:
     """Forward: every step that was made (the last one found nothing, or is the last allowed)."""
     found, steps = base, list[Step]()
     # An inertia far off is a first cause too, whose formula (where its mass sits) is a guess.
@@ -174,17 +187,17 @@ def causes(
         n = flights if not steps else max(8, round(FURTHER * flights))
         nulls = f"against {n} simulated nulls" if bench.controller_is_known else "every candidate"
         clock.start(f"screen {len(steps) + 1}", f"Screening {nulls} …")
-        step = looked_at(bench, found, n)
+        step = screening_step(bench, found, n)
         clock.start(f"fits {len(steps) + 1}", "Fitting what may be the cause …")
         step = step.chosen(bench, score)
         steps.append(step)
         if step.choice is None:
             break
-        made: Mapping[str, Corrected] = {}
+        made: Mapping[str, CorrectedFit] = {}
         if bench.opinions and bench.controller_is_known:
-            likelier, made = explained(bench, step)
+            likelier, made = best_with_companion(bench, step)
             step = replace(step, choice=likelier)
-        choice, wider = flown(bench, step, score, made)
+        choice, wider = first_that_flies(bench, step, score, made)
         steps[-1] = replace(step, choice=choice)
         if choice is None or wider is None:
             break

@@ -6,15 +6,20 @@ import math
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.calibration import Calibrated, Off, calibrated, finding_of
-from heli3dof.diagnosis.counts import flyable
-from heli3dof.diagnosis.gain import HORIZON_S, Gain
+from heli3dof.diagnosis.conclusion.encoder_scales import flyable
+from heli3dof.diagnosis.estimate.base_parameters import (
+    BaseParameter,
+    OffNominal,
+    base_parameters,
+    finding_of,
+)
 from heli3dof.diagnosis.integrity import Fault
-from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.outlook import NextExperiment
+from heli3dof.diagnosis.planning.free_run_plan import why_none
 from heli3dof.diagnosis.profile_update import Measured, profile_keys, ratios
-from heli3dof.diagnosis.real_next import why_none
 from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
 
 
 def diagnosis_document(
@@ -22,7 +27,7 @@ def diagnosis_document(
 ) -> dict[str, Any]:
     """JSON-able; ``model`` is the extended model's path, None where it was not written.
 
-    ``upcoming`` is what `heli3dof.diagnosis.next_experiment.next_experiment` says; without it the
+    ``upcoming`` is what `planning.next_experiment.next_experiment` says; without it the
     catalogue's own recommendation for the first tie stands there. Beside the contract's keys:
     ``integrity`` (every fault), ``dropped`` (causes that do not pay), ``about``, and what
     `_calibration` says of the tolerance.
@@ -93,7 +98,7 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
     found = {x.term.name for x in d.calibration_findings}
     found |= {x.choice.term.name for x in d.findings}
 
-    def beyond(c: Calibrated) -> str:
+    def beyond(c: BaseParameter) -> str:
         if finding_of(c.name) in found:
             return "surely"
         return "not_surely" if c.beyond(tolerance) > 0 else "no"
@@ -108,13 +113,13 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
             "tolerance": tolerance,
             "beyond_tolerance": beyond(c),
         }
-        for c in (f.calibration if f.final is None else calibrated(f.final))
+        for c in (f.calibration if f.final is None else base_parameters(f.final))
     ]
 
 
 def _measured(f: Fitted | None) -> dict[str, Measured]:
     """Return the base parameters in SI by name, K_f among them; empty where none were fitted."""
-    numbers = () if f is None or f.final is None else calibrated(f.final)
+    numbers = () if f is None or f.final is None else base_parameters(f.final)
     return {c.name: Measured(c.nominal, c.value, c.std) for c in numbers}
 
 
@@ -163,10 +168,10 @@ def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
     return out
 
 
-def _found(x: Fault | Finding | Off) -> dict[str, Any]:
+def _found(x: Fault | Finding | OffNominal) -> dict[str, Any]:
     if isinstance(x, Finding):
         return _finding(x)
-    return _off(x) if isinstance(x, Off) else _fault(x)
+    return _off(x) if isinstance(x, OffNominal) else _fault(x)
 
 
 def _finding(f: Finding) -> dict[str, Any]:
@@ -196,7 +201,7 @@ def _fault(f: Fault) -> dict[str, Any]:
     }
 
 
-def _off(x: Off) -> dict[str, Any]:
+def _off(x: OffNominal) -> dict[str, Any]:
     """A base parameter that is off its nominal; its gain is calibration, which is no gain."""
     return {
         "effect": x.term.effect.name,
@@ -209,7 +214,7 @@ def _off(x: Off) -> dict[str, Any]:
     }
 
 
-def _leftover(x: Leftover) -> dict[str, Any]:
+def _leftover(x: ResidualTorque) -> dict[str, Any]:
     return {
         "axis": x.axis,
         "depends_on": x.depends_on,
@@ -245,7 +250,7 @@ def _upcoming(n: NextExperiment) -> dict[str, Any]:
 def _next(d: Diagnosis) -> dict[str, Any] | None:
     """The plan that separates the first tie that a flight can separate, by the catalogue."""
     ties = (
-        (x.term, x.tied_with) if isinstance(x, Off) else (x.choice.term, x.choice.tied_with)
+        (x.term, x.tied_with) if isinstance(x, OffNominal) else (x.choice.term, x.choice.tied_with)
         for x in d.in_order
         if not isinstance(x, Fault)
     )

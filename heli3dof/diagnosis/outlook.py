@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from heli3dof.identification.greybox.multistep import MultiStepFit
+from heli3dof.model.greybox.model import GreyBoxModel
+
 HOPELESS = 0.5
 """Certainty below which no plan is promised to settle it."""
 
@@ -33,6 +36,19 @@ class NextExperiment:
     why: str
     certainty: float | None
     ranking: tuple[Outlook, ...] = field(default=())
+
+
+@dataclass(frozen=True, eq=False)
+class Open:
+    """What a fit leaves open: terms that were needed and not surely sized, or not seen at all."""
+
+    fit: MultiStepFit
+    model: GreyBoxModel
+    """The fitted rig, to be flown"""
+    names: tuple[str, ...]
+    """The most urgent first"""
+    tied: bool = False
+    """They fit as well in one another's place."""
 
 
 def percent(chance: float) -> str:

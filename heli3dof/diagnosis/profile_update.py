@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.thrust_scale import TORQUE_UNITS, of_ratios
+from heli3dof.diagnosis.estimate.thrust_scale import TORQUE_UNITS, of_ratios
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.profile_file import Change

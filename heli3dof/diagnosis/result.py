@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from heli3dof.arrays import FloatArray
-from heli3dof.diagnosis.calibration import Calibrated, Off
-from heli3dof.diagnosis.corrected import Corrected
-from heli3dof.diagnosis.gain import Gain, HeldOut
-from heli3dof.diagnosis.how_wrong import HowWrong
+from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
+from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.integrity import Fault
-from heli3dof.diagnosis.leftover import Leftover
-from heli3dof.diagnosis.real_next import Open
-from heli3dof.diagnosis.select import Choice
+from heli3dof.diagnosis.outlook import Open
+from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.diagnosis.validation.gain import Gain, HeldOut
+from heli3dof.diagnosis.validation.simulation_error import HowWrong
 from heli3dof.model.greybox.model import GreyBoxModel
 
 DOES_NOT_PAY = "held-out data do not confirm its gain"
@@ -54,9 +54,9 @@ class Dropped:
 class Fitted:
     """What there is once the recordings could be fitted."""
 
-    base: Corrected | None
-    final: Corrected | None
-    """None where no likelihood was fitted (`heli3dof.diagnosis.real_log`)"""
+    base: CorrectedFit | None
+    final: CorrectedFit | None
+    """None where no likelihood was fitted (`free_run.diagnose_free_run`)"""
     model: GreyBoxModel
     gain: Gain
     """The base simulation refitted → the extended one"""
@@ -67,7 +67,7 @@ class Fitted:
     noise_floor: Mapping[str, float | None]
     refit: Gain | None = None
     """The simulation as the profile has it → the base simulation refitted"""
-    calibration: tuple[Calibrated, ...] = ()
+    calibration: tuple[BaseParameter, ...] = ()
     """Where there is no ``final`` to read it from"""
     open: Open | None = None
     """What a fit to free flights left open; None where a likelihood was fitted"""
@@ -84,10 +84,10 @@ class Diagnosis:
     fitted: Fitted | None = None
     """None where the recordings themselves are at fault"""
     findings: tuple[Finding, ...] = ()
-    calibration_findings: tuple[Off, ...] = ()
+    calibration_findings: tuple[OffNominal, ...] = ()
     """Base parameters off their nominal by more than the profile's tolerance"""
     dropped: tuple[Dropped, ...] = ()
-    leftovers: tuple[Leftover, ...] = ()
+    leftovers: tuple[ResidualTorque, ...] = ()
     not_identifiable: tuple[str, ...] = ()
     about: Mapping[str, Any] = field(default_factory=dict)
 
@@ -97,32 +97,35 @@ class Diagnosis:
         return tuple(f for f in self.integrity if f.kind == "finding")
 
     @property
-    def in_order(self) -> tuple[Fault | Finding | Off, ...]:
+    def in_order(self) -> tuple[Fault | Finding | OffNominal, ...]:
         """All of them as `in_order` has it."""
         return in_order(self.faults, self.findings, self.calibration_findings)
 
 
 def in_order(
-    faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[Off]
-) -> tuple[Fault | Finding | Off, ...]:
+    faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[OffNominal]
+) -> tuple[Fault | Finding | OffNominal, ...]:
     """The strongest first: what is wrong with the recording, then causes as they were found, each
     base number before the first of them that it is stronger than."""
-    out: list[Finding | Off] = list(findings)
+    out: list[Finding | OffNominal] = list(findings)
     for o in sorted(off, key=lambda o: o.score):
         weaker = (k for k, f in enumerate(out) if _score(f) < o.score)
         out.insert(next(weaker, len(out)), o)
     return (*faults, *out)
 
 
-def physical(found: Sequence[Fault | Finding | Off]) -> list[Finding | Off]:
+def physical(found: Sequence[Fault | Finding | OffNominal]) -> list[Finding | OffNominal]:
     """Return the causes in the rig: without the faults of the recordings."""
     return [f for f in found if not isinstance(f, Fault)]
 
 
 def verdict_of(
-    findings: Sequence[Fault | Finding | Off], left: Sequence[Leftover], refit: Gain | None = None,
-    *, unsure: bool = False,
-) -> str:  # fmt: skip
+    findings: Sequence[Fault | Finding | OffNominal],
+    left: Sequence[ResidualTorque],
+    refit: Gain | None = None,
+    *,
+    unsure: bool = False,
+) -> str:
     """Return the verdict on causes in the order of `in_order`.
 
     ``refit``: the gain of refitting the profile's own numbers. ``unsure``: the first physical cause
@@ -140,7 +143,7 @@ def verdict_of(
     return "ambiguous" if tied or unsure else "explained"
 
 
-def tied_in(found: Sequence[Fault | Finding | Off]) -> tuple[str, ...]:
+def tied_in(found: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
     """Every name that one of them is tied with, or is."""
     out: list[str] = []
     for f in found:
@@ -151,5 +154,5 @@ def tied_in(found: Sequence[Fault | Finding | Off]) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _score(found: Finding | Off) -> float:
-    return found.score if isinstance(found, Off) else found.choice.score
+def _score(found: Finding | OffNominal) -> float:
+    return found.score if isinstance(found, OffNominal) else found.choice.score

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from heli3dof.diagnosis.gain import Gain, HeldOut
-from heli3dof.diagnosis.gain_replay import Replayed, replayed
-from heli3dof.diagnosis.how_wrong import HowWrong
-from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.result import Diagnosis
-from heli3dof.diagnosis.torque_evidence import Evidence, evidence, leftover_evidence
+from heli3dof.diagnosis.unmodelled.torque_curve import Evidence, evidence, leftover_evidence
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.diagnosis.validation.gain import Gain, HeldOut
+from heli3dof.diagnosis.validation.replay import Replayed, replayed
+from heli3dof.diagnosis.validation.simulation_error import HowWrong
 from heli3dof.identification.greybox.method import model_of
 from heli3dof.recording.recording import Recording
 
@@ -28,7 +28,7 @@ class FigureData:
     """The simulation error by horizon and axis"""
     evidence: Sequence[Evidence] = ()
     """Residual torque, averaged in bins, of each finding (reported cause) that acts as a torque"""
-    leftovers: Sequence[Leftover] = ()
+    leftovers: Sequence[ResidualTorque] = ()
     leftover_evidence: Sequence[Evidence] = ()
     gain: Gain | None = None
     before: HeldOut | None = None

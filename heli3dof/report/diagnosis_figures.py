@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.gain import HORIZON_S, HeldOut, Worst
-from heli3dof.diagnosis.torque_evidence import Evidence
+from heli3dof.diagnosis.unmodelled.torque_curve import Evidence
+from heli3dof.diagnosis.validation.gain import HORIZON_S, HeldOut, Worst
 from heli3dof.report.diagnosis_text import variable
 from heli3dof.report.figure_style import BLUE, GRID, INK, MEASURED, RC, SOFT, VERMILION, Line, plain
 from heli3dof.report.figures import SYMBOLS

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.gain_replay import Replayed
-from heli3dof.diagnosis.how_wrong import HowWrong
-from heli3dof.diagnosis.leftover import Leftover
-from heli3dof.diagnosis.torque_evidence import Evidence
+from heli3dof.diagnosis.unmodelled.torque_curve import Evidence
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.diagnosis.validation.replay import Replayed
+from heli3dof.diagnosis.validation.simulation_error import HowWrong
 from heli3dof.report import diagnosis_text as words
 from heli3dof.report.diagnosis_figure_data import FigureData
 from heli3dof.report.diagnosis_figures import evidence_figure, stretch_figure
@@ -108,7 +108,7 @@ def error_table(w: HowWrong) -> Grid:
     return Grid("Simulation error, degrees", heads, rows, notes, text_columns=0)
 
 
-def unmodelled_table(leftovers: Sequence[Leftover]) -> Grid:
+def unmodelled_table(leftovers: Sequence[ResidualTorque]) -> Grid:
     """Return a table of the residual torques that no known effect explains, one row each."""
     rows = [
         [

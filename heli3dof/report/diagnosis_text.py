@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.counts import flyable
+from heli3dof.diagnosis.conclusion.encoder_scales import flyable
 from heli3dof.errors import UsageError
 from heli3dof.model.effects import term
 from heli3dof.report.text_table import NONE, fixed, significant

@@ -11,11 +11,11 @@ import numpy as np
 import heli3dof as h3
 from heli3dof.comparison.prediction import ConstantAngles
 from heli3dof.comparison.term_importance import error_deg, shares
-from heli3dof.diagnosis.backward import backward
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
-from heli3dof.diagnosis.real_explains import settles_at
-from heli3dof.diagnosis.refits import STAGE_S, moved, restructured
+from heli3dof.diagnosis.free_run.elimination import eliminate
+from heli3dof.diagnosis.free_run.explanations import settles_at
+from heli3dof.diagnosis.free_run.refits import STAGE_S, moved, restructured
 from heli3dof.identification.greybox.freeflight import (
     fit_freeflight,
     free_rows,
@@ -206,7 +206,7 @@ def folds(trial: Trial) -> list[Figure]:
         test = [trial.load(left)]
         flown = [r.rows(slice(run.start, run.stop)) for r in test for run in usable_runs(r, 0)]
         full = fit_freeflight(train)
-        result = backward(full.problem, full)
+        result = eliminate(full.problem, full)
         gone = [r.term for r in result.gone]
         less = restructured(result.fit.problem, [r.term for r in result.kept])
         z, _ = moved(result.fit, less)

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from heli3dof.diagnosis import diagnose as diagnosing
-from heli3dof.diagnosis import next_experiment as asking
 from heli3dof.diagnosis.outlook import NextExperiment
+from heli3dof.diagnosis.planning import next_experiment as asking
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.recording.mcap_files.reader import read_recording

@@ -9,19 +9,19 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.calibration import Calibrated, Off
 from heli3dof.diagnosis.document import diagnosis_document
-from heli3dof.diagnosis.gain import Gain, Interval
+from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.integrity import Fault, Kind
 from heli3dof.diagnosis.profile_update import Measured, ratios
 from heli3dof.diagnosis.result import Diagnosis, Finding, in_order, verdict_of
-from heli3dof.diagnosis.select import Choice
+from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.validation.gain import Gain, Interval
 from heli3dof.model.effects import terms
 from heli3dof.rig.profile import default_profile
 
 
-def off(*tied: str) -> Off:
-    return Off(terms(["inertia.roll"])[0], 1.4, 0.03, 60.0, tied_with=tied)
+def off(*tied: str) -> OffNominal:
+    return OffNominal(terms(["inertia.roll"])[0], 1.4, 0.03, 60.0, tied_with=tied)
 
 
 def finding(*tied: str) -> Any:
@@ -102,7 +102,7 @@ def test_a_confounded_base_parameter_requests_the_plan_that_separates_it() -> No
 
 def test_beyond_tolerance_has_three_values() -> None:
     numbers = tuple(
-        Calibrated(name, 1.0, value, 0.03, "kg·m²", 0.03)
+        BaseParameter(name, 1.0, value, 0.03, "kg·m²", 0.03)
         for name, value in (("T_g", 0.79), ("J_roll", 1.4), ("J_pitch", 1.12), ("J_yaw", 0.83))
     )
     model = SimpleNamespace(profile=default_profile())

@@ -19,13 +19,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from heli3dof.diagnosis.calibration import Off
-from heli3dof.diagnosis.corrected import Corrected
-from heli3dof.diagnosis.leftover import Leftover
+from heli3dof.diagnosis.estimate.base_parameters import OffNominal
+from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
+from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.result import Finding
-from heli3dof.diagnosis.select import Choice
-from heli3dof.diagnosis.steps import Bench, Step, extended
-from heli3dof.diagnosis.trials import rings
+from heli3dof.diagnosis.screening.grid_trials import rings
+from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.selection.steps import Step, extended
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.recording.recording import Recording
@@ -65,58 +66,131 @@ def _bic(rule: Function, problem: Likelihood, fit: Optimum, name: str, *_: Any) 
 
 
 def _as_chosen(
-    rule: Function, bench: Bench, step: Step, first: float | None,
-    made: Mapping[str, Corrected] | None = None,
-) -> tuple[Choice | None, Corrected | None]:  # fmt: skip
+    rule: Function, bench: Setup, step: Step, first: float | None,
+    made: Mapping[str, CorrectedFit] | None = None,
+) -> tuple[Choice | None, CorrectedFit | None]:  # fmt: skip
     if step.choice is None:
         return None, None
     return step.choice, (made or {}).get(step.choice.term.name) or extended(bench, step.choice)
 
 
 RULES = (
-    Rule("an inertia that runs away is held", "base_fit:runaway", _always(False)),
-    Rule("the noise of a limit cycle is matched", "limit_cycle:matched", _argument(2)),
-    Rule("edge rates weigh in a limit cycle", "weighed:weighed", _argument(1)),
-    Rule("effects without a slope are tried", "trials:trials",
-         lambda rule, *args: [t for t in rule(*args) if rings(t.term)]),
-    Rule("ringing effects are tried last", "trials:trials",
-         lambda rule, *args: [t for t in rule(*args) if not rings(t.term)]),
-    Rule("no price for a parameter that its prior determines", "occam:price", _bic),
-    Rule("every rig's own effects come first", "select:surest_first",
-         lambda rule, screen, nulls, fits: list(fits)),
-    Rule("a weak further cause is refused", "select:likeliest",
-         lambda rule, found, screen, nulls, fits, first: rule(found, screen, nulls, fits, None)),
-    Rule("… unless it moves the rig as the first one does", "select:alike", _always(False)),
-    Rule("undetectable effects are no candidates", "select:unidentifiable", _always(())),
-    Rule("a torque may hide in an inertia", "swallowed:swallowed", _always(None)),
-    Rule("rivals are compared by their flights", "rivals:told_apart", _argument(0)),
-    Rule("of confounded causes, the one with the best companion", "companions:explained",
-         lambda rule, bench, step: (step.choice, {})),
-    Rule("a cause whose rig does not fly is refused", "in_turn:flown", _as_chosen),
-    Rule("alternatives of a cause that does not pay", "in_turn:in_turn",
-         lambda rule, *_: iter(())),
-    Rule("a fit from less noise", "steps:from_quiet", _argument(1)),
-    Rule("backward elimination", "steps:eliminated",
-         lambda rule, bench, found, steps: (found, list(steps))),
-    Rule("a cause must gain on held-out data", "measured:is_worth", _always(True)),
-    Rule("… and stand out of coloured noise", "measured:stands_out", _always(float("inf"))),
-    Rule("… and exceed one count", "measured:within_a_count", _always(False)),
-    Rule("a residual torque competes with names", "competition:rival", _always(None)),
-    Rule("a residual torque takes a name's place", "proxies:stand_ins", _always(())),
-    Rule("a residual torque makes names unsure", "proxies:doubted", _argument(0)),
-    Rule("a residual torque makes base parameters unsure", "proxies:base_beside", _always(None)),
-    Rule("a residual torque is like a name", "proxies:named_like",
-         lambda rule, left, names: tuple(left)),
-    Rule("pieces of the flight must agree", "nearly:with_near", _argument(0)),
-    Rule("recordings must agree", "real_doubts:doubted", _argument(0)),
-    Rule("causes confounded with an inertia", "imitated:with_imitators", _argument(0)),
-    Rule("encoder scales confounded with causes", "counts:with_counts",
-         lambda rule, findings, off, *_, **__: (tuple(findings), tuple(off))),
-    Rule("the noise may bias base parameters", "calibration:doubt", _always(0.0)),
-    Rule("free run: both halves must show it", "real_named:contradicted", _always("")),
-    Rule("free run: confounded causes", "backward:tied", _argument(1)),
-    Rule("free run: the size must be significant", "real_named:apart", _always(1.0)),
-)  # fmt: skip
+    Rule(
+        "an inertia that runs away is held",
+        "estimate.base_fit:inertia_is_implausible",
+        _always(False),
+    ),
+    Rule(
+        "the noise of a limit cycle is matched", "estimate.limit_cycle:matched_noise", _argument(2)
+    ),
+    Rule(
+        "edge rates weigh in a limit cycle", "estimate.edge_rates:fit_with_edge_rates", _argument(1)
+    ),
+    Rule(
+        "effects without a slope are tried",
+        "screening.grid_trials:trials",
+        lambda rule, *args: [t for t in rule(*args) if rings(t.term)],
+    ),
+    Rule(
+        "ringing effects are tried last",
+        "screening.grid_trials:trials",
+        lambda rule, *args: [t for t in rule(*args) if not rings(t.term)],
+    ),
+    Rule(
+        "no price for a parameter that its prior determines",
+        "selection.parameter_price:price",
+        _bic,
+    ),
+    Rule(
+        "every rig's own effects come first",
+        "selection.select:surest_first",
+        lambda rule, screen, nulls, fits: list(fits),
+    ),
+    Rule(
+        "a weak further cause is refused",
+        "selection.select:best_choice",
+        lambda rule, found, screen, nulls, fits, first: rule(found, screen, nulls, fits, None),
+    ),
+    Rule(
+        "… unless it moves the rig as the first one does",
+        "selection.select:resembles_found_causes",
+        _always(False),
+    ),
+    Rule("undetectable effects are no candidates", "selection.select:unidentifiable", _always(())),
+    Rule(
+        "a torque may hide in an inertia",
+        "selection.inertia_alternatives:cause_hidden_in_inertia",
+        _always(None),
+    ),
+    Rule(
+        "rivals are compared by their flights",
+        "selection.rivals:compared_by_simulation",
+        _argument(0),
+    ),
+    Rule(
+        "of confounded causes, the one with the best companion",
+        "selection.companions:best_with_companion",
+        lambda rule, bench, step: (step.choice, {}),
+    ),
+    Rule(
+        "a cause whose rig does not fly is refused",
+        "selection.alternatives:first_that_flies",
+        _as_chosen,
+    ),
+    Rule(
+        "alternatives of a cause that does not pay",
+        "selection.alternatives:alternatives",
+        lambda rule, *_: iter(()),
+    ),
+    Rule("a fit from less noise", "selection.steps:fit_from_low_noise", _argument(1)),
+    Rule(
+        "backward elimination",
+        "selection.steps:backward_elimination",
+        lambda rule, bench, found, steps: (found, list(steps)),
+    ),
+    Rule("a cause must gain on held-out data", "conclusion.adoption:pays_enough", _always(True)),
+    Rule(
+        "… and stand out of coloured noise",
+        "conclusion.adoption:exceeds_coloured_noise",
+        _always(float("inf")),
+    ),
+    Rule("… and exceed one count", "conclusion.adoption:within_a_count", _always(False)),
+    Rule(
+        "a residual torque competes with names",
+        "unmodelled.competition:winning_torque",
+        _always(None),
+    ),
+    Rule("a residual torque takes a name's place", "conclusion.stand_ins:stand_ins", _always(())),
+    Rule(
+        "a residual torque makes names unsure", "conclusion.stand_ins:marked_unsure", _argument(0)
+    ),
+    Rule(
+        "a residual torque makes base parameters unsure",
+        "conclusion.stand_ins:base_with_residual",
+        _always(None),
+    ),
+    Rule(
+        "a residual torque is like a name",
+        "conclusion.stand_ins:with_resemblance",
+        lambda rule, left, names: tuple(left),
+    ),
+    Rule("pieces of the flight must agree", "conclusion.segments:with_segment_ties", _argument(0)),
+    Rule("recordings must agree", "free_run.recordings_agree:marked_unsure", _argument(0)),
+    Rule(
+        "causes confounded with an inertia",
+        "conclusion.inertia_ties:with_confounded_causes",
+        _argument(0),
+    ),
+    Rule(
+        "encoder scales confounded with causes",
+        "conclusion.encoder_scales:with_scale_ties",
+        lambda rule, findings, off, *_, **__: (tuple(findings), tuple(off)),
+    ),
+    Rule("the noise may bias base parameters", "estimate.base_parameters:doubt", _always(0.0)),
+    Rule("free run: both halves must show it", "free_run.naming:contradicted", _always("")),
+    Rule("free run: confounded causes", "free_run.elimination:tied", _argument(1)),
+    Rule("free run: the size must be significant", "free_run.naming:apart", _always(1.0)),
+)
 BY_NAME = {rule.name: rule for rule in RULES}
 
 
@@ -127,11 +201,11 @@ def outline(x: Any) -> Any:
             return (x.term.name, x.tied_with, outline(x.confidence), x.weak)
         case Finding():
             return (outline(x.choice), x.like)
-        case Off():
+        case OffNominal():
             return (x.term.name, x.tied_with)
-        case Corrected():
+        case CorrectedFit():
             return (tuple(t.name for t in x.structure.terms), outline(x.optimum.theta))
-        case Leftover():
+        case ResidualTorque():
             return (x.axis, x.depends_on, x.like)
         case np.ndarray():
             return outline(x.tolist())

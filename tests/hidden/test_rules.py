@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from heli3dof.diagnosis import diagnose, nearly
+from heli3dof.diagnosis import diagnose
+from heli3dof.diagnosis.conclusion import segments as nearly
 from tests.hidden.rules import BY_NAME, RULES, noted, outline, replaced
 
 
@@ -16,16 +17,16 @@ def test_every_rule_is_a_function_of_the_diagnosis() -> None:
 
 
 def test_a_function_is_replaced_wherever_it_was_imported() -> None:
-    own = nearly.with_near
+    own = nearly.with_segment_ties
 
     def other(findings: object) -> object:
         return findings
 
     with replaced(own, other):
-        assert nearly.with_near is other
-        assert diagnose.with_near is other  # type: ignore[attr-defined]
-    assert nearly.with_near is own
-    assert diagnose.with_near is own  # type: ignore[attr-defined]
+        assert nearly.with_segment_ties is other
+        assert diagnose.with_segment_ties is other  # type: ignore[attr-defined]
+    assert nearly.with_segment_ties is own
+    assert diagnose.with_segment_ties is own  # type: ignore[attr-defined]
 
 
 def test_a_rule_is_noted_if_its_outcome_differs_from_leaving_it_out() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.noisy_flight import noisy_flight
+from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.method import fit_greybox
@@ -29,7 +29,7 @@ def flown(*simplified: str) -> Recording:
     mock = fly_plan(load_plan("rich"), device="mock:?speed=max&seed=1821", seed=1821).recording
     model = nominal(mock.profile, (*ALWAYS, *simplified), **{"motor.lag.time_constant_s": 0.05})
     model = replace(model, noise=np.array([0.004, 0.01, 0.003]))
-    return noisy_flight(model, mock.between(0.0, 40.0), np.random.default_rng(1821))
+    return simulated_flight(model, mock.between(0.0, 40.0), np.random.default_rng(1821))
 
 
 @pytest.fixture(scope="module")

@@ -105,7 +105,8 @@ class Effect:
             Several are needed if the shape of the predicted change depends on the value.
         probe_quantiles: for a limit of the voltage: the quantiles of |V| to use as ``probes``.
         scan: ``frequency`` or ``instant`` if the second parameter is a frequency or an instant. A
-            diagnosis then evaluates the score at all its values (`heli3dof.diagnosis.scans`).
+            diagnosis then evaluates the score at all its values
+            (`heli3dof.diagnosis.screening.scans`).
 
     An effect without parameters is a switch; a diagnosis does not report it.
     """

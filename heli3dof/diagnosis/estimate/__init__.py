@@ -1,0 +1,1 @@
+"""Bias-corrected fits: the likelihood evaluated, its bias simulated and removed."""

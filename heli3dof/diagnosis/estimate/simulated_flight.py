@@ -1,0 +1,100 @@
+"""A closed-loop flight of a fitted rig with its own process noise and encoders, compiled.
+
+What a recording would have looked like had the fitted rig been all there is: the same references,
+extra voltages, controller, sample times and encoder steps, and random accelerations of the fitted
+intensity a (rad/s²/√Hz), over a step h
+
+    Δq̇ = a √h ξ,     Δq = h/2 Δq̇,     ξ ~ N(0, 1)
+
+(the exact pair less a part of a√(h³/12), a thousandth of an encoder step). Effects take part as in
+the filter. It starts at rest at the recording's first angles, on the table where those say so. Of a
+log that is thinner than its loop the loop is flown, and logged as thinly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from heli3dof.model.compiled import compiled
+from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
+from heli3dof.model.estimation.decimated_log import with_loop_rows
+from heli3dof.model.greybox.linearisation import balance, true_angles
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.physics.integrator import fly_row, readings, setup, stop_at_table
+from heli3dof.model.physics.state_layout import FLANK
+from heli3dof.model.physics.table import ON_TABLE_BELOW
+from heli3dof.recording.recording import Recording
+
+_law = compiled(control_law, leaf=True)
+
+
+def _fly(  # type: ignore[no-untyped-def]
+    s, first, address, par, mem, free, x, F, low, p, c, reference, extra, grid0, grid, t, h, kick,
+    angle, voltage,
+):  # fmt: skip
+    setup(s, first, address, par, mem)
+    s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
+    y, slope, out = np.empty(3), np.empty(3), np.empty(N_OUT)
+    w, decay = np.zeros((8, 3)), np.full(3, -1.0)
+    N = reference.shape[0]
+    target = np.empty((N, 2))
+    for k in range(N):
+        readings(s, x, first, address, par, mem, y, slope)
+        for i in range(3):
+            if grid[i] > 0.0:
+                y[i] = grid0[i] + np.rint((y[i] - grid0[i]) / grid[i]) * grid[i]
+            angle[k, i] = y[i]
+        _law(p, c, y, reference[k], extra[k], out)
+        voltage[k, 0], voltage[k, 1] = out[2], out[3]
+        fly_row(s, x, k, t, h, voltage, target, F, first, address, par, mem, free, w, decay)
+        for i in range(3):
+            x[3 + i] += kick[k, i]
+            x[i] += 0.5 * h[k] * kick[k, i]
+        stop_at_table(x, low)
+
+
+_fly_compiled = compiled(_fly, error_model="numpy", nogil=True)
+
+
+def simulated_flight(
+    model: GreyBoxModel, recording: Recording, rng: np.random.Generator, rows: int | None = None
+) -> Recording:
+    """The recording's task flown on the model: the first ``rows`` rows, with other noise.
+
+    Angles lie on the encoders' grid through the recording's first readings. The recording's
+    profile must name a controller and all three axes must be measured; raises ValueError else.
+    """
+    profile = recording.profile
+    if profile.controller is None or len(recording.axes) < 3:
+        raise ValueError("the loop of this recording is unknown")
+    n = len(recording) if rows is None else min(rows, len(recording))
+    logged = recording.rows(slice(0, n))
+    part, at = with_loop_rows(logged)
+    n = len(part)
+    t = part.t - part.t[0]
+    h = np.append(np.diff(t), profile.dt)
+    read0 = np.array(part.angle[0])
+    grid = np.abs(profile.encoder.rad_per_count)
+    hooks = model.structure.hooks
+    s, par = model.structure.arrays(model.values)
+    on_table = bool(read0[0] < ON_TABLE_BELOW)
+    x = np.concatenate([true_angles(model, read0), np.zeros(3)])
+    if not on_table:
+        x[:3] += rng.uniform(-0.5, 0.5, 3) * grid
+    F = np.zeros((max(n, 1), 2))
+    if not on_table:
+        F[0] = balance(model, x[:3])
+    p = parameters(profile.controller, profile.motor.V_o, profile.motor.v_max, profile.dt)
+    angle, voltage = np.empty((n, 3)), np.empty((n, 2))
+    kick = rng.standard_normal((n, 3)) * model.noise * np.sqrt(h)[:, None]
+    _fly_compiled(
+        s, hooks.first, hooks.address, par, model.structure.memory, np.ones(3, dtype=bool), x, F,
+        x[0] if on_table else -np.inf, np.array(p),
+        np.array(state_at_rest(p, [float(a) for a in read0])),
+        np.ascontiguousarray(np.nan_to_num(part.reference, nan=0.0)),
+        np.ascontiguousarray(np.nan_to_num(part.voltage_extra, nan=0.0)),
+        read0, grid, t, h, kick, angle, voltage,
+    )  # fmt: skip
+    return replace(logged, angle=angle[at], voltage=voltage[at])

@@ -1,0 +1,1 @@
+"""The diagnosis of logs without a likelihood, by free-run predictions."""

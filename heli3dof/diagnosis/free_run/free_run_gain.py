@@ -1,0 +1,119 @@
+"""Models judged by free flights from re-estimated states, where no likelihood is trusted.
+
+With e_k(h) the error of flight k after h s,
+
+    RMSE_i(h) = √(mean_k e_k,i(h)²),      over 3 s: √(1/3 ∫₀³ RMSE_i(h)² dh)
+
+on recordings that were held out, or on blocks left out: each half of the blocks by the model fitted
+to the other. An extension pays where Σ_i (RMSE_i,after/RMSE_i,before)² over 3 s is below the number
+of axes. Intervals draw cells of `free_run.elimination.CELL_S`, for windows overlap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.free_run.elimination import CELL_S
+from heli3dof.diagnosis.free_run.refits import halves
+from heli3dof.diagnosis.validation.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
+from heli3dof.identification.greybox.freeflight import flight_of
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.greybox.multistep import errors
+from heli3dof.model.greybox.prediction import filtered
+from heli3dof.recording.recording import Recording
+
+OVER_S = 3.0
+STEP_S = 0.25
+FAR = 10 * np.pi
+"""rad: no flight is further off than that."""
+
+
+class FreeRun:
+    """Free flights of a model along recordings: errors, and the cell that each belongs to."""
+
+    def __init__(self, e: np.ndarray, cell: np.ndarray) -> None:
+        self.e = e
+        """(S, M, 3) rad, every `STEP_S` to `OVER_S`"""
+        self.cell = cell
+        """(S,)"""
+
+    @classmethod
+    def of(cls, model: GreyBoxModel, recordings: Sequence[Recording]) -> FreeRun:
+        every, cells, last = [], [], 0
+        for r in recordings:
+            flight = flight_of(r)
+            ahead = np.array([round(h / r.dt) for h in np.arange(1, 13) * STEP_S])
+            every.append(fly(model, r, ahead))
+            cell = np.floor(flight.t[flight.starts] / CELL_S).astype(int) + last
+            cells.append(cell)
+            last = int(cell.max(initial=last)) + 1
+        return cls(np.concatenate(every), np.concatenate(cells))
+
+    def only(self, rows: np.ndarray) -> FreeRun:
+        """(S,) bool"""
+        return FreeRun(self.e[rows], self.cell[rows])
+
+    def rmse_deg(self, horizon_s: float, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """(3,) degrees at that horizon"""
+        e = self.e[rows, round(horizon_s / STEP_S) - 1]
+        return np.asarray(np.degrees(np.sqrt(np.nanmean(e**2, axis=0))))
+
+    def over_deg(self) -> dict[str, float]:
+        """By axis over `OVER_S`."""
+        squares = np.vstack([np.zeros((1, 3)), np.nanmean(self.e**2, axis=0)])
+        mean = np.trapezoid(squares, dx=STEP_S, axis=0) / OVER_S
+        return dict(zip(AXES, np.degrees(np.sqrt(mean)).tolist(), strict=True))
+
+
+def left_out(models: Sequence[GreyBoxModel], recordings: Sequence[Recording]) -> FreeRun:
+    """Each fold's test windows, flown by the model that was fitted to the other folds."""
+    parts = []
+    for fold, model in enumerate(models):
+        flights = [flight_of(r) for r in recordings]
+        test = [np.isin(f.starts, halves(f, fold)[1].starts) for f in flights]
+        parts.append(FreeRun.of(model, recordings).only(np.concatenate(test)))
+    return FreeRun(np.concatenate([p.e for p in parts]), np.concatenate([p.cell for p in parts]))
+
+
+def pays(before: FreeRun, after: FreeRun) -> bool:
+    """Whether the extension predicts better over 3 s, every axis counting alike."""
+    b, a = (np.array(list(x.over_deg().values())) for x in (before, after))
+    return bool(np.nansum((a / b) ** 2) < np.isfinite(a / b).sum())
+
+
+def fly(model: GreyBoxModel, recording: Recording, ahead: np.ndarray) -> np.ndarray:
+    """(S, M, 3) rad: errors ``ahead`` (M,) rows after each start of `flight_of`."""
+    flight = flight_of(recording)
+    states = filtered(model, recording)[3]
+    with np.errstate(all="ignore"):
+        e = errors(model.structure, model.values, flight, states, ahead, tuple(model.varying))
+    e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
+    e[..., ~flight.free] = np.nan
+    return np.asarray(e)
+
+
+def gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
+    """On the same flights, 1 s ahead; cells are drawn for the intervals."""
+    two = [dict(zip(AXES, x.rmse_deg(HORIZON_S).tolist(), strict=True)) for x in (before, after)]
+    rng = np.random.default_rng([seed, 5])
+    k = round(HORIZON_S / STEP_S) - 1
+    names = np.unique(before.cell)
+    there = np.isfinite(before.e[:, k])
+    count = np.array([there[before.cell == c].sum(axis=0) for c in names])
+    sums = [
+        np.array([np.nansum(x.e[before.cell == c, k] ** 2, axis=0) for c in names])
+        for x in (before, after)
+    ]
+    drawn = rng.integers(0, len(names), (DRAWS, len(names)))
+    n = np.maximum(count[drawn].sum(axis=1), 1)
+    falls = np.subtract(*[np.degrees(np.sqrt(s[drawn].sum(axis=1) / n)) for s in sums])
+    tail = 50 * (1 - LEVEL)
+    low, high = np.percentile(falls, [tail, 100 - tail], axis=0)
+    won = {
+        a: Interval(two[0][a] - two[1][a], float(low[i]), float(high[i]))
+        for i, a in enumerate(AXES)
+    }
+    return Gain(on, two[0], two[1], won, None, None)

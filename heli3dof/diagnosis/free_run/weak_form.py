@@ -1,0 +1,137 @@
+"""What a fit to free flights leaves over, by the weak form: a torque that follows something.
+
+The fit's errors in the weak form (`heli3dof.identification.greybox.weak_form`) over spans of
+`SPAN_S` that do not overlap are mean residual accelerations; times J they are torques, one per span
+and axis. Against the span's mean of each variable they are fitted by `KNOTS` hat functions on every
+other block of `BLOCK_S`, and judged on the rest, both ways:
+
+    share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²          on spans that the curve has not seen
+
+A share above `LEAST` whose 95 % bootstrap interval over blocks lies above zero is told. The best
+variable of an axis is named, those nearly as good stand under ``also``. Coloured residuals and the
+choice among variables make false ones likelier than 5 %: it is a lead to follow, not a cause.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.identification.greybox.multistep import MultiStepFit
+from heli3dof.identification.greybox.weak_form import SPANS_S, SmoothedFlight, log_of, residuals
+
+SPAN_S = SPANS_S[0]
+BLOCK_S = 3.0
+KNOTS = 5
+RIDGE = 1.0
+LEAST = 0.10
+NEARLY = 0.8
+DRAWS = 500
+
+
+def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
+    """At most one for each axis, the largest share first."""
+    logs = [log_of(f) for f in fit.problem.flights]
+    e = residuals(fit.problem, logs, fit.z)[0]
+    rows, t, x = _spans(logs)
+    J = fit.values[1:4]
+    found = []
+    for i, axis in enumerate(AXES):
+        torque = e[rows, i] * J[i]
+        tried = {name: _judged(torque, z, t) for name, z in x.items()}
+        best = max(tried, key=lambda n: tried[n][0])
+        share, low, sure = tried[best]
+        if share < LEAST or low <= 0:
+            continue
+        also = sorted(
+            (n for n in tried if n != best and tried[n][0] > NEARLY * share),
+            key=lambda n: -tried[n][0],
+        )
+        knots, curve, std = _curve(torque, x[best])
+        found.append(
+            ResidualTorque(
+                axis, best, share, tuple(zip(knots.tolist(), curve.tolist(), strict=True)),
+                tuple(std.tolist()), float(share * len(torque)), sure, tuple(also),
+            )
+        )  # fmt: skip
+    return tuple(sorted(found, key=lambda f: -f.share))
+
+
+def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Rows of `residuals` that do not overlap, their time (recordings apart), the variables."""
+    rows, t, at = [], [], 0
+    x: dict[str, list[np.ndarray]] = {}
+    for n, log in enumerate(logs):
+        first, L, f = log.spans[0].rows, len(log.spans[0].phi), log.flight
+        keep, free = [], -1
+        for i, k in enumerate(first):
+            if k >= free:
+                keep.append(i)
+                free = k + L
+        where = first[keep]
+
+        def mean(v: np.ndarray, where: np.ndarray = where, L: int = L) -> np.ndarray:
+            total = np.concatenate([[0.0], np.cumsum(v)])
+            return np.asarray((total[where + L] - total[where]) / L)
+
+        V = f.V
+        sides = {a: mean(log.y_smooth[:, i]) for i, a in enumerate(AXES)}
+        sides |= {f"{a}_rate": mean(log.y_dot[:, i]) for i, a in enumerate(AXES)}
+        sides |= {
+            "voltage_sum": mean(V.sum(axis=1)),
+            "voltage_difference": mean(V[:, 0] - V[:, 1]),
+            "time": mean(f.t) + 0.0,
+        }
+        for name, z in sides.items():
+            x.setdefault(name, []).append(z)
+        rows.append(np.array(keep) + at)
+        t.append(mean(f.t) + 1e4 * n)
+        at += len(first)
+    return np.concatenate(rows), np.concatenate(t), {k: np.concatenate(v) for k, v in x.items()}
+
+
+def _hats(z: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """(n, K) hat functions, constant beyond the ends."""
+    return np.array([np.interp(z, knots, e) for e in np.eye(len(knots))]).T
+
+
+def _knots(z: np.ndarray) -> np.ndarray:
+    k = np.unique(np.quantile(z, np.linspace(0.03, 0.97, KNOTS)))
+    return k if len(k) > 1 else np.array([z.min(), z.min() + 1.0])
+
+
+def _solve(A: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    H = A.T @ A + RIDGE * np.eye(A.shape[1])
+    return np.linalg.solve(H, A.T @ y), np.linalg.inv(H)
+
+
+def _judged(y: np.ndarray, z: np.ndarray, t: np.ndarray) -> tuple[float, float, float]:
+    """(share on unseen spans, its lower end, share of draws above zero)."""
+    block = np.floor(t / BLOCK_S).astype(int)
+    knots = _knots(z)
+    A = _hats(z, knots)
+    won, all_ = np.zeros(len(y)), np.zeros(len(y))
+    for side in (0, 1):
+        test = block % 2 == side
+        if test.all() or not test.any():
+            return 0.0, 0.0, 0.0
+        mean = y[~test].mean()
+        c, _ = _solve(A[~test], y[~test] - mean)
+        all_[test] = (y[test] - mean) ** 2
+        won[test] = all_[test] - (y[test] - mean - A[test] @ c) ** 2
+    names = np.unique(block)
+    W = np.array([won[block == b].sum() for b in names])
+    T = np.array([all_[block == b].sum() for b in names])
+    drawn = np.random.default_rng(3).integers(0, len(names), (DRAWS, len(names)))
+    draws = W[drawn].sum(axis=1) / T[drawn].sum(axis=1)
+    return float(W.sum() / T.sum()), float(np.percentile(draws, 2.5)), float((draws > 0).mean())
+
+
+def _curve(y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(knots, torque there, its standard deviation)."""
+    knots = _knots(z)
+    A = _hats(z, knots)
+    c, C = _solve(A, y - y.mean())
+    s2 = float(np.var(y - y.mean() - A @ c))
+    return knots, c, np.sqrt(s2 * np.diag(C))

@@ -1,0 +1,1 @@
+"""The score test of every candidate effect against simulated nulls."""

@@ -1,0 +1,1 @@
+"""Forward selection and backward elimination of causes by full fits."""

@@ -1,0 +1,1 @@
+"""Torques that no effect of the catalogue explains."""

@@ -1,0 +1,1 @@
+"""Predictions of held-out data: errors, gains and their intervals."""

@@ -1,0 +1,225 @@
+"""Causes are adopted for their gain on held-out data; adopted causes are not confounded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.conclusion import adoption as measured
+from heli3dof.diagnosis.conclusion.adoption import (
+    adopted,
+    beside_each_other,
+    exceeds_coloured_noise,
+    pays_enough,
+    size_confidence,
+    within_a_count,
+)
+from heli3dof.diagnosis.result import DOES_NOT_PAY, WITHIN_A_COUNT
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
+from heli3dof.diagnosis.selection.select import WEAK, Choice
+from heli3dof.diagnosis.validation.gain import Interval
+from heli3dof.model.effects import terms
+
+NONE = cast(Any, None)
+
+
+def choice(score: float, tied: tuple[str, ...], **others: float) -> Choice:
+    """Choice among effects by name (``__`` for a dot) and score; the first is the cause."""
+    fits = tuple(
+        CandidateFit(terms([n.replace("__", ".")])[0], NONE, NONE, s, s, 0)
+        for n, s in others.items()
+    )
+    return Choice(fits[0].term, score, score, 0.5, tied, fits)
+
+
+def gained(value: float, low: float, less_deg: float = -0.001) -> Any:
+    """In log-likelihood, and in degrees on roll by at least ``less_deg``."""
+    rmse = {"roll": Interval(0.03, less_deg, 0.05), "pitch": None}
+    return SimpleNamespace(log_likelihood=Interval(value, low, 2 * value), rmse_deg=rmse)
+
+
+YAW = "disturbance.periodic.yaw"
+ROLL = "disturbance.periodic.roll"
+DRAG = "drag.quadratic.yaw"
+
+
+def test_causes_that_are_both_adopted_are_not_confounded_with_each_other() -> None:
+    first = choice(176.0, (ROLL,), disturbance__periodic__yaw=176.0,
+                   disturbance__periodic__roll=175.5, drag__quadratic__yaw=160.0)  # fmt: skip
+    second = choice(613.0, (), disturbance__periodic__roll=613.0)
+    a, b = beside_each_other([first, second])
+    assert (a.tied_with, b.tied_with) == ((), ())
+    # Against the drag: 1 / (1 + exp(−(176 − 160)/2))
+    assert a.confidence == pytest.approx(0.99966, abs=1e-5)
+    assert b.confidence == second.confidence
+
+
+def test_a_cause_stays_confounded_with_an_absent_one() -> None:
+    first = choice(176.0, (ROLL, DRAG), disturbance__periodic__yaw=176.0,
+                   disturbance__periodic__roll=175.5, drag__quadratic__yaw=176.0)  # fmt: skip
+    assert beside_each_other([first])[0].tied_with == (ROLL, DRAG)
+    (a, _) = beside_each_other([first, choice(613.0, (), disturbance__periodic__roll=613.0)])
+    assert a.tied_with == (DRAG,)
+    assert a.confidence == pytest.approx(0.5)
+
+
+def test_a_cause_is_not_confounded_with_an_adopted_form_of_the_equations() -> None:
+    name = "simplified.yaw_inertia"
+    first = choice(176.0, (name,), drag__quadratic__yaw=176.0, simplified__yaw_inertia=175.5)
+    assert beside_each_other([first])[0].tied_with == (name,)
+    assert beside_each_other([first], [name])[0].tied_with == ()
+
+
+def test_a_cause_stays_confounded_with_a_weakly_supported_one() -> None:
+    first = choice(176.0, (ROLL,), disturbance__periodic__yaw=176.0,
+                   disturbance__periodic__roll=175.5)  # fmt: skip
+    weak = replace(choice(40.0, (), disturbance__periodic__roll=40.0), weak=True)
+    assert beside_each_other([first, weak])[0].tied_with == (ROLL,)
+
+
+@pytest.mark.parametrize(
+    ("low", "value", "first", "weak", "adopted"),
+    [
+        (2.0, 20.0, False, False, True),  # significantly likelier
+        (-1.0, 20.0, False, False, False),  # not significantly
+        (-1.0, 20.0, True, False, True),  # odds of e²⁰ suffice for a first cause,
+        (-1.0, 20.0, False, True, True),  # and for one reported as "…-like" only
+        (-1.0, 2.0, False, True, False),  # e² do not: 7 to one
+    ],
+)
+def test_a_cause_is_adopted_if_held_out_data_confirm_it(
+    low: float, value: float, first: bool, weak: bool, adopted: bool
+) -> None:
+    gain = gained(value, low)
+    choice = cast(Any, SimpleNamespace(weak=weak, score=WEAK - 1))
+    assert pays_enough(choice, gain, first=first) is adopted
+
+
+@pytest.mark.parametrize(("score", "adopted"), [(WEAK - 1, False), (WEAK, True)])
+def test_a_cause_whose_score_is_not_weak_is_adopted(score: float, adopted: bool) -> None:
+    choice = cast(Any, SimpleNamespace(weak=False, score=score))
+    assert pays_enough(choice, gained(20.0, -1.0), first=False) is adopted
+
+
+@pytest.mark.parametrize(
+    ("value", "less_deg", "adopted"),
+    [
+        (24.6, 0.011, True),  # a dead zone's 25 in the few cells where the voltage came near it
+        (24.6, -0.002, False),  # no axis is predicted significantly better
+        (11.0, 0.011, False),  # odds of 6·10⁴ to one only
+    ],
+)
+def test_a_brief_effect_pays_by_its_odds_and_one_better_predicted_axis(
+    value: float, less_deg: float, adopted: bool
+) -> None:
+    choice = cast(Any, SimpleNamespace(weak=False, score=40.0))
+    assert pays_enough(choice, gained(value, -7.0, less_deg), first=False) is adopted
+
+
+def found_with(rho: float) -> Any:
+    free = [SimpleNamespace(term=None), SimpleNamespace(term=DRAG)]
+    return SimpleNamespace(free=free, colour=[9.0, rho])
+
+
+def test_slow_noise_lowers_a_cause_s_margin_over_the_threshold() -> None:
+    drag = replace(choice(176.0, (), drag__quadratic__yaw=176.0), Z2=60.0, threshold=20.0)
+    assert exceeds_coloured_noise(found_with(1.5), drag) == pytest.approx(2.0)
+    assert exceeds_coloured_noise(found_with(6.0), drag) == pytest.approx(0.5)
+    assert exceeds_coloured_noise(found_with(1.0), drag) == float("inf")
+
+
+OFFSET, BACKLASH, MASS = "encoder.offset.pitch", "encoder.backlash.pitch", "mass.change"
+
+
+def encoder_of(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFFSET) -> Choice:
+    """``first`` and an error of pitch's encoder of that size, as they were chosen."""
+    encoder = SimpleNamespace(roll=4096, pitch=-4096, yaw=8192)
+    problem = SimpleNamespace(
+        values=lambda theta: theta,
+        structure=SimpleNamespace(profile=SimpleNamespace(encoder=encoder)),
+    )
+    optimum = SimpleNamespace(theta=[1.17, size_deg])
+    own = CandidateFit(terms([of])[0], cast(Any, problem), cast(Any, optimum), 90.0, 90.0, 0)
+    other = CandidateFit(terms([first])[0], NONE, NONE, 95.0, 95.0, 0)
+    fits = (own,) if first == of else (other, own)
+    return Choice(fits[0].term, 95.0, 95.0, 1.0, tied, fits)
+
+
+def fit_of(**sizes: float) -> Any:
+    """A fit of these terms (``__`` for a dot) and first numbers."""
+    names = [n.replace("__", ".") for n in sizes]
+    return SimpleNamespace(
+        free=[SimpleNamespace(term=n) for n in names], values=[*sizes.values()],
+        colour=[1.0] * len(names),
+    )  # fmt: skip
+
+
+def within(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFFSET) -> bool:
+    """With the same size in the last fit as when it was chosen."""
+    fit = fit_of(**{first: size_deg if first == of else 0.02})
+    return within_a_count(fit, encoder_of(size_deg, tied, first, of))
+
+
+def test_an_encoder_error_within_one_count_is_not_a_cause() -> None:
+    # A count on pitch is 360°/4096 = 0.088°.
+    assert within(-0.05, (), OFFSET)
+    assert not within(-0.1, (), OFFSET)
+    assert within(0.05, (OFFSET,), "aero.reaction_torque")
+    assert within(0.05, (), BACKLASH, BACKLASH)
+    assert not within(0.1, (), BACKLASH, BACKLASH)
+    # A torque that is confounded with so little backlash may still be a torque.
+    assert not within(0.05, (BACKLASH,), "aero.reaction_torque", BACKLASH)
+    # If the flight separates the two, the finding is not the encoder's.
+    assert not within(0.05, (), "aero.reaction_torque")
+
+
+def test_the_final_fit_determines_the_size() -> None:
+    taken = encoder_of(0.5, (), BACKLASH, BACKLASH)
+    assert within_a_count(fit_of(encoder__backlash__pitch=0.017), taken)
+    assert not within_a_count(fit_of(encoder__backlash__pitch=0.5), taken)
+
+
+@pytest.mark.parametrize(
+    ("mass_pays", "named"),
+    [
+        (True, [BACKLASH, MASS]),
+        (False, []),  # without it the backlash is 0.017°, a fifth of a count
+    ],
+)
+def test_backlash_that_shrinks_below_a_count_without_another_cause_is_dropped(
+    monkeypatch: pytest.MonkeyPatch, mass_pays: bool, named: list[str]
+) -> None:
+    def without(fit: Any, term: Any) -> Any:
+        left = {f.term for f in fit.free} - {term.name}
+        size = 0.5 if MASS in left else 0.017
+        return fit_of(**{n: size if n == BACKLASH else 0.015 for n in sorted(left)})
+
+    def gain(before: Any, after: Any, *, seed: int) -> Any:
+        (gone,) = {f.term for f in after.free} - {f.term for f in before.free}
+        return gained(*((40.0, 20.0) if gone == BACKLASH or mass_pays else (-389.0, -2726.0)))
+
+    monkeypatch.setattr(measured, "held_out", lambda fit, holdout: fit)
+    monkeypatch.setattr(measured, "without", without)
+    monkeypatch.setattr(measured, "gain", gain)
+    monkeypatch.setattr(measured, "_findings", lambda fit, kept, less, gains: tuple(kept))
+    backlash = encoder_of(0.5, (), BACKLASH, BACKLASH)
+    both = fit_of(encoder__backlash__pitch=0.5, mass__change=0.015)
+    _, kept, gone, _ = adopted(
+        both, [backlash, choice(1443.0, (), mass__change=1443.0)], [], seed=0
+    )
+    assert [c.term.name for c in cast(Any, kept)] == named
+    assert [(d.name, d.why) for d in gone] == (
+        [] if named else [(MASS, DOES_NOT_PAY), (BACKLASH, WITHIN_A_COUNT)]
+    )
+
+
+def test_a_cause_is_no_surer_than_its_size() -> None:
+    """5.3 ± 2.9 is 1.83 standard deviations from nothing: 97 %, however likely the cause."""
+    free = SimpleNamespace(term="stiffness.pendulum.roll", log=False, null=0.0)
+    fit = cast(Any, SimpleNamespace(free=[free], values=np.array([5.3]), std=np.array([2.9])))
+    assert size_confidence(fit, "stiffness.pendulum.roll") == pytest.approx(0.966, abs=0.001)
+    assert size_confidence(fit, "motor.saturation") == 1.0

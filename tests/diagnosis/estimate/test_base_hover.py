@@ -1,0 +1,100 @@
+"""`--base hover`: `geometry` is found in flights with large motions only."""
+
+from __future__ import annotations
+
+import pytest
+
+from heli3dof.diagnosis.diagnose import diagnose
+from heli3dof.diagnosis.document import diagnosis_document
+from heli3dof.diagnosis.result import Diagnosis
+from heli3dof.diagnosis.screening.catalogue import candidates
+from heli3dof.errors import UsageError
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan, step_plan
+from heli3dof.model.base import Model
+from heli3dof.model.model_file import save_model
+from heli3dof.paper.models import load_model
+from heli3dof.recording.recording import Recording
+
+
+def names(result: Diagnosis) -> list[str]:
+    return [f.choice.term.name for f in result.findings]
+
+
+@pytest.fixture(scope="module")
+def flight() -> Recording:
+    device = "mock:?speed=max&seed=1301&spread=0.07"
+    return fly_plan(load_plan("rich"), device=device, seed=1301).recording.between(0.0, 30.0)
+
+
+@pytest.fixture(scope="module")
+def result(flight: Recording) -> Diagnosis:
+    return diagnose(flight, quick=True, base="hover")
+
+
+def test_geometry_is_a_candidate_only_for_the_hover_base() -> None:
+    assert "geometry" not in [t.name for t in candidates()]
+    with_hover = [t.name for t in candidates(["base.hover"])]
+    assert "geometry" in with_hover
+    assert "base.hover" not in with_hover
+    assert "geometry" not in [t.name for t in candidates(["base.hover", "geometry"])]
+
+
+def test_a_large_motion_gives_geometry_with_its_full_share_and_nothing_else(
+    result: Diagnosis,
+) -> None:
+    assert result.verdict == "explained"
+    assert names(result) == ["geometry"]
+    share, std = result.findings[0].values["share"]
+    assert abs(share - 1) < 3 * std < 0.2
+    assert result.findings[0].choice.tied_with == ()
+
+
+def test_the_gain_of_geometry_is_relative_to_the_refitted_hover_model(result: Diagnosis) -> None:
+    whole = result.fitted
+    assert whole is not None
+    assert [t.name for t in whole.base.structure.terms] == ["base.hover"]
+    assert whole.gain.log_likelihood.low > 50
+    before, after = whole.gain.before["roll"], whole.gain.after["roll"]
+    assert before is not None
+    assert after is not None
+    assert after < 0.5 * before
+    # Calibration is not part of the gain: the hover model with the profile's values is worse.
+    assert whole.wrong.at(1.0, "roll")[0] > before
+
+
+def test_the_document_states_the_base(result: Diagnosis) -> None:
+    d = diagnosis_document(result)
+    assert d["about"]["base"] == "hover"
+    (finding,) = d["findings"]
+    assert (finding["effect"], finding["axis"]) == ("geometry", None)
+    assert set(finding["parameters"]) == {"share"}
+
+
+def test_the_extended_model_predicts_the_same_after_saving_and_loading(
+    result: Diagnosis, flight: Recording, tmp_path
+) -> None:  # type: ignore[no-untyped-def]
+    assert result.fitted is not None
+    model = result.fitted.model
+    back: Model = load_model(save_model(model, tmp_path / "m.json"), flight.profile)
+    part = flight.between(5.0, 8.0)
+    assert back.predict(part, 0.5) == pytest.approx(model.predict(part, 0.5), nan_ok=True)
+
+
+def test_geometry_is_not_identifiable_in_a_flight_close_to_level() -> None:
+    device = "mock:?speed=max&seed=1311&spread=0.07&start=level"
+    small = fly_plan(step_plan((2.0, None, None)), device=device, seed=1311).recording
+    result = diagnose(small, quick=True, base="hover")
+    assert "geometry" not in names(result)
+    assert "geometry" in result.not_identifiable
+
+
+def test_geometry_is_never_reported_for_the_rigid_base(flight: Recording) -> None:
+    result = diagnose(flight.between(0.0, 15.0), quick=True)
+    assert "geometry" not in [*names(result), *result.not_identifiable]
+    assert result.about["base"] == "rigid"
+
+
+def test_an_unknown_base_raises_an_error_with_the_nearest_name(flight: Recording) -> None:
+    with pytest.raises(UsageError, match="hover"):
+        diagnose(flight, base="hovr")

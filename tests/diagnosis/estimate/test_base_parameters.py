@@ -1,0 +1,82 @@
+"""A base parameter is a finding if it is significantly outside the profile's tolerance."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.estimate.base_parameters import (
+    OffNominal,
+    base_parameters,
+    off_nominal,
+    quantile,
+)
+from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.rig.profile import default_profile
+
+NAMES = ("T_g", "J_roll", "J_pitch", "J_yaw")
+
+
+def rig(ratio: tuple[float, ...] = (1, 1, 1, 1), relative_std: float = 0.003) -> Estimate:
+    """Base fit with these ratios to nominal and relative standard deviation ``relative_std``."""
+    start = np.array([1.17, 0.91, 0.036, 0.95])
+    units = ("N·m", "kg·m²", "kg·m²", "kg·m²")
+    free = [SimpleNamespace(name=n, start=s, unit=u, log=n != "T_g")
+            for n, s, u in zip(NAMES, start, units, strict=True)]  # fmt: skip
+    values = start * np.array(ratio)
+    return cast(Any, SimpleNamespace(
+        free=free, values=values, std=relative_std * values,
+        structure=SimpleNamespace(profile=default_profile()),
+    ))  # fmt: skip
+
+
+def names(off: tuple[OffNominal, ...]) -> list[str]:
+    return [o.term.name for o in off]
+
+
+def test_the_quantile_gives_five_parameters_a_false_alarm_rate_of_0_003() -> None:
+    from scipy.stats import norm
+
+    assert 5 * norm.sf(quantile()) == pytest.approx(0.003)
+
+
+def test_a_significant_deviation_is_a_finding_and_one_within_tolerance_is_not() -> None:
+    assert names(off_nominal(rig((1, 1, 1.4, 1)))) == ["inertia.pitch"]
+    assert names(off_nominal(rig((0.6, 1, 1, 1)))) == ["mass.imbalance"]
+    assert names(off_nominal(rig((1, 1, 1.12, 1)))) == []
+
+
+def test_a_common_factor_on_all_parameters_is_the_thrust_gain() -> None:
+    assert names(off_nominal(rig((0.6,) * 4))) == ["motor.thrust_gain"]
+
+
+def test_two_standard_deviations_are_not_enough() -> None:
+    # ln 1.4 = 0.336 is 0.197 beyond the edge; the scale absorbs 0.02 of it. That is 2.2
+    # combined deviations (flight 0.065, scale 0.048), but 0.8 of the margin that 3.24 requires.
+    fit = rig((1, 1, 1.4, 1), relative_std=0.065)
+    pitch = base_parameters(fit)[3]
+    assert pitch.beyond(0.15) > 2 * np.hypot(pitch.told, pitch.scale)
+    assert names(off_nominal(fit)) == []
+
+
+def test_in_a_limit_cycle_the_standard_deviation_counts_three_times() -> None:
+    # ln 1.8 = 0.588 is 0.448 beyond the edge: 2.3 times 3.24 · 0.06.
+    fit = rig((1, 1, 1.8, 1), relative_std=0.06)
+    assert names(off_nominal(fit)) == []
+    assert names(off_nominal(fit, doubted=1.0)) == ["inertia.pitch"]
+
+
+def test_a_deviation_that_vanishes_with_the_residual_torque_is_not_a_finding() -> None:
+    fit = rig((1, 1.5, 1, 1))
+    still, back = np.zeros(4), np.array([0.0, -0.4, 0.0, 0.0])
+    std = np.full(4, 0.003)
+    assert names(off_nominal(fit, beside=(still, std))) == ["inertia.roll"]
+    assert names(off_nominal(fit, beside=(back, std))) == []
+    assert names(off_nominal(fit, beside=(still, np.full(4, 0.2)))) == []
+
+
+def test_a_torque_of_the_wrong_sign_is_always_a_finding() -> None:
+    assert names(off_nominal(rig((-0.5, 1, 1, 1)))) == ["mass.imbalance"]

@@ -1,0 +1,130 @@
+"""The bias correction gives correct inertias and intervals from step responses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.estimate.base_fit import corrected_base, fit_base, inertia_is_implausible
+from heli3dof.diagnosis.estimate.bias_correction import ProfileLikelihood, scatter_of
+from heli3dof.diagnosis.estimate.corrected_maximum import ScoreBias, maximise_corrected
+from heli3dof.diagnosis.estimate.setup import Setup
+from heli3dof.diagnosis.selection.steps import extended, screening_step
+from heli3dof.diagnosis.sensitivity.perturbation import path
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan, step_plan
+from heli3dof.identification.greybox.method import fit_greybox, usable_runs
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.recording.recording import Recording
+from heli3dof.rig.drivers import open_driver
+from heli3dof.rig.profile import default_profile, profile_from_dict
+
+DEVICE = "mock:?speed=max&spread=0.07&seed=1002"
+
+
+def steps() -> Recording:
+    return fly_plan(load_plan("steps"), device=DEVICE, seed=1002).recording
+
+
+def true_roll_inertia() -> float:
+    """In units of the profile's K_f."""
+    rig = open_driver(DEVICE, default_profile())
+    body = rig.truth.body  # type: ignore[attr-defined]
+    rig.close()
+    return float((body.J[0] + body.dJ[0]) * default_profile().motor.K_f / body.K_f)
+
+
+def test_on_steps_the_corrected_roll_inertia_is_right_and_the_plain_one_is_not() -> None:
+    recording, truth = steps(), true_roll_inertia()
+    plain = fit_greybox(recording, ())
+    corrected = fit_base(Setup((recording,), seed=0, pilots=6))
+    assert abs(plain.values[1] - truth) > 3 * plain.std[1]
+    assert abs(corrected.values[1] - truth) < 3 * corrected.std[1]
+    assert abs(corrected.values[1] / truth - 1) < 0.03
+
+
+def test_an_unobservable_inertia_is_held_to_the_profile_s_tolerance() -> None:
+    recording = steps().between(10.0, 14.0)
+    data = data_of([recording], usable_runs(recording, 0))
+    problem = ProfileLikelihood(data, Structure(recording.profile, ()))
+    np.testing.assert_allclose(problem.prior_precision[1:4], 1 / 0.15**2)
+
+
+def test_a_tilt_moves_the_maximum_by_the_equivalent_score() -> None:
+    recording = steps().between(8.0, 24.0)
+    data = data_of([recording], usable_runs(recording, 0))
+    problem = ProfileLikelihood(data, Structure(recording.profile, ()))
+    noise = np.array([0.006, 0.013, 0.0025, 0.0])
+    level = maximise_corrected(problem, problem.prior_mean, noise, None, hold_noise=True)
+    A = level.information + np.diag(problem.prior_precision)
+    wanted = np.array([0.0, 0.5, 0.0, 0.0]) * np.sqrt(np.diag(np.linalg.inv(A)))
+    tilt = ScoreBias(-A @ wanted, np.zeros(3), level.theta, noise)
+    moved = maximise_corrected(problem, level.theta, noise, tilt, hold_noise=True)
+    sd = np.sqrt(np.diag(np.linalg.inv(A)))
+    np.testing.assert_allclose((moved.theta - level.theta) / sd, wanted / sd, atol=0.15)
+
+
+def test_held_parameters_stay_fixed_in_the_search() -> None:
+    recording = steps().between(8.0, 20.0)
+    data = data_of([recording], usable_runs(recording, 0))
+    problem = ProfileLikelihood(data, Structure(recording.profile, ()))
+    noise = np.array([0.006, 0.013, 0.0025, 0.0])
+    start = problem.prior_mean + np.array([0.0, 0.1, 0.1, 0.1])
+    still = np.array([False, True, False, False])
+    fit = maximise_corrected(problem, start, noise, None, hold_noise=True, hold=still)
+    assert fit.theta[1] == start[1]
+    assert np.all(fit.theta[2:] != start[2:])
+
+
+def test_a_path_has_one_chunk_per_10_ms() -> None:
+    recording = steps().between(10.0, 12.0)
+    problem = ProfileLikelihood(
+        data_of([recording], usable_runs(recording, 0)), Structure(recording.profile, ())
+    )
+    noise = np.array([0.006, 0.013, 0.0025, 0.0])
+    at = problem.run(problem.prior_mean, noise, keep=2)
+    p = path(problem.structure, problem.values(problem.prior_mean), problem.data, at)
+    assert len(p.chunk) == 200
+    assert np.diff(p.t).max() < 0.011
+
+
+@pytest.mark.parametrize(("size", "expected"), [(0.5, 1.0), (1.0, 1.0), (2.0, 4.0)])
+def test_the_scatter_of_few_flights_is_at_least_that_of_exact_scores(
+    size: float, expected: float
+) -> None:
+    H = np.array([[4.0, 1.0], [1.0, 9.0]])
+    # Two flights, ± size of an exact score's standard deviation over √2: their variance is size².
+    flights = np.array([[1.0], [-1.0]]) * size / np.sqrt(2) * np.sqrt(np.diag(H))
+    assert scatter_of(flights, H) == pytest.approx(expected * H)
+
+
+SLUGGISH = (
+    (14.47, 6.7, -4.47, 12.06, 2.96, -7.1, 2.236, -0.354),
+    (14.47, -6.7, 4.47, 12.06, -2.96, 7.1, 2.236, 0.354),
+)
+
+
+def test_a_constant_pitch_torque_is_not_taken_for_a_large_inertia() -> None:
+    """A roll step does not excite pitch; 0.03 N·m on pitch are 1.4 V between the motors."""
+    table = default_profile().to_dict()
+    table["controller"] = {"K": SLUGGISH}
+    profile = profile_from_dict(table)
+    device = "mock:?speed=max&start=level&seed=1421&hide=bias.torque.pitch:0.03"
+    plan = step_plan((10.0, None, None), settle_s=5.0, duration_s=10.0)
+    recording = fly_plan(plan, device=device, profile=profile, seed=1421).recording
+    problem = ProfileLikelihood(
+        data_of([recording], usable_runs(recording, 0)), Structure(profile, ())
+    )
+    bench = Setup((recording,), seed=0, pilots=6, opinions=False)
+    assert inertia_is_implausible(corrected_base(bench, problem))
+    held = fit_base(bench)
+    np.testing.assert_allclose(held.theta[1:4], held.problem.prior_mean[1:4], atol=0.1)
+    step = screening_step(bench, held, 12).chosen(bench, None)
+    assert step.choice is not None
+    names = {step.choice.term.name, *step.choice.tied_with}
+    assert "bias.torque.pitch" in names
+    result = extended(bench, step.choice)
+    assert not inertia_is_implausible(result)
+    assert isinstance(result.problem, ProfileLikelihood)
+    assert result.problem.doubt == 1.0

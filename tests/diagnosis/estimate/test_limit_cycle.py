@@ -1,0 +1,93 @@
+"""A rig on a limit cycle is found again, with its noise and inertia."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.estimate.base_fit import fit_base
+from heli3dof.diagnosis.estimate.bias_correction import ProfileLikelihood, model_at
+from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
+from heli3dof.diagnosis.estimate.limit_cycle import (
+    cycling_shares,
+    matched_noise,
+    on_limit_cycle,
+)
+from heli3dof.diagnosis.estimate.setup import Setup
+from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
+from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.recording.load import load
+from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.rig.profile import load_profile
+from tests.paths import REAL_DATA, needs_real_data
+from tests.recording.make import open_profile
+
+PLANT_2 = REAL_DATA / "plant-2"
+RATE_HZ = 500
+
+
+def counts_of(y: np.ndarray) -> Recording:
+    """A recording whose roll angle has the counts y (N,); pitch and yaw rise evenly."""
+    q = np.abs(open_profile().encoder.rad_per_count)
+    t = np.arange(len(y)) / RATE_HZ
+    others = np.round(np.outer(t, [40.0, 40.0]))
+    return make_recording(
+        t, np.full((len(t), 2), 7.0), np.column_stack([y, others]) * q, open_profile()
+    )
+
+
+@pytest.mark.parametrize(("period", "share"), [(50, 1.0), (5000, 0.0)])
+def test_a_count_that_changes_to_and_fro_is_a_limit_cycle(period: int, share: float) -> None:
+    """Ten changes a second between two neighbours are one; a change in five seconds is none."""
+    data = data_of([counts_of((np.arange(10_000) // period) % 2)],
+                   usable_runs(counts_of(np.zeros(10_000)), 0))  # fmt: skip
+    assert cycling_shares(data)[0] == pytest.approx(share, abs=0.05)
+    assert cycling_shares(data)[1:].max() == 0.0  # a steady motion changes often, and is none
+
+
+def plant_2(name: str) -> tuple[Recording, ProfileLikelihood]:
+    folder = PLANT_2 / name
+    recording = load(folder / "rec.csv.gz", load_profile(folder / "profile.toml"))
+    data = data_of([recording], usable_runs(recording, 0))
+    return recording, ProfileLikelihood(data, Structure(recording.profile, ()))
+
+
+@needs_real_data
+def test_the_noise_that_is_matched_is_that_of_the_rig_that_flew() -> None:
+    """Roll noise of 0.004 rad/s²/√Hz is found again from a start 25 times too large."""
+    recording, problem = plant_2("st-c000")
+    theta, noise = problem.prior_mean, np.array([0.004, 0.02, 0.0035, 0.0])
+    rng = np.random.default_rng(2)
+    flown = simulated_flight(model_at(problem, theta, noise), recording, rng)
+    seen = replace(problem, data=data_of([flown], problem.data.runs))
+    axes = on_limit_cycle(seen.data)
+    assert axes.tolist() == [True, False, False]
+    loud = noise * [25.0, 1.0, 1.0, 1.0]
+    found = matched_noise(seen, theta, loud, axes, [flown], seed=0)
+    assert found[0] == pytest.approx(0.004, rel=0.5)
+    assert found[1:].tolist() == noise[1:].tolist()
+
+
+@needs_real_data
+def test_a_step_on_a_limit_cycle_has_the_rigs_inertias() -> None:
+    """Plant 2's inertias are the profile's; the likelihood alone gives 0.14 of roll's."""
+    recording, _ = plant_2("st-c002")
+    found = fit_base(Setup((recording,), 0, 6, "rigid", False))
+    nominal = np.array([f.start for f in found.structure.free[1:4]])
+    assert found.values[1:4] / nominal == pytest.approx(np.ones(3), abs=0.15)
+    assert found.optimum.noise[0] < 0.006
+
+
+@needs_real_data
+def test_the_noise_of_a_limit_cycle_stays_when_an_effect_is_fitted() -> None:
+    """Along the likelihood's ridge the noise would grow again, and another rig be fitted."""
+    _, problem = plant_2("st-c000")
+    known = replace(problem, known_noise=(True, False, False))
+    noise = np.array([0.004, 0.02, 0.0035, 0.0])
+    free, held = (maximise_corrected(p, p.prior_mean, noise, None) for p in (problem, known))
+    assert held.noise[0] == 0.004
+    assert free.noise[0] > 2 * held.noise[0]

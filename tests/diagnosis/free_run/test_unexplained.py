@@ -1,0 +1,95 @@
+"""Effects in real recordings that the fitted model does not explain, from a quick fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.free_run.explanations import arm_torque, hover_voltage, settles_at
+from heli3dof.diagnosis.free_run.unexplained import (
+    Crept,
+    constant_voltage,
+    creep,
+    take_off,
+    together,
+)
+from tests.diagnosis.rig_a import quick, recording
+
+
+def test_the_arm_settles_where_its_hover_voltage_equals_the_voltage() -> None:
+    recording("closed-1a")
+    for angle in (-15.0, 0.0, 10.0):
+        assert settles_at(quick(), hover_voltage(quick(), angle)) == pytest.approx(angle, abs=0.06)
+
+
+def test_twice_the_torque_needs_two_to_the_one_over_n_times_the_voltage() -> None:
+    recording("closed-1a")
+    fit = quick()
+    n = dict(zip(fit.structure.names, fit.values, strict=True))["motor.rotor_curve.exponent"]
+    torque = arm_torque(fit, 10) / arm_torque(fit, -10)
+    assert hover_voltage(fit, 10) / hover_voltage(fit, -10) == pytest.approx(torque ** (1 / n))
+
+
+def test_a_take_off_in_which_pitch_moves_against_the_thrusts_is_reported() -> None:
+    """closed-1a: roll climbs 21.8° in 1.1 s; pitch falls while the front motor pulls harder."""
+    real, fit = recording("closed-1a"), quick()
+    sure = replace(fit, tangents=1e3 * fit.tangents)  # as if every parameter were certain
+    (note,) = take_off(sure, 0, real)
+    assert note["roll_deg"]["measured"] == pytest.approx(21.8, abs=0.1)
+    assert note["roll_deg"]["model_rotors_at_rest"] < note["roll_deg"]["model_rotors_at_speed"]
+    p = note["pitch_acceleration_rad_per_s2"]
+    assert p["measured"] < 0 < p["model"]
+    assert p["model_std"] < 0.01
+    assert "was not fitted" in note["sentence"]
+
+
+def test_a_take_off_with_an_uncertain_model_is_not_reported() -> None:
+    fit = quick()
+    open_ = replace(fit, tangents=1e-3 * fit.tangents)
+    assert not list(take_off(open_, 0, recording("closed-1a")))
+
+
+def test_creep_of_the_arm_under_constant_voltage_is_reported() -> None:
+    (note,) = creep(quick(), recording("open-roll-5V-1"))
+    assert note["early_deg"] == pytest.approx(-24.8, abs=0.2)
+    assert note["late_deg"] == pytest.approx(-20.4, abs=0.2)
+    assert note["thrust_late_over_early"] == pytest.approx(
+        arm_torque(quick(), note["late_deg"]) / arm_torque(quick(), note["early_deg"])
+    )
+    assert "creeps" in note["sentence"]
+
+
+def test_an_arm_at_the_predicted_angle_is_not_reported() -> None:
+    run = recording("open-roll-5V-1")
+    still = np.where(run.t[:, None] > 5, np.radians(settles_at(quick(), 5.0)), run.angle)
+    still[run.t < 1] = np.radians(-40)  # the table, well below
+    assert not list(creep(quick(), replace(run, angle=still)))
+
+
+def test_a_closed_loop_flight_has_no_creep() -> None:
+    assert not list(creep(quick(), recording("closed-1a")))
+
+
+def run_of(voltage: float, factor: float, as_if: float) -> Crept:
+    return Crept(f"open-{voltage:g}V", voltage, -20.0, -15.0, -20.0, factor, as_if, 90.0)
+
+
+def test_runs_that_creep_by_the_same_voltage_are_reported() -> None:
+    """5 and 7 V, 0.9 V more each: 36 % and 15 % of thrust differ by more than twice."""
+    (note,) = together([run_of(5, 1.36, 0.9), run_of(7, 1.15, 0.9)])
+    assert note["one_size"] == {"thrust": False, "voltage": True}
+    assert "One growth of voltage explains all of them" in note["sentence"]
+
+
+def test_a_run_without_creep_contradicts_both_sizes() -> None:
+    (note,) = together([run_of(5, 1.36, 0.9), run_of(9, 1.01, 0.05)])
+    assert not any(note["one_size"].values())
+    assert not list(together([run_of(5, 1.36, 0.9)]))
+
+
+def test_only_an_open_loop_run_has_a_constant_voltage() -> None:
+    assert constant_voltage(recording("closed-1a")) is None
+    first, last = constant_voltage(recording("open-roll-5V-1")) or (0, 0)
+    assert last - first > 90 / 0.005 * 0.9

@@ -1,0 +1,77 @@
+"""The plan that determines what a free-run fit left open; a mock flight of seed 1022."""
+
+from __future__ import annotations
+
+import doctest
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis import outlook
+from heli3dof.diagnosis.free_run.refits import STAGE_S
+from heli3dof.diagnosis.outlook import Open
+from heli3dof.diagnosis.planning import free_run_plan as module
+from heli3dof.diagnosis.planning.free_run_plan import Wanted, link, next_free_flight, wanted
+from heli3dof.identification.greybox.freeflight import model_of, problem_of
+from heli3dof.identification.greybox.multistep import search
+from heli3dof.identification.greybox.weak_form import weak_start
+from tests.identification.known_flights import fly
+
+NAMES = ("friction.viscous.yaw", "motor.lag", "encoder.offset.pitch")
+
+
+@pytest.fixture(scope="module")
+def open_() -> Open:
+    """A flight with little yaw motion; yaw's viscous friction is left open."""
+    recording = fly(1022).recording.between(0, 25)
+    problem = problem_of([recording], NAMES)
+    fit = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=2)
+    return Open(fit, model_of(fit, [recording], "rig"), ("friction.viscous.yaw",))
+
+
+def test_the_doctests_pass() -> None:
+    assert doctest.testmod(module, extraglobs={"np": np}).failed == 0
+    assert doctest.testmod(outlook).failed == 0
+
+
+def test_a_flight_that_turns_determines_yaw_s_friction(open_: Open) -> None:
+    result = next_free_flight(open_, plans=["ring-down", "coast-down"])
+    assert result is not None
+    assert result.plan == "coast-down"
+    assert result.separates == ("friction.viscous.yaw",)
+    margin = {o.plan: o.margin for o in result.ranking}
+    assert margin["coast-down"] > 10 * margin["ring-down"]
+    assert "friction.viscous.yaw" in result.why
+
+
+def test_no_plan_is_proposed_if_nothing_or_only_offsets_per_recording_are_open(
+    open_: Open,
+) -> None:
+    for names in ((), ("encoder.offset.pitch",)):
+        assert next_free_flight(Open(open_.fit, open_.model, names), plans=["steps"]) is None
+
+
+def test_confounded_terms_are_planned_for_together_by_those_with_an_absence(open_: Open) -> None:
+    confounded = Open(open_.fit, open_.model, ("friction.viscous.yaw", "motor.lag"), tied=True)
+    assert [w.name for w in wanted(confounded)] == ["friction.viscous.yaw"]
+    result = next_free_flight(confounded, plans=["coast-down"])
+    assert result is not None
+    assert result.separates == ("friction.viscous.yaw", "motor.lag")
+    assert "these causes are confounded" in result.why
+
+
+def test_half_the_deviation_is_three_times_the_information_in_addition() -> None:
+    """u² = θ² (4/σ² − 1/σ²): with θ = σ, u = √3; no new information gives 0."""
+    w = Wanted("friction.viscous.yaw", 0, 0.1, 0.1, 1.0, "N·m·s/rad")
+    assert w.shown(0.05) == pytest.approx(np.sqrt(3))
+    assert w.shown(0.1) == 0.0
+
+
+def test_the_link_between_own_values_leaves_their_common_mean_free(open_: Open) -> None:
+    """A common shift of the mean and of an own value costs nothing, however wide the prior."""
+    p = open_.fit.problem
+    L = link(p)
+    shift = np.zeros(p.dim)
+    shift[[p.own[0], p.n]] = 1.0
+    assert shift @ L @ shift == pytest.approx(0.0, abs=1e-9)
+    assert L[p.n, p.n] > 0

@@ -1,0 +1,127 @@
+"""The recommended plan separates the confounded causes. Seeds from 1230."""
+
+from __future__ import annotations
+
+import doctest
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.estimate.base_fit import fit_base
+from heli3dof.diagnosis.estimate.setup import Setup
+from heli3dof.diagnosis.outlook import NextExperiment
+from heli3dof.diagnosis.planning import next_experiment as module
+from heli3dof.diagnosis.planning.next_experiment import Cause, next_experiment, recommend
+from heli3dof.diagnosis.result import Diagnosis, Dropped
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
+from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.errors import UsageError
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.model.effects import term
+from heli3dof.model.physics.parametrisation import Structure
+
+
+@pytest.fixture(scope="module")
+def base() -> Estimate:
+    """Base fit to the steps plan, on a rig with Coulomb friction that the model lacks."""
+    device = "mock:?speed=max&start=level&hide=friction.coulomb.yaw:0.03"
+    flown = fly_plan(load_plan("steps"), device=device, seed=1231).recording
+    return fit_base(Setup((flown,), seed=0, pilots=2))
+
+
+def test_the_doctests_pass() -> None:
+    assert doctest.testmod(module).failed == 0
+
+
+def test_a_flight_with_yaw_motion_separates_the_frictions(base: Estimate) -> None:
+    names = ["friction.coulomb.yaw", "friction.viscous.yaw"]
+    result = recommend(base, [Cause.typical(n) for n in names], plans=["prbs", "coast-down"])
+    assert result.plan == "coast-down"
+    assert result.separates == tuple(names)
+    assert result.certainty is not None
+    assert result.certainty > 0.9
+    assert all(n in result.why for n in names)
+    margins = {o.plan: o.margin for o in result.ranking}
+    assert margins["coast-down"] > 10 * margins["prbs"]
+
+
+def test_a_slow_ramp_separates_lag_from_delay_less_than_large_steps(base: Estimate) -> None:
+    causes = [Cause.typical("motor.lag"), Cause.typical("motor.delay")]
+    result = recommend(base, causes, plans=["ramp", "large"])
+    assert result.plan == "large"
+    margins = {o.plan: o.margin for o in result.ranking}
+    # A margin m of one flight scatters by 2 √m: the two differ by more than twice that.
+    assert margins["large"] - margins["ramp"] > 4 * math.sqrt(max(margins["ramp"], 1.0))
+
+
+def test_a_single_cause_is_compared_with_its_absence(base: Estimate) -> None:
+    result = recommend(base, [Cause.typical("stiffness.pendulum.roll")], plans=["levels", "chirp"])
+    assert result.plan == "levels"  # roll far from level, where a pendulum pulls
+    assert "stiffness.pendulum.roll" in result.why
+
+
+def test_the_same_seed_gives_the_same_recommendation(base: Estimate) -> None:
+    lag = [Cause.typical("motor.lag")]
+    one, two = (recommend(base, lag, plans=["prbs"], seed=4) for _ in range(2))
+    assert one == two
+
+
+def test_pruning_changes_neither_the_plan_nor_its_forecast(
+    base: Estimate,
+) -> None:
+    causes = [Cause.typical(n) for n in ("motor.lag", "motor.delay", "motor.dead_zone")]
+    plans = ["ramp", "steps", "large", "doublets"]
+    together = recommend(base, causes, plans=plans)
+    alone = [recommend(base, causes, plans=[p]).ranking[0] for p in plans]
+    best = max(alone, key=lambda o: o.margin / o.duration_s)
+    assert together.ranking[0] == best
+    # Every other plan promises less, simulated on all three truths or on one.
+    for outlook in together.ranking[1:]:
+        assert outlook.margin / outlook.duration_s < best.margin / best.duration_s
+    assert sum(len(o.margins) for o in together.ranking) < 3 * len(plans)
+
+
+def diagnosed(base: Estimate, *dropped: Dropped) -> Diagnosis:
+    """No finding except dropped causes; the listed effects were not identifiable."""
+    fitted = SimpleNamespace(base=base, open=None)
+    invisible = ("encoder.scale.yaw", "friction.viscous.yaw", "drag.quadratic.roll")
+    return Diagnosis(
+        ("r",), (), "nothing_found", (), fitted, dropped=dropped, not_identifiable=invisible
+    )  # type: ignore[arg-type]
+
+
+def test_a_dropped_cause_is_planned_for_at_its_estimated_size(
+    base: Estimate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    requested: list[list[Cause]] = []
+
+    def recommend(base: Estimate, causes: list[Cause], **options: Any) -> NextExperiment:
+        requested.append(causes)
+        return NextExperiment("rich", tuple(c.term.name for c in causes), "", 0.9)
+
+    monkeypatch.setattr(module, "recommend", recommend)
+    lag = term("motor.lag")
+    structure = Structure(base.structure.profile, (*base.structure.terms, lag))
+    problem = replace(base.problem, structure=structure)
+    theta = problem.coordinates(np.append(base.values, 0.013))
+    contender = CandidateFit(lag, problem, replace(base.optimum, theta=theta), 9.0, 20.0, None)
+    choice = Choice(lag, 9.0, 20.0, 0.9, (), (contender,))
+    next_experiment(diagnosed(base, Dropped("motor.lag", None, choice=choice)))  # type: ignore[arg-type]
+    next_experiment(diagnosed(base, Dropped("motor.lag", None)))  # type: ignore[arg-type]
+    next_experiment(diagnosed(base))
+    estimated, typical, invisible = (causes[0] for causes in requested)
+    assert estimated.values == pytest.approx((0.013,))
+    assert typical == Cause.typical("motor.lag")
+    assert invisible == Cause.typical("friction.viscous.yaw")
+    assert all(len(causes) == 1 for causes in requested)
+
+
+def test_an_error_is_raised_if_no_plan_can_be_flown(base: Estimate) -> None:
+    with pytest.raises(UsageError, match="No plan separates"):
+        recommend(base, [Cause.typical("motor.lag")], plans=[])

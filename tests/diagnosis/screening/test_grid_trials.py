@@ -1,0 +1,89 @@
+"""Encoder backlash is tried where it is present and not where it is absent; its size is right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.estimate.base_fit import fit_base
+from heli3dof.diagnosis.estimate.bias_correction import ProfileLikelihood
+from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
+from heli3dof.diagnosis.estimate.setup import Setup
+from heli3dof.diagnosis.screening.grid_trials import (
+    beginning,
+    ringing,
+    trials,
+    tried_terms,
+    widened,
+)
+from heli3dof.diagnosis.selection.steps import extended, screening_step
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.estimate import Estimate, estimate
+from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.physics.parametrisation import Structure
+
+
+@cache
+def base(hide: str, seed: int) -> Estimate:
+    """The base model, without backlash, fitted to 30 s."""
+    url = f"mock:?speed=max&seed={seed}&hide={hide}"
+    r = fly_plan(load_plan("rich"), device=url, seed=seed).recording.between(0.0, 30.0)
+    return estimate(ProfileLikelihood(data_of([r], usable_runs(r, 0)), Structure(r.profile, ())))
+
+
+def candidates(fitted: Estimate) -> list[str]:
+    o = fitted.optimum
+    return [t.term.name for t in trials(fitted.problem, o.theta, o.noise, tried_terms((), AXES))]
+
+
+def test_effects_without_a_score_are_tried_by_a_fit() -> None:
+    names = [t.name for t in tried_terms(["encoder.backlash.roll"], ("roll", "pitch"))]
+    assert names == ["encoder.backlash.pitch"]
+
+
+def test_backlash_is_a_candidate_on_its_own_axis_only() -> None:
+    assert candidates(base("encoder.backlash.pitch:0.4", 1150)) == ["encoder.backlash.pitch"]
+
+
+@pytest.mark.parametrize("hide", ["", "friction.coulomb.pitch:0.012"])
+def test_no_backlash_is_a_candidate_where_there_is_none(hide: str) -> None:
+    assert candidates(base(hide, 1151)) == []
+
+
+def test_a_fit_started_from_the_trial_finds_the_backlash_width() -> None:
+    fitted = base("encoder.backlash.pitch:0.4", 1150)
+    o = fitted.optimum
+    term = tried_terms((), ("pitch",))[0]
+    ext = widened(fitted.problem, o.theta, term)
+    start, noise = beginning(ext, o.theta, o.noise, term)
+    assert noise[1] < 0.3 * o.noise[1]  # formerly attributed to random torques
+    fit = maximise_corrected(ext, start, noise, None)
+    assert ext.values(fit.theta)[-1] == pytest.approx(0.4, abs=0.03)
+    assert np.isfinite(fit.loglik)
+
+
+def test_a_loop_oscillating_with_a_lag_is_not_attributed_to_noise() -> None:
+    """With an additional torque the base doubles J_pitch under four times the noise, and possibly
+    no score is significant; a threshold above all scores represents that. A fit shows the lag."""
+    device = "mock:?speed=max&seed=1043&hide=motor.lag:0.08,bias.torque.pitch:0.025"
+    flight = fly_plan(load_plan("rich"), device=device, seed=1043).recording.between(0.0, 40.0)
+    bench = Setup((flight,), 0, 4)
+    step = screening_step(bench, fit_base(bench), 10)
+    above = 1.01 * max(z for _, z in step.largest)
+    choice = replace(step, nulls=replace(step.nulls, threshold=above)).chosen(bench, None).choice
+    assert choice is not None
+    assert choice.term.name == "motor.lag"
+    fitted = extended(bench, choice)
+    assert fitted.values[-1] == pytest.approx(0.08, rel=0.1)
+
+
+def test_without_a_lag_no_trial_wins() -> None:
+    fitted = base("", 1151)
+    o = fitted.optimum
+    assert trials(fitted.problem, o.theta, o.noise, ringing(())) == []

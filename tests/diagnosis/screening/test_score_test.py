@@ -1,0 +1,110 @@
+"""The screen of candidates on flights of the emulated rig, and its parts. Seeds from 1000."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.estimate.bias_correction import ProfileLikelihood
+from heli3dof.diagnosis.estimate.evaluation import Evaluation, evaluate
+from heli3dof.diagnosis.screening.catalogue import candidates, probes, scans
+from heli3dof.diagnosis.screening.score_test import Screen, with_term
+from heli3dof.diagnosis.sensitivity.perturbation import backward, forcing, forward
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.estimate import Estimate, estimate
+from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.model.effects import term
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.recording.recording import Recording
+
+
+def rich(seed: int, hide: str = "") -> Recording:
+    device = f"mock:?speed=max&seed={seed}" + (f"&hide={hide}" if hide else "")
+    flown = fly_plan(load_plan("rich"), device=device, seed=seed).recording
+    return flown.between(0.0, 40.0)
+
+
+def fitted(recording: Recording) -> tuple[Estimate, Evaluation]:
+    runs = usable_runs(recording, 0)
+    fit = estimate(ProfileLikelihood(data_of([recording], runs), Structure(recording.profile, ())))
+    o = fit.optimum
+    return fit, evaluate(fit.problem, o.theta, o.noise, whole=False)
+
+
+def screened(fit: Estimate, here: Evaluation) -> Screen:
+    terms = candidates()
+    V = fit.problem.data.V
+    plain = [p for t in terms for p in probes(t, V)]
+    return Screen(fit.problem, fit.optimum.theta, here, plain, scans(terms))
+
+
+@pytest.fixture(scope="module")
+def unmodified() -> tuple[Estimate, Evaluation]:
+    return fitted(rich(1003))
+
+
+def test_linearised_tangents_match_the_filter_s_differences(
+    unmodified: tuple[Estimate, Evaluation],
+) -> None:
+    fit, here = unmodified
+    own = fit.problem.tangents(fit.optimum.theta, here.at)
+    for a, b in zip(here.T, own, strict=True):
+        assert np.corrcoef(a, b)[0, 1] > 0.999
+        assert np.std(a) == pytest.approx(np.std(b), rel=0.01)
+
+
+def test_backward_is_the_adjoint_of_forward(unmodified: tuple[Estimate, Evaluation]) -> None:
+    fit, here = unmodified
+    wide, null = with_term(fit.structure, fit.values, term("friction.viscous.pitch"))
+    a = forcing(here.path, wide, [np.append(null[:-1], 0.02)], [False])
+    q = np.random.default_rng(1000).standard_normal((1, len(here.at.row)))
+    L, _, _ = backward(here.path, q)
+    assert (L[0] * a[0]).sum() == pytest.approx(float((q @ forward(here.path, a).T)[0, 0]))
+
+
+def test_on_an_unmodified_rig_no_probe_stands_out(unmodified: tuple[Estimate, Evaluation]) -> None:
+    fit, here = unmodified
+    assert np.abs(screened(fit, here).see(here, prior=True).z).max() < 5.0
+
+
+def test_a_cable_stiffness_in_yaw_stands_out_with_its_size() -> None:
+    fit, here = fitted(rich(1001, "stiffness.cable.yaw:0.05"))
+    seen = screened(fit, here).see(here, prior=True)
+    best = int(np.argmax(seen.z**2))
+    assert seen.probes[best].name == "stiffness.cable.yaw"
+    assert seen.amplitude[best] == pytest.approx(0.05, rel=0.2)
+
+
+def test_a_periodic_torque_is_found_at_its_frequency() -> None:
+    fit, here = fitted(rich(1004, "disturbance.periodic.yaw:0.03@0.7"))
+    seen = screened(fit, here).see(here, prior=True)
+    probe = {p.name: p for p in seen.probes}["disturbance.periodic.yaw"]
+    z = dict(zip([p.name for p in seen.probes], seen.z, strict=True))
+    assert z["disturbance.periodic.yaw"] > 10
+    assert probe.values[1] == pytest.approx(0.7, abs=0.02)
+    assert probe.values[0] == pytest.approx(0.03, rel=0.2)
+
+
+def test_the_rotor_curve_is_a_candidate_only_with_motor_lag() -> None:
+    assert "motor.rotor_curve" not in {t.name for t in candidates()}
+    assert "motor.rotor_curve" in {t.name for t in candidates(["motor.lag"])}
+
+
+def test_base_parameters_and_existing_terms_are_not_candidates() -> None:
+    names = {t.effect.name for t in candidates()}
+    assert not names & {"inertia", "mass.imbalance", "motor.thrust_gain"}
+    assert "stiffness.cable.yaw" not in {t.name for t in candidates(["stiffness.cable.yaw"])}
+
+
+def test_the_shared_part_of_a_cause_and_a_probe_excludes_the_base() -> None:
+    """By hand: information 1, shares of the probe 0.6 (base) and 0.48 (cause). The base leaves
+    1 − 0.36 = 0.64, of which the cause takes 0.48² = 0.2304, so ρ² = 0.36."""
+    screen = object.__new__(Screen)
+    screen.A, screen.cross = np.eye(2), np.array([[0.6], [0.48]])
+    screen.full, screen.v = np.array([1.0]), np.array([0.4096])
+    screen.plain, screen.scans = probes(term("bias.torque.yaw"), np.zeros((1, 2)))[:1], ()
+    assert screen.shared(0, np.array([False, True])) == pytest.approx(0.36)
+    assert screen.shared(0, np.array([False, False])) == 0.0
+    assert screen.shared(1, np.array([False, True])) == 0.0  # a scan

@@ -1,0 +1,69 @@
+"""An inertia that absorbed a slow torque returns to nominal in a full fit; a true one stays."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+
+from heli3dof.diagnosis.conclusion.inertia_ties import with_confounded_causes
+from heli3dof.diagnosis.estimate.base_fit import fit_base
+from heli3dof.diagnosis.estimate.base_parameters import doubt, off_nominal
+from heli3dof.diagnosis.estimate.setup import Setup
+from heli3dof.diagnosis.selection.inertia_alternatives import cause_hidden_in_inertia, within
+from heli3dof.diagnosis.selection.steps import Step, screening_step
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
+
+SLOW = "disturbance.periodic.roll:0.12@0.366"
+HEAVY = "inertia.roll:1.6"
+
+
+@cache
+def look(hide: str, seed: int) -> tuple[Setup, Step]:
+    """First score evaluation of a 10° step in roll."""
+    device = f"mock:?speed=max&seed={seed}&hide={hide}"
+    flown = fly_plan(step_plan((10.0, None, None)), device=device, seed=seed).recording
+    bench = Setup((flown,), seed, 6, opinions=False)
+    return bench, screening_step(bench, fit_base(bench), 16)
+
+
+@pytest.mark.parametrize("hide", [SLOW, HEAVY])
+def test_both_effects_put_the_roll_inertia_off_nominal(hide: str) -> None:
+    _, step = look(hide, 1202)
+    off = off_nominal(step.found, doubted=doubt(step.found))
+    assert [o.term.name for o in off] == ["inertia.roll"]
+
+
+def test_a_slow_torque_below_the_screen_threshold_is_the_cause() -> None:
+    bench, step = look(SLOW, 1202)
+    assert step.largest[0][1] < step.nulls.threshold
+    choice = step.chosen(bench, None).choice
+    assert choice is not None
+    assert choice.term.name == "disturbance.periodic.roll"
+    best = choice.contenders[0]
+    torque, frequency = best.problem.values(best.optimum.theta)[-3:-1]
+    assert torque == pytest.approx(0.12, abs=0.012)
+    assert frequency == pytest.approx(0.366, abs=0.003)
+
+
+def test_no_effect_restores_an_inertia_that_is_truly_off() -> None:
+    _, step = look(HEAVY, 1202)
+    assert step.instead_of_inertia == []
+
+
+def test_an_effect_that_explains_no_more_is_confounded_with_the_inertia() -> None:
+    _, step = look(SLOW, 1202)
+    other = step.instead_of_inertia[0]
+    assert cause_hidden_in_inertia([other], step.screen, step.nulls) is not None
+    step._fits["inertia"] = [modest := replace(other, score=2 * step.nulls.threshold)]
+    assert cause_hidden_in_inertia([modest], step.screen, step.nulls) is None
+    (off,) = off_nominal(step.found, doubted=doubt(step.found))
+    assert "disturbance.periodic.roll" in with_confounded_causes(off, step).tied_with
+
+
+def test_only_the_requested_parameter_counts() -> None:
+    _, step = look(HEAVY, 1202)
+    assert not within(step.found, {"inertia.roll"})
+    assert within(step.found, {"inertia.yaw"})

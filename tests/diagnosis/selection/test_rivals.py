@@ -1,0 +1,78 @@
+"""With large score bias, simulated flights of each rival decide which one fits the recording."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from scipy.stats import t
+
+from heli3dof.diagnosis.estimate.base_fit import fit_base
+from heli3dof.diagnosis.estimate.setup import Setup
+from heli3dof.diagnosis.selection.rivals import least, odds, rivals
+from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.selection.steps import screening_step
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
+
+
+def flown(m0: float, m1: float, s: float) -> np.ndarray:
+    """(2, 4, 2): ℓ of flights of each of two rivals, ℓ_1 − ℓ_0 about m0 and m1, scatter s."""
+    out = np.zeros((2, 4, 2))
+    out[0, :, 1] = m0 + s * np.array([-1, -1, 1, 1]) * np.sqrt(3) / 2
+    out[1, :, 1] = m1 + s * np.array([-1, -1, 1, 1]) * np.sqrt(3) / 2
+    return out
+
+
+def test_the_rival_whose_flights_match_the_recording_is_likelier() -> None:
+    # By hand: s = 5 √(5/4); the recording's 10 is the second's mean, 30 above the first's.
+    W = odds(np.array([0.0, 10.0]), flown(-20.0, 10.0, 5.0))
+    by_hand = 2 * (t.logpdf(0, 3) - t.logpdf(30 / (5 * np.sqrt(1.25)), 3))
+    assert W[1, 0] == pytest.approx(by_hand)
+    assert W[0, 1] == -W[1, 0]
+    assert list(np.sign(least(W))) == [-1, 1]
+
+
+def test_a_larger_likelihood_decides_nothing_if_both_rivals_predict_it() -> None:
+    # Both rivals' flights are likelier under the second by 50: so is the recording.
+    W = odds(np.array([0.0, 50.0]), flown(50.0, 50.0, 5.0))
+    assert W[1, 0] == pytest.approx(0.0)
+
+
+def contender(name: str, Z2: float, probe: int | None) -> Any:
+    return SimpleNamespace(term=SimpleNamespace(name=name), Z2=Z2, probe=probe, score=10 * Z2)
+
+
+def choice(*contenders: Any) -> Choice:
+    return Choice(contenders[0].term, 100.0, contenders[0].Z2, 1.0, (), tuple(contenders))
+
+
+def nulls(*mean: float) -> Any:
+    return cast(Any, SimpleNamespace(mean=np.array(mean), inflation=1.0))
+
+
+def test_large_bias_makes_rivals_that_decide() -> None:
+    a, b, far = contender("a", 70.0, 0), contender("b", 60.0, 1), contender("far", 5.0, 2)
+    tried = contender("tried", 90.0, None)
+    near, decides = rivals(choice(a, b, far, tried), nulls(-10.0, 1.0, 0.0))
+    assert ([c.term.name for c in near], decides) == (["a", "b"], True)
+    assert rivals(choice(a, b, far), nulls(-1.0, 1.0, 20.0)) == ([], False)
+    assert rivals(choice(tried, a, b), nulls(-10.0, 1.0, 0.0)) == ([], False)
+
+
+def test_a_modest_score_requests_a_comparison_of_close_rivals() -> None:
+    a, b, far = contender("a", 40.0, 0), contender("b", 30.0, 1), contender("far", 5.0, 2)
+    near, decides = rivals(choice(a, b, far), nulls(-1.0, 1.0, 0.0))
+    assert ([c.term.name for c in near], decides) == (["a", "b"], False)
+    assert rivals(choice(a, far), nulls(-1.0, 1.0, 0.0)) == ([], False)
+
+
+def test_in_a_single_step_a_lag_is_named_or_confounded() -> None:
+    device = "mock:?speed=max&seed=8400&hide=motor.lag:0.03"
+    flight = fly_plan(step_plan((10.0, None, None)), device=device, seed=8400).recording
+    bench = Setup((flight,), 0, 6)
+    made = screening_step(bench, fit_base(bench), 16).chosen(bench, None).choice
+    assert made is not None
+    assert "motor.lag" in {made.term.name, *made.tied_with}

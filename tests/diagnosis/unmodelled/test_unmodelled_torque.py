@@ -1,0 +1,118 @@
+"""Residual torque: axis, variable and size are found; an unmodified rig has none."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.screening.gumbel import EULER
+from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, forward, hats
+from heli3dof.diagnosis.sensitivity.residual_torque import trail
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
+    FALSE_ALARMS,
+    FAR,
+    residual_torques,
+    wider,
+)
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.method import fit_greybox
+from heli3dof.model.effects import term
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.recording.recording import Recording
+
+
+def flight(seed: int, hide: str = "") -> Recording:
+    device = "mock:?speed=max" + (f"&hide={hide}" if hide else "")
+    return fly_plan(load_plan("rich"), device=device, seed=seed).recording.between(0.0, 40.0)
+
+
+@pytest.fixture(scope="module")
+def coupled() -> tuple[Recording, Estimate]:
+    """A yaw torque of −0.1 N·m·s/rad times the pitch rate, which is not in the catalogue."""
+    recording = flight(1201, "other.yaw_torque_from_pitch_rate:0.1")
+    return recording, fit_greybox(recording, ())
+
+
+def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
+    coupled: tuple[Recording, Estimate],
+) -> None:
+    recording, fit = coupled
+    first, *_ = residual_torques(fit, [recording], flights=8, seed=0)
+    assert (first.axis, first.depends_on) == ("yaw", "pitch_rate")
+    assert first.share > 0.5
+    assert first.confidence > 0.99
+    z, torque = np.array(first.table).T
+    weight = 1 / np.array(first.std) ** 2
+    slope = np.polyfit(z, torque, 1, w=np.sqrt(weight))[0]
+    assert slope == pytest.approx(-0.1, rel=0.1)
+    written = json.loads(json.dumps(first.to_dict()))
+    assert written["unit"] == "rad/s"
+    assert written["table"] == [list(row) for row in first.table]
+    assert first.like is None
+
+
+def test_an_unmodified_rig_has_no_residual_torque() -> None:
+    recording = flight(1202)
+    assert residual_torques(fit_greybox(recording, ()), [recording], flights=8, seed=0) == ()
+
+
+def test_the_residual_torque_lies_on_the_hidden_line(coupled: tuple[Recording, Estimate]) -> None:
+    seen = trail(coupled[1])
+    rows = seen.flown
+    slope = np.polyfit(seen.variable("pitch_rate")[rows], seen.torque[rows, 2], 1)[0]
+    assert slope == pytest.approx(-0.1, rel=0.1)
+
+
+def test_one_backward_pass_gives_the_score_of_any_torque(
+    coupled: tuple[Recording, Estimate],
+) -> None:
+    """Equal to the filter's own difference along a small viscous friction, within its accuracy."""
+    fit = coupled[1]
+    seen = trail(fit)
+    terms = (*fit.structure.terms, term("friction.viscous.yaw"))
+    wider = replace(fit.problem, structure=Structure(fit.structure.profile, terms))
+    theta = np.append(fit.optimum.theta, 0.0)
+    typical = terms[-1].effect.parameters[0].typical
+    followed = wider.tangents(theta, seen.at, np.array([len(theta) - 1]))[0] / typical
+    backward = (-seen.X[:, 5] * seen.gradients[0][:, 2])[seen.flown].sum()
+    assert backward == pytest.approx(followed @ seen.at.g, rel=0.02)
+
+
+def test_forward_and_backward_passes_give_the_same_scores(
+    coupled: tuple[Recording, Estimate],
+) -> None:
+    seen = trail(coupled[1])
+    library = hats(seen, np.arange(3))
+    u = library.scores(seen)
+    assert forward(library, seen, np.zeros((0, len(seen.at.row)))).u == pytest.approx(
+        u, abs=1e-9 * np.abs(u).max()
+    )
+
+
+def test_hats_add_up_to_one_everywhere(coupled: tuple[Recording, Estimate]) -> None:
+    """The sum of a group's scores is therefore that of a constant torque, for every variable."""
+    seen = trail(coupled[1])
+    library = hats(seen, np.arange(3))
+    constant = seen.gradients[0][seen.flown].sum(axis=0)
+    sums = library.scores(seen).reshape(3, -1, KNOTS).sum(axis=2)
+    assert sums == pytest.approx(np.tile(constant[:, None], (1, sums.shape[1])), rel=1e-6)
+
+
+@pytest.mark.parametrize("n", [8, 24])
+def test_the_tail_of_a_law_fitted_to_few_flights_has_the_stated_probability(n: int) -> None:
+    """Laws fitted to n flights each: location x̄ − γσ, scale σ = √6 s/π, stretched by `wider`;
+    P(x > a) = 1 − exp(−exp(−a)) for the law itself."""
+    x = np.random.default_rng(0).gumbel(size=(100_000, n))
+    scale = np.sqrt(6) * x.std(axis=1, ddof=1) / np.pi
+    location = x.mean(axis=1) - EULER * scale
+
+    def share(stretched: float) -> float:
+        return float(-np.expm1(-np.exp(-(location + FAR * stretched * scale))).mean())
+
+    assert share(wider(n)) == pytest.approx(FALSE_ALARMS, rel=0.25)
+    assert share(1.0) > 2.5 * FALSE_ALARMS
