@@ -22,6 +22,7 @@ from heli3dof.diagnosis.conclusion.encoder_scales import LEVEL, undetectable_sca
 from heli3dof.diagnosis.conclusion.inertia_ties import look_beside, with_confounded_causes
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
 from heli3dof.diagnosis.conclusion.stand_ins import base_with_residual
+from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unnamed import Settled, settle_unmodelled
 from heli3dof.diagnosis.estimate.base_fit import BASES, fit_base
 from heli3dof.diagnosis.estimate.base_parameters import (
@@ -133,9 +134,12 @@ def _diagnosed(
     if not bench.controller_is_known:
         clock.says("Fitting each recording separately …")
         last = replace(last, findings=marked_unsure(last.findings, train))
+    if last.left:
+        clock.start("torque terms", "Extending the model by the unmodelled torque …")
+    extended = with_torques(bench, last.found, last.after, last.left, held)
     clock.start("gain", "Measuring the gain on held-out data …")
     least = as_written(least, last.found)
-    whole = fitted(least, last.found, last.after, train, held, seed=seed)
+    whole = fitted(least, last.found, extended.fit, extended.after, train, held, seed=seed)
     clock.start("off", "Comparing the calibration with the profile …")
     off = base_off(last) if last.sure else ()
     off = tuple(with_confounded_causes(o, look_beside(steps, last.found)) for o in off)
@@ -161,7 +165,7 @@ def _diagnosed(
     unsure = like and not bench.controller_is_known
     return Diagnosis(
         *names, verdict_of(each, last.left, whole.refit, unsure=unsure), faults, whole,
-        findings, off, last.dropped, last.left,
+        findings, off, last.dropped, last.left, extended.terms,
         (*(n for n in first.unseen if not term(n).effect.formal), *dark), about,
     )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -17,7 +18,7 @@ from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning.free_run_plan import why_none
 from heli3dof.diagnosis.profile_update import Measured, profile_keys, ratios
-from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted
+from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted, TorqueTerm
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
 
@@ -48,7 +49,9 @@ def diagnosis_document(
         "ratios": _ratios(f),
         "findings": [_found(x) for x in d.in_order],
         "not_identifiable": list(d.not_identifiable),
-        "leftover": [_leftover(x) for x in d.leftovers],
+        "leftover": [
+            _leftover(x, term) for x, term in itertools.zip_longest(d.leftovers, d.torque_terms)
+        ],
         "next_experiment": following,
         "gain": {"horizon_s": HORIZON_S, **_gain(None if f is None else f.gain, f)},
         "model": model,
@@ -214,7 +217,9 @@ def _off(x: OffNominal) -> dict[str, Any]:
     }
 
 
-def _leftover(x: ResidualTorque) -> dict[str, Any]:
+def _leftover(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
+    """Return an unmodelled torque with the extended model's term for it."""
+    f = t if t is not None and t.proposal.is_formula else None
     return {
         "axis": x.axis,
         "depends_on": x.depends_on,
@@ -225,7 +230,17 @@ def _leftover(x: ResidualTorque) -> dict[str, Any]:
         "confidence": x.confidence,
         "also": list(x.also),
         "like": x.like,
+        "term": None if t is None else t.proposal.term,
+        "formula": None if f is None else f"c * {f.proposal.product.replace('*', ' * ')}",
+        "formula_parameters": {} if f is None else {"c": _coefficient(f)},
+        "formula_alternatives": [] if f is None else list(f.proposal.alternatives),
+        "gain": _gain(None if t is None else t.gain),
     }
+
+
+def _coefficient(f: TorqueTerm) -> dict[str, Any]:
+    value, std = f.values["coefficient"]
+    return {"value": value, "std": std, "unit": f.units["coefficient"]}
 
 
 def _upcoming(n: NextExperiment) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.outlook import Open
 from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.unmodelled.torque_formula import Proposal
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut
 from heli3dof.diagnosis.validation.simulation_error import HowWrong
@@ -74,6 +75,18 @@ class Fitted:
 
 
 @dataclass(frozen=True, eq=False)
+class TorqueTerm:
+    """The term of the extended model for one unmodelled torque."""
+
+    proposal: Proposal
+    values: dict[str, tuple[float, float]]
+    """Parameter → (value, standard deviation) in the extended model, SI"""
+    units: dict[str, str]
+    gain: Gain
+    """The model without this torque → with it"""
+
+
+@dataclass(frozen=True, eq=False)
 class Diagnosis:
     """What was found; `heli3dof.diagnosis.document` makes the contract's JSON of it."""
 
@@ -88,6 +101,8 @@ class Diagnosis:
     """Base parameters off their nominal by more than the profile's tolerance"""
     dropped: tuple[Dropped, ...] = ()
     leftovers: tuple[ResidualTorque, ...] = ()
+    torque_terms: tuple[TorqueTerm | None, ...] = ()
+    """The extended model's term for each of ``leftovers``; None: it contains none"""
     not_identifiable: tuple[str, ...] = ()
     about: Mapping[str, Any] = field(default_factory=dict)
 

@@ -161,19 +161,19 @@ def pays_enough(choice: Choice, g: Gain, *, first: bool) -> bool:
 
 
 def fitted(
-    base: CorrectedFit, found: CorrectedFit, after: HeldOut, train: Sequence[Recording],
-    holdout: Sequence[Recording], *, seed: int,
+    base: CorrectedFit, found: CorrectedFit, extended: CorrectedFit, after: HeldOut,
+    train: Sequence[Recording], holdout: Sequence[Recording], *, seed: int,
 ) -> Fitted:  # fmt: skip
     """The base simulation and the extended one, side by side."""
-    model = model_of(found, train, "extended")
-    at = model_at(found.problem, found.optimum.theta, found.optimum.noise)
+    model = model_of(extended, train, "extended")
+    at = model_at(extended.problem, extended.optimum.theta, extended.optimum.noise)
     profiles = nominal(train[0].profile, tuple(t.name for t in base.structure.terms))
     # Its filter knows the base fit's noise, so that a rig with just these numbers meets the floor.
     profiles = replace(profiles, noise=base.optimum.noise[:3])
 
     def part(i: int) -> Any:
         if i == 0:
-            return after if found is base else held_out(base, holdout)
+            return after if extended is base else held_out(base, holdout)
         if i == 1:
             return uncalibrated(base, holdout)
         return how_wrong(profiles, holdout or train, truth=at, seed=seed)

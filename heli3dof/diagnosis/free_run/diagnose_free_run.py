@@ -183,7 +183,7 @@ def diagnose_real(
     return Diagnosis(
         tuple(r.name for r in train), tuple(r.name for r in held),
         verdict_of(each, left, unfitted, unsure=quick), faults, fitted,
-        findings, off, dropped, left,
+        findings, off, dropped, left, (),
         (*unseen(found.fit, causes), *dark), about,
     )  # fmt: skip
 

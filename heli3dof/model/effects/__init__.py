@@ -14,6 +14,7 @@ from importlib.metadata import EntryPoint, entry_points
 from heli3dof.axes import ALIASES, AXES
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects.base import Effect, Parameter, Term
+from heli3dof.model.effects.empirical import empirical_effect
 from heli3dof.model.physics.compiled_effects import HookError, address
 from heli3dof.model.physics.state_layout import Stage
 
@@ -133,6 +134,8 @@ def term(name: str) -> Term:
     axis = ALIASES.get(axis, axis)
     if head in known and axis in known[head].axes:
         return Term(known[head], axis)
+    if axis in AXES and (empirical := empirical_effect(head)):
+        return Term(empirical, axis)
     if name in known:
         raise UsageError(
             f"The effect {name!r} needs an axis.",

@@ -66,7 +66,7 @@ WITHOUT_RATE_PRODUCTS, SIDE_THRUST = 46, 47
 SIZE = 48
 
 AXIS, A, B, C, D = 0, 1, 2, 3, 4
-PARAMETERS = 6
+PARAMETERS = 10
 """The length of a row of ``par``."""
 MEMORY = 8
 """The length of a row of ``mem``, which a function keeps from sample to sample."""

@@ -1,0 +1,75 @@
+"""Put unmodelled torques into the extended model, and measure what they gain on held-out data.
+
+For each torque in turn, the model is extended by the term of a proposal
+(`unmodelled.torque_formula`), fitted in full and bias-corrected. The first proposal that makes
+held-out data more likely is adopted. If none does, the extended model does not contain the torque.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from heli3dof.diagnosis.estimate.base_parameters import in_SI
+from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
+from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
+from heli3dof.diagnosis.estimate.setup import Setup
+from heli3dof.diagnosis.estimate.thrust_scale import ThrustScale, thrust_scale
+from heli3dof.diagnosis.result import TorqueTerm
+from heli3dof.diagnosis.screening.grid_trials import widened
+from heli3dof.diagnosis.selection.steps import bias_corrected
+from heli3dof.diagnosis.unmodelled.torque_formula import Proposal, proposals
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.diagnosis.validation.cross_validation import held_out
+from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
+from heli3dof.model.effects import term
+from heli3dof.recording.recording import Recording
+
+
+@dataclass(frozen=True, eq=False)
+class Extended:
+    """The fit with causes and unmodelled torques."""
+
+    fit: CorrectedFit
+    after: HeldOut
+    terms: tuple[TorqueTerm | None, ...]
+    """One per torque; None if no term for it makes held-out data more likely"""
+
+
+def with_torques(
+    setup: Setup, fit: CorrectedFit, after: HeldOut, torques: Sequence[ResidualTorque],
+    holdout: Sequence[Recording],
+) -> Extended:  # fmt: skip
+    """Return the fit extended by a term per torque; ``after``: the fit on held-out data."""
+    adopted: list[tuple[Proposal, Gain] | None] = []
+    for torque in torques:
+        adopted.append(None)
+        for proposal in proposals(fit, torque):
+            wider = fit_with(setup, fit, proposal)
+            if not np.isfinite(wider.optimum.loglik):
+                continue
+            new = held_out(wider, holdout)
+            g = gain(after, new, seed=setup.seed)
+            if pays(g):
+                fit, after, adopted[-1] = wider, new, (proposal, g)
+                break
+    scale = thrust_scale(fit)
+    terms = (None if a is None else _sized(fit, scale, *a) for a in adopted)
+    return Extended(fit, after, tuple(terms))
+
+
+def _sized(fit: CorrectedFit, scale: ThrustScale, proposal: Proposal, won: Gain) -> TorqueTerm:
+    units = {p.name: p.unit for p in term(proposal.term).effect.parameters}
+    return TorqueTerm(proposal, in_SI(fit, scale, proposal.term), units, won)
+
+
+def fit_with(setup: Setup, fit: CorrectedFit, proposal: Proposal) -> CorrectedFit:
+    """Return the bias-corrected fit with the proposal's term."""
+    o = fit.optimum
+    wide = widened(fit.problem, o.theta, term(proposal.term))
+    new = wide.structure.free[len(o.theta) :]
+    start = [f.inward(v) for f, v in zip(new, proposal.start, strict=True)]
+    at = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)
+    return bias_corrected(setup, wide, at)

@@ -1,0 +1,143 @@
+"""A formula for an unmodelled torque: the product of measured quantities that explains most.
+
+On one axis, each product φ of at most two quantities (`PRODUCTS`) is tested as a torque c φ without
+a fit (Rao's score test). D is the change of the innovations per unit of c, w their information. The
+fit's coordinates, with tangents T, information A and score g, are projected out:
+
+    u = D·∂ln L/∂e − (T w D)ᵀ A⁻¹ g,    v = D w D − (T w D)ᵀ A⁻¹ (T w D)
+    S = u²/v,    c = u/v ± √(κ/v)                       κ: inflation of the fit's scores
+
+The same test of the piecewise linear torque Σ τ_k φ_k, with r directions, gives S_spline. The
+formula holds as well as the curve if the curve's further r − 1 parameters do not pay for themselves
+(BIC, N events):
+
+    S_spline − S < κ (r − 1) ln N
+
+Of products whose S differs by less than the tie margin of `selection.select`, the one with fewest
+factors is proposed; the others are alternatives.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
+from heli3dof.diagnosis.selection.select import FORM, TIE
+from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, forward, hats
+from heli3dof.diagnosis.sensitivity.perturbation import forward as traces_of
+from heli3dof.diagnosis.sensitivity.perturbation import path
+from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
+from heli3dof.diagnosis.unmodelled.torque_evidence import Held, told
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.model.effects.empirical import PREFIX, factors
+
+SINGLE = (
+    "sin(roll)", "sin(pitch)", "sin(yaw)", "roll_rate", "pitch_rate", "yaw_rate", "voltage_sum",
+    "voltage_difference",
+)  # fmt: skip
+PRODUCTS = (
+    *SINGLE,
+    *(f"abs({axis}_rate)*{axis}_rate" for axis in AXES),
+    *("*".join(pair) for pair in itertools.combinations_with_replacement(SINGLE, 2)),
+    "voltage_front*voltage_back",
+)
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A term for an unmodelled torque, with the values at which its fit starts."""
+
+    term: str
+    """Name of an empirical effect (`model.effects.empirical`) on an axis"""
+    start: tuple[float, ...]
+    """Its parameters, in their units"""
+    product: str
+    is_formula: bool
+    alternatives: tuple[str, ...] = ()
+    """Products that explain as much"""
+
+
+def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
+    """Return terms for ``torque``, best first: the formula if it holds as well as the curve, and
+    the curve if it is a function of a product of quantities."""
+    flight = trail(fit)
+    held = Held.base(fit, flight, None)
+    bias = np.zeros(len(held.g)) if fit.bias is None else fit.bias
+    g = held.g - bias
+    axis = AXES.index(torque.axis)
+    kappa = max(fit.inflation, 1.0)
+    u, v = projected(flight, held, g, product_traces(fit, flight, axis))
+    v = np.diag(v)
+    S = np.where(v > 0, u**2 / np.maximum(v, 1e-300), 0.0)
+    best = float(S.max())
+    near = [int(k) for k in np.argsort(-S) if best - S[k] < kappa * max(TIE, FORM * best / kappa)]
+    near.sort(key=lambda k: len(factors(PRODUCTS[k])))
+    first, *others = near
+    spline, rank = spline_score(flight, held, g, axis, torque.depends_on)
+    price = kappa * (rank - 1) * float(np.log(max(len(flight.at.row), 2)))
+    out = []
+    if spline - S[first] < price:
+        product = PRODUCTS[first]
+        alternatives = tuple(PRODUCTS[k] for k in others)
+        name = f"{PREFIX}{product}.{torque.axis}"
+        out.append(Proposal(name, (float(u[first] / v[first]),), product, True, alternatives))
+    if factors(torque.depends_on):
+        knots, values = np.array(torque.table).T
+        name = f"{PREFIX}spline({torque.depends_on}:{knots[0]:.6g}:{knots[-1]:.6g}).{torque.axis}"
+        out.append(Proposal(name, tuple(map(float, values)), torque.depends_on, False))
+    return out
+
+
+def product_traces(fit: CorrectedFit, flight: Trail, axis: int) -> np.ndarray:
+    """Return (P, E): the change of the innovations per unit coefficient of each of `PRODUCTS`."""
+    problem = fit.problem
+    p = path(problem.structure, problem.values(fit.optimum.theta), problem.data, flight.at)
+    middle = (p.chunk[:, 0] + p.chunk[:, 1]) // 2
+    phi = np.array([value(flight, product)[middle] for product in PRODUCTS])
+    return traces_of(p, phi[:, :, None] * flight.B[middle][None, :, :, axis])
+
+
+def value(flight: Trail, product: str) -> np.ndarray:
+    """Return (N,) the product along the flight, in SI units."""
+    out = np.ones(len(flight.data.t))
+    for name in product.split("*"):
+        kind, _, inner = name.rstrip(")").rpartition("(")
+        x = flight.variable(inner)
+        out = out * (np.sin(x) if kind == "sin" else np.abs(x) if kind == "abs" else x)
+    return np.nan_to_num(out)
+
+
+def projected(
+    flight: Trail, held: Held, g: np.ndarray, D: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return u (K,) and v (K, K) of traces D (K, E), without what the fit's coordinates explain."""
+    weighted = D * flight.at.w
+    cross = weighted @ held.tangents.T
+    solved = np.linalg.solve(held.A, cross.T)
+    return D @ flight.at.g - solved.T @ g, weighted @ D.T - cross @ solved
+
+
+def spline_score(
+    flight: Trail, held: Held, g: np.ndarray, axis: int, variable: str
+) -> tuple[float, int]:
+    """Return S of the piecewise linear torque of ``variable`` and its rank; zero if it is still."""
+    library = hats(flight, np.array([axis]))
+    if variable not in library.variables:
+        return 0.0, 1
+    columns = np.arange(KNOTS) + KNOTS * library.variables.index(variable)
+    D = forward(library, flight, held.tangents, columns).traces
+    u, v = projected(flight, held, g, D)
+    E = told(v, (D * flight.at.w) @ D.T)
+    if not E.shape[1]:
+        return 0.0, 1
+    return float(u @ E @ np.linalg.solve(E.T @ v @ E, E.T @ u)), E.shape[1]
+
+
+def names_of(products: Sequence[str]) -> str:
+    """Return products as text: ``pitch_rate or yaw_rate · roll_rate``."""
+    return " or ".join(p.replace("*", " · ") for p in products)

@@ -1,0 +1,157 @@
+"""Empirical torques: a product of measured quantities, or a piecewise linear function of one.
+
+    τ = c · x y                      name ``empirical.x*y.AXIS``
+    τ = Σ_k τ_k φ_k(x y)             name ``empirical.spline(x*y:low:high).AXIS``
+
+x and y are quantities of `QUANTITIES`; y may be omitted. c is in N·m per unit of the product. The
+hat function φ_k falls linearly from 1 at knot k to 0 at its neighbours; `KNOTS` knots divide the
+range from low to high (SI units) evenly, and τ is constant beyond it.
+
+A diagnosis adds such a term for a torque that no effect of the catalogue explains. The name defines
+the term completely, so a model file needs nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from heli3dof.axes import AXES
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.physics.compiled_effects import Hook
+from heli3dof.model.physics.state_layout import (
+    AXIS,
+    P_DOT,
+    PSI,
+    PSI_DOT,
+    R_DOT,
+    SIZE,
+    V_BACK,
+    V_FRONT,
+    A,
+    P,
+    R,
+    Stage,
+)
+
+PREFIX = "empirical."
+KNOTS = 9
+_SINE, _ABSOLUTE, _SUM, _DIFFERENCE, _ONE = SIZE, 2 * SIZE, 3 * SIZE, 3 * SIZE + 1, 3 * SIZE + 2
+
+QUANTITIES = {
+    "roll": (R, "rad", 0.3), "pitch": (P, "rad", 0.3), "yaw": (PSI, "rad", 0.3),
+    "sin(roll)": (_SINE + R, "", 0.3), "sin(pitch)": (_SINE + P, "", 0.3),
+    "sin(yaw)": (_SINE + PSI, "", 0.3),
+    "roll_rate": (R_DOT, "rad/s", 0.3), "pitch_rate": (P_DOT, "rad/s", 0.3),
+    "yaw_rate": (PSI_DOT, "rad/s", 0.3),
+    "abs(roll_rate)": (_ABSOLUTE + R_DOT, "rad/s", 0.3),
+    "abs(pitch_rate)": (_ABSOLUTE + P_DOT, "rad/s", 0.3),
+    "abs(yaw_rate)": (_ABSOLUTE + PSI_DOT, "rad/s", 0.3),
+    "voltage_front": (V_FRONT, "V", 7.0), "voltage_back": (V_BACK, "V", 7.0),
+    "voltage_sum": (_SUM, "V", 15.0), "voltage_difference": (_DIFFERENCE, "V", 2.0),
+}  # fmt: skip
+"""Quantity → (code, unit, usual size). A code below `SIZE` is an index of the context array."""
+TYPICAL_NM = 0.01
+"""N·m, a torque with a noticeable effect on the rigs of the literature; scales steps and priors"""
+LARGEST_NM = 10.0
+"""N·m, bound of an estimate"""
+
+
+def factors(product: str) -> list[str]:
+    """Return the quantities of a product; [] if one of them is unknown or there are too many.
+
+    >>> factors("abs(yaw_rate)*yaw_rate"), factors("colour")
+    (['abs(yaw_rate)', 'yaw_rate'], [])
+    """
+    names = product.split("*")
+    return names if len(names) <= 2 and all(n in QUANTITIES for n in names) else []
+
+
+def unit_of_product(product: str) -> str:
+    """Return the unit of a product, such as ``rad/s·V``; empty for one without a unit.
+
+    >>> unit_of_product("yaw_rate*voltage_sum"), unit_of_product("sin(yaw)")
+    ('rad/s·V', '')
+    """
+    return "·".join(u for n in factors(product) if (u := QUANTITIES[n][1]))
+
+
+@cache
+def empirical_effect(name: str) -> Effect | None:
+    """Return the effect of a name such as ``empirical.sin(yaw)``; None if it is not such a name."""
+    if not name.startswith(PREFIX):
+        return None
+    what = name.removeprefix(PREFIX)
+    spline = what.startswith("spline(") and what.endswith(")")
+    try:
+        product, low, high = what[7:-1].split(":") if spline else (what, "0", "1")
+        ends = float(low), float(high)
+    except ValueError:
+        return None
+    used = factors(product)
+    if not used or not ends[0] < ends[1]:
+        return None
+    first, second = ([QUANTITIES[n][0] for n in used] + [_ONE])[:2]
+    unit = unit_of_product(product)
+    if spline:
+        parameters = tuple(
+            Parameter(f"torque_{k}_Nm", "N·m", 0.0, -LARGEST_NM, LARGEST_NM, TYPICAL_NM, f"τ_{k}")
+            for k in range(KNOTS)
+        )
+        hook = _spline(first, second, *ends)
+        summary = f"A torque that is a piecewise linear function of {product}."
+    else:
+        size = math.prod(QUANTITIES[n][2] for n in used)
+        c = Parameter(
+            "coefficient", f"N·m/({unit})" if unit else "N·m", 0.0, -LARGEST_NM / size,
+            LARGEST_NM / size, TYPICAL_NM / size, "c",
+        )  # fmt: skip
+        parameters, hook = (c,), _product(first, second)
+        summary = f"A torque c · {product}."
+    return Effect(
+        name, summary, parameters, {Stage.TORQUE: hook}, AXES, candidate=False, evidence="time"
+    )
+
+
+def _product(first: int, second: int) -> Hook:
+    value = _value()
+
+    def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
+        out[int(par[AXIS])] += par[A] * value(s, first) * value(s, second)
+
+    return torque
+
+
+def _spline(first: int, second: int, low: float, high: float) -> Hook:
+    value = _value()
+
+    def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
+        z = value(s, first) * value(s, second)
+        at = min(max((z - low) / (high - low), 0.0), 1.0) * (KNOTS - 1)
+        k = min(int(at), KNOTS - 2)
+        out[int(par[AXIS])] += par[A + k] * (1.0 - (at - k)) + par[A + k + 1] * (at - k)
+
+    return torque
+
+
+@cache
+def _value() -> Callable[[Any, int], float]:
+    """Return the compiled function for the value of the quantity with a code."""
+    from numba.extending import register_jitable
+
+    def value(s: Any, code: int) -> float:
+        if code == _ONE:
+            return 1.0
+        if code == _SUM:
+            return float(s[V_FRONT] + s[V_BACK])
+        if code == _DIFFERENCE:
+            return float(s[V_FRONT] - s[V_BACK])
+        if code >= _ABSOLUTE:
+            return abs(float(s[code - _ABSOLUTE]))
+        if code >= _SINE:
+            return math.sin(s[code - _SINE])
+        return float(s[code])
+
+    return register_jitable(value)
