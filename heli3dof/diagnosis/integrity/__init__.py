@@ -1,17 +1,14 @@
-"""Integrity: is the recording what it says, before any physics is blamed?
+"""Check recordings for faults of clock, columns, values and motion before they are diagnosed.
 
-Checks run in four stages, one small file each, found by being in this package (a module with
-`CHECKS`): the *clock*, the *columns*' names, the *values*, the *motion*. A stage that finds the
-recording unusable (`bad_data`) ends it: nothing that a broken clock says of the motion is worth
-hearing.
+Each module of this package with a tuple `CHECKS` adds checks. They run in four stages (`Stage`), in
+this order: clock, columns, values, motion. A stage that finds bad data is the last one to run. A
+check reports each fault as a `Fault` of one kind:
 
-Each `Fault` is of one kind:
-
-``bad_data``          every later answer would be wrong: the diagnosis stops
-``not_identifiable``  nothing is wrong, but nothing moves: there is nothing to diagnose
-``finding``           a cause of the contract's list (``timing.gaps``, ``timing.jitter``, …) with
-                      its size; the diagnosis goes on
-``note``              odd but usable: said, no more
+``bad_data``          all later results would be wrong: the diagnosis stops
+``not_identifiable``  the recording contains no motion to diagnose
+``finding``           an effect of the catalogue (``timing.gaps``, ``timing.jitter``, …) with its
+                      size; the diagnosis continues
+``note``              unusual but usable
 """
 
 from __future__ import annotations
@@ -30,15 +27,15 @@ __all__ = ["Check", "Fault", "Kind", "Stage", "checks", "integrity"]
 
 @cache
 def checks() -> tuple[Check, ...]:
-    """Every check, by stage, then by name."""
-    found: list[Check] = []
+    """Return all checks, ordered by stage, then by name."""
+    result: list[Check] = []
     for module in pkgutil.iter_modules(__path__):
-        found += getattr(importlib.import_module(f"{__name__}.{module.name}"), "CHECKS", ())
-    return tuple(sorted(found, key=lambda c: (c.stage, c.name)))
+        result += getattr(importlib.import_module(f"{__name__}.{module.name}"), "CHECKS", ())
+    return tuple(sorted(result, key=lambda c: (c.stage, c.name)))
 
 
 def integrity(recordings: Recording | Iterable[Recording]) -> tuple[Fault, ...]:
-    """What is wrong with recordings as recordings: what stops the diagnosis stands first."""
+    """Return the faults of the recordings, ordered by kind; ``bad_data`` comes first."""
     several = [recordings] if isinstance(recordings, Recording) else list(recordings)
     faults = [f for r in several for f in _of_one(r)]
     return tuple(sorted(faults, key=lambda f: Kind.ORDER.index(f.kind)))
@@ -46,11 +43,11 @@ def integrity(recordings: Recording | Iterable[Recording]) -> tuple[Fault, ...]:
 
 def _of_one(recording: Recording) -> list[Fault]:
     view = View(recording)
-    found: list[Fault] = []
+    faults: list[Fault] = []
     for stage in Stage:
         for check in checks():
             if check.stage is stage:
-                found += check.run(view)
-        if any(f.kind == Kind.BAD_DATA for f in found):
+                faults += check.run(view)
+        if any(f.kind == Kind.BAD_DATA for f in faults):
             break
-    return found
+    return faults

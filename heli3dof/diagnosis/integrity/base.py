@@ -1,4 +1,4 @@
-"""What a check says and what it is."""
+"""Define the classes `Check` and `Fault`, and the kinds and stages of both."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Kind:
-    """What a fault means for the diagnosis; see the package."""
+    """Names of the kinds of faults, most severe first in `ORDER` (see the package)."""
 
     BAD_DATA = "bad_data"
     NOT_IDENTIFIABLE = "not_identifiable"
@@ -24,7 +24,7 @@ class Kind:
 
 
 class Stage(enum.IntEnum):
-    """A later stage runs only where the earlier ones found no bad data."""
+    """Stages of the checks. A stage runs only if no earlier stage found bad data."""
 
     CLOCK = 0
     COLUMNS = 1
@@ -34,27 +34,28 @@ class Stage(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong with one recording."""
+    """A fault of one recording: what happened, the likely cause, and the fix."""
 
     check: str
-    """Name of the check, ``encoder.frozen``"""
+    """Name of the check, such as ``encoder.frozen``"""
     kind: str
     """One of `Kind`"""
     recording: str
     sentence: str
-    """What happened, with numbers"""
+    """What happened, with numbers and limits"""
     cause: str
     fix: str
-    """What to do: a command where there is one"""
+    """Command or change that removes the fault"""
     effect: str | None = None
-    """Name in the contract's list of effects, where there is one"""
+    """Name of the effect in docs/reference/effects.md, if the fault is one"""
     axis: str | None = None
     parameters: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """Parameter → (value, standard deviation), units in the names"""
+    """Parameter → (value, standard deviation); the unit is part of the parameter's name"""
     confidence: float = 1.0
+    """Chosen, not computed"""
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Return the fault as an object of the JSON document."""
         return {
             "check": self.check,
             "kind": self.kind,
@@ -71,7 +72,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Check:
-    """``run(view)`` gives the faults of one recording; ``tells`` is a line for people."""
+    """A check: ``run(view)`` returns one recording's faults, ``tells`` describes it in one line."""
 
     name: str
     stage: Stage
@@ -79,8 +80,8 @@ class Check:
     run: Callable[[View], Iterable[Fault]]
 
 
-def refused(check: str, view: View, error: RecordingError, axis: str | None = None) -> Fault:
-    """The bad data that an importing check raises an error for, as a fault."""
+def bad_data_fault(check: str, view: View, error: RecordingError, axis: str | None = None) -> Fault:
+    """Return the ``error`` raised by a check of imported logs, as a fault of kind ``bad_data``."""
     return Fault(
         check, Kind.BAD_DATA, view.recording.name, error.what, error.cause, error.fix, axis=axis
     )

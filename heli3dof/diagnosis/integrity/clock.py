@@ -1,9 +1,9 @@
-"""Does time run forwards, in seconds, at the profile's rate, and does every row say something new?
+"""Check time stamps: their order, their rate, the device's clock, and repeated rows.
 
-A rate that is not the profile's may be an honest log of every m-th sample, or a clock that runs
-fast or slow by m. The motion tells: accelerations go with 1/time², so a clock that is m times too
-fast makes every axis answer the voltages 1/m² times as strongly as the profile says, while the
-voltage at hover, which knows no time, stays what it was.
+Let m be the stamps' period over the profile's, with |m − 1| > `OFF`. If m or 1/m is nearly an
+integer, the log is decimated or repeats samples; otherwise the clock is wrong. Accelerations scale
+with 1/time², so with a wrong clock the axes respond with g = 1/m² (`View.responses`). An integer m
+or 1/m is therefore a wrong clock too if |ln g + 2 ln m| < |ln g|, with the median g.
 """
 
 from __future__ import annotations
@@ -12,30 +12,31 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, refused
+from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
 from heli3dof.diagnosis.integrity.view import View
 from heli3dof.errors import RecordingError
 from heli3dof.recording.logs.log_validation import long_enough, time_increases
 
-OFF, WORTH_SAYING = 0.02, 0.002
-"""Share by which the rate may differ from the profile's, and from which on it is said."""
+OFF, REPORTED_OFF = 0.02, 0.002
+"""Limits of |m − 1| for bad data and for a note. Chosen, as are all constants below."""
 DEVICE_OFF = 0.005
 REPEATED = 0.02
+"""Largest share of repeated rows"""
 NEAR = 51
-"""Rows around one in which the voltage must change now and then."""
+"""`repeated` uses a row if the voltage changes in a tenth of so many rows around it."""
 
 
 def clock(view: View) -> Iterable[Fault]:
-    """The order of the stamps; where they are in order, their rate and the device's."""
-    found = [*order(view)]
-    yield from found
-    if not found:
+    """Yield the faults of `order`, or else those of `rate` and `device`."""
+    faults = [*order(view)]
+    yield from faults
+    if not faults:
         yield from rate(view)
         yield from device(view)
 
 
 def order(view: View) -> Iterable[Fault]:
-    """Time that stands still, runs backwards, or is in milliseconds."""
+    """Yield a fault if time stamps do not increase, are not finite, or are in milliseconds."""
     r = view.recording
     try:
         long_enough(r.name, len(r))
@@ -47,16 +48,16 @@ def order(view: View) -> Iterable[Fault]:
             )
         time_increases(r.name, r.t, r.profile.dt, lambda k: f"row {k + 1}")
     except RecordingError as error:
-        yield refused("clock.order", view, error)
+        yield bad_data_fault("clock.order", view, error)
 
 
 def rate(view: View) -> Iterable[Fault]:
-    """The rate of the stamps against the profile's ``loop.rate_hz``."""
+    """Yield a fault if the stamps' rate differs from the profile's ``loop.rate_hz`` (module)."""
     r = view.recording
     m = view.ticks.period_s / r.profile.dt
-    if abs(m - 1) <= WORTH_SAYING:
+    if abs(m - 1) <= REPORTED_OFF:
         return
-    says = (
+    sentence = (
         f"{r.name}: the time stamps give {1 / view.ticks.period_s:.5g} Hz, the profile's "
         f"loop.rate_hz is {r.profile.loop.rate_hz:.5g} Hz"
     )
@@ -64,19 +65,19 @@ def rate(view: View) -> Iterable[Fault]:
     whole = max(m, 1 / m)
     if abs(m - 1) <= OFF:
         yield Fault("clock.rate", Kind.NOTE, r.name,
-                    f"{says}: a difference of {100 * (m - 1):+.2g} %.",
+                    f"{sentence}: a difference of {100 * (m - 1):+.2g} %.",
                     "the host's timer differs from the device's.", fix)  # fmt: skip
     elif abs(whole - round(whole)) > OFF * whole or _clock_is_wrong(view, m):
         yield Fault(
             "clock.rate", Kind.BAD_DATA, r.name,
-            f"{says}. With wrong time stamps, rates are wrong by a factor of {m:.3g} and "
+            f"{sentence}. With wrong time stamps, rates are wrong by a factor of {m:.3g} and "
             f"accelerations by {m**2:.3g}.",
             "the stamps come from another clock, or the profile belongs to another rig.", fix,
         )  # fmt: skip
     else:
         yield Fault(
             "clock.rate", Kind.NOTE, r.name,
-            f"{says}: the voltages between samples are unknown"
+            f"{sentence}: the voltages between samples are unknown"
             + (" and are interpolated." if m > 1 else "."),
             "the log is decimated, or repeats samples.",
             "log every sample of the loop; if the loop is that slow, set loop.rate_hz = "
@@ -85,7 +86,7 @@ def rate(view: View) -> Iterable[Fault]:
 
 
 def _clock_is_wrong(view: View, m: float) -> bool:
-    """The motion fits the profile with the profile's period, not with the stamps'."""
+    """Return True if the motion fits the profile's period better than the stamps' (module)."""
     gains = [x.gain for x in view.responses.values() if x.t > 6 and x.explained > 0.5]
     if not gains:
         return False
@@ -94,17 +95,17 @@ def _clock_is_wrong(view: View, m: float) -> bool:
 
 
 def device(view: View) -> Iterable[Fault]:
-    """The device's own clock against the stamps."""
+    """Yield a fault if the device's clock and the time stamps differ in rate."""
     r = view.recording
-    own = r.channels.get("device_time_s")
-    if own is None or not np.isfinite(own).all() or np.ptp(own) == 0:
+    device_s = r.channels.get("device_time_s")
+    if device_s is None or not np.isfinite(device_s).all() or np.ptp(device_s) == 0:
         return
-    off = float(np.ptp(own) / r.duration) - 1
+    off = float(np.ptp(device_s) / r.duration) - 1
     if abs(off) > DEVICE_OFF:
         yield Fault(
             "clock.device", Kind.BAD_DATA, r.name,
             f"{r.name}: the device's clock runs {100 * off:+.3g} % against t_s "
-            f"({np.ptp(own):.4g} s against {r.duration:.4g} s).",
+            f"({np.ptp(device_s):.4g} s against {r.duration:.4g} s).",
             "another program sets one of the clocks, or one counts ticks of another length.",
             "time a flight with a stopwatch to find the right clock; heli3dof export REC -o "
             "rec.csv, write it to t_s, heli3dof import rec.csv",
@@ -112,11 +113,10 @@ def device(view: View) -> Iterable[Fault]:
 
 
 def repeated(view: View) -> Iterable[Fault]:
-    """Rows that repeat the one before in everything that was flown, off the limiter.
+    """Yield a fault if too many rows repeat the angles and voltages of the row before.
 
-    In closed loop the voltage answers every count and filters in between, so it is never twice
-    the same; a constant voltage (open loop) says nothing here. With one axis let go and the
-    others at rest it may stand for a few rows: then what the experiment adds does not.
+    It uses rows whose voltage changes often, is not zero and is below the limit. The experiment's
+    extra voltage must repeat too: at rest the voltage alone may be constant for a few rows.
     """
     r = view.recording
     if len(r) < 2 * NEAR:
@@ -124,12 +124,12 @@ def repeated(view: View) -> Iterable[Fault]:
     flown = np.hstack([r.voltage, r.angle, r.voltage_extra])
     same = ((np.diff(flown, axis=0) == 0) | np.isnan(flown[1:])).all(axis=1)
     same &= np.isfinite(r.voltage[1:]).all(axis=1)
-    told = ~view.clipped[1:] & (np.abs(r.voltage[1:]) > 1e-9).any(axis=1)
+    usable = ~view.clipped[1:] & (np.abs(r.voltage[1:]) > 1e-9).any(axis=1)
     changes = (np.diff(r.voltage, axis=0) != 0).any(axis=1)
-    told &= np.convolve(changes.astype(float), np.ones(NEAR), "same") > NEAR / 10
-    if told.sum() < 100:
+    usable &= np.convolve(changes.astype(float), np.ones(NEAR), "same") > NEAR / 10
+    if usable.sum() < 100:
         return
-    share = float((same & told).sum() / told.sum())
+    share = float((same & usable).sum() / usable.sum())
     if share > REPEATED:
         yield Fault(
             "clock.repeated", Kind.BAD_DATA, r.name,

@@ -1,27 +1,26 @@
-"""Is each column what its name says? Two that were exchanged are told by the motion.
+"""Report two swapped columns of a log, from the motion, the encoder's grid or the references.
 
-An axis answers its own voltages g times as strongly as the profile says (`response`): roll their
-sum, pitch their difference, yaw their sum tilted by pitch. It *fits* where |g| is within `RANGE`,
-is `SURE` standard deviations from zero and explains a share R² > `EXPLAINED` of the motion; it is
-*unfit* where the voltages push it and |g| is not, or R² < `UNEXPLAINED`. Where an axis is unfit
-each exchange of two columns is tried that touches it; one is the cause if
+**Motion.** `response` gives each axis's response g with the explained share R². An axis is *driven*
+if its `Response.drive` exceeds `DRIVEN`. It is
 
-    the exchanged angle, or with a voltage some axis, is unfit as logged,
-    fits once exchanged back, and no other axis becomes unfit thereby, and
-    M = Σ R² exp(−½ (ln |g| / `USUAL`)²) over the axes pushed is larger by `BETTER`;
+* *consistent* if |g| is within `RANGE`, g is `SURE` standard deviations from 0, R² > `EXPLAINED`;
+* *inconsistent* if it is driven, and |g| is outside `RANGE` or R² < `UNEXPLAINED`.
 
-of several the one with the largest M, where no other sign of a voltage does better. Where one
-voltage stands still every axis is suspect.
+If an axis is inconsistent or a voltage is constant, the check swaps each pair of columns that may
+explain it. A swap must make such an axis consistent and no other axis inconsistent. The swap with
+the largest agreement over the driven axes
 
-An axis that is not pushed (yaw of a plain step) says nothing. Then an angle that is on no grid,
-while a reference is on its encoder's, is told by that.
+    M = Σ R² exp(−½ (ln |g| / `USUAL`)²)
 
-A reference belongs to an axis that follows it, by their correlation ρ over the flight:
+is reported if its M exceeds the log's by `BETTER`, and no reversed voltage gives a larger M.
+
+**Grid.** Otherwise: an angle that is not on its encoder's grid, and a reference that is.
+
+**References.** Otherwise: references a and b, if axis a follows b's. With correlations ρ in flight,
 
     ρ(a, ref_b) > `FOLLOWS`,   ρ(a, ref_a) < `IGNORES`,   ρ(b, ref_b) < `IGNORES`
 
-(ρ of something that stands still is zero): then references a and b are exchanged. Front and back
-for each other are `directions`' business, as they look like a sign.
+`directions` reports swapped motors, which have the effect of a wrong sign.
 """
 
 from __future__ import annotations
@@ -40,28 +39,29 @@ from heli3dof.recording.logs.angle_units import on_grid
 from heli3dof.recording.recording import Recording
 
 RANGE, SURE = (0.3, 3.3), 4.0
+"""Chosen, as are all constants below."""
 EXPLAINED, UNEXPLAINED = 0.5, 0.4
 USUAL, BETTER = 0.5, 0.3
 STEP_S = 0.008
-PUSHED = 0.025
-"""rad/s²: an axis that is driven less answers friction and noise as well."""
+DRIVEN = 0.025
+"""rad/s²: below this drive, friction and noise affect the response."""
 FOLLOWS, IGNORES = 0.7, 0.3
 ANGLE, VOLTAGE, REFERENCE = range(3), range(3, 5), range(5, 8)
 NAMES = (*AXES, *(f"v_{m}" for m in MOTORS), *(f"{a}_ref" for a in AXES))
-"""Of the columns of `_table`."""
 LEVELS = 8
+"""Least number of distinct values of a reference on an encoder's grid"""
 
 
 def columns(view: View) -> Iterable[Fault]:
-    """Two columns that are exchanged."""
-    found = _by_motion(view) or _by_encoder(view) or _by_reference(view)
-    if found is None:
+    """Yield a fault if two columns are swapped."""
+    swap = _by_motion(view) or _by_encoder(view) or _by_reference(view)
+    if swap is None:
         return
-    a, b, why = found
+    a, b, evidence = swap
     r = view.recording
     yield Fault(
         "columns.swapped", Kind.BAD_DATA, r.name,
-        f"{r.name}: {_title(a)} and {_title(b)} are swapped: {why}.",
+        f"{r.name}: {_title(a)} and {_title(b)} are swapped: {evidence}.",
         "the names of two columns are swapped, or two channels are wired the wrong way.",
         f"swap the names {_column(a)} and {_column(b)} in the log's header line and import it again"
         if a not in ANGLE or b not in ANGLE else
@@ -83,55 +83,56 @@ def _column(column: int) -> str:
     return f"{NAMES[column]}_{'V' if column in VOLTAGE else 'deg'}"
 
 
-def fits(x: Response) -> bool:
-    """Whether the axis answers its voltages about as the profile says, one way or the other."""
-    return _sized(x) and abs(x.t) > SURE and x.explained > EXPLAINED
+def is_consistent(x: Response) -> bool:
+    """Return True if the response is consistent with the profile, apart from its sign (module)."""
+    return _gain_in_range(x) and abs(x.t) > SURE and x.explained > EXPLAINED
 
 
-def unfit(answers: dict[str, Response]) -> set[str]:
-    """Axes that are pushed and do not answer."""
-    pushed = {a: x for a, x in answers.items() if x.drive > PUSHED}
-    return {a for a, x in pushed.items() if x.explained < UNEXPLAINED or not _sized(x)}
+def inconsistent(responses: dict[str, Response]) -> set[str]:
+    """Return the axes whose response is inconsistent with the profile (module)."""
+    driven = {a: x for a, x in responses.items() if x.drive > DRIVEN}
+    return {a for a, x in driven.items() if x.explained < UNEXPLAINED or not _gain_in_range(x)}
 
 
-def _sized(x: Response) -> bool:
+def _gain_in_range(x: Response) -> bool:
     return RANGE[0] < abs(x.gain) < RANGE[1]
 
 
-def merit(answers: dict[str, Response]) -> float:
-    """M: how well the axes that are pushed obey the profile."""
-    pushed = (x for x in answers.values() if x.drive > PUSHED and x.gain != 0)
+def agreement(responses: dict[str, Response]) -> float:
+    """Return the agreement M of the driven axes with the profile (module)."""
+    driven = (x for x in responses.values() if x.drive > DRIVEN and x.gain != 0)
     return float(
-        sum(x.explained * np.exp(-0.5 * (np.log(abs(x.gain)) / USUAL) ** 2) for x in pushed)
+        sum(x.explained * np.exp(-0.5 * (np.log(abs(x.gain)) / USUAL) ** 2) for x in driven)
     )
 
 
-def suspects(view: View, T: np.ndarray) -> set[str]:
-    """Axes that are unfit; every one that is pushed, where one voltage stands still."""
+def axes_in_question(view: View, T: np.ndarray) -> set[str]:
+    """Return the inconsistent axes, or all driven axes if a voltage in T (N, 8) is constant."""
     V = np.nan_to_num(T[:, VOLTAGE])
     if (np.ptp(V, axis=0) == 0).any():
-        return {a for a, x in view.responses.items() if x.drive > PUSHED}
-    return unfit(view.responses)
+        return {a for a, x in view.responses.items() if x.drive > DRIVEN}
+    return inconsistent(view.responses)
 
 
 def _by_motion(view: View) -> tuple[int, int, str] | None:
-    if not suspects(view, _table(view.recording)):
+    if not axes_in_question(view, _table(view.recording)):
         return None
-    view = View(coarser(view.recording))
+    view = View(block_means(view.recording))
     r, T = view.recording, _table(view.recording)
-    bad = suspects(view, T)
-    found: list[tuple[float, int, int, dict[str, Response], set[str]]] = []
-    for a, b in _exchanges(T, bad):
-        other = View(_exchanged(r, T, a, b)).responses
+    bad = axes_in_question(view, T)
+    candidates: list[tuple[float, int, int, dict[str, Response], set[str]]] = []
+    for a, b in _pairs(T, bad):
+        other = View(_swapped(r, T, a, b)).responses
         touched = set(bad) if {a, b} & {*VOLTAGE} else _names(a, b)
-        right = {x for x in touched & bad if x in other and fits(other[x])}
-        if right and unfit(other) <= bad - right:
-            found.append((merit(other), a, b, other, right))
-    if not found:
+        right = {x for x in touched & bad if x in other and is_consistent(other[x])}
+        if right and inconsistent(other) <= bad - right:
+            candidates.append((agreement(other), a, b, other, right))
+    if not candidates:
         return None
-    best, a, b, other, right = max(found, key=lambda f: f[0])
-    turned = (View(replace(r, voltage=r.voltage * s)) for s in ((-1, 1), (1, -1)))
-    if best < merit(view.responses) + BETTER or any(merit(v.responses) > best for v in turned):
+    best, a, b, other, right = max(candidates, key=lambda f: f[0])
+    mirrored = (View(replace(r, voltage=r.voltage * s)) for s in ((-1, 1), (1, -1)))
+    others = (agreement(v.responses) for v in mirrored)
+    if best < agreement(view.responses) + BETTER or any(x > best for x in others):
         return None
     axis = next(x for x in AXES if x in right)
     was, now = view.responses[axis], other[axis]
@@ -142,25 +143,25 @@ def _by_motion(view: View) -> tuple[int, int, str] | None:
     )  # fmt: skip
 
 
-def coarser(r: Recording) -> Recording:
-    """Means over `STEP_S`, of which the windows of `response` hold dozens: it is quicker."""
+def block_means(r: Recording) -> Recording:
+    """Return the recording averaged over `STEP_S`: as accurate for `response`, but faster."""
     m = max(1, round(STEP_S / r.dt)) if len(r) > 1 else 1
     n = len(r) // m
 
     def mean(x: np.ndarray) -> np.ndarray:
         return np.asarray(x[: n * m].reshape(n, m, *x.shape[1:]).mean(axis=1))
 
-    some = r.rows(slice(0, n * m, m))
+    first = r.rows(slice(0, n * m, m))
     return replace(
-        some, t=mean(r.t), voltage=mean(r.voltage), angle=mean(r.angle),
+        first, t=mean(r.t), voltage=mean(r.voltage), angle=mean(r.angle),
         reference=mean(r.reference),
     )  # fmt: skip
 
 
-def _exchanges(T: np.ndarray, bad: set[str]) -> Iterator[tuple[int, int]]:
-    """Pairs of columns whose exchange may be why those axes are unfit."""
-    read = [c for c in range(T.shape[1]) if np.isfinite(T[:, c]).any()]
-    for a, b in combinations(read, 2):
+def _pairs(T: np.ndarray, bad: set[str]) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of columns of T whose swap may explain the axes ``bad``."""
+    present = [c for c in range(T.shape[1]) if np.isfinite(T[:, c]).any()]
+    for a, b in combinations(present, 2):
         moves = np.nanmax(T[:, b]) > np.nanmin(T[:, b]) or b not in REFERENCE
         voltage = {a, b} & {*VOLTAGE}
         if moves and {a, b} != {*VOLTAGE} and (voltage or _names(a, b) & bad):
@@ -168,12 +169,11 @@ def _exchanges(T: np.ndarray, bad: set[str]) -> Iterator[tuple[int, int]]:
 
 
 def _names(*columns: int) -> set[str]:
-    """The axes whose angles are among the columns."""
     return {AXES[c] for c in columns if c in ANGLE}
 
 
 def _by_encoder(view: View) -> tuple[int, int, str] | None:
-    """An angle that is none of its encoder's, while a reference moves as that encoder does."""
+    """Return an angle and a reference that are swapped by their grids, with the evidence."""
     r, rows = view.recording, view.read
     if rows.sum() < 100:
         return None
@@ -213,11 +213,11 @@ def _by_reference(view: View) -> tuple[int, int, str] | None:
 
 
 def _table(r: Recording) -> np.ndarray:
-    """(N, 8) as a log has them: degrees and volts."""
+    """Return the angles (°), voltages (V) and references (°) as a table (N, 8)."""
     return np.column_stack([np.degrees(r.angle), r.voltage, np.degrees(r.reference)])
 
 
-def _exchanged(r: Recording, T: np.ndarray, a: int, b: int) -> Recording:
+def _swapped(r: Recording, T: np.ndarray, a: int, b: int) -> Recording:
     order = np.arange(T.shape[1])
     order[[a, b]] = b, a
     X = T[:, order]

@@ -1,19 +1,18 @@
-"""Does each axis turn the way its voltages push it? Signs of encoders, and motors swapped.
+"""Report wrong signs of encoders and voltages, and swapped motors.
 
-With g_r, g_p, g_ψ the answers of `response` (1 on a rig as its profile says), since
-u_r ∝ S, u_p ∝ D, u_ψ ∝ −sin p S:
+The responses g of `response` are 1 on a rig like its profile; u_r ∝ S, u_p ∝ D, u_ψ ∝ −sin p S.
+With the hover ratio h
 
     roll's sign wrong        g_r < 0
-    pitch's sign wrong       g_p < 0 and g_ψ < 0     (sin p is read with the wrong sign too)
-    front and back swapped   g_p < 0 and g_ψ > 0     (D changes its sign, the thrust's tilt not)
-    yaw's sign wrong         g_p > 0 and g_ψ < 0     (or front and back, and pitch's sign: a mirror)
-    voltages' sign wrong     the rig hovers on negative voltage (h < 0); all three turn round
-    V_o's sign wrong         h < 0, and nothing turns round
+    pitch's sign wrong       g_p < 0 and g_ψ < 0     (sin p has the wrong sign too)
+    front and back swapped   g_p < 0 and g_ψ > 0     (D has the wrong sign, sin p S has not)
+    yaw's sign wrong         g_p > 0 and g_ψ < 0     (or motors swapped and pitch's sign wrong)
+    voltages' sign wrong     h < 0, and the signs of all responses are reversed
+    V_o's sign wrong         h < 0, and no sign is reversed
 
-A sign counts when the answer is `SURE` standard deviations from zero, explains half the motion,
-and the voltages push at all. A recording that drives an axis with nothing but noise cannot tell;
-then two causes that look alike are named together. The roll encoder has two more witnesses: the
-arm starts on the table at its rest angle, and cannot sink below it.
+A sign counts if |g| exceeds `SURE` standard deviations, R² ≥ `EXPLAINED` and the drive ≥ `DRIVE`.
+If one is unknown, the fault names both causes. Roll's sign is also wrong if roll sinks into the
+table.
 """
 
 from __future__ import annotations
@@ -28,16 +27,19 @@ from heli3dof.diagnosis.integrity.response import Response
 from heli3dof.diagnosis.integrity.view import View
 
 SURE, EXPLAINED, DRIVE = 6.0, 0.5, 0.02
+"""Chosen, as are all constants below; `DRIVE` in rad/s²."""
 TABLE_BELOW = np.radians(-15.0)
 SINKS = np.radians(2.5)
+"""rad: roll this far below its start would be in the table."""
 BEYOND_REACH = np.radians(60.0)
+"""rad: larger roll angles are impossible."""
 
 
-def sign(answer: Response | None) -> int:
-    """+1, −1, or 0 where the recording does not say."""
-    if answer is None or answer.explained < EXPLAINED or answer.drive < DRIVE:
+def sign(response: Response | None) -> int:
+    """Return the sign of g, or 0 if the recording does not determine it (module)."""
+    if response is None or response.explained < EXPLAINED or response.drive < DRIVE:
         return 0
-    return int(np.sign(answer.t)) if abs(answer.t) > SURE else 0
+    return int(np.sign(response.t)) if abs(response.t) > SURE else 0
 
 
 def directions(view: View) -> Iterable[Fault]:
@@ -45,34 +47,34 @@ def directions(view: View) -> Iterable[Fault]:
     s = {a: sign(view.responses.get(a)) for a in AXES}
     if h is not None and h < -0.3:
         V_o = r.profile.motor.V_o
-        pushed = s["roll"] >= 0 and s["pitch"] >= 0
+        v_o_wrong = s["roll"] >= 0 and s["pitch"] >= 0
         yield _fault(
             view, "voltage.sign", None,
             f"{r.name}: the rig hovers at {h * V_o:.3g} V per motor, the profile's at {V_o:.3g} V.",
             "the profile's V_o has the wrong sign: every axis responds in the right direction "
             "(the paper's Table I has the wrong sign of T_g)."
-            if pushed
+            if v_o_wrong
             else "the voltages are logged with the wrong sign.",
-            f"set motor.V_o = {h * V_o:.3g}" if pushed else "change the sign of both voltages",
+            f"set motor.V_o = {h * V_o:.3g}" if v_o_wrong else "change the sign of both voltages",
         )  # fmt: skip
-        if not pushed:
+        if not v_o_wrong:
             s = {a: -x for a, x in s.items()}
-    roll = _roll(view, s["roll"])
+    roll = _roll_evidence(view, s["roll"])
     if roll:
         yield _fault(
             view, "encoder.sign", "roll", f"{r.name}: {roll}.", "the encoder's sign is wrong.",
-            _turn("roll", r.profile.encoder.roll),
+            _sign_fix("roll", r.profile.encoder.roll),
         )  # fmt: skip
-    about = {a: f"{x.gain:+.2g} ± {x.std:.1g}" for a, x in view.responses.items()}
+    gains = {a: f"{x.gain:+.2g} ± {x.std:.1g}" for a, x in view.responses.items()}
     p, y = s["pitch"], s["yaw"]
     if ROLL in view.measured and np.nanmax(r.angle[:, ROLL]) > BEYOND_REACH:
-        y = 0  # cos r is wrong, and so is what pushes yaw
+        y = 0  # cos r is wrong, and therefore also u_ψ
     if p < 0 < y:
         yield _fault(
             view, "motors.swapped", None,
             f"{r.name}: pitch responds to the voltage difference in the wrong direction "
-            f"({about['pitch']} times the profile's), but yaw to the tilt in the right one "
-            f"({about['yaw']}).",
+            f"({gains['pitch']} times the profile's), but yaw to the tilt in the right one "
+            f"({gains['yaw']}).",
             "front and back are swapped, at the amplifier or in the log.",
             "swap v_front_V and v_back_V, or the two motors' cables",
         )  # fmt: skip
@@ -81,28 +83,28 @@ def directions(view: View) -> Iterable[Fault]:
         yield _fault(
             view, "encoder.sign", "pitch",
             f"{r.name}: pitch responds to the voltage difference in the wrong direction "
-            f"({about['pitch']} times the profile's)"
-            + ("." if both else f", and so does yaw to the tilt ({about['yaw']})."),
+            f"({gains['pitch']} times the profile's)"
+            + ("." if both else f", and so does yaw to the tilt ({gains['yaw']})."),
             "the encoder's sign is wrong, or front and back are swapped; yaw moves too little to "
             "decide." if both else "the encoder's sign is wrong.",
-            _turn("pitch", r.profile.encoder.pitch), 0.5 if both else 0.99,
+            _sign_fix("pitch", r.profile.encoder.pitch), 0.5 if both else 0.99,
         )  # fmt: skip
     elif y < 0:
         both = p == 0
         yield _fault(
             view, "encoder.sign", "yaw",
-            f"{r.name}: yaw turns against the tilt of the thrust ({about['yaw']} times the "
+            f"{r.name}: yaw turns against the tilt of the thrust ({gains['yaw']} times the "
             "profile's).",
             "the encoder's sign is wrong" + (", or pitch's is." if both else
             "; or pitch's is, and front and back are swapped too (the rig's mirror image)."),
-            _turn("yaw", r.profile.encoder.yaw), 0.5 if both else 0.99,
+            _sign_fix("yaw", r.profile.encoder.yaw), 0.5 if both else 0.99,
         )  # fmt: skip
 
 
-def _roll(view: View, sign_of_answer: int) -> str:
-    """The evidence against roll's sign; empty if there is none."""
+def _roll_evidence(view: View, sign_of_response: int) -> str:
+    """Return the evidence that roll's sign is wrong; empty if there is none."""
     r = view.recording
-    if sign_of_answer < 0:
+    if sign_of_response < 0:
         x = view.responses["roll"]
         return (
             f"roll responds to the voltage sum in the wrong direction ({x.gain:+.2g} ± {x.std:.1g} "
@@ -122,7 +124,7 @@ def _roll(view: View, sign_of_answer: int) -> str:
     return ""
 
 
-def _turn(axis: str, counts: int) -> str:
+def _sign_fix(axis: str, counts: int) -> str:
     return f"set encoder.{axis} = {-counts} in the profile, or change the sign of the logged angle"
 
 

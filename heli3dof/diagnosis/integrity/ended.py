@@ -1,4 +1,4 @@
-"""Whether a safety monitor ended the flight. The recording is usable, but this has a cause."""
+"""Report that a safety monitor ended the flight. The recording stays usable."""
 
 from __future__ import annotations
 

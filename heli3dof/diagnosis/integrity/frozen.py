@@ -1,14 +1,11 @@
-"""An encoder that stands still to the count while its axis must move.
+"""Report an encoder that stays on one count while its axis must move.
 
-An axis at rest on one count for `LEAST_S` may be held by dry friction or play, as long as the
-torque on it stays within what these can hold. The torque's slow part is not known (gravity, a
-cable), so what counts is half its range over the stretch, smoothed over `SMOOTH_S`:
+Dry friction or backlash may hold an axis for `LEAST_S` against the torque J u, with its inertia J
+and u (rad/s²) of `response`. Constant torques are unknown, so only the range of J u counts. With u
+smoothed over `SMOOTH_S`, the axis must move if ½ (max J u − min J u) > `HOLDS_NM`.
 
-    ½ (max − min) of J u > τ_hold,   u as in `response`,   τ_hold = `HOLDS_NM`
-
-Roll at rest on the table is held from below only. There the voltages must be too small to lift:
-with r̈ = (L_a K_f S − T_g cos r) / J_r while it is positive, the arm would have risen by
-∬ r̈ > `RISEN`. Stops, motors off and the landing are left out.
+The table stops roll on one side only. There roll must move if r̈ = (L_a K_f S − T_g cos r)/J_r,
+integrated twice with ṙ ≥ 0, exceeds `RISEN`. Stops, motors off and the landing are left out.
 """
 
 from __future__ import annotations
@@ -23,20 +20,22 @@ from heli3dof.diagnosis.integrity.response import driven
 from heli3dof.diagnosis.integrity.view import View
 
 LEAST_S = 2.5
+"""Chosen, as are all constants below."""
 SMOOTH_S = 0.5
 HOLDS_NM = np.array([0.4, 0.04, 0.2])
-"""A real rig's roll was seen to stick for 1.3 s at a turning point, against ± 0.25 N·m."""
+"""N·m that friction may hold, by axis. A real rig's roll stuck for 1.3 s against ±0.25 N·m."""
 RISEN = np.radians(25.0)
 LEFT_OUT = ("unread", "motors_off", "ramp_down")
 STOP_BEYOND = np.radians(25.0)
+"""rad: above this, roll or |pitch| may rest at a stop."""
 TABLE_BELOW = np.radians(-15.0)
 
 
 def still(view: View, axis: int) -> list[tuple[int, int]]:
-    """Stretches (first row, last row + 1) of at least `LEAST_S` on one and the same count."""
+    """Return the intervals (first row, last row + 1) of at least `LEAST_S` on one count."""
     r = view.recording
     q = r.angle[:, axis]
-    out = np.logical_or.reduce([view.why_not[k] for k in LEFT_OUT])
+    out = np.logical_or.reduce([view.unusable[k] for k in LEFT_OUT])
     same = np.concatenate([[False], np.diff(q) == 0]) & ~out
     edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
     long = LEAST_S / r.dt
@@ -53,14 +52,14 @@ def frozen(view: View) -> Iterable[Fault]:
     u = driven(angle, voltage, r.profile)
     J = np.array(r.profile.inertias)
     if (np.ptp(r.angle[view.read][:, view.measured], axis=0) == 0).all():
-        return  # nothing moves at all: another check's
+        return  # `nothing` reports that no axis moves
     for i in view.measured:
-        found = still(view, i)
-        told = [w for w in (_why(view, i, a, b, u, J) for a, b in found) if w]
-        if not told:
-            yield from _perhaps(view, i)
+        intervals = still(view, i)
+        proven = [w for w in (_evidence(view, i, a, b, u, J) for a, b in intervals) if w]
+        if not proven:
+            yield from _never_moves(view, i)
             continue
-        a, b, why = max(told, key=lambda x: x[1] - x[0])
+        a, b, evidence = max(proven, key=lambda x: x[1] - x[0])
         whole = b - a > 0.98 * len(r)
         to_the_end = b >= len(r) - 1 - 4 / r.dt and not whole
         span = (
@@ -70,7 +69,7 @@ def frozen(view: View) -> Iterable[Fault]:
         yield Fault(
             "encoder.frozen", Kind.BAD_DATA, r.name,
             f"{r.name}: {AXES[i]} stays on one count ({np.degrees(r.angle[a, i]):.4g}°) {span}, "
-            f"{why}.",
+            f"{evidence}.",
             "the encoder's cable or its input on the card; or the axis is clamped, or rests at a "
             "stop that a wrong scale or offset hides.",
             "switch the amplifier off, turn the axis by hand during heli3dof run-step --roll 1, "
@@ -81,8 +80,8 @@ def frozen(view: View) -> Iterable[Fault]:
         )  # fmt: skip
 
 
-def _perhaps(view: View, i: int) -> Iterable[Fault]:
-    """A note for an axis that never moves while others do; friction may hold it."""
+def _never_moves(view: View, i: int) -> Iterable[Fault]:
+    """Yield a note if axis number i never moves in a flight; friction may hold it."""
     r = view.recording
     if np.ptp(r.angle[view.read, i]) == 0 and view.airborne.any():
         yield Fault(
@@ -95,7 +94,7 @@ def _perhaps(view: View, i: int) -> Iterable[Fault]:
         )  # fmt: skip
 
 
-def _why(
+def _evidence(
     view: View, i: int, a: int, b: int, u: np.ndarray, J: np.ndarray
 ) -> tuple[int, int, str] | None:
     r = view.recording
@@ -105,9 +104,9 @@ def _why(
     on_table = i == ROLL and q < TABLE_BELOW and q <= np.nanmin(r.angle[:, ROLL]) + 1e-9
     if on_table:
         T_g = r.profile.trim_torque
-        push = u[a:b, ROLL] - T_g * np.cos(q) / J[ROLL]
+        acceleration = u[a:b, ROLL] - T_g * np.cos(q) / J[ROLL]
         rate, rise, dt = 0.0, 0.0, r.dt
-        for x in push.tolist():
+        for x in acceleration.tolist():
             rate = max(0.0, rate + x * dt)
             rise += rate * dt
         if rise < RISEN:
@@ -117,10 +116,10 @@ def _why(
     if b - a < 2 * width:
         return None
     smooth = np.convolve(u[a:b, i], np.ones(width) / width, "valid")
-    half = float(np.ptp(smooth)) / 2 * J[i]
-    if half < HOLDS_NM[i]:
+    half_range = float(np.ptp(smooth)) / 2 * J[i]
+    if half_range < HOLDS_NM[i]:
         return None
-    return a, b, f"although the voltages' torque on it varies by ±{half:.2g} N·m"
+    return a, b, f"although the voltages' torque on it varies by ±{half_range:.2g} N·m"
 
 
 CHECKS = (

@@ -1,7 +1,7 @@
-"""``timing.gaps``: samples that should be there and are not, or hold no number.
+"""Report ``timing.gaps``: lost samples, and rows with a value that is not finite.
 
-Counted from the stamps (`ticks`): lost_share = lost / (all that should be there). Its standard
-deviation is that of a count of independent gaps of n_i samples each, √Σ n_i² / all.
+With n samples taken (`View.ticks`), gaps of n_i lost samples, and u such rows,
+lost_share = (Σ n_i + u)/n. If gaps are independent, its standard deviation is √(Σ n_i² + u)/n.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.diagnosis.integrity.view import View
 
 SHARE, LEAST = 5e-4, 5
-"""A finding takes this share, and this many lost samples; fewer are a note."""
-HOPELESS = 0.3
+"""Least share and number of lost samples of a finding; fewer are a note. Chosen."""
+BAD_SHARE = 0.3
+"""Share above which the recording is bad data. Chosen."""
 
 
 def gaps(view: View) -> Iterable[Fault]:
@@ -26,25 +27,25 @@ def gaps(view: View) -> Iterable[Fault]:
     sizes = [int(n) for n in missing[missing > 0]]
     columns = np.column_stack([r.voltage, r.angle])
     logged = columns[:, np.isfinite(columns).any(axis=0)]
-    unread = int((~np.isfinite(logged)).any(axis=1).sum())
-    lost = view.ticks.lost + unread
+    incomplete = int((~np.isfinite(logged)).any(axis=1).sum())
+    lost = view.ticks.lost + incomplete
     if lost <= 0:
         return
-    all_ = int(view.ticks.number[-1]) + 1
-    share = lost / all_
-    std = float(np.sqrt(sum(n * n for n in sizes) + unread)) / all_
+    expected = int(view.ticks.number[-1]) + 1
+    share = lost / expected
+    std = float(np.sqrt(sum(n * n for n in sizes) + incomplete)) / expected
     longest = max(sizes, default=0)
     kind = Kind.FINDING if share >= SHARE and lost >= LEAST else Kind.NOTE
-    parts = [f"{lost} of {all_} samples are missing ({100 * share:.3g} %)"]
+    parts = [f"{lost} of {expected} samples are missing ({100 * share:.3g} %)"]
     if sizes:
         parts.append(
             f"in {len(sizes)} gap{'s' * (len(sizes) != 1)}, the longest "
             f"{1e3 * longest * view.ticks.period_s:.3g} ms"
         )
-    if unread:
-        parts.append(f"{unread} of them are rows without a finite value")
+    if incomplete:
+        parts.append(f"{incomplete} of them are rows without a finite value")
     yield Fault(
-        "timing.gaps", Kind.BAD_DATA if share > HOPELESS else kind, r.name,
+        "timing.gaps", Kind.BAD_DATA if share > BAD_SHARE else kind, r.name,
         f"{r.name}: {', '.join(parts)}.",
         "the link dropped samples, or the logging program was too slow; the voltage was held "
         "meanwhile.",

@@ -1,11 +1,12 @@
-"""A step of many counts within one sample: no arm turns that fast.
+"""Report a change of many counts within one sample, faster than any arm can move.
 
-d_k = (q_k − q_{k−1}) / (n_k − n_{k−1}) is the change per sample; a jump is where it leaves the mean
-of its neighbours' by more than `COUNTS` counts, `ANGLE` and `RATE` times the time between the two
-samples: where a second is missing, an arm gets far. Impacts on the table or a stop change the
-rate by 150°/s at most, a tenth of it at 500 Hz. Smaller losses (a few counts) cannot be told from
-motion. An axis that stood on one count for `STOOD_S` before may have been frozen, and jumps to
-where it really is; or it rested and its counter was reset: both are said.
+With angles q_k and sample numbers n_k (lost samples count), let Δ_k = n_k − n_{k−1} and
+d_k = (q_k − q_{k−1})/Δ_k. d̄_k is the mean of d_{k−1} and d_{k+1}. A jump is where
+
+    min(|d_k − d̄_k|, |d_k|) Δ_k > max(`COUNTS` counts, `ANGLE`, `RATE` Δ_k dt)
+
+An impact changes the rate by 150°/s at most; at 500 Hz, |d_k − d̄_k| is then a tenth of `ANGLE`. If
+the axis was on one count for `STOOD_S` before, the encoder was frozen or its counter was reset.
 """
 
 from __future__ import annotations
@@ -21,39 +22,40 @@ from heli3dof.diagnosis.integrity.view import View
 COUNTS = 16
 ANGLE = np.radians(1.5)
 RATE = np.radians(600.0)
+"""rad/s; see the module. Chosen, as are all constants here."""
 FEW = 20
-"""More jumps than this may be another unit."""
+"""Above this number of jumps the angle may have another unit."""
 WRAP = np.radians(5.0)
+"""rad: a jump this close to 180° or 360° is a wrapped angle."""
 STOOD_S = 0.4
 
 
-def leaps(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
-    """(N − 1,) rad, by how much each sample of axis i leaves its neighbours' motion, and the
-    indices of those that do so by more than any arm could."""
+def deviations(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the left side (N − 1,) rad of the module's condition, and the indices of jumps."""
     r = view.recording
     change = np.diff(r.angle[:, i])
     n = np.maximum(np.diff(view.ticks.number), 1)
     d = np.where(np.isfinite(change), change, 0.0) / n
     if len(d) < 5:
         return np.zeros_like(d), np.empty(0, dtype=np.int64)
-    around = np.empty_like(d)
-    around[1:-1] = 0.5 * (d[2:] + d[:-2])
-    around[0], around[-1] = d[1], d[-2]
-    # A spike's neighbours are its own return: take whichever is nearer.
-    off = np.minimum(np.abs(d - around), np.abs(d)) * n
+    mean_neighbours = np.empty_like(d)
+    mean_neighbours[1:-1] = 0.5 * (d[2:] + d[:-2])
+    mean_neighbours[0], mean_neighbours[-1] = d[1], d[-2]
+    # Next to a one-sample spike, d̄ contains the spike: there |d| is the smaller one.
+    deviation = np.minimum(np.abs(d - mean_neighbours), np.abs(d)) * n
     counts = COUNTS * abs(float(r.profile.encoder.rad_per_count[i]))
-    least = np.maximum(max(counts, ANGLE), RATE * r.dt * n)
-    return off, np.flatnonzero(off > least)
+    limit = np.maximum(max(counts, ANGLE), RATE * r.dt * n)
+    return deviation, np.flatnonzero(deviation > limit)
 
 
 def jumps(view: View) -> Iterable[Fault]:
     r = view.recording
     for i in view.measured:
         change = np.diff(r.angle[:, i])
-        off, at = leaps(view, i)
+        deviation, at = deviations(view, i)
         if not len(at):
             continue
-        k = int(at[np.argmax(off[at])])
+        k = int(at[np.argmax(deviation[at])])
         size = float(change[k])
         turn = next((w for w in (360, 180) if abs(abs(size) - np.radians(w)) < WRAP), None)
         back = k + 1 < len(change) and abs(change[k] + change[k + 1]) < 0.5 * abs(size)
@@ -81,7 +83,7 @@ def jumps(view: View) -> Iterable[Fault]:
 
 
 def _stood_from(view: View, i: int, k: int) -> int:
-    """The first row of the stretch on one count that ends in row k."""
+    """Return the first of the rows up to row k in which axis number i stays on one count."""
     moved = np.flatnonzero(np.diff(view.recording.angle[: k + 1, i]) != 0)
     return int(moved[-1]) + 1 if len(moved) else 0
 

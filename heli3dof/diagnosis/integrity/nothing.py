@@ -1,6 +1,9 @@
-"""Is there anything to diagnose: did the motors run, did anything move, did the arm take off?
+"""Report recordings without usable motion, which are not identifiable, by the first that holds:
 
-A rig that hangs still holds the truth about its encoders' noise and nothing else.
+1. No angle was recorded, or none moves by `COUNTS` counts.
+2. The voltage stays below `OFF` times v_max, so the motors did not cause the motion.
+3. Roll starts on the table (below `TABLE_BELOW`) and does not rise by `LIFTED`. This is only a note
+   if another axis moves by `MOVES`.
 """
 
 from __future__ import annotations
@@ -14,11 +17,12 @@ from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.diagnosis.integrity.view import View
 
 OFF = 0.02
-"""Share of v_max below which a voltage drives nothing."""
+"""Share of v_max below which a voltage cannot move the rig"""
 COUNTS = 3
 LEAST_S = 1.0
-"""A shorter recording says nothing of why it holds no motion."""
+"""s: a shorter recording is a fragment."""
 TABLE_BELOW, LIFTED, MOVES = np.radians(-15.0), np.radians(1.0), np.radians(2.0)
+"""rad, see condition 3. Chosen, as are all limits here."""
 
 
 def nothing(view: View) -> Iterable[Fault]:

@@ -1,25 +1,24 @@
-"""How an axis answers the voltages, as a multiple g of what the profile says. No derivative.
+"""Estimate an axis's response to the voltages as a multiple g of the profile's, in weak form.
 
-With S = V_f + V_b, D = V_f − V_b (V) and the profile's lengths and level inertias::
+With S = V_f + V_b, D = V_f − V_b (V), arm lengths L (m), thrust gain K_f (N/V) and inertias at
+hover J (kg·m²), the profile predicts the accelerations (rad/s²)
 
     u_r = L_a K_f cos p S / J_r    u_p = L_h K_f D / J_p    u_ψ = −L_a K_f cos r sin p S / J_ψ
 
-each axis should obey, whatever else acts slowly (rad, s)::
+The model of each angle q (rad) has a rotor lag τ (s), damping b, and gravity and springs c_j x_j.
+x is (cos r, sin r) for roll, (cos r cos p, sin p) for pitch, (1, ψ) for yaw:
 
     q̈ = g u − g τ u̇ + Σ c_j x_j(q) − b q̇ + noise
 
-τ is a lag of the rotors to first order, x_j gravity and springs: cos r, sin r for roll, cos r cos p
-and sin p for pitch, 1 and ψ for yaw. Multiplied by a bump φ(t) = (1 − (t/T)²)³ of half width T and
-integrated by parts, all derivatives fall on φ::
+Multiplied by φ(t) = (1 − (t/T)²)³, |t| < T, and integrated by parts, only φ is differentiated:
 
     ∫ φ̈ q = g ∫ φ u + g τ ∫ φ̇ u + Σ c_j ∫ φ x_j + b ∫ φ̇ q
 
-one equation per window, least squares over the flight, with weak priors on τ g, c and b: in closed
-loop with little excitation D is a multiple of p and ṗ, and a spring of any size would do as well.
-A mass that is added or lost in flight is a step in the first x_j: of a step at each second the one
-that explains most is taken as one more regressor, where it explains more than `STEP` of the rest.
-The voltages are known, so feedback does no harm except through noise, which draws g towards zero.
-The standard deviation allows for overlapping windows and coloured noise (Newey and West).
+Each window gives one equation. Ridge regression estimates g, with weak priors on g τ, c_j and b: in
+closed loop D is nearly proportional to p and ṗ, like a spring and a damper. A mass added in flight
+is a step of x_1. The best step is a regressor if it explains the share `STEP` of the residual sum
+of squares. Feedback biases g only through noise, towards zero. The standard deviation allows for
+overlapping windows and coloured noise (Newey and West).
 """
 
 from __future__ import annotations
@@ -33,36 +32,37 @@ from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
 
 HALF_WIDTH_S = 0.25
+"""T, half the length of φ. Chosen, as are all constants below."""
 PER_WIDTH = 2
 """Windows per half width."""
 LEAST_WINDOWS = 8
 STEP, STEP_EVERY_S, STEP_INSIDE_S = 0.5, 1.0, 3.0
-"""Share of the rest that a trim's step must explain; where one is tried, and how far inside."""
+"""Least explained share of a step; s: interval of the steps tried, least distance from the ends."""
 LAGS = 8
-"""Windows over which the equations' noise is correlated, at most."""
+"""Largest lag, in windows, of the Newey-West estimate."""
 PRIOR_LAG_S, PRIOR_SPRING, PRIOR_DAMPING = 0.15, 4.0, 1.5
-"""Prior standard deviations: s; rad/s² per unit of a regressor with a spring's size; 1/s."""
+"""Prior standard deviations of g τ (s), c_j (rad/s²) and b (1/s)."""
 
 
 @dataclass(frozen=True)
 class Response:
-    """g ± std of one axis."""
+    """The response g of one axis, with its standard deviation."""
 
     gain: float
     std: float
     explained: float
-    """R²: share of the second differences' variance that the equation explains"""
+    """R² of the regression: share of the variance of ∫ φ̈ q that the model explains"""
     drive: float
-    """rad/s², standard deviation of what the voltages should do"""
+    """rad/s², standard deviation of ∫ φ u, the acceleration that the profile predicts"""
 
     @property
     def t(self) -> float:
-        """g in standard deviations."""
+        """Return the ratio of g to its standard deviation."""
         return self.gain / self.std if self.std > 0 else 0.0
 
 
 def driven(angle: np.ndarray, voltage: np.ndarray, profile: Profile) -> np.ndarray:
-    """(N, 3) rad/s²: u of each axis from angles (N, 3) rad and voltages (N, 2) V."""
+    """Return u (N, 3) rad/s² of the axes, from angles (N, 3) rad and voltages (N, 2) V."""
     g, K_f = profile.geometry, profile.motor.K_f
     J = profile.inertias
     r, p = angle[:, 0], angle[:, 1]
@@ -76,11 +76,11 @@ def driven(angle: np.ndarray, voltage: np.ndarray, profile: Profile) -> np.ndarr
 def responses(
     recording: Recording, free: np.ndarray, number: np.ndarray, period_s: float
 ) -> dict[str, Response]:
-    """Axis → `Response`, over windows of rows that are ``free`` (N,) to move.
+    """Return {axis: response}, from the windows in which all rows are ``free`` (N,) bool.
 
-    ``number`` (N,) counts the samples, lost ones too; these are filled in by straight lines.
+    ``number`` (N,) counts samples, lost ones too. Axes that no voltage drives are left out.
     """
-    angle, voltage, ok = _even(recording, free, number)
+    angle, voltage, ok = _evenly_sampled(recording, free, number)
     u = driven(angle, voltage, recording.profile)
     r, p, y = angle.T
     one = np.ones(len(r))
@@ -92,10 +92,10 @@ def responses(
     windows = _Windows(len(r), period_s)
     if windows.count < LEAST_WINDOWS:
         return {}
-    kept = windows.whole(ok)
+    kept = windows.complete(ok)
     if kept.sum() < LEAST_WINDOWS:
         return {}
-    found = {}
+    result = {}
     for i, axis in enumerate(AXES):
         if axis not in recording.axes:
             continue
@@ -104,18 +104,18 @@ def responses(
         columns += [windows.dot(angle[:, i])]
         X = np.column_stack(columns)[kept]
         z = windows.ddot(angle[:, i])[kept]
-        answer = _fit(with_step(X, z, X[:, 2], windows.middle_s[kept]), z)
-        if answer is not None:
-            found[axis] = answer
-    return found
+        response = _fit(with_step(X, z, X[:, 2], windows.middle_s[kept]), z)
+        if response is not None:
+            result[axis] = response
+    return result
 
 
-def _even(
+def _evenly_sampled(
     recording: Recording, free: np.ndarray, number: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angles, voltages and ``free`` with one row per sample that should be there, NaN as zero.
+    """Return angles, voltages and ``free`` with a row for every sample, lost ones too; NaN is zero.
 
-    A voltage k is held until k + 1: its mean over the samples' own places is half a row later.
+    The loop holds voltage k until sample k + 1: at sample k the mean of voltages k − 1 and k acts.
     """
     angle, voltage = np.nan_to_num(recording.angle), np.nan_to_num(recording.voltage)
     if number[-1] + 1 != len(number) or (np.diff(number) != 1).any():
@@ -129,7 +129,7 @@ def _even(
 
 
 class _Windows:
-    """Integrals over the bump φ and its derivatives, window by window."""
+    """Integrals of a signal times φ, φ̇ or φ̈, for each window over n samples of ``dt`` s."""
 
     def __init__(self, n: int, dt: float) -> None:
         self.half = max(3, round(HALF_WIDTH_S / dt))
@@ -157,31 +157,32 @@ class _Windows:
     def ddot(self, x: np.ndarray) -> np.ndarray:
         return self._apply(x, self.phi_ddot)
 
-    def whole(self, ok: np.ndarray) -> np.ndarray:
-        """(windows,) bool: every row of the window is ok."""
+    def complete(self, ok: np.ndarray) -> np.ndarray:
+        """Return (windows,) bool: windows in which all rows are ``ok``."""
         return self._apply((~ok).astype(float), np.ones(2 * self.half + 1)) < 0.5
 
 
 def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """X (W, n), and where it explains most of the rest a step of ``trim`` (W,) at an instant.
+    """Return the regressors X (W, n) of z (W,), with the best step of ``trim`` (W,) if it is large.
 
-    ``t`` (W,) s, of the windows' middles.
+    ``t`` (W,) s are the middles of the windows.
     """
-    at = np.arange(t[0] + STEP_INSIDE_S, t[-1] - STEP_INSIDE_S, STEP_EVERY_S)
-    if not len(at):
+    times = np.arange(t[0] + STEP_INSIDE_S, t[-1] - STEP_INSIDE_S, STEP_EVERY_S)
+    if not len(times):
         return X
-    steps = np.where(t[:, None] > at, trim[:, None], 0.0)
+    steps = np.where(t[:, None] > times, trim[:, None], 0.0)
     Q = np.linalg.qr(X)[0]
-    rest = z - Q @ (Q.T @ z)
-    new = steps - Q @ (Q.T @ steps)
-    size = np.maximum(np.einsum("wj,wj->j", new, new), 1e-12)
-    explained = (rest @ new) ** 2 / size
+    residual = z - Q @ (Q.T @ z)
+    orthogonal = steps - Q @ (Q.T @ steps)
+    size = np.maximum(np.einsum("wj,wj->j", orthogonal, orthogonal), 1e-12)
+    explained = (residual @ orthogonal) ** 2 / size
     best = int(np.argmax(explained))
-    return np.column_stack([X, steps[:, best]]) if explained[best] > STEP * (rest @ rest) else X
+    significant = explained[best] > STEP * (residual @ residual)
+    return np.column_stack([X, steps[:, best]]) if significant else X
 
 
 def _fit(X: np.ndarray, z: np.ndarray) -> Response | None:
-    """Ridge with the priors; g is the first coefficient. None where nothing drives the axis."""
+    """Return the ridge estimate of g = c_0 in X c = z; None if the axis is not driven or rests."""
     drive = float(np.std(X[:, 0]))
     spread = float(np.std(z))
     if drive < 1e-9 or spread == 0:
@@ -190,7 +191,7 @@ def _fit(X: np.ndarray, z: np.ndarray) -> Response | None:
     prior = np.append(prior, [PRIOR_SPRING] * (X.shape[1] - len(prior)))
     noise = spread**2
     for _ in range(3):
-        # Overlapping windows are worth about one in PER_WIDTH.
+        # Windows overlap: about one in PER_WIDTH is independent.
         A = X.T @ X + np.diag(noise * PER_WIDTH / prior**2)
         inverse = np.linalg.pinv(A)
         c = inverse @ (X.T @ z)

@@ -1,27 +1,27 @@
-"""Factors of two, three and four: counts per revolution, and the amplifier's gain switch.
+"""Report counts per revolution that are wrong by 2 or 4, and a wrong amplifier gain.
 
-If an encoder reads k times its angle and the thrust is K times the profile's, the answers of
-`response` are, since yaw is pushed by sin p and pitch reads k_p p:
+If encoder i reads k_i times its angle and the thrust is K times the profile's, the responses are
 
-    g_r = K k_r          g_p = K k_p          g_ψ = K k_ψ / k_p
+    g_r = K k_r          g_p = K k_p          g_ψ = K k_ψ / k_p    (pitch p drives yaw)
 
-**Counts.** The wrong number of edges gives k = 2 or 4, or their inverses. Each axis and k is
-compared with no k at all, all with K common and free, by
+**Counts.** A wrong number of encoder edges gives k = 2, 4, ½ or ¼ on one axis. With the hover ratio
+h, and k_ψ/k_p as yaw's k_i, the check compares each k with k = 1 by
 
-    χ² = Σ (log g − log K − …)² / σ² + (log K)² / σ_K² + (log K h)² / σ_K²
+    χ² = min_K Σ_i (ln g_i − ln(K k_i))² / σ² + (ln K)² / σ_K² + (ln(K h))² / σ_K²
 
-σ = `SCATTER` allows for lag, friction, inertia and an unequal thrust curve, σ_K = `SPREAD` for the
-thrust gain and the counterweight. Roll's factor is tried by reading roll anew, since its angle is
-in every equation. J_roll and J_yaw are of the same masses, so that one of the two is off by a
-factor is no inertia; pitch's factor must show in yaw too, or it may be friction, play or inertia.
-The best is named when it beats all else by `MARGIN`. A 2 whose every count is nevertheless seen may
-also be half the inertia, and moves the same way: a note, no bad data.
+σ = `SCATTER` allows for lag, friction, inertia; σ_K = `SPREAD` for thrust gain and counterweight.
 
-**Amplifier.** T_g is fixed by V_o. If the amplifier multiplies by K what the log says, every answer
-is K and the hover voltage is h = 1/K. So K h = 1 with K off by more than `ANOTHER_RIG` is the
-amplifier (its gain is 1 or 3 by a switch) or the voltages' scale: bad data. A smaller K is what
-rigs differ by (0.13 … 0.22 N/V for one type): the diagnosis names it ``motor.thrust_gain``. h = 3
-with answers of 1 is another counterweight: ``mass.imbalance``.
+* Roll is in every equation, so its k is tested with roll divided by k and all responses recomputed.
+* Yaw's k needs another axis: J_roll and J_yaw come from the same masses. Pitch's k needs yaw:
+  otherwise it may be friction, backlash or inertia.
+* The best k is reported if χ² ≤ `FITS` and all others are larger by `MARGIN` (half of it if the
+  angle has only every k-th count).
+* k = 2 with all counts may also be half the inertia: a note, otherwise bad data.
+
+**Amplifier.** If the motors get K times the logged voltages, every response is K and h = 1/K. It is
+bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does not. Smaller K
+are usual (0.13 … 0.22 N/V for one type of rig): ``motor.thrust_gain``. h = 3 with responses of 1 is
+another counterweight: ``mass.imbalance``.
 """
 
 from __future__ import annotations
@@ -39,23 +39,24 @@ from heli3dof.diagnosis.integrity.voltage import ANOTHER_UNIT
 from heli3dof.recording.logs.angle_units import counts_seen
 
 GOOD, PRECISE = 0.7, 0.08
-"""R² and relative standard deviation of an answer whose size is believed."""
+"""R², relative standard deviation of a reliable response. Chosen, as are all constants below."""
 DRIVEN = (0.04, 0.1, 0.015)
-"""rad/s² by axis: an axis pushed less than this is at the mercy of friction and play."""
+"""rad/s² by axis: least `Response.drive`; below it, friction and backlash dominate."""
 SCATTER, SPREAD = 0.2, 0.35
 MARGIN, FITS = 5.0, 6.0
-UNSUSPECTED = 2.5
-"""χ² without any factor below which none is looked for."""
+NO_FACTOR = 2.5
+"""χ² without a factor below which none is tested, if roll's response is reliable"""
 FACTORS = (0.25, 0.5, 2.0, 4.0)
 ANOTHER_RIG = 2.2
 SWITCH = 0.25
+"""Largest |ln| of the gain over 3 or ⅓ that the amplifier's switch explains"""
 
 
-def believed(answers: dict[str, Response]) -> dict[str, Response]:
-    """Those that are positive, precise and explain their axis."""
+def reliable(responses: dict[str, Response]) -> dict[str, Response]:
+    """Return the responses that are positive, precise, well driven and explain the motion."""
     return {
         a: x
-        for a, x in answers.items()
+        for a, x in responses.items()
         if x.gain > 0
         and x.explained > GOOD
         and x.std < PRECISE * x.gain
@@ -64,79 +65,76 @@ def believed(answers: dict[str, Response]) -> dict[str, Response]:
 
 
 def misfit(log_g: dict[str, float], log_k: dict[str, float], h: float | None = None) -> float:
-    """χ² of answers log g with encoders that read e^{log k} times their angle, K at its best."""
+    """Return the module's χ² for ln g and ln k by axis, and the hover ratio h if known."""
     expected = {a: log_k.get(a, 0.0) for a in log_g}
     if "yaw" in expected:
         expected["yaw"] -= log_k.get("pitch", 0.0)
-    seen = [g - expected[a] for a, g in log_g.items()] + [0.0]
+    residual = [g - expected[a] for a, g in log_g.items()] + [0.0]
     weight = [1 / SCATTER**2] * len(log_g) + [1 / SPREAD**2]
     if h is not None and h > 0:
-        seen.append(-float(np.log(h)))
+        residual.append(-float(np.log(h)))
         weight.append(1 / SPREAD**2)
-    e, w = np.array(seen), np.array(weight)
+    e, w = np.array(residual), np.array(weight)
     return float(w @ (e - w @ e / w.sum()) ** 2)
 
 
 def counts(view: View) -> Iterable[Fault]:
     r = view.recording
-    good = believed(view.responses)
+    good = reliable(view.responses)
     if not good or _amplifier(view) is not None:
         return
-    plain = misfit(_logs(good), {}, view.hover_ratio)
-    if plain < UNSUSPECTED and "roll" in good:
+    no_factor = misfit(_logs(good), {}, view.hover_ratio)
+    if no_factor < NO_FACTOR and "roll" in good:
         return
-    tried = {("", 1.0): (plain, good)}
+    chi2s = {("", 1.0): (no_factor, good)}
     if len(good) > 1:
         for axis in [a for a in good if a == "yaw" or (a == "pitch" and "yaw" in good)]:
             for k in FACTORS:
                 fit = misfit(_logs(good), {axis: float(np.log(k))}, view.hover_ratio)
-                tried[axis, k] = fit, good
+                chi2s[axis, k] = fit, good
     if "roll" in r.axes:
         for k in FACTORS:
-            turned = believed((other := _reading(view, k)).responses)
-            if "roll" in turned and len(turned) > 1:
-                tried["roll", k] = misfit(_logs(turned), {}, other.hover_ratio), turned
-    (axis, k), *others = sorted(tried, key=lambda name: tried[name][0])
+            divided = reliable((other := _roll_divided(view, k)).responses)
+            if "roll" in divided and len(divided) > 1:
+                chi2s["roll", k] = misfit(_logs(divided), {}, other.hover_ratio), divided
+    (axis, k), *others = sorted(chi2s, key=lambda name: chi2s[name][0])
     if not axis or not others:
         return
-    best, answers = tried[axis, k]
+    best, responses = chi2s[axis, k]
     n = int(getattr(r.profile.encoder, axis))
     i = AXES.index(axis)
-    seen = counts_seen(r.angle[view.read, i], "rad", abs(n))
-    # Every k-th count of the profile's grid is what k times the angle looks like.
-    coarser = seen is not None and abs(abs(n) / seen - k) < 1e-6
-    if best > FITS or tried[others[0]][0] - best < MARGIN * (0.5 if coarser else 1.0):
+    fitted = counts_seen(r.angle[view.read, i], "rad", abs(n))
+    # An angle that is k times too large has only every k-th count of the profile's grid.
+    coarser = fitted is not None and abs(abs(n) / fitted - k) < 1e-6
+    if best > FITS or chi2s[others[0]][0] - best < MARGIN * (0.5 if coarser else 1.0):
         return
-    scale = _scale_of(axis, k, answers)
-    # Without pitch's own answer, yaw's k is pitch's 1/k: it is sin p that pushes yaw.
-    tied = axis == "yaw" and "pitch" in r.axes and "pitch" not in good
-    lighter = k == 2.0 and not coarser and not tied
-    told = ", ".join(f"{a} {x.gain:.2g}" for a, x in view.responses.items() if x.gain > 0)
+    scale = _scale_of(axis, k, responses)
+    # Without a response of pitch, k of yaw and 1/k of pitch are confounded: sin p drives yaw.
+    confounded = axis == "yaw" and "pitch" in r.axes and "pitch" not in good
+    half_inertia = k == 2.0 and not coarser and not confounded
+    gains = ", ".join(f"{a} {x.gain:.2g}" for a, x in view.responses.items() if x.gain > 0)
     yield Fault(
-        "encoder.counts", Kind.NOTE if lighter else Kind.BAD_DATA, r.name,
+        "encoder.counts", Kind.NOTE if half_inertia else Kind.BAD_DATA, r.name,
         f"{r.name}: {axis} moves about {k:g} times as far as its voltages explain"
         + (f", in steps of {k:g} counts" if coarser else "")
-        + f" (response over the profile's: {told}).",
+        + f" (response over the profile's: {gains}).",
         f"the counts per revolution are wrong by a factor of {k:g} (one, two or four edges of each "
-        + ("line are counted)" if tied else "line are counted).")
-        + (" Or the axis has half its inertia." if lighter else "")
-        + (f", or pitch's by {1 / k:g}, since the tilt drives yaw." if tied else ""),
+        + ("line are counted)" if confounded else "line are counted).")
+        + (" Or the axis has half its inertia." if half_inertia else "")
+        + (f", or pitch's by {1 / k:g}, since the tilt drives yaw." if confounded else ""),
         f"set encoder.{axis} = {round(n * k)} in the profile if angles come from counts; else "
         f"divide the logged angle by {k:g}",
         effect="encoder.scale", axis=axis, parameters={"scale": scale},
-        confidence=0.5 if tied or lighter else 0.99,
+        confidence=0.5 if confounded or half_inertia else 0.99,
     )  # fmt: skip
 
 
-def _logs(answers: dict[str, Response]) -> dict[str, float]:
-    return {a: float(np.log(x.gain)) for a, x in answers.items()}
+def _logs(responses: dict[str, Response]) -> dict[str, float]:
+    return {a: float(np.log(x.gain)) for a, x in responses.items()}
 
 
-def _reading(view: View, k: float) -> View:
-    """The recording as it would be if roll had been read k times too large, from its rest on.
-
-    Roll's size enters everywhere through cos r, so its answers are computed anew.
-    """
+def _roll_divided(view: View, k: float) -> View:
+    """Return the recording with roll divided by k, measured from its angle at the start."""
     r = view.recording
     angle = r.angle.copy()
     rest = float(np.median(angle[view.read, ROLL][:5]))
@@ -144,21 +142,21 @@ def _reading(view: View, k: float) -> View:
     return View(replace(r, angle=angle))
 
 
-def _scale_of(axis: str, k: float, answers: dict[str, Response]) -> tuple[float, float]:
-    """The scale and its standard deviation: the axis's answer over the mean of the others'."""
+def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
+    """Return the axis's scale and its standard deviation: its response over the others' mean."""
     others = [
-        np.log(x.gain) for a, x in answers.items() if a != axis and (axis, a) != ("pitch", "yaw")
+        np.log(x.gain) for a, x in responses.items() if a != axis and (axis, a) != ("pitch", "yaw")
     ] or [0.0]
-    scale = answers[axis].gain / float(np.exp(np.mean(others)))
-    if axis == "roll":  # answers as if it had been read k times too large
+    scale = responses[axis].gain / float(np.exp(np.mean(others)))
+    if axis == "roll":  # `_roll_divided` has divided roll by k
         scale *= k
     return float(scale), float(scale * SCATTER / np.sqrt(len(others)))
 
 
 def _amplifier(view: View) -> tuple[float, float] | None:
-    """K and h where the amplifier's gain is another than the log's."""
+    """Return K and h (module) if the amplifier's gain is wrong, else None."""
     h = view.hover_ratio
-    good = believed(view.responses)
+    good = reliable(view.responses)
     if h is None or h < ANOTHER_UNIT or not good:
         return None
     K = float(np.exp(np.median([np.log(x.gain) for x in good.values()])))
@@ -167,10 +165,10 @@ def _amplifier(view: View) -> tuple[float, float] | None:
 
 
 def amplifier(view: View) -> Iterable[Fault]:
-    r, found = view.recording, _amplifier(view)
-    if found is None:
+    r, gain_and_hover = view.recording, _amplifier(view)
+    if gain_and_hover is None:
         return
-    K, h = found
+    K, h = gain_and_hover
     factor = float(np.sqrt(K / h))
     switch = min(abs(np.log(factor * 3)), abs(np.log(factor / 3))) < SWITCH
     V_o = r.profile.motor.V_o

@@ -1,4 +1,4 @@
-"""A recording as the checks look at it: what several of them need is computed once."""
+"""`View`: quantities of a recording that several checks need, each computed once."""
 
 from __future__ import annotations
 
@@ -14,22 +14,23 @@ from heli3dof.recording.logs.sampling_clock import Ticks, ticks
 from heli3dof.recording.recording import Recording
 
 GROUNDED = ("unread", "table", "stop", "motors_off", "falling", "ramp_down")
+"""Reasons of `row_selection` for which a row is not airborne"""
 
 
 class View:
-    """Lazy quantities of one recording; N samples."""
+    """Quantities of one recording of N samples, computed on first use; infinite values are NaN."""
 
     def __init__(self, recording: Recording) -> None:
         self.recording = _finite(recording)
 
     @cached_property
     def measured(self) -> list[int]:
-        """Indices of the axes that were measured."""
+        """Return the indices of the measured axes."""
         return [i for i, a in enumerate(AXES) if a in self.recording.axes]
 
     @cached_property
     def read(self) -> np.ndarray:
-        """(N,) bool: voltage and every measured angle are numbers."""
+        """Return (N,) bool: rows with finite voltages and finite measured angles."""
         r = self.recording
         return np.asarray(
             np.isfinite(r.voltage).all(axis=1) & np.isfinite(r.angle[:, self.measured]).all(axis=1)
@@ -40,31 +41,31 @@ class View:
         return ticks(self.recording.t)
 
     @cached_property
-    def why_not(self) -> dict[str, np.ndarray]:
-        """(N,) bool by reason; see `heli3dof.identification.row_selection`."""
+    def unusable(self) -> dict[str, np.ndarray]:
+        """Return {reason: (N,) bool}: the rows that `row_selection` excludes from a fit."""
         return unusable(self.recording)
 
     @cached_property
     def airborne(self) -> np.ndarray:
-        """(N,) bool: free to move, take-off included; nothing but thrust and gravity acts."""
-        return np.asarray(~np.logical_or.reduce([self.why_not[k] for k in GROUNDED]))
+        """Return (N,) bool: rows off table and stops, with take-off and with the motors on."""
+        return np.asarray(~np.logical_or.reduce([self.unusable[k] for k in GROUNDED]))
 
     @cached_property
     def flying(self) -> np.ndarray:
-        """(N,) bool: airborne, and take-off is over."""
-        return np.asarray(self.airborne & ~self.why_not["take_off"])
+        """Return (N,) bool: airborne rows after take-off."""
+        return np.asarray(self.airborne & ~self.unusable["take_off"])
 
     @cached_property
     def clipped(self) -> np.ndarray:
-        """(N,) bool: a voltage at the amplifier's limit."""
+        """Return (N,) bool: rows with a voltage at the amplifier's limit."""
         return clipped(self.recording)
 
     @cached_property
     def hover_ratio(self) -> float | None:
-        """h, the mean voltage in flight over the one that T_g = 2 L_a K_f V_o asks for.
+        """Return the hover ratio h = mean(S cos p / cos r) / (2 V_o), S = V_f + V_b in flight.
 
-        L_a cos p K_f S = T_g cos r in the mean of a long flight, so h = ⟨S cos p / cos r⟩ / 2 V_o.
-        None where roll was not measured or there is no flight of 2 s.
+        h is 1 if L_a K_f S cos p = T_g cos r in the mean, with the profile's T_g = 2 L_a K_f V_o.
+        Returns None if roll was not measured, V_o is zero or the flight is shorter than 2 s.
         """
         r, rows = self.recording, self.flying
         V_o = r.profile.motor.V_o
@@ -76,12 +77,12 @@ class View:
 
     @cached_property
     def responses(self) -> dict[str, Response]:
-        """Axis → how it answers the voltages, where it was measured and driven."""
+        """Return {axis: response to the voltages} for measured axes that the voltages drive."""
         return responses(self.recording, self.airborne, self.ticks.number, self.ticks.period_s)
 
 
 def _finite(r: Recording) -> Recording:
-    """Infinity is no reading either: NaN in its place."""
+    """Return the recording with NaN in place of infinite angles and voltages."""
     if not (np.isinf(r.angle).any() or np.isinf(r.voltage).any()):
         return r
     return replace(

@@ -1,8 +1,7 @@
-"""Are the voltages volts, within the amplifier's limit, and what was asked for?
+"""Check voltages: their unit, their sign, the amplifier's limit, and agreement with the commands.
 
-The rig hovers where L_a K_f S = T_g cos r: the mean voltage in flight over the profile's V_o is h,
-about 1 on a rig that is what its profile says, 0.5 … 2 on one that is not. A seventh of it is no
-rig: it is another unit.
+The hover ratio h (`View.hover_ratio`) is 0.5 … 2 on rigs that differ from their profile. If |h| is
+below `ANOTHER_UNIT`, the voltages have another unit, or one of them has the wrong sign.
 """
 
 from __future__ import annotations
@@ -12,21 +11,26 @@ from collections.abc import Iterable
 import numpy as np
 
 from heli3dof.axes import MOTORS
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, refused
+from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
 from heli3dof.diagnosis.integrity.view import View
 from heli3dof.errors import RecordingError
 from heli3dof.recording.logs import log_validation
 
 BEYOND = 1.02
+"""Limit of a voltage over v_max. Chosen, as are all constants below."""
 ANOTHER_UNIT = 0.15
 OPPOSED = 0.4
+"""Half the difference of the motors' mean voltages over V_o, above which one sign is wrong"""
 CLIPPED = 0.02
+"""Share of the flight at the limit that a note reports"""
 FLAT = 0.005
+"""Share of the rows at the largest voltage above which it is a limit"""
 DIFFERS_V, DIFFERS = 0.02, 0.01
+"""V, share of the rows: largest difference between command and voltage"""
 
 
 def limit(view: View) -> Iterable[Fault]:
-    """Voltages that are missing, in millivolts, or beyond what the amplifier can give."""
+    """Yield a fault if voltages are missing, in millivolts, or beyond the amplifier's limit."""
     r = view.recording
     v, v_max = r.voltage, r.profile.motor.v_max
     if not np.isfinite(v).any(axis=0).all():
@@ -40,7 +44,7 @@ def limit(view: View) -> Iterable[Fault]:
     try:
         log_validation.voltages(r.name, front, back, v_max)
     except RecordingError as error:
-        yield refused("voltage.limit", view, error)
+        yield bad_data_fault("voltage.limit", view, error)
         return
     top = float(np.nanmax(np.abs(v)))
     if top > BEYOND * v_max:
@@ -60,7 +64,7 @@ def limit(view: View) -> Iterable[Fault]:
 
 
 def unit(view: View) -> Iterable[Fault]:
-    """Voltages in another unit, or one of them with the wrong sign, told by the hover voltage."""
+    """Yield a fault if the hover voltage shows another unit, or a wrong sign of one motor."""
     r, h = view.recording, view.hover_ratio
     if h is None or abs(h) >= ANOTHER_UNIT:
         return
@@ -90,7 +94,7 @@ def unit(view: View) -> Iterable[Fault]:
 
 
 def clipped(view: View) -> Iterable[Fault]:
-    """How much of the flight is at the limiter, and whether that is lower than the profile's."""
+    """Yield notes on the share of the flight at the limit, and on a limit below the profile's."""
     r, rows = view.recording, view.flying
     v_max = r.profile.motor.v_max
     at_limit = view.clipped & rows
@@ -118,7 +122,7 @@ def clipped(view: View) -> Iterable[Fault]:
 
 
 def commanded(view: View) -> Iterable[Fault]:
-    """Off the limiter, what reached the amplifier should be what was asked for."""
+    """Yield a fault if voltages below the limit differ from their commands."""
     r = view.recording
     cmd, v = r.voltage_cmd, r.voltage
     phase = r.channels.get("phase")
@@ -128,7 +132,7 @@ def commanded(view: View) -> Iterable[Fault]:
     if phase is not None:
         rows &= np.asarray(phase) == 0
     if rows.sum() < 100 or not np.abs(v[rows]).max() > 0:
-        return  # motors off: another check's
+        return  # motors off: `nothing` reports it
     x, y = cmd[rows].ravel(), v[rows].ravel()
     off = (np.abs(v - cmd) > DIFFERS_V + 1e-3 * np.abs(cmd)).any(axis=1) & rows
     share = float(off.sum() / rows.sum())

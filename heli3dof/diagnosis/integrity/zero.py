@@ -1,11 +1,9 @@
-"""Was roll's zero set? Counts are zero at power-up, with the arm on the table.
+"""Report a roll encoder that was zeroed with the arm on the table instead of level.
 
-A log that takes the angle for counts · 2π / N forgets the rest angle r_0 (−27.5°): the arm starts
-at 0° instead, never goes below it, and flies about −r_0. So it is where
-
-    |r(0) − (r_0 − r_0)| < NEAR,   min r > r(0) − NEAR,   median r in flight > SHARE · |r_0|
-
-A flight that is let go level goes below its start, or stays near it.
+Counts are zero at power-up, when the arm rests on the table at r_0 (−27.5°). A log that converts
+counts without adding r_0 starts at 0° and hovers near −r_0. With r(0) the median of the first five
+samples, the check reports this if |r(0)| < `NEAR`, no sample is below r(0) − `NEAR`, and at least
+half are above r(0) + `NEAR`, with a median above `SHARE` |r_0|.
 """
 
 from __future__ import annotations
@@ -19,8 +17,10 @@ from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.diagnosis.integrity.view import View
 
 NEAR = np.radians(3.0)
+"""rad; also the standard deviation of the reported angle"""
 SHARE = 0.6
 TABLE = np.radians(-15.0)
+"""rad: r_0 must be below this. All limits here are chosen, not derived."""
 
 
 def zero(view: View) -> Iterable[Fault]:
@@ -30,17 +30,17 @@ def zero(view: View) -> Iterable[Fault]:
     if ROLL not in view.measured or rest > TABLE or len(roll) < 100:
         return
     start = float(np.median(roll[:5]))
-    up = roll[roll > start + NEAR]
-    if abs(start) > NEAR or roll.min() < start - NEAR or len(up) < 0.5 * len(roll):
+    raised = roll[roll > start + NEAR]
+    if abs(start) > NEAR or roll.min() < start - NEAR or len(raised) < 0.5 * len(roll):
         return
-    about = float(np.median(up))
-    if about < SHARE * abs(rest):
+    hover = float(np.median(raised))
+    if hover < SHARE * abs(rest):
         return
     size = np.degrees(start - rest)
     yield Fault(
         "encoder.zero", Kind.BAD_DATA, r.name,
         f"{r.name}: roll starts at {np.degrees(start):.3g}°, never goes below it and flies near "
-        f"{np.degrees(about):.3g}°; the profile's rest angle is {np.degrees(rest):.4g}°.",
+        f"{np.degrees(hover):.3g}°; the profile's rest angle is {np.degrees(rest):.4g}°.",
         "roll was zeroed with the arm on the table instead of level.",
         f"add {-size:.4g}° to the logged roll, or set encoder.roll_rest_deg to the rest angle",
         effect="encoder.offset", axis="roll",

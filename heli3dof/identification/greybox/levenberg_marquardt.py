@@ -23,7 +23,9 @@ import numpy as np
 from heli3dof.parallel import parallel_map
 
 TRIES = 8
+"""Largest number of failed steps in a row, each with ten times more damping"""
 DAMPING = 1e-3
+"""Initial damping factor, relative to the diagonal of the Hessian"""
 FRESH = 2
 """Number of times that `follow_on` may recompute the derivatives D by differences"""
 ENOUGH = 30

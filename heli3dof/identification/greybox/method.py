@@ -41,6 +41,7 @@ DEFAULT_TERMS = (
     "bias.torque.yaw",
 )
 LEAST_RUN_S = 0.5
+"""s: shortest run of usable rows that is fitted. Chosen; not derived."""
 JITTER_SHARE = 0.2
 """Sampling jitter as a share of the sample period. Below it the likelihood, whose filter models
 jitter, gives better estimates than the multi-step fit."""

@@ -44,6 +44,7 @@ from heli3dof.model.physics.parametrisation import Structure
 STAGES_S = ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0))
 """s: prediction horizons of the two successive minimisations (stages), short horizons first"""
 ROUNDS = 8
+"""Largest number of iterations of a stage"""
 WINDOW_S = 3.0
 """τ, s: prediction windows that start at least this far apart count as independent."""
 ROBUST = 4.0
@@ -51,10 +52,13 @@ RATIO_STD, COMMON_STD = 0.04, 0.5
 """Prior standard deviations of the logarithms of J_pitch/J_roll, J_yaw/J_roll, and of J_roll. The J
 are moments of inertia."""
 DIFFERENCE = 1e-3
+"""Step of the finite differences, in the coordinates z"""
 SETTLED = 0.03
+"""Decrease of Q in an iteration below which a stage ends. Chosen; not derived."""
 NOISE_START = (0.08, 0.15, 0.06)
 """rad/s²/√Hz: process noise on roll, pitch, yaw with which the fit starts"""
 JITTERS_S = (0.0, 0.001, 0.002, 0.004)
+"""s: standard deviations of sampling jitter that `better_noise` compares"""
 FAR = 3.0
 """rad: larger or infinite prediction errors are replaced by this value."""
 

@@ -47,6 +47,7 @@ from heli3dof.recording.recording import Recording
 HORIZON_S = 1.0
 TIMES = 5.0
 OVER = 1.5
+"""Limits of the two conditions of the module. Chosen; not derived."""
 FAR = np.pi
 """rad: larger prediction errors are replaced by this value."""
 CLOCK = (

@@ -41,6 +41,7 @@ OVERLAP = 3
 SMOOTH_S = 0.07
 ROUNDS = 4
 DIFFERENCE = 1e-4
+"""Step of the finite differences, in the coordinates z"""
 SETTLED = 1e-4
 """The search ends when a step's predicted cost reduction is below this share of the cost."""
 FAR = 20.0
@@ -171,7 +172,7 @@ def scales(e: np.ndarray) -> np.ndarray:
     """Return 1.48 × the median |e| (3,) of the errors e (n, 3), without zeros (unmeasured axes)."""
     e = np.nan_to_num(e, nan=1e3, posinf=1e3, neginf=-1e3)
     out = np.ones(3)
-    for i in range(3):  # a zero was not measured
+    for i in range(3):  # zero: an axis that was not measured
         if (there := e[:, i] != 0).any():
             out[i] = 1.4826 * np.median(np.abs(e[there, i]))
     return np.maximum(out, 1e-6)

@@ -19,19 +19,19 @@ STOPPING = (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE)
 
 @lru_cache(maxsize=40)
 def flight(plan: str = "rich", hide: str = "", seed: int = 1201) -> Recording:
-    """A flight from the table and back; ``run-step`` is a 10° step in roll alone."""
-    what = step_plan((10.0, None, None)) if plan == "run-step" else load_plan(plan)
+    """Return a flight from the table and back; ``run-step`` is a 10° step in roll."""
+    chosen = step_plan((10.0, None, None)) if plan == "run-step" else load_plan(plan)
     device = "mock:?speed=max" + (f"&hide={hide}" if hide else "")
-    return fly_plan(what, device=device, seed=seed).recording
+    return fly_plan(chosen, device=device, seed=seed).recording
 
 
 def names(recording: Recording, *kinds: str) -> set[str]:
-    """``check`` or ``check.axis`` of each fault of these kinds (all of them, if none is named)."""
+    """Return ``check`` or ``check.axis`` of each fault of these kinds; of all faults by default."""
     return {_name(f) for f in integrity(recording) if not kinds or f.kind in kinds}
 
 
 def only(recording: Recording) -> Fault:
-    """The one fault that is more than a note."""
+    """Return the only fault that is not a note."""
     (fault,) = (f for f in integrity(recording) if f.kind != Kind.NOTE)
     return fault
 
@@ -41,12 +41,12 @@ def _name(fault: Fault) -> str:
 
 
 def turned(axis: int) -> Change:
-    """Encoder sign reversed."""
+    """Return the change that reverses an encoder's sign."""
     return lambda r: with_angle(r, axis, -r.angle[:, axis])
 
 
 def scaled(axis: int, k: float) -> Change:
-    """k times as many counts from the start angle, on the profile's grid."""
+    """Return the change that multiplies an axis's counts from the start angle by k."""
 
     def change(r: Recording) -> Recording:
         grid = abs(float(r.profile.encoder.rad_per_count[axis]))
@@ -63,15 +63,15 @@ def with_angle(r: Recording, axis: int, values: np.ndarray) -> Recording:
 
 
 def with_voltage(r: Recording, factor: float) -> Recording:
-    """Applied and commanded voltages, both times the factor."""
+    """Return r with applied and commanded voltages multiplied by the factor."""
     return replace(r, voltage=factor * r.voltage, voltage_cmd=factor * r.voltage_cmd)
 
 
 def swapped(r: Recording) -> Recording:
-    """Front and back exchanged."""
+    """Return r with the voltages of front and back motor swapped."""
     return replace(r, voltage=r.voltage[:, ::-1], voltage_cmd=r.voltage_cmd[:, ::-1])
 
 
 def with_time(r: Recording, t: np.ndarray) -> Recording:
-    """Other time stamps, without the device's own clock, as in an imported log."""
+    """Return r with time stamps t and without the device's clock, as in an imported log."""
     return replace(r, t=t, channels={})

@@ -1,4 +1,4 @@
-"""Wrong time stamps are distinguished from timer jitter."""
+"""The checks distinguish wrong time stamps from timer jitter."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_the_count_is_right_under_jitter_and_drift(
 @pytest.mark.parametrize(
     ("plan", "share"), [("rich", 0.01), ("run-step", 0.002), ("run-step", 0.05)]
 )
-def test_hidden_gaps_are_a_finding_of_the_right_size(plan: str, share: float) -> None:
+def test_simulated_gaps_are_a_finding_of_the_right_size(plan: str, share: float) -> None:
     fault = only(flight(plan, f"timing.gaps:{share}"))
     assert (fault.kind, fault.effect) == (Kind.FINDING, "timing.gaps")
     value, std = fault.parameters["lost_share"]
@@ -56,7 +56,7 @@ def test_hidden_gaps_are_a_finding_of_the_right_size(plan: str, share: float) ->
 @pytest.mark.parametrize(
     ("plan", "jitter"), [("rich", 0.0002), ("run-step", 0.0001), ("run-step", 0.0004)]
 )
-def test_hidden_jitter_is_a_finding_within_five_per_cent(plan: str, jitter: float) -> None:
+def test_simulated_jitter_is_a_finding_within_five_per_cent(plan: str, jitter: float) -> None:
     fault = only(flight(plan, f"timing.jitter:{jitter}"))
     assert (fault.kind, fault.effect) == (Kind.FINDING, "timing.jitter")
     assert fault.parameters["jitter_s"][0] == pytest.approx(jitter, rel=0.05)
@@ -88,9 +88,9 @@ def test_a_clock_at_another_rate_is_bad_data(factor: float) -> None:
 
 def test_a_log_of_every_second_row_is_usable_with_a_note() -> None:
     r = flight()
-    thin = with_time(r, r.t).rows(slice(None, None, 2))
-    assert names(thin, Kind.BAD_DATA) == set()
-    assert "clock.rate" in names(thin, Kind.NOTE)
+    decimated = with_time(r, r.t).rows(slice(None, None, 2))
+    assert names(decimated, Kind.BAD_DATA) == set()
+    assert "clock.rate" in names(decimated, Kind.NOTE)
 
 
 def test_milliseconds_are_named() -> None:
@@ -129,5 +129,5 @@ def test_a_constant_voltage_with_axes_at_rest_is_not_a_repeated_row() -> None:
 
 def test_a_device_clock_at_another_rate_is_detected() -> None:
     r = flight()
-    own = {**r.channels, "device_time_s": 1.02 * np.asarray(r.channels["device_time_s"])}
-    assert only(replace(r, channels=own)).check == "clock.device"
+    channels = {**r.channels, "device_time_s": 1.02 * np.asarray(r.channels["device_time_s"])}
+    assert only(replace(r, channels=channels)).check == "clock.device"

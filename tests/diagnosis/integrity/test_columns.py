@@ -9,7 +9,7 @@ import pytest
 
 import heli3dof as h3
 from heli3dof.diagnosis.integrity import Kind, integrity
-from heli3dof.diagnosis.integrity.columns import fits, merit, unfit
+from heli3dof.diagnosis.integrity.columns import agreement, inconsistent, is_consistent
 from heli3dof.diagnosis.integrity.response import Response
 from heli3dof.recording.recording import Recording
 from tests.diagnosis.integrity.flights import flight, only
@@ -21,8 +21,8 @@ NAMES = (
 )  # fmt: skip
 
 
-def exchanged(r: Recording, a: int, b: int) -> Recording:
-    """Two columns of the log exchanged, in a log without our additional columns."""
+def swapped(r: Recording, a: int, b: int) -> Recording:
+    """Return a log with columns a and b swapped, without the columns that only heli3dof writes."""
     T = np.column_stack([np.degrees(r.angle), r.voltage, np.degrees(r.reference)])
     T[:, [a, b]] = T[:, [b, a]]
     unknown = np.full_like(r.voltage, np.nan)
@@ -37,36 +37,36 @@ def exchanged(r: Recording, a: int, b: int) -> Recording:
     ("a", "b"),
     [(0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (1, 4), (2, 4), (0, 5), (0, 6), (3, 6), (5, 6)],
 )
-def test_two_exchanged_columns_are_named(plan: str, a: int, b: int) -> None:
-    fault = only(exchanged(flight(plan), a, b))
+def test_two_swapped_columns_are_named(plan: str, a: int, b: int) -> None:
+    fault = only(swapped(flight(plan), a, b))
     assert (fault.check, fault.kind) == ("columns.swapped", Kind.BAD_DATA)
     assert f"{NAMES[a]} and {NAMES[b]}" in fault.fix
 
 
 def test_an_axis_at_rest_is_recognised_by_its_encoder_grid() -> None:
-    fault = only(exchanged(flight("run-step"), 2, 7))
+    fault = only(swapped(flight("run-step"), 2, 7))
     assert fault.fix.startswith("swap the names yaw_deg and yaw_ref_deg")
     assert "0.0439°" in fault.sentence  # 360°/8192
 
 
 @needs_real_data
 @pytest.mark.parametrize(("rig", "name"), [("rig-a", "closed-1b"), ("rig-b", "closed-08")])
-def test_exchanged_columns_are_named_in_real_logs(rig: str, name: str) -> None:
+def test_swapped_columns_are_named_in_real_logs(rig: str, name: str) -> None:
     profile = h3.load_profile(REAL_DATA / rig / "profile.toml")
     real = h3.load(REAL_DATA / rig / f"{name}.csv", profile)
     for a, b in ((0, 1), (0, 2), (1, 2), (1, 3), (2, 3)):
-        stops = [f for f in integrity(exchanged(real, a, b)) if f.kind == Kind.BAD_DATA]
+        stops = [f for f in integrity(swapped(real, a, b)) if f.kind == Kind.BAD_DATA]
         assert [f.check for f in stops] == ["columns.swapped"], (a, b)
         assert f"{NAMES[a]} and {NAMES[b]}" in stops[0].fix
 
 
-def test_fit_and_merit_of_a_response() -> None:
+def test_consistency_and_agreement_of_a_response() -> None:
     right, weak = Response(1.0, 0.01, 0.9, 0.2), Response(0.6, 0.1, 0.45, 0.1)
     wrong = Response(0.1, 0.01, 0.9, 0.2)
-    assert fits(right)
-    assert not fits(weak)
-    answers = {"roll": right, "pitch": weak, "yaw": wrong}
-    assert unfit(answers) == {"yaw"}
-    # Half the gain is ln 2/0.5 = 1.386 spreads off: exp(−½ 1.386²) = 0.3825.
-    assert merit({"roll": replace(right, gain=0.5)}) == pytest.approx(0.9 * 0.3825, rel=1e-3)
-    assert unfit({"yaw": replace(wrong, drive=0.001)}) == set()
+    assert is_consistent(right)
+    assert not is_consistent(weak)
+    responses = {"roll": right, "pitch": weak, "yaw": wrong}
+    assert inconsistent(responses) == {"yaw"}
+    # Half the gain is ln 2/0.5 = 1.386 widths `USUAL` off: exp(−½ 1.386²) = 0.3825.
+    assert agreement({"roll": replace(right, gain=0.5)}) == pytest.approx(0.9 * 0.3825, rel=1e-3)
+    assert inconsistent({"yaw": replace(wrong, drive=0.001)}) == set()

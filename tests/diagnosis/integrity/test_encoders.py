@@ -57,9 +57,9 @@ def test_the_misfit_of_a_factor_two_matches_hand_computation() -> None:
     # weights 25, 25, 25, 8.163; mean 25 log 2 / 83.163; Σ w (e − mean)².
     mean = 25 * np.log(2) / 83.1633
     expected = 25 * (2 * mean**2 + (np.log(2) - mean) ** 2) + 8.1633 * mean**2
-    seen = {"roll": 0.0, "pitch": 0.0, "yaw": float(np.log(2))}
-    assert misfit(seen, {}) == pytest.approx(expected, rel=1e-4)
-    assert misfit(seen, {"yaw": float(np.log(2))}) == pytest.approx(0.0, abs=1e-12)
+    log_g = {"roll": 0.0, "pitch": 0.0, "yaw": float(np.log(2))}
+    assert misfit(log_g, {}) == pytest.approx(expected, rel=1e-4)
+    assert misfit(log_g, {"yaw": float(np.log(2))}) == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("plan", ["rich", "steps", "large"])
@@ -231,7 +231,7 @@ def test_a_safety_stop_is_noted_with_its_reason() -> None:
 
 
 def test_a_wrong_yaw_count_that_pitch_may_explain_names_both_axes() -> None:
-    # Flown with pitch read half as large, pitch goes to its stops and does not answer.
+    # If pitch reads half its angle, pitch flies to its stops and does not respond.
     fault = only(flight("large", "encoder.scale.pitch:0.5"))
     assert fault.check == "encoder.counts"
     assert "pitch" in fault.cause

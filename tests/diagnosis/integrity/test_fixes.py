@@ -12,7 +12,7 @@ FOLDER = ROOT / "heli3dof" / "diagnosis" / "integrity"
 
 
 def advice() -> list[str]:
-    """Every string constant of the package that is not a docstring."""
+    """Return the string constants of the package that are not docstrings."""
     texts = []
     for path in FOLDER.glob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
