@@ -1,1 +1,1 @@
-"""What the simulation gets wrong, why, and what mending it gains."""
+"""Diagnose simulations: their errors, the causes, and the gain of an extended model."""

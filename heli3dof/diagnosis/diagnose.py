@@ -1,13 +1,12 @@
-"""`diagnose`: recordings in, a `Diagnosis` out. The order of things is the order of this file.
+"""Diagnose recordings: find the causes of simulation errors, and measure their gain.
 
-0. Integrity: a recording that is itself at fault is not diagnosed.
-1. The base: the profile's rigid body or the paper's hover model, its T_g and inertias fitted and
-   freed of the filter's bias (`estimate.bias_correction`).
-2. The screen of every candidate, against simulated nulls of the recordings' own fit.
-3. Causes one by one by full fits (`selection.select`); after each, its own correction,
-   nulls and screen anew. Then backwards: what the others made superfluous goes.
-4. What it gains on data not seen, against the base refitted; what does not pay goes.
-5. What is left and has no name; names that only stood in for it go (`settle_unmodelled`).
+1. Integrity checks: a faulty recording is not diagnosed.
+2. Base fit: T_g and the inertias of the rigid body (or the paper's hover model) are estimated and
+   bias-corrected (`estimate.bias_correction`).
+3. Forward selection (`selection.select`): a score test against simulated nulls, then full fits of
+   the best candidates; both are repeated after each cause. Then backward elimination.
+4. Gain: causes that do not improve the prediction of held-out data are dropped.
+5. Residual torques: causes that only compensated for one are dropped (`conclusion.unnamed`).
 """
 
 from __future__ import annotations
@@ -60,11 +59,15 @@ from heli3dof.recording.logs.sampling_clock import sampling_times
 from heli3dof.recording.recording import Recording
 
 FLIGHTS, QUICK_FLIGHTS = 64, 16
-FURTHER = 0.5
-"""Of the flights, for the nulls after the first finding."""
+"""Null simulations of the first score test, without and with ``quick``. Chosen."""
+FURTHER_SHARE = 0.5
+"""Null simulations of the later score tests, as a share of those of the first. Chosen."""
 PILOTS, QUICK_PILOTS = 12, 6
-LEFT_FLIGHTS, QUICK_LEFT_FLIGHTS = 24, 8
-SAID_EVERY_S = 1.0
+"""Simulated flights of a bias correction, without and with ``quick``. Chosen."""
+TORQUE_FLIGHTS, QUICK_TORQUE_FLIGHTS = 24, 8
+"""Null simulations of the search for residual torques, without and with ``quick``. Chosen."""
+PROGRESS_EVERY_S = 1.0
+"""s between two progress messages of the same stage. Chosen."""
 Says = Callable[[str], None]
 
 
@@ -77,14 +80,14 @@ def diagnose(
     says: Says = lambda sentence: None,
     base: str = "rigid",
 ) -> Diagnosis:
-    """What the simulation of these recordings gets wrong, and why.
+    """Return what the simulation of these recordings gets wrong, and why.
 
-    ``base`` is the simulation that is judged: "rigid", the nonlinear rigid body, or "hover", the
-    paper's linear model, beside which the rigid body is one more candidate, ``geometry``.
-    ``quick`` simulates `QUICK_FLIGHTS` nulls instead of `FLIGHTS`, and where none can be flown
-    leaves no blocks out. Without ``holdout`` the gains
-    are measured on blocks left out, and the document says so. Raises RecordingError
-    where nothing can be fitted, UsageError for a base that there is not.
+    ``base``: the simulation to diagnose, "rigid" (nonlinear rigid body) or "hover" (the paper's
+    linear model; the rigid body is then a candidate, ``geometry``). ``quick``: `QUICK_FLIGHTS`
+    nulls instead of `FLIGHTS`; no cross-validation if the logs have no reliable likelihood. Without
+    ``holdout``, gains are cross-validated. ``says`` receives progress messages.
+
+    Raises RecordingError if nothing can be fitted, UsageError if ``base`` is unknown.
     """
     if base not in BASES:
         raise UsageError(
@@ -115,107 +118,111 @@ def _diagnosed(
             train, held, faults, why=why, base=base, quick=quick, seed=seed, says=clock.says
         )
     flights = QUICK_FLIGHTS if quick else FLIGHTS
-    bench = Setup(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
+    setup = Setup(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
     clock.start("base", "Fitting the base simulation and simulating its bias …")
-    least = fit_base(bench)
-    steps, found = causes(bench, least, flights, clock)
+    base_fit = fit_base(setup)
+    steps, fit = forward_selection(setup, base_fit, flights, clock)
     first = steps[0]
     clock.start("backward", "Refitting without each cause …")
-    found, steps = backward_elimination(bench, found, steps)
+    fit, steps = backward_elimination(setup, fit, steps)
     clock.start("gain", "Measuring the gain on held-out data …")
-    taken = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
-    found, findings, dropped, after = adopted(
-        found, taken, held, seed=seed, instead=partial(alternatives, bench)
+    choices = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
+    fit, findings, dropped, after = adopted(
+        fit, choices, held, seed=seed, instead=partial(alternatives, setup)
     )
     clock.start("left", "Searching for unmodelled effects …")
-    many = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
-    last = settle_unmodelled(bench, Settled(found, findings, dropped, after), held, flights=many)
-    last = replace(last, findings=with_segment_ties(last.findings))
-    if not bench.controller_is_known:
+    torque_flights = QUICK_TORQUE_FLIGHTS if quick else TORQUE_FLIGHTS
+    settled = settle_unmodelled(
+        setup, Settled(fit, findings, dropped, after), held, flights=torque_flights
+    )
+    settled = replace(settled, findings=with_segment_ties(settled.findings))
+    if not setup.controller_is_known:
         clock.says("Fitting each recording separately …")
-        last = replace(last, findings=marked_unsure(last.findings, train))
-    if last.left:
+        settled = replace(settled, findings=marked_unsure(settled.findings, train))
+    if settled.left:
         clock.start("torque terms", "Extending the model by the unmodelled torque …")
-    extended = with_torques(bench, last.found, last.after, last.left, held)
+    extended = with_torques(setup, settled.found, settled.after, settled.left, held)
     clock.start("gain", "Measuring the gain on held-out data …")
-    least = as_written(least, last.found)
-    whole = fitted(least, last.found, extended.fit, extended.after, train, held, seed=seed)
+    base_fit = as_written(base_fit, settled.found)
+    result = fitted(base_fit, settled.found, extended.fit, extended.after, train, held, seed=seed)
     clock.start("off", "Comparing the calibration with the profile …")
-    off = base_off(last) if last.sure else ()
-    off = tuple(with_confounded_causes(o, look_beside(steps, last.found)) for o in off)
+    off = base_off_nominal(settled) if settled.sure else ()
+    off = tuple(with_confounded_causes(o, look_beside(steps, settled.found)) for o in off)
     profile = train[0].profile
     findings, off = with_scale_ties(
-        last.findings, off, base_parameters(last.found),
+        settled.findings, off, base_parameters(settled.found),
         rest_rad=float(profile.encoder.rest_rad[0]), tolerance=profile.tolerance,
     )  # fmt: skip
     clock.stop()
     about = {
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
         "threshold": first.nulls.threshold, "largest": first.largest,
-        "gain_measured_on": whole.gain.on, "base": base, "seconds": clock.seconds,
-        "written": [t.effect.summary for t in last.found.structure.formal],
+        "gain_measured_on": result.gain.on, "base": base, "seconds": clock.seconds,
+        "written": [t.effect.summary for t in settled.found.structure.formal],
     }  # fmt: skip
-    sized = [f for f in faults if f.kind == Kind.FINDING]
-    each = in_order(sized, findings, off)
-    dark = undetectable_scales(
-        tied_in(each), bench.axes, rest_rad=float(profile.encoder.rest_rad[0]),
+    clock_faults = [f for f in faults if f.kind == Kind.FINDING]
+    ordered = in_order(clock_faults, findings, off)
+    undetectable = undetectable_scales(
+        tied_in(ordered), setup.axes, rest_rad=float(profile.encoder.rest_rad[0]),
         tolerance=profile.tolerance, level_deg=least_found(first.screen, first.nulls, LEVEL),
     )  # fmt: skip
-    like = any(isinstance(f, Finding) and f.like for f in physical(each)[:1])
-    unsure = like and not bench.controller_is_known
+    first_is_like = any(isinstance(f, Finding) and f.like for f in physical(ordered)[:1])
+    unsure = first_is_like and not setup.controller_is_known
     return Diagnosis(
-        *names, verdict_of(each, last.left, whole.refit, unsure=unsure), faults, whole,
-        findings, off, last.dropped, last.left, extended.terms,
-        (*(n for n in first.unseen if not term(n).effect.formal), *dark), about,
+        *names, verdict_of(ordered, settled.left, result.refit, unsure=unsure), faults, result,
+        findings, off, settled.dropped, settled.left, extended.terms,
+        (*(n for n in first.unseen if not term(n).effect.formal), *undetectable), about,
     )  # fmt: skip
 
 
-def base_off(last: Settled) -> tuple[OffNominal, ...]:
-    """The base's numbers that are off nominal, beside what is left."""
-    beside = (
-        None if last.held is None or not last.left else base_with_residual(last.found, last.held)
+def base_off_nominal(settled: Settled) -> tuple[OffNominal, ...]:
+    """Return the base parameters that are off nominal, also given the residual torques."""
+    with_residual = (
+        None
+        if settled.held is None or not settled.left
+        else base_with_residual(settled.found, settled.held)
     )
-    return off_nominal(last.found, doubted=doubt(last.found), beside=beside)
+    return off_nominal(settled.found, doubted=doubt(settled.found), beside=with_residual)
 
 
-def causes(
-    bench: Setup, base: CorrectedFit, flights: int, clock: Clock
+def forward_selection(
+    setup: Setup, base: CorrectedFit, flights: int, clock: Clock
 ) -> tuple[list[Step], CorrectedFit]:
-    """Forward: every step that was made (the last one found nothing, or is the last allowed)."""
-    found, steps = base, list[Step]()
-    # An inertia far off is a first cause too, whose formula (where its mass sits) is a guess.
-    off = off_nominal(base, doubted=doubt(base))
-    inertias = [o.flight_score for o in off if o.term.effect.name == "inertia"]
-    score, left = max(inertias, default=None), MOST
-    while left:
-        n = flights if not steps else max(8, round(FURTHER * flights))
-        nulls = f"against {n} simulated nulls" if bench.controller_is_known else "every candidate"
+    """Return the steps of forward selection and the final fit; the last may have found nothing."""
+    fit, steps = base, list[Step]()
+    # An inertia far off nominal counts as a first cause: the position of its mass is unknown.
+    off_nominal_parameters = off_nominal(base, doubted=doubt(base))
+    inertias = [o.flight_score for o in off_nominal_parameters if o.term.effect.name == "inertia"]
+    score, remaining = max(inertias, default=None), MOST
+    while remaining:
+        n = flights if not steps else max(8, round(FURTHER_SHARE * flights))
+        nulls = f"against {n} simulated nulls" if setup.controller_is_known else "every candidate"
         clock.start(f"screen {len(steps) + 1}", f"Screening {nulls} …")
-        step = screening_step(bench, found, n)
+        step = screening_step(setup, fit, n)
         clock.start(f"fits {len(steps) + 1}", "Fitting what may be the cause …")
-        step = step.chosen(bench, score)
+        step = step.chosen(setup, score)
         steps.append(step)
         if step.choice is None:
             break
-        made: Mapping[str, CorrectedFit] = {}
-        if bench.opinions and bench.controller_is_known:
-            likelier, made = best_with_companion(bench, step)
-            step = replace(step, choice=likelier)
-        choice, wider = first_that_flies(bench, step, score, made)
+        companion_fits: Mapping[str, CorrectedFit] = {}
+        if setup.opinions and setup.controller_is_known:
+            better, companion_fits = best_with_companion(setup, step)
+            step = replace(step, choice=better)
+        choice, wider_fit = first_that_flies(setup, step, score, companion_fits)
         steps[-1] = replace(step, choice=choice)
-        if choice is None or wider is None:
+        if choice is None or wider_fit is None:
             break
         clock.says(f"Found {choice.term.name}.")
-        found = wider
-        if not choice.term.effect.of_base:  # what a simpler base lacks is no cause in the rig
-            left -= 1
-            if choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing
+        fit = wider_fit
+        if not choice.term.effect.of_base:  # else only the simpler base lacks the effect
+            remaining -= 1
+            if choice.contenders[0].probe is not None:  # a grid trial has no probe
                 score = choice.score if score is None else max(score, choice.score)
-    return steps, found
+    return steps, fit
 
 
 class Clock:
-    """Says what is being done, and keeps the wall clock of each stage."""
+    """Report progress, and measure the wall-clock time of each stage."""
 
     def __init__(self, says: Says) -> None:
         self.says = says
@@ -229,9 +236,9 @@ class Clock:
         self.says(sentence)
 
     def counts(self, what: str, done: int, of: int) -> None:
-        """Of a stage that lasts, every `SAID_EVERY_S`: ``… flights: 31 of 64``."""
+        """Report the progress of a long stage every `PROGRESS_EVERY_S`: ``… flights: 31 of 64``."""
         now = time.perf_counter()
-        if now - self._said >= SAID_EVERY_S:
+        if now - self._said >= PROGRESS_EVERY_S:
             self._said = now
             self.says(f"{self._sentence} {what}: {done} of {of}")
 

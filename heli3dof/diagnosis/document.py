@@ -1,4 +1,4 @@
-"""The contract's document of a diagnosis, ``heli3dof.diagnosis/1``: every key, always."""
+"""Convert a diagnosis to its JSON document, ``heli3dof.diagnosis/1``, always with every key."""
 
 from __future__ import annotations
 
@@ -26,15 +26,18 @@ from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
 def diagnosis_document(
     d: Diagnosis, model: str | None = None, upcoming: NextExperiment | None = None
 ) -> dict[str, Any]:
-    """JSON-able; ``model`` is the extended model's path, None where it was not written.
+    """Return the JSON document of a diagnosis; ``model`` is the extended model's path, or None.
 
-    ``upcoming`` is what `planning.next_experiment.next_experiment` says; without it the
-    catalogue's own recommendation for the first tie stands there. Beside the contract's keys:
-    ``integrity`` (every fault), ``dropped`` (causes that do not pay), ``about``, and what
-    `_calibration` says of the tolerance.
+    ``upcoming``: the result of `planning.next_experiment.next_experiment`; by default the
+    catalogue's recommendation for the first confounded cause. Keys besides those of
+    `docs/reference/contract.md`: ``integrity``, ``dropped`` (causes that were not adopted),
+    ``about``, and those of `_calibration`.
     """
     f = d.fitted
-    about, following = dict(d.about), _next(d) if upcoming is None else _upcoming(upcoming)
+    about, following = (
+        dict(d.about),
+        _catalogue_recommendation(d) if upcoming is None else _recommendation(upcoming),
+    )
     if following is None and f is not None and f.final is None:
         about["no_next_experiment"] = why_none(f.open)
     return {
@@ -42,15 +45,16 @@ def diagnosis_document(
         "recordings": list(d.recordings),
         "holdout": list(d.holdout),
         "verdict": d.verdict,
-        "simulation_error": {a: _wrong(f, a) for a in AXES},
+        "simulation_error": {a: _simulation_error(f, a) for a in AXES},
         "calibration": [] if f is None else _calibration(d, f),
         "calibration_gain": _gain(None if f is None else f.refit),
         "profile": _profile(f),
         "ratios": _ratios(f),
-        "findings": [_found(x) for x in d.in_order],
+        "findings": [_cause(x) for x in d.in_order],
         "not_identifiable": list(d.not_identifiable),
         "leftover": [
-            _leftover(x, term) for x, term in itertools.zip_longest(d.leftovers, d.torque_terms)
+            _residual_torque(x, term)
+            for x, term in itertools.zip_longest(d.leftovers, d.torque_terms)
         ],
         "next_experiment": following,
         "gain": {"horizon_s": HORIZON_S, **_gain(None if f is None else f.gain, f)},
@@ -61,11 +65,11 @@ def diagnosis_document(
     }
 
 
-def _wrong(f: Fitted | None, axis: str) -> dict[str, Any]:
-    """The simulation as the profile has it, and over every horizon."""
+def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
+    """Return the error with the profile's numbers, over every horizon."""
     if f is None:
         return {"rmse_deg": None, "noise_floor_deg": None, "horizon_s": HORIZON_S}
-    error, floor = (_number(x) for x in f.wrong.at(HORIZON_S, axis))
+    error, floor = (_finite_or_none(x) for x in f.wrong.at(HORIZON_S, axis))
     return {
         "rmse_deg": error,
         "noise_floor_deg": floor,
@@ -73,8 +77,8 @@ def _wrong(f: Fitted | None, axis: str) -> dict[str, Any]:
         "by_horizon": [
             {
                 "horizon_s": h,
-                "rmse_deg": _number(f.wrong.at(h, axis)[0]),
-                "noise_floor_deg": _number(f.wrong.at(h, axis)[1]),
+                "rmse_deg": _finite_or_none(f.wrong.at(h, axis)[0]),
+                "noise_floor_deg": _finite_or_none(f.wrong.at(h, axis)[1]),
             }
             for h in f.wrong.horizons_s
         ],
@@ -92,17 +96,17 @@ def _wrong(f: Fitted | None, axis: str) -> dict[str, Any]:
 
 
 def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
-    """Each number of the base beside what the profile says, and to what share that is believed.
+    """Return each base parameter, with its nominal value and the tolerance of the profile.
 
-    ``beyond_tolerance``: "no"; "surely", it is a finding; or "not_surely", the estimate is beyond
-    and its deviation, or what is left without a name, may be why.
+    ``beyond_tolerance``: "surely" for a finding, "no" within the tolerance, else "not_surely":
+    noise or a residual torque may be the reason.
     """
     tolerance = f.model.profile.tolerance
-    found = {x.term.name for x in d.calibration_findings}
-    found |= {x.choice.term.name for x in d.findings}
+    findings = {x.term.name for x in d.calibration_findings}
+    findings |= {x.choice.term.name for x in d.findings}
 
     def beyond(c: BaseParameter) -> str:
-        if finding_of(c.name) in found:
+        if finding_of(c.name) in findings:
             return "surely"
         return "not_surely" if c.beyond(tolerance) > 0 else "no"
 
@@ -121,13 +125,13 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
 
 
 def _measured(f: Fitted | None) -> dict[str, Measured]:
-    """Return the base parameters in SI by name, K_f among them; empty where none were fitted."""
+    """Return the base parameters in SI by name, including K_f; empty if none were fitted."""
     numbers = () if f is None or f.final is None else base_parameters(f.final)
     return {c.name: Measured(c.nominal, c.value, c.std) for c in numbers}
 
 
 def _profile(f: Fitted | None) -> list[dict[str, Any]]:
-    """Return the calibration as keys of the profile; `profile update` writes these."""
+    """Return the calibration as keys of the profile, which `profile update` writes."""
     if f is None:
         return []
     keys = profile_keys(_measured(f), f.model.profile)
@@ -135,7 +139,7 @@ def _profile(f: Fitted | None) -> list[dict[str, Any]]:
 
 
 def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
-    """Return the ratios that these recordings determine, whatever K_f is."""
+    """Return the ratios that these recordings determine independently of K_f."""
     if f is None:
         return []
     return [
@@ -145,12 +149,12 @@ def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
 
 
 def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
-    """RMSE before and after on data not seen, with the intervals of what is won."""
-    none = dict.fromkeys(AXES)
+    """Return the RMSE before and after on held-out data, with the intervals of the reduction."""
+    no_values = dict.fromkeys(AXES)
     out: dict[str, Any] = {
         "holdout_rmse_deg": {
-            "before": none if g is None else dict(g.before),
-            "after": none if g is None else dict(g.after),
+            "before": no_values if g is None else dict(g.before),
+            "after": no_values if g is None else dict(g.after),
         },
         "holdout_log_likelihood": None
         if g is None or g.log_likelihood is None
@@ -159,10 +163,12 @@ def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
     if f is not None:
         out["holdout_rmse_deg"]["noise_floor"] = dict(f.noise_floor)
     elif g is None:
-        out["holdout_rmse_deg"]["noise_floor"] = none
+        out["holdout_rmse_deg"]["noise_floor"] = no_values
     if g is not None:
-        L = g.log_likelihood
-        out["holdout_log_likelihood_interval"] = None if L is None else [L.low, L.high]
+        log_likelihood = g.log_likelihood
+        out["holdout_log_likelihood_interval"] = (
+            None if log_likelihood is None else [log_likelihood.low, log_likelihood.high]
+        )
         out["rmse_reduction_deg"] = {
             a: None if x is None else {"value": x.value, "interval": [x.low, x.high]}
             for a, x in g.rmse_deg.items()
@@ -171,10 +177,10 @@ def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
     return out
 
 
-def _found(x: Fault | Finding | OffNominal) -> dict[str, Any]:
+def _cause(x: Fault | Finding | OffNominal) -> dict[str, Any]:
     if isinstance(x, Finding):
         return _finding(x)
-    return _off(x) if isinstance(x, OffNominal) else _fault(x)
+    return _off_nominal(x) if isinstance(x, OffNominal) else _fault(x)
 
 
 def _finding(f: Finding) -> dict[str, Any]:
@@ -191,7 +197,7 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 
 def _fault(f: Fault) -> dict[str, Any]:
-    """A cause in the recording itself; nothing is extended for it, so nothing is gained."""
+    """Return a cause in the recording itself; it has no gain, as no model is extended."""
     value, std = next(iter(f.parameters.values()), (0.0, 0.0))
     return {
         "effect": f.effect,
@@ -204,8 +210,8 @@ def _fault(f: Fault) -> dict[str, Any]:
     }
 
 
-def _off(x: OffNominal) -> dict[str, Any]:
-    """A base parameter that is off its nominal; its gain is calibration, which is no gain."""
+def _off_nominal(x: OffNominal) -> dict[str, Any]:
+    """Return a base parameter that is off nominal; its gain is part of the calibration."""
     return {
         "effect": x.term.effect.name,
         "axis": x.term.axis,
@@ -217,7 +223,7 @@ def _off(x: OffNominal) -> dict[str, Any]:
     }
 
 
-def _leftover(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
+def _residual_torque(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
     """Return an unmodelled torque with the extended model's term for it."""
     f = t if t is not None and t.proposal.is_formula else None
     return {
@@ -243,8 +249,8 @@ def _coefficient(f: TorqueTerm) -> dict[str, Any]:
     return {"value": value, "std": std, "unit": f.units["coefficient"]}
 
 
-def _upcoming(n: NextExperiment) -> dict[str, Any]:
-    """With the chance that it settles the matter, and what every plan promised."""
+def _recommendation(n: NextExperiment) -> dict[str, Any]:
+    """Return the recommended plan, its certainty, and the expected results of all plans."""
     return {
         "plan": n.plan,
         "separates": list(n.separates),
@@ -262,8 +268,8 @@ def _upcoming(n: NextExperiment) -> dict[str, Any]:
     }
 
 
-def _next(d: Diagnosis) -> dict[str, Any] | None:
-    """The plan that separates the first tie that a flight can separate, by the catalogue."""
+def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
+    """Return the catalogue's plan for the first confounded causes that a flight can separate."""
     ties = (
         (x.term, x.tied_with) if isinstance(x, OffNominal) else (x.choice.term, x.choice.tied_with)
         for x in d.in_order
@@ -279,6 +285,6 @@ def _next(d: Diagnosis) -> dict[str, Any] | None:
     return None
 
 
-def _number(value: float) -> float | None:
-    """JSON knows neither NaN nor infinity."""
+def _finite_or_none(value: float) -> float | None:
+    """Return the value, or None if it is not finite: JSON has neither NaN nor infinity."""
     return value if math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""What flights would show: the outlook of a plan, and the plan that is recommended."""
+"""Hold the expected results of simulated plans, and the recommended plan."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from dataclasses import dataclass, field
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.model.greybox.model import GreyBoxModel
 
-HOPELESS = 0.5
-"""Certainty below which no plan is promised to settle it."""
+MIN_CERTAINTY = 0.5
+"""Certainty below which no plan is expected to give a decision. Chosen."""
 
 
 @dataclass(frozen=True)
 class Outlook:
-    """What one plan would show: margins of the truths it was flown on (the unit of 2 ln L), and
-    the chance. Of the best plan that is all of them; of one that it beats, perhaps the first."""
+    """Expected result of a plan: margins in units of 2 ln L, and the probability of a decision.
+
+    A plan worse than the best may have the margin of the first simulated cause only.
+    """
 
     plan: str
     duration_s: float
@@ -28,8 +30,7 @@ class Outlook:
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """The plan to fly, what it separates, the chance that it does, and all plans, best first (those
-    below the best by what they promise at most)."""
+    """The recommended plan, the causes it separates, its probability, all plans (best first)."""
 
     plan: str
     separates: tuple[str, ...]
@@ -40,21 +41,21 @@ class NextExperiment:
 
 @dataclass(frozen=True, eq=False)
 class Open:
-    """What a fit leaves open: terms that were needed and not surely sized, or not seen at all."""
+    """Terms that a fit leaves open: needed but without a significant size, or not identifiable."""
 
     fit: MultiStepFit
     model: GreyBoxModel
-    """The fitted rig, to be flown"""
+    """The fitted model, to be simulated"""
     names: tuple[str, ...]
-    """The most urgent first"""
+    """Names of the terms, most important first"""
     tied: bool = False
-    """They fit as well in one another's place."""
+    """True if the terms are confounded"""
 
 
-def percent(chance: float) -> str:
-    """Never 100 %: it is a forecast.
+def percent(probability: float) -> str:
+    """Return a forecast probability as text, never as 100 %.
 
     >>> percent(0.999), percent(0.873)
     ('> 99 %', '87 %')
     """
-    return "> 99 %" if chance > 0.99 else f"{chance * 100:.0f} %"
+    return "> 99 %" if probability > 0.99 else f"{probability * 100:.0f} %"

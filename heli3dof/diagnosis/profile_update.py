@@ -1,15 +1,15 @@
-"""What a diagnosis or a grey box measured, as keys of a profile.
+"""Convert the results of a diagnosis or a grey-box fit to keys of a profile.
 
     K_f                    motor.K_f
-    T_g/(2 L_a K_f)        motor.V_o           L_a is the profile's: a tape measure beats a flight
+    T_g/(2 L_a K_f)        motor.V_o           with the arm length L_a of the profile
     J_roll, J_pitch, J_yaw inertia.roll, .pitch, .yaw
     encoder.offset         encoder.<axis>_rest_deg − offset     reading = angle + offset
     encoder.scale          encoder.<axis> · k                   reading = rest + k (angle − rest)
     encoder.sign           −encoder.<axis>                      (from the integrity checks)
 
-T_g and the inertias of a model file are in units of its profile's K_f; `thrust_scale` gives them,
-and K_f, in SI, as ``diagnose --json`` does. V_o = T_g/(2 L_a K_f) does not depend on that scale.
-Causes that no key holds (friction, lag, …) stay in the model file and are listed.
+T_g (N·m) and the inertias (kg·m²) of a model file are in units of its profile's K_f (N/V).
+`estimate.thrust_scale` converts them to SI and gives K_f, as ``diagnose --json`` does. V_o does not
+depend on that scale. Causes without a key (friction, lag, …) stay in the model file and are listed.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.profile_file import Change
 
 DIGITS = 5
-"""Significant digits of a number written into a profile: ten times finer than any is measured."""
-SAME = 1e-3
-"""Relative difference up to which a nominal value is the profile's: digits lost on the way."""
-CERTAIN = 0.9
-"""Confidence from which an encoder's sign is changed."""
+"""Significant digits of a number in the profile: ten times finer than any measurement."""
+SAME_NOMINAL = 1e-3
+"""Relative difference below which two nominal values are equal, as files round their digits."""
+MIN_SIGN_CONFIDENCE = 0.9
+"""Confidence of the integrity check above which an encoder's sign is changed. Chosen."""
 BASE = ("K_f", "T_g", "J_roll", "J_pitch", "J_yaw")
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A base parameter in SI: what the profile said, what was found, its standard deviation."""
+    """A base parameter in SI: nominal value, estimate, standard deviation."""
 
     nominal: float
     value: float
@@ -49,24 +49,24 @@ class Measured:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What a file says of a rig's numbers."""
+    """A rig's calibration, read from a file."""
 
     source: str
     base: Mapping[str, Measured]
     rest_deg: Mapping[str, float] = field(default_factory=dict)
     """axis → ° to add to the rest angle"""
     counts: Mapping[str, float] = field(default_factory=dict)
-    """axis → factor of the counts per revolution, −1 where the sign is wrong"""
+    """axis → factor for the counts per revolution, −1 if the sign is wrong"""
     left_out: tuple[str, ...] = ()
-    """Causes that no key of a profile holds"""
+    """Causes without a key in the profile"""
     profile: Profile | None = None
-    """The profile that it was measured with, where the file has it"""
+    """The profile of the measurement, if the file contains it"""
 
 
 def read_calibration(path: Path) -> Calibration:
-    """From a model file or from what ``diagnose --json`` printed.
+    """Return the calibration in a model file or in the output of ``diagnose --json``.
 
-    Raises RecordingError for any other file, and for one that holds no calibration.
+    Raises UsageError if there is no such file, RecordingError if it contains no calibration.
     """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
@@ -77,20 +77,22 @@ def read_calibration(path: Path) -> Calibration:
             fix=f"ls {path.parent}",
         ) from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise _none_in(path, "is not JSON") from error
+        raise _no_calibration(path, "is not JSON") from error
     schema = str(data.get("schema", "")) if isinstance(data, dict) else ""
     if schema.startswith("heli3dof.diagnosis/"):
-        found = _of_diagnosis(path, data)
+        calibration = _from_diagnosis(path, data)
     elif schema.startswith("heli3dof.model/"):
-        found = _of_model(path)
+        calibration = _from_model(path)
     else:
-        raise _none_in(path, "is neither a model file nor a diagnosis")
-    if not found.base and not found.counts and not found.rest_deg:
-        raise _none_in(path, "contains no calibration (a diagnosis of a faulty recording has none)")
-    return found
+        raise _no_calibration(path, "is neither a model file nor a diagnosis")
+    if not calibration.base and not calibration.counts and not calibration.rest_deg:
+        raise _no_calibration(
+            path, "contains no calibration (a diagnosis of a faulty recording has none)"
+        )
+    return calibration
 
 
-def _none_in(path: Path, what: str) -> RecordingError:
+def _no_calibration(path: Path, what: str) -> RecordingError:
     recording = path if path.suffix in (".mcap", ".csv", ".mat") else "REC.mcap"
     return RecordingError(
         f"{path} {what}.",
@@ -100,7 +102,7 @@ def _none_in(path: Path, what: str) -> RecordingError:
     )
 
 
-def _of_diagnosis(path: Path, data: Mapping[str, Any]) -> Calibration:
+def _from_diagnosis(path: Path, data: Mapping[str, Any]) -> Calibration:
     base = {
         str(c["parameter"]): Measured(float(c["nominal"]), float(c["value"]), float(c["std"]))
         for c in data.get("calibration", ())
@@ -108,25 +110,25 @@ def _of_diagnosis(path: Path, data: Mapping[str, Any]) -> Calibration:
     }
     rest: dict[str, float] = {}
     counts: dict[str, float] = {}
-    left: list[str] = []
+    left_out: list[str] = []
     for f in data.get("findings", ()):
         effect, axis = str(f["effect"]), f.get("axis")
         name = effect if axis is None else f"{effect}.{axis}"
         if f.get("tied_with"):
-            left.append(f"{name} (confounded with {', '.join(f['tied_with'])})")
+            left_out.append(f"{name} (confounded with {', '.join(f['tied_with'])})")
         elif effect == "encoder.offset":
             rest[axis] = -float(f["parameters"]["angle_deg"]["value"])
         elif effect == "encoder.scale":
             counts[axis] = float(f["parameters"]["scale"]["value"])
         elif effect not in ("motor.thrust_gain", "mass.imbalance", "inertia"):
-            left.append(name)
+            left_out.append(name)
     for f in data.get("integrity", ()):
-        if f.get("check") == "encoder.sign" and f.get("confidence", 0.0) >= CERTAIN:
+        if f.get("check") == "encoder.sign" and f.get("confidence", 0.0) >= MIN_SIGN_CONFIDENCE:
             counts[f["axis"]] = -1.0
-    return Calibration(path.name, base, rest, counts, tuple(left))
+    return Calibration(path.name, base, rest, counts, tuple(left_out))
 
 
-def _of_model(path: Path) -> Calibration:
+def _from_model(path: Path) -> Calibration:
     from heli3dof.model.greybox.model import GreyBoxModel
     from heli3dof.model.model_file import read_model
 
@@ -151,40 +153,42 @@ def _of_model(path: Path) -> Calibration:
     return Calibration(path.name, base, left_out=tuple(model.terms), profile=model.profile)
 
 
-def check_same_rig(found: Calibration, profile: Profile, file: str) -> None:
-    """Raise UsageError where the calibration was measured against another profile."""
+def check_same_rig(calibration: Calibration, profile: Profile, file: str) -> None:
+    """Raise UsageError if the calibration was measured with another profile."""
     J = dict(zip(AXES, profile.inertias, strict=True))
-    own = {"K_f": profile.motor.K_f, "T_g": profile.trim_torque}
-    own |= {f"J_{axis}": J[axis] for axis in AXES}
-    for name, m in found.base.items():
-        if abs(m.nominal - own[name]) > SAME * max(abs(own[name]), abs(m.nominal)):
+    nominal = {"K_f": profile.motor.K_f, "T_g": profile.trim_torque}
+    nominal |= {f"J_{axis}": J[axis] for axis in AXES}
+    for name, m in calibration.base.items():
+        if abs(m.nominal - nominal[name]) > SAME_NOMINAL * max(abs(nominal[name]), abs(m.nominal)):
             raise UsageError(
-                f"{found.source} was measured against another profile: its nominal {name} is "
-                f"{m.nominal:.5g}, that of {file} {own[name]:.5g}.",
+                f"{calibration.source} was measured against another profile: its nominal {name} is "
+                f"{m.nominal:.5g}, that of {file} {nominal[name]:.5g}.",
                 cause="the recordings were flown with another profile, or it was changed since.",
                 fix="name the profile of the recordings with --profile",
             )
 
 
-def changes(found: Calibration, profile: Profile) -> list[Change]:
-    """The keys to change, with where each number comes from."""
-    return [*_base(found, profile), *_encoders(found, profile)]
+def changes(calibration: Calibration, profile: Profile) -> list[Change]:
+    """Return the keys to change, each with the source of its number."""
+    return [*_base_changes(calibration, profile), *_encoder_changes(calibration, profile)]
 
 
-def _base(found: Calibration, profile: Profile) -> Iterator[Change]:
-    for key, m in profile_keys(found.base, profile).items():
-        yield _change(found, key, m.value, m.nominal, m.std)
+def _base_changes(calibration: Calibration, profile: Profile) -> Iterator[Change]:
+    for key, m in profile_keys(calibration.base, profile).items():
+        yield _change(calibration, key, m.value, m.nominal, m.std)
 
 
 def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
-    """Return the base parameters by profile key: motor.K_f, motor.V_o and [inertia]; or nothing."""
+    """Return motor.K_f, motor.V_o and the inertias by key; empty without base parameters."""
     if not base:
         return {}
     K_f, T_g = base["K_f"], base["T_g"]
     V_o = T_g.value / (2 * profile.geometry.L_a * K_f.value)
     out = {
         "motor.K_f": Measured(profile.motor.K_f, K_f.value, K_f.std),
-        "motor.V_o": Measured(profile.motor.V_o, V_o, abs(V_o) * _beside_scale(T_g, K_f)),
+        "motor.V_o": Measured(
+            profile.motor.V_o, V_o, abs(V_o) * _relative_std_without_K_f(T_g, K_f)
+        ),
     }
     for axis, nominal in zip(AXES, profile.inertias, strict=True):
         J = base[f"J_{axis}"]
@@ -193,9 +197,9 @@ def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Me
 
 
 def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
-    """Return what flights determine without a scale: V_o in V, and K_f/J in N/(V·kg·m²).
+    """Return the ratios that flights determine without K_f: V_o in V, K_f/J in N/(V·kg·m²).
 
-    The standard deviations of K_f, T_g and the inertias contain that of K_f, which only the
+    The standard deviations of K_f, T_g and the inertias include that of K_f, which only the
     profile's tolerance bounds. It cancels in these ratios.
     """
     if not base:
@@ -204,46 +208,51 @@ def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured
     for axis in AXES:
         J = base[f"J_{axis}"]
         value = K_f.value / J.value
-        spread = abs(value) * _beside_scale(J, K_f)
+        spread = abs(value) * _relative_std_without_K_f(J, K_f)
         out[f"K_f/J_{axis}"] = Measured(K_f.nominal / J.nominal, value, spread)
     return out
 
 
-def _beside_scale(m: Measured, K_f: Measured) -> float:
+def _relative_std_without_K_f(m: Measured, K_f: Measured) -> float:
     """Return the relative standard deviation of m/K_f: that of m without K_f's."""
-    return sqrt(max(_share(m) ** 2 - _share(K_f) ** 2, 0.0))
+    return sqrt(max(_relative_std(m) ** 2 - _relative_std(K_f) ** 2, 0.0))
 
 
-def _share(m: Measured) -> float:
+def _relative_std(m: Measured) -> float:
     return m.std / abs(m.value) if m.value else 0.0
 
 
-def _encoders(found: Calibration, profile: Profile) -> Iterator[Change]:
-    for axis, factor in found.counts.items():
+def _encoder_changes(calibration: Calibration, profile: Profile) -> Iterator[Change]:
+    for axis, factor in calibration.counts.items():
         before = getattr(profile.encoder, axis)
-        yield Change(f"encoder.{axis}", round(before * factor), before, _from(found, before))
-    for axis, added in found.rest_deg.items():
+        yield Change(
+            f"encoder.{axis}", round(before * factor), before, _source_comment(calibration, before)
+        )
+    for axis, added in calibration.rest_deg.items():
         before = getattr(profile.encoder, f"{axis}_rest_deg")
         yield Change(
-            f"encoder.{axis}_rest_deg", round(before + added, 3), before, _from(found, before)
+            f"encoder.{axis}_rest_deg",
+            round(before + added, 3),
+            before,
+            _source_comment(calibration, before),
         )
 
 
-def _change(found: Calibration, key: str, value: float, before: float, std: float) -> Change:
+def _change(calibration: Calibration, key: str, value: float, before: float, std: float) -> Change:
     spread = f" ± {std:.2g}" if isfinite(std) and std > 0 else ""
     rounded = float(f"{value:.{DIGITS}g}")
-    return Change(key, rounded, before, _from(found, before, spread))
+    return Change(key, rounded, before, _source_comment(calibration, before, spread))
 
 
-def _from(found: Calibration, before: float, spread: str = "") -> str:
-    return f"{spread.strip() + ', ' if spread else ''}from {found.source}; was {before:.5g}"
+def _source_comment(calibration: Calibration, before: float, spread: str = "") -> str:
+    return f"{spread.strip() + ', ' if spread else ''}from {calibration.source}; was {before:.5g}"
 
 
-def applied(profile: Profile, made: Sequence[Change]) -> dict[str, Any]:
-    """The profile's nested dict with the changes."""
+def applied(profile: Profile, new: Sequence[Change]) -> dict[str, Any]:
+    """Return the profile's nested dict with the changes."""
     from heli3dof.rig.profile_file import put
 
     data = profile.to_dict()
-    for change in made:
+    for change in new:
         put(data, change.key, change.value)
     return data

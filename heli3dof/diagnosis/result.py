@@ -1,4 +1,4 @@
-"""What a diagnosis found: one frozen result, which the document, the tables and the report read."""
+"""The result of a diagnosis, from which the JSON document, the tables and the report are made."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut
-from heli3dof.diagnosis.validation.simulation_error import HowWrong
+from heli3dof.diagnosis.validation.simulation_error import SimulationError
 from heli3dof.model.greybox.model import GreyBoxModel
 
 DOES_NOT_PAY = "held-out data do not confirm its gain"
@@ -26,52 +26,53 @@ STANDS_IN = "it only compensated for an unmodelled torque"
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """A cause: its term, the step in which it was taken, and what it gains on unseen data."""
+    """A cause: its term, the selection step that added it, and its gain on held-out data."""
 
     choice: Choice
     values: Mapping[str, tuple[float, float]]
-    """Parameter → (value, standard deviation) in the final fit, SI"""
+    """Parameter → (value, standard deviation) in the final fit, SI units"""
     gain: Gain
-    """Everything found without this one (refitted) → everything found"""
+    """Gain of the extended model over the same model refitted without this cause"""
     noise: FloatArray
-    """(4,) of that fit without it, as `Optimum.noise`: with it a filter sees what is missing"""
+    """(4,) noise (`Optimum.noise`) of the fit without this cause"""
     like: bool = False
-    """Beside what is left without a name it is not sure any more, or data not seen do not surely
-    confirm it, or it may be what is wrong with another one's formula: "…-like\""""
+    """True for a likely but unconfirmed cause, "…-like": a residual torque remains, its gain is not
+    confirmed, or it may only compensate the error of another cause's formula
+    """
 
 
 @dataclass(frozen=True, eq=False)
 class Dropped:
-    """A cause that was found and not adopted."""
+    """A cause that was selected but not adopted."""
 
     name: str
     gain: Gain
     why: str = DOES_NOT_PAY
     choice: Choice | None = None
-    """The step in which it had been taken, where it had been one"""
+    """The selection step that had added it, if any"""
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """What there is once the recordings could be fitted."""
+    """The results of a diagnosis whose recordings could be fitted."""
 
     base: CorrectedFit | None
     final: CorrectedFit | None
-    """None where no likelihood was fitted (`free_run.diagnose_free_run`)"""
+    """None if no likelihood was fitted (`free_run.diagnose_free_run`)"""
     model: GreyBoxModel
     gain: Gain
-    """The base simulation refitted → the extended one"""
+    """Gain of the extended model over the refitted base simulation"""
     before: HeldOut | None
     after: HeldOut | None
-    wrong: HowWrong
-    """The simulation as the profile has it, beside the extended model's noise floor"""
+    wrong: SimulationError
+    """Prediction errors with the profile's numbers, and the extended model's noise floor"""
     noise_floor: Mapping[str, float | None]
     refit: Gain | None = None
-    """The simulation as the profile has it → the base simulation refitted"""
+    """Gain of the refitted base simulation over the one with the profile's numbers"""
     calibration: tuple[BaseParameter, ...] = ()
-    """Where there is no ``final`` to read it from"""
+    """The base parameters if there is no ``final`` that contains them"""
     open: Open | None = None
-    """What a fit to free flights left open; None where a likelihood was fitted"""
+    """Terms that a fit to free-run predictions left open; None if a likelihood was fitted"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,17 +89,17 @@ class TorqueTerm:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What was found; `heli3dof.diagnosis.document` makes the contract's JSON of it."""
+    """The result of a diagnosis; `heli3dof.diagnosis.document` converts it to JSON."""
 
     recordings: tuple[str, ...]
     holdout: tuple[str, ...]
     verdict: str
     integrity: tuple[Fault, ...]
     fitted: Fitted | None = None
-    """None where the recordings themselves are at fault"""
+    """None if the recordings are faulty"""
     findings: tuple[Finding, ...] = ()
     calibration_findings: tuple[OffNominal, ...] = ()
-    """Base parameters off their nominal by more than the profile's tolerance"""
+    """Base parameters that differ from nominal by more than the profile's tolerance"""
     dropped: tuple[Dropped, ...] = ()
     leftovers: tuple[ResidualTorque, ...] = ()
     torque_terms: tuple[TorqueTerm | None, ...] = ()
@@ -108,20 +109,22 @@ class Diagnosis:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Findings of the integrity checks: causes in the recording itself, with a size."""
+        """Return the findings of the integrity checks: quantified causes in the recordings."""
         return tuple(f for f in self.integrity if f.kind == "finding")
 
     @property
     def in_order(self) -> tuple[Fault | Finding | OffNominal, ...]:
-        """All of them as `in_order` has it."""
+        """Return all causes in the order of the function `in_order`."""
         return in_order(self.faults, self.findings, self.calibration_findings)
 
 
 def in_order(
     faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[OffNominal]
 ) -> tuple[Fault | Finding | OffNominal, ...]:
-    """The strongest first: what is wrong with the recording, then causes as they were found, each
-    base number before the first of them that it is stronger than."""
+    """Return all causes, strongest first: faults of the recordings, then the causes as selected.
+
+    Each base parameter is inserted before the first cause with a lower score.
+    """
     out: list[Finding | OffNominal] = list(findings)
     for o in sorted(off, key=lambda o: o.score):
         weaker = (k for k, f in enumerate(out) if _score(f) < o.score)
@@ -129,9 +132,9 @@ def in_order(
     return (*faults, *out)
 
 
-def physical(found: Sequence[Fault | Finding | OffNominal]) -> list[Finding | OffNominal]:
-    """Return the causes in the rig: without the faults of the recordings."""
-    return [f for f in found if not isinstance(f, Fault)]
+def physical(causes: Sequence[Fault | Finding | OffNominal]) -> list[Finding | OffNominal]:
+    """Return the causes in the rig, without the faults of the recordings."""
+    return [f for f in causes if not isinstance(f, Fault)]
 
 
 def verdict_of(
@@ -141,10 +144,10 @@ def verdict_of(
     *,
     unsure: bool = False,
 ) -> str:
-    """Return the verdict on causes in the order of `in_order`.
+    """Return the verdict on causes in the order of `in_order`; ``left`` are the residual torques.
 
-    ``refit``: the gain of refitting the profile's own numbers. ``unsure``: the first physical cause
-    may be another one. Faults of a recording are causes too, but never hide an ambiguous one.
+    ``refit``: the gain of refitting the profile's numbers. ``unsure``: the first physical cause may
+    be another one. Faults of a recording are causes too, but do not hide an ambiguous physical one.
     """
     if left:
         return "unexplained"
@@ -158,16 +161,16 @@ def verdict_of(
     return "ambiguous" if tied or unsure else "explained"
 
 
-def tied_in(found: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
-    """Every name that one of them is tied with, or is."""
-    out: list[str] = []
-    for f in found:
+def tied_in(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
+    """Return the names that are confounded with any cause, and the names of the faults."""
+    names: list[str] = []
+    for f in causes:
         if isinstance(f, Fault):
-            out.append(f"{f.effect}.{f.axis}")
+            names.append(f"{f.effect}.{f.axis}")
         else:
-            out += f.choice.tied_with if isinstance(f, Finding) else f.tied_with
-    return tuple(out)
+            names += f.choice.tied_with if isinstance(f, Finding) else f.tied_with
+    return tuple(names)
 
 
-def _score(found: Finding | OffNominal) -> float:
-    return found.score if isinstance(found, OffNominal) else found.choice.score
+def _score(cause: Finding | OffNominal) -> float:
+    return cause.score if isinstance(cause, OffNominal) else cause.choice.score

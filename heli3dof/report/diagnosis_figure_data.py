@@ -15,7 +15,7 @@ from heli3dof.diagnosis.unmodelled.torque_curve import Evidence, evidence, lefto
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut
 from heli3dof.diagnosis.validation.replay import Replayed, replayed
-from heli3dof.diagnosis.validation.simulation_error import HowWrong
+from heli3dof.diagnosis.validation.simulation_error import SimulationError
 from heli3dof.identification.greybox.method import model_of
 from heli3dof.recording.recording import Recording
 
@@ -24,7 +24,7 @@ from heli3dof.recording.recording import Recording
 class FigureData:
     """The data of the figures in a diagnosis report; a figure whose data are empty is omitted."""
 
-    wrong: HowWrong | None = None
+    wrong: SimulationError | None = None
     """The simulation error by horizon and axis"""
     evidence: Sequence[Evidence] = ()
     """Residual torque, averaged in bins, of each finding (reported cause) that acts as a torque"""

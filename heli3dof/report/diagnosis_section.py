@@ -13,7 +13,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.unmodelled.torque_curve import Evidence
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.replay import Replayed
-from heli3dof.diagnosis.validation.simulation_error import HowWrong
+from heli3dof.diagnosis.validation.simulation_error import SimulationError
 from heli3dof.report import diagnosis_text as words
 from heli3dof.report.diagnosis_figure_data import FigureData
 from heli3dof.report.diagnosis_figures import evidence_figure, stretch_figure
@@ -89,7 +89,7 @@ def _unmodelled(document: Document, p: FigureData) -> list[str]:
     return blocks
 
 
-def error_table(w: HowWrong) -> Grid:
+def error_table(w: SimulationError) -> Grid:
     """Return a table of the simulation error ``w``: RMSE, noise floor (°) by horizon and axis."""
     rows = [
         [f"{h:g}", *(fixed(float(x[k, i]), 3) for i in range(3) for x in (w.rmse_deg, w.floor_deg))]

@@ -47,7 +47,7 @@ from heli3dof.diagnosis.selection.select import WEAK, Choice, certainty
 from heli3dof.diagnosis.selection.steps import without
 from heli3dof.diagnosis.validation.cross_validation import held_out, uncalibrated
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
-from heli3dof.diagnosis.validation.simulation_error import how_wrong
+from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.identification.greybox.method import model_of
 from heli3dof.model.greybox.model import nominal
 from heli3dof.parallel import parallel_map
@@ -176,7 +176,7 @@ def fitted(
             return after if extended is base else held_out(base, holdout)
         if i == 1:
             return uncalibrated(base, holdout)
-        return how_wrong(profiles, holdout or train, truth=at, seed=seed)
+        return simulation_error(profiles, holdout or train, truth=at, seed=seed)
 
     before, as_is, wrong = parallel_map(part, 3)
     floor = {a: _number(wrong.at(1.0, a)[1]) for a in AXES}

@@ -52,7 +52,7 @@ from heli3dof.diagnosis.result import (
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.validation.gain import Gain
 from heli3dof.diagnosis.validation.prediction import HORIZONS_S
-from heli3dof.diagnosis.validation.simulation_error import HowWrong
+from heli3dof.diagnosis.validation.simulation_error import SimulationError
 from heli3dof.identification.greybox.freeflight import (
     LEAST_STARTS,
     fit_freeflight,
@@ -233,14 +233,16 @@ def _finding(found: Elimination, r: Removal, won: Gain) -> Finding:
     return Finding(choice, values, won, fit.noise)
 
 
-def _wrong(recordings: Sequence[Recording], simpler: tuple[str, ...] = ()) -> HowWrong:
+def _wrong(recordings: Sequence[Recording], simpler: tuple[str, ...] = ()) -> SimulationError:
     """The simulation as the profile has it."""
     model = nominal(recordings[0].profile, simpler)
     e = []
     for r in recordings:
         e.append(fly(model, r, np.array([max(1, round(h / r.dt)) for h in HORIZONS_S])))
     rmse = np.degrees(np.sqrt(np.nanmean(np.concatenate(e) ** 2, axis=0)))
-    return HowWrong(tuple(HORIZONS_S), rmse, np.full_like(rmse, np.nan), "nothing: unknown", ())
+    return SimulationError(
+        tuple(HORIZONS_S), rmse, np.full_like(rmse, np.nan), "nothing: unknown", ()
+    )
 
 
 def _calibrated(fit: Fit) -> tuple[BaseParameter, ...]:

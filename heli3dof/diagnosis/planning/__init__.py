@@ -1,1 +1,1 @@
-"""The next experiment: plans simulated to separate confounded causes."""
+"""Recommend the next experiment: plans simulated to separate confounded causes."""

@@ -1,20 +1,20 @@
-"""Which plan to fly next where no likelihood was fitted: the one that sizes what is open soonest.
+"""Recommend the plan that soonest determines the parameters that a free-run fit left open.
 
-A fit to free flights has the information H = D Dᵀ + Λ of its numbers θ (D the tangents of its
-residuals, Λ the priors; `heli3dof.identification.greybox.multistep`). Each plan is flown on the
-fitted rig, with its process noise and encoders, by the default controller (the rig's own is not
-known); free flights of that recording, weighed by the scales of the *real* ones, have tangents D_p.
-A new recording has numbers b of its own, tied to the common ones by Λ_b alone, so
+The fit's parameters θ (n,) have the information H = D Dᵀ + Λ, with the tangents D of its residuals
+and the prior's precision Λ (`heli3dof.identification.greybox.multistep`). Each plan is simulated on
+the fitted model with noise, encoders and the default controller. The residuals of this flight, with
+the scales of the real fit, have tangents D_p. Some parameters have own values b in a new recording,
+coupled to the common ones by Λ_b:
 
     H_p = D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag (C_now⁻¹ + A − B C⁻¹ Bᵀ)⁻¹
 
-What is open was not shown by each half of the recordings, so a flight has to show it by itself: a
-term of size θ, whose absence is θ_0, with
+C_now is the present covariance of the common parameters. As the halves of the recordings did not
+both confirm an open parameter, the new flight alone has to. With θ_0 its value without the effect,
 
-    u² = (θ − θ_0)² (1/σ_after² − 1/σ_now²),      P = Φ(u − `SURE`)
+    u² = (θ − θ_0)² (1/σ_after² − 1/σ_now²),      P = Φ(u − `QUANTILE`)
 
-and plans are ranked by the mean of P over what is open, per second. A term that the recordings say
-nothing of counts with the size that matters on such a rig (its ``typical`` one).
+Plans are ranked by the mean of P over the open parameters, per second. A parameter on which the
+recordings have little information has at least the catalogue's ``typical`` size.
 """
 
 from __future__ import annotations
@@ -26,104 +26,111 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.free_run.refits import STAGE_S
-from heli3dof.diagnosis.outlook import HOPELESS, NextExperiment, Open, Outlook, percent
-from heli3dof.diagnosis.planning.plan_flights import fly_task, stable, task_of
+from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, Open, Outlook, percent
+from heli3dof.diagnosis.planning.plan_flights import fly_task, is_stable, task_of
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.identification.greybox.freeflight import problem_of
 from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, least_squares_problem
 from heli3dof.parallel import parallel_map
 
-SURE = 1.96
-MOST = 3
-"""Open terms that are asked for at once."""
+QUANTILE = 1.96
+"""97.5 % quantile of the normal distribution: two-sided significance at 5 %."""
+MAX_TERMS = 3
+"""Largest number of open terms that are planned for at once. Chosen."""
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """The first number of a term: its place, its distance from absence and its σ, in ``unit``."""
+class OpenParameter:
+    """The first shared parameter of an open term: index, size and standard deviation in ``unit``.
+
+    ``size``: distance from the value without the effect; ``slope``: unit per coordinate.
+    """
 
     name: str
-    at: int
+    index: int
     size: float
     std: float
     slope: float
     unit: str
 
-    def shown(self, after: float) -> float:
-        """u of a flight that brings σ to ``after``."""
+    def significance(self, after: float) -> float:
+        """Return u of a flight that lowers the parameter's standard deviation to ``after``."""
         return self.size * math.sqrt(max(after**-2 - self.std**-2, 0.0))
 
 
-def wanted(open_: Open) -> list[Wanted]:
-    """The open terms' numbers that a flight can tell: not those that differ by recording."""
+def open_parameters(open_: Open) -> list[OpenParameter]:
+    """Return the open parameters that a plan can determine, at most `MAX_TERMS`."""
     fit, out = open_.fit, []
     for name in open_.names:
         for j, f in enumerate(fit.structure.free):
             if f.term == name and f.name not in fit.problem.varying and not f.log:
                 size, slope = abs(float(fit.values[j]) - f.null), float(fit.slopes[j])
-                if fit.std[j] > 0.7 * fit.prior_std[j]:  # its prior says so
+                if fit.std[j] > 0.7 * fit.prior_std[j]:  # little more than the prior
                     size = max(size, f.typical)
-                out.append(Wanted(name, j, size, float(fit.std[j]), slope, f.unit))
+                out.append(OpenParameter(name, j, size, float(fit.std[j]), slope, f.unit))
                 break
-    return out[:MOST]
+    return out[:MAX_TERMS]
 
 
 def next_free_flight(
     open_: Open, *, plans: Sequence[str] | None = None, seed: int = 0
 ) -> NextExperiment | None:
-    """The plan; None where nothing is open, or where no plan can be flown on the fitted rig."""
-    asked, profile = wanted(open_), open_.model.profile
-    if not asked or not stable(open_.model, profile):
+    """Return the recommended plan; None if nothing is open or no plan is feasible."""
+    parameters, profile = open_parameters(open_), open_.model.profile
+    if not parameters or not is_stable(open_.model, profile):
         return None
-    wished = [load_plan(p) for p in (named_plans() if plans is None else plans)]
-    H = np.linalg.inv(_common(open_.fit))
+    loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
+    H = np.linalg.inv(_common_covariance(open_.fit))
 
-    def one(i: int) -> np.ndarray | None:
-        A = information(open_, wished[i], seed)
+    def std_after(i: int) -> np.ndarray | None:
+        A = information(open_, loaded[i], seed)
         return None if A is None else np.sqrt(np.diag(np.linalg.inv(H + A)))
 
-    seen = parallel_map(one, len(wished), what="plans")
-    told = {
-        plan.name: (plan.duration_s, [w.shown(s[w.at] * w.slope) for w in asked])
-        for plan, s in zip(wished, seen, strict=True)
+    deviations = parallel_map(std_after, len(loaded), what="plans")
+    significances = {
+        plan.name: (plan.duration_s, [w.significance(s[w.index] * w.slope) for w in parameters])
+        for plan, s in zip(loaded, deviations, strict=True)
         if s is not None
     }
-    if not told:
+    if not significances:
         return None
     outlooks = (
-        Outlook(name, T, tuple(x**2 for x in u), float(np.mean([chance(x) for x in u])))
-        for name, (T, u) in told.items()
+        Outlook(
+            name, T, tuple(x**2 for x in u), float(np.mean([probability_significant(x) for x in u]))
+        )
+        for name, (T, u) in significances.items()
     )
     ranking = sorted(outlooks, key=lambda o: -o.certainty / o.duration_s)
     best = ranking[0]
     return NextExperiment(
-        best.plan, tuple(open_.names if open_.tied else [w.name for w in asked]),
-        _why(best, asked, open_.tied), round(best.certainty, 3),
+        best.plan, tuple(open_.names if open_.tied else [w.name for w in parameters]),
+        _why(best, parameters, open_.tied), round(best.certainty, 3),
         tuple(ranking),
     )  # fmt: skip
 
 
 def why_none(open_: Open | None) -> str:
-    """Where `next_free_flight` has nothing to recommend, or was not asked."""
+    """Return the reason why `next_free_flight` recommends no plan or was not called."""
     if open_ is None:
         return "the extended model was not adopted, so there is no model to simulate plans on"
-    if not wanted(open_):
+    if not open_parameters(open_):
         return "no open parameter can be estimated by a plan"
     return "no plan is feasible on the fitted model with the default controller"
 
 
-def chance(u: float) -> float:
-    """That a number u deviations from its absence is told from it.
+def probability_significant(u: float) -> float:
+    """Return the probability that a parameter with the ratio u is significant after the flight.
 
-    >>> round(chance(1.96), 2), round(chance(4.0), 2)
+    >>> p = probability_significant
+    >>> round(p(1.96), 2), round(p(4.0), 2)
     (0.5, 0.98)
     """
-    return 0.5 * (1 + math.erf((u - SURE) / math.sqrt(2)))
+    return 0.5 * (1 + math.erf((u - QUANTILE) / math.sqrt(2)))
 
 
 def information(open_: Open, plan: Plan, seed: int) -> np.ndarray | None:
-    """(n, n) what a flight of the plan says of the common numbers; None where none can be flown."""
+    """Return the information (n, n) of a simulated flight on the common parameters, or None."""
     fit = open_.fit
     task = task_of(plan, open_.model.profile, seed)
     flight = None if task is None else fly_task(task, open_.model)
@@ -134,15 +141,15 @@ def information(open_: Open, plan: Plan, seed: int) -> np.ndarray | None:
     except RecordingError:
         return None
     z = np.concatenate([fit.theta, fit.theta[p.own]])
-    # Neighbouring windows share nearly everything: every other one says as much.
+    # Neighbouring windows overlap almost completely, so every other one contains as much.
     p = replace(p, flights=tuple(replace(f, starts=f.starts[::2]) for f in p.flights))
     v = least_squares_problem(p, fit.noise, STAGE_S, fit.scale)
     D = v.tangents(z, v.residuals(z))
-    return marginal(D @ D.T + link(p), p.n)
+    return marginal(D @ D.T + coupling(p), p.n)
 
 
 def marginal(H: np.ndarray, n: int) -> np.ndarray:
-    """(n, n) the information on the first n numbers, whatever the others are.
+    """Return the information (n, n) on the first n parameters, marginal over the others.
 
     >>> marginal(np.array([[2.0, 1.0], [1.0, 1.0]]), 1)
     array([[1.]])
@@ -151,29 +158,30 @@ def marginal(H: np.ndarray, n: int) -> np.ndarray:
     return np.asarray(A - B @ np.linalg.solve(C, B.T)) if len(C) else A
 
 
-def link(p: MultiStep) -> np.ndarray:
-    """(dim, dim) Λ_b: what ties a recording's own numbers to the common ones, and no more."""
+def coupling(p: MultiStep) -> np.ndarray:
+    """Return Λ_b (dim, dim): only the coupling of a recording's own values to the common ones."""
     L = p.prior.copy()
     L[: p.n, : p.n] -= replace(p, flights=(), data=(), rows=()).prior
     return L
 
 
-def _common(fit: MultiStepFit) -> np.ndarray:
-    """(n, n) covariance of the common coordinates."""
+def _common_covariance(fit: MultiStepFit) -> np.ndarray:
+    """Return the covariance (n, n) of the common coordinates."""
     H = fit.tangents @ fit.tangents.T + fit.problem.prior
     return np.asarray(np.linalg.inv(H)[: fit.problem.n, : fit.problem.n])
 
 
-def _why(best: Outlook, asked: Sequence[Wanted], tied: bool) -> str:
+def _why(best: Outlook, parameters: Sequence[OpenParameter], tied: bool) -> str:
+    probabilities = (percent(probability_significant(math.sqrt(m))) for m in best.margins)
     each = ", ".join(
-        f"{w.name} ({w.size:.2g} {w.unit}, probability {percent(chance(math.sqrt(m)))})"
-        for w, m in zip(asked, best.margins, strict=True)
+        f"{w.name} ({w.size:.2g} {w.unit}, probability {p})"
+        for w, p in zip(parameters, probabilities, strict=True)
     )
     text = "these causes are confounded; " if tied else ""
     text += (
         f"in simulation with the fitted model and the default controller, {best.duration_s:.0f} s "
         f"of it identify {each}"
     )
-    if best.certainty < HOPELESS:
+    if best.certainty < MIN_CERTAINTY:
         return f"{text}: more per second than any other plan, but hardly enough; repeat it"
     return text

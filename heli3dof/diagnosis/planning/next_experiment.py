@@ -1,20 +1,19 @@
-"""Which plan to fly next: the one whose simulated outcome tells the tied causes apart soonest.
+"""Recommend the plan that separates the confounded causes in the shortest time.
 
-Each tied cause i is taken for the truth in turn, at the size that its own fit gives it. Every plan
-is flown on that truth in closed loop, with its process noise and encoders, and the flight is
-screened for all of them from the base fit (`screening.score_test`): with z_j the score of
-cause j, other parameters of the base refitted to first order, less what it is on the same flight of
-the base alone (what quantisation and feedback fake),
+Each cause i in turn is taken as the truth, with its estimated size. Every plan is simulated on this
+model in closed loop, with noise and encoders. The score test (`screening.score_test`) gives the
+score z_j of each cause j, minus its score on the same flight of the base model:
 
     margin_i = z_i² − max_{j≠i} z_j²,      margin = min_i margin_i,      rank by margin / duration
 
-z² is twice the log-likelihood that a cause wins, so a margin is what a diagnosis of that flight
-would see. Between two simple hypotheses it scatters as N(m, 4 m); the chance that it exceeds `TIE`
+For a single cause, margin = z². z² is twice the increase in log-likelihood by a cause, so between
+two simple hypotheses a margin m has the distribution N(m, 4 m). The mean probability of m > `TIE`
+is
 
     certainty = mean_i Φ((m_i − TIE) / (2 √m_i))
 
-One cause alone is held against nothing: margin = z². To first order, one flight for each truth:
-good enough to choose a plan, not to promise an outcome.
+First-order scores of one simulated flight per cause suffice to choose a plan, but guarantee
+nothing.
 """
 
 from __future__ import annotations
@@ -27,9 +26,9 @@ import numpy as np
 
 from heli3dof.diagnosis.conclusion.encoder_scales import flyable
 from heli3dof.diagnosis.estimate.evaluation import evaluate
-from heli3dof.diagnosis.outlook import HOPELESS, NextExperiment, Outlook, percent
+from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, Outlook, percent
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
-from heli3dof.diagnosis.planning.plan_flights import Task, fly_task, stable, task_of
+from heli3dof.diagnosis.planning.plan_flights import Task, fly_task, is_stable, task_of
 from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis, Dropped
 from heli3dof.diagnosis.screening.catalogue import Probe, probes
 from heli3dof.diagnosis.screening.score_test import Screen
@@ -45,29 +44,29 @@ from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.parallel import parallel_map
 
-AT_ONCE = 2
-"""Plans that are asked further before the best is sought again"""
-MOST = 4
-"""Tied causes that are simulated; a tie of more is told by its first ones."""
+COMPLETED_AT_ONCE = 2
+"""Plans that are simulated completely before the best is determined again. Chosen."""
+MAX_CAUSES = 4
+"""Largest number of confounded causes that are simulated, first ones first. Chosen."""
 
 
 @dataclass(frozen=True)
 class Cause:
-    """A term at these values of its parameters (in their units)."""
+    """A term with values of its parameters, in their units."""
 
     term: Term
     values: tuple[float, ...]
 
     @classmethod
-    def fitted(cls, contender: CandidateFit) -> Cause:
-        """At the size that its own fit gives it."""
-        every = contender.problem.values(contender.optimum.theta)
-        n = len(contender.term.effect.parameters)
-        return cls(contender.term, tuple(float(v) for v in every[-n:]))
+    def fitted(cls, candidate: CandidateFit) -> Cause:
+        """Return the cause with the values of its own fit."""
+        values = candidate.problem.values(candidate.optimum.theta)
+        n = len(candidate.term.effect.parameters)
+        return cls(candidate.term, tuple(float(v) for v in values[-n:]))
 
     @classmethod
     def typical(cls, name: str) -> Cause:
-        """At the catalogue's size, on the side of absence that is possible. Raises UsageError."""
+        """Return the cause at its typical size, negative if a positive one is out of bounds."""
         t = term(name)
         first, *rest = t.effect.parameters
         size = first.typical if first.null + first.typical < first.high else -first.typical
@@ -77,7 +76,7 @@ class Cause:
 
     @property
     def probe(self) -> Probe:
-        """Where it is, beside where a search would look for it."""
+        """Return a probe of the score test at these values."""
         first = self.term.effect.parameters[0]
         return Probe(self.term, self.values, self.values[0] - first.null)
 
@@ -89,22 +88,21 @@ def recommend(
     plans: Sequence[str] | None = None,
     seed: int = 0,
 ) -> NextExperiment:
-    """The plan that tells the causes apart, all of them absent from ``base``.
+    """Return the plan that separates the causes, none of which is in ``base``.
 
-    Plans that leave the envelope on any of the truths are left out. Raises UsageError where no
-    plan can be flown.
+    Raises UsageError if every plan leaves the safety envelope with at least one cause.
     """
-    causes = list(causes)[:MOST]
+    causes = list(causes)[:MAX_CAUSES]
     names = [c.term.name for c in causes]
     V = base.problem.data.V
-    looked = [[*probes(c.term, V), c.probe] for c in causes]
+    probe_groups = [[*probes(c.term, V), c.probe] for c in causes]
     profile = base.structure.profile
-    worlds = [_world(base, c) for c in (None, *causes)]
+    models = [_model_with(base, c) for c in (None, *causes)]
     tasks = []
-    if all(stable(world, profile) for world in worlds):
-        wanted = [load_plan(p) for p in (named_plans() if plans is None else plans)]
-        tasks = [t for t in (task_of(plan, profile, seed) for plan in wanted) if t is not None]
-    outlooks = _outlooks(base, tasks, worlds, looked)
+    if all(is_stable(model, profile) for model in models):
+        loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
+        tasks = [t for t in (task_of(plan, profile, seed) for plan in loaded) if t is not None]
+    outlooks = _outlooks(base, tasks, models, probe_groups)
     if not outlooks:
         raise UsageError(
             f"No plan separates {', '.join(names)} on this rig.",
@@ -119,10 +117,14 @@ def recommend(
 
 
 def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
-    """The experiment that a diagnosis asks for: its first tie, what did not pay, what was not seen.
+    """Return the recommended experiment of a diagnosis, or None. The first of these is planned for:
 
-    None where nothing is open, where the data are at fault, where no plan can be flown, or where
-    none would show it.
+    1. what a fit to free-run predictions left open (`planning.free_run_plan`)
+    2. the first finding with confounded causes that a flight can separate
+    3. without findings: a cause whose gain held-out data do not confirm
+    4. without findings: an effect that the recordings could not show
+
+    For 3 and 4, the result is None if its certainty is below `MIN_CERTAINTY`.
     """
     if found.fitted is not None and found.fitted.open is not None:
         return next_free_flight(found.fitted.open, seed=seed)
@@ -136,18 +138,18 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
                 tied = [c for c in others if c.term.name in names]
                 return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
-        open_ = [_dropped(x) for x in found.dropped if x.why == DOES_NOT_PAY]
+        open_ = [_dropped_cause(x) for x in found.dropped if x.why == DOES_NOT_PAY]
         open_ = open_ or [Cause.typical(name) for name in flyable("", found.not_identifiable)[:1]]
         if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
-        asked = recommend(base, open_[:1], seed=seed)
-        return None if (asked.certainty or 0.0) < HOPELESS else asked
+        recommended = recommend(base, open_[:1], seed=seed)
+        return None if (recommended.certainty or 0.0) < MIN_CERTAINTY else recommended
     except UsageError:
         return None
 
 
-def _dropped(x: Dropped) -> Cause:
-    """At the size that it was taken with; at the catalogue's where it was seen in passing only."""
+def _dropped_cause(x: Dropped) -> Cause:
+    """Return the dropped cause at its fitted size, or the typical one if it was not fitted."""
     return Cause.typical(x.name) if x.choice is None else Cause.fitted(x.choice.contenders[0])
 
 
@@ -160,15 +162,16 @@ def _why(best: Outlook, names: Sequence[str]) -> str:
         )
     what = " and ".join(names) if len(names) == 2 else ", ".join(names)
     text = f"in simulation, {seconds} of it separate {what} by a margin of {best.margin:.0f}"
-    if best.certainty < HOPELESS:
+    if best.certainty < MIN_CERTAINTY:
         return f"{text}: more than any other plan, but hardly enough; fly it several times"
     return f"{text} ({percent(best.certainty)} probability of a decision)"
 
 
-def _chance(margin: float) -> float:
-    """P(margin's draw > TIE), margin ~ N(m, 4 m).
+def _probability_decided(margin: float) -> float:
+    """Return P(X > TIE) for X ~ N(margin, 4 margin).
 
-    >>> _chance(6.0), round(_chance(30.0), 3), _chance(-1.0)
+    >>> p = _probability_decided
+    >>> p(6.0), round(p(30.0), 3), p(-1.0)
     (0.5, 0.986, 0.0)
     """
     if margin <= 0:
@@ -179,87 +182,92 @@ def _chance(margin: float) -> float:
 def _outlooks(
     base: Estimate,
     tasks: Sequence[Task],
-    worlds: Sequence[GreyBoxModel],
-    looked: Sequence[Sequence[Probe]],
+    models: Sequence[GreyBoxModel],
+    probe_groups: Sequence[Sequence[Probe]],
 ) -> list[Outlook]:
-    """Of every plan that can be flown. One that can no longer be the best is flown no further: its
-    margins are those of the hardest truths, as the first plan showed them.
+    """Return the outlook of every plan that is feasible on the models: base alone, then each cause.
 
-    ``worlds``: the base alone, then each truth.
+    The first plan orders the causes, smallest margin first. Other plans start with the first cause.
+    Further causes can only lower a rank, so a plan below the best complete one is abandoned.
     """
-    nothing: dict[Task, np.ndarray] = {}
+    base_scores: dict[Task, np.ndarray] = {}
     margins: dict[Task, dict[int, float]] = {}
 
     def fly(jobs: Sequence[tuple[Task, int]]) -> None:
-        """The jobs (plan, truth); those of plans that cannot be flown there strike them off."""
-        first = [(t, 0) for t in dict.fromkeys(task for task, _ in jobs) if t not in nothing]
-        every = [*first, *((task, i + 1) for task, i in jobs)]
-        seen = parallel_map(
-            lambda j: _scores(base, every[j][0], worlds[every[j][1]], looked), len(every)
+        """Simulate the jobs (plan, cause); remove plans that are not feasible."""
+        base_jobs = [
+            (t, 0) for t in dict.fromkeys(task for task, _ in jobs) if t not in base_scores
+        ]
+        all_jobs = [*base_jobs, *((task, i + 1) for task, i in jobs)]
+        scores = parallel_map(
+            lambda j: _scores(base, all_jobs[j][0], models[all_jobs[j][1]], probe_groups),
+            len(all_jobs),
         )
-        cannot = {task for (task, _), z in zip(every, seen, strict=True) if z is None}
-        for (task, world), z in zip(every, seen, strict=True):
-            if task in cannot:
+        infeasible = {task for (task, _), z in zip(all_jobs, scores, strict=True) if z is None}
+        for (task, which), z in zip(all_jobs, scores, strict=True):
+            if task in infeasible:
                 margins.pop(task, None)
-            elif z is not None and world == 0:
-                nothing[task] = z
+            elif z is not None and which == 0:
+                base_scores[task] = z
             elif z is not None:
-                m = _margin(z - nothing[task], world - 1, looked)
-                margins.setdefault(task, {})[world - 1] = m
+                m = _margin(z - base_scores[task], which - 1, probe_groups)
+                margins.setdefault(task, {})[which - 1] = m
 
-    def promises(task: Task) -> float:
-        """At most, by what was seen: the rank of what was flown on every truth."""
+    def best_rank(task: Task) -> float:
+        """Return an upper bound of the rank, exact if every cause was simulated."""
         return min(margins[task].values()) / task.plan.duration_s
 
-    truths = list(range(len(worlds) - 1))
-    waiting = list(tasks)
-    while waiting and not margins:
-        pilot = waiting.pop(0)
-        fly([(pilot, i) for i in truths])
-        truths.sort(key=lambda i: margins.get(pilot, {}).get(i, 0.0))
-    fly([(task, truths[0]) for task in waiting])
+    causes = list(range(len(models) - 1))
+    remaining = list(tasks)
+    while remaining and not margins:
+        pilot = remaining.pop(0)
+        fly([(pilot, i) for i in causes])
+        causes.sort(key=lambda i: margins.get(pilot, {}).get(i, 0.0))
+    fly([(task, causes[0]) for task in remaining])
     while True:
-        going = sorted(margins, key=promises, reverse=True)
-        best = max((promises(t) for t in going if len(margins[t]) == len(truths)), default=-np.inf)
-        going = [t for t in going if len(margins[t]) < len(truths) and promises(t) > best]
-        if not going:
+        ranked = sorted(margins, key=best_rank, reverse=True)
+        best = max(
+            (best_rank(t) for t in ranked if len(margins[t]) == len(causes)), default=-np.inf
+        )
+        ranked = [t for t in ranked if len(margins[t]) < len(causes) and best_rank(t) > best]
+        if not ranked:
             break
-        fly([(t, i) for t in going[:AT_ONCE] for i in truths if i not in margins[t]])
+        fly([(t, i) for t in ranked[:COMPLETED_AT_ONCE] for i in causes if i not in margins[t]])
     return [
         Outlook(
             task.plan.name,
             task.plan.duration_s,
             tuple(m[i] for i in sorted(m)),
-            float(np.mean([_chance(v) for v in m.values()])),
+            float(np.mean([_probability_decided(v) for v in m.values()])),
         )
         for task, m in margins.items()
     ]
 
 
 def _scores(
-    base: Estimate, task: Task, world: GreyBoxModel, looked: Sequence[Sequence[Probe]]
+    base: Estimate, task: Task, model: GreyBoxModel, probe_groups: Sequence[Sequence[Probe]]
 ) -> np.ndarray | None:
-    """(P,) z of every probe on a flight of the task in that world; None where none can be flown."""
-    flight = fly_task(task, world)
+    """Return z (P,) of every probe on a simulated flight; None if it is not feasible."""
+    flight = fly_task(task, model)
     runs = [] if flight is None else usable_runs(flight, 0)
     if flight is None or not runs:
         return None
     problem = replace(base.problem, data=data_of([flight], runs))
-    o = base.optimum
-    here = evaluate(problem, o.theta, o.noise, whole=False)
-    probes = [p for group in looked for p in group]
-    return Screen(problem, o.theta, here, probes).see(here, prior=False).z
+    optimum = base.optimum
+    evaluation = evaluate(problem, optimum.theta, optimum.noise, whole=False)
+    probes = [p for group in probe_groups for p in group]
+    return Screen(problem, optimum.theta, evaluation, probes).see(evaluation, prior=False).z
 
 
-def _margin(z: np.ndarray, i: int, looked: Sequence[Sequence[Probe]]) -> float:
-    """Of truth ``i`` over the others, from the scores (P,) of its flight."""
-    ends = np.cumsum([len(group) for group in looked])[:-1]
-    best = [float(part.max()) for part in np.split(z**2, ends)]
-    return best[i] - max((b for j, b in enumerate(best) if j != i), default=0.0)
+def _margin(z: np.ndarray, i: int, probe_groups: Sequence[Sequence[Probe]]) -> float:
+    """Return the margin of cause ``i`` from the scores (P,) of its flight."""
+    ends = np.cumsum([len(group) for group in probe_groups])[:-1]
+    highest = [float(part.max()) for part in np.split(z**2, ends)]
+    return highest[i] - max((b for j, b in enumerate(highest) if j != i), default=0.0)
 
 
-def _world(base: Estimate, cause: Cause | None) -> GreyBoxModel:
-    """The base with the cause in it; the base alone for None."""
+def _model_with(base: Estimate, cause: Cause | None) -> GreyBoxModel:
+    """Return the base model with the cause, or alone for None."""
     new = () if cause is None else (cause.term,)
     structure = Structure(base.structure.profile, (*base.structure.terms, *new))
     values = np.concatenate([base.values, () if cause is None else cause.values])

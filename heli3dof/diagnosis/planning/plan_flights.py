@@ -1,9 +1,8 @@
-"""Plans flown in worlds that might be the true one, quickly: what a forecast is made of.
+"""Simulate plans on a model in closed loop, to compute what the flights would show.
 
-A plan is rendered and checked once, whatever it is flown in; a world's loop is checked once,
-whatever is flown in it. A flight is then one compiled pass with the world's noise and encoders
-(`estimate.simulated_flight`). Only where a plan opens loops is it flown without noise
-before: what such a plan asks for follows from how it goes (`heli3dof.model.control.loop_opening`).
+A plan is rendered and checked once for all models. A flight is one compiled pass with the model's
+noise and encoders (`estimate.simulated_flight`). A plan that opens loops is first simulated without
+noise, because its references depend on the motion (`heli3dof.model.control.loop_opening`).
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from heli3dof.rig.profile import Profile
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A plan rendered for a rig: the same for every world it is flown in."""
+    """A plan rendered for a rig, to be simulated on several models."""
 
     plan: Plan
     signals: Signals
@@ -35,7 +34,7 @@ class Task:
 
 
 def task_of(plan: Plan, profile: Profile, seed: int) -> Task | None:
-    """The plan rendered, its loop known; None where it would leave the envelope by itself."""
+    """Return the plan rendered for a known controller; None if it leaves the envelope."""
     profile = profile.with_controller()
     try:
         signals = plan.render(profile.dt, seed)
@@ -45,39 +44,39 @@ def task_of(plan: Plan, profile: Profile, seed: int) -> Task | None:
     return Task(plan, signals, profile, seed)
 
 
-def stable(world: GreyBoxModel, profile: Profile) -> bool:
-    """True where the profile's gain stabilises that world."""
+def is_stable(model: GreyBoxModel, profile: Profile) -> bool:
+    """Return True if the profile's controller stabilises the model."""
     controller = profile.with_controller().controller
     assert controller is not None
     try:
-        check_loop(world, controller, profile.dt)
+        check_loop(model, controller, profile.dt)
     except (UsageError, CheckFailed):
         return False
     return True
 
 
-def fly_task(task: Task, world: GreyBoxModel) -> Recording | None:
-    """Flown in a `stable` world with its noise; None where it leaves the envelope."""
+def fly_task(task: Task, model: GreyBoxModel) -> Recording | None:
+    """Return a simulated flight on a stable model, with noise; None if it leaves the envelope."""
     if task.signals.opened is None:
-        asked = _asked(task)
+        references = _reference_recording(task)
     else:
         try:
-            asked = simulate(task.plan, world, profile=task.profile, seed=task.seed)
+            references = simulate(task.plan, model, profile=task.profile, seed=task.seed)
         except (UsageError, CheckFailed):
             return None
-    flight = simulated_flight(world, asked, np.random.default_rng([task.seed, 5]))
-    return flight if inside(flight) else None
+    flight = simulated_flight(model, references, np.random.default_rng([task.seed, 5]))
+    return flight if inside_envelope(flight) else None
 
 
-def inside(flight: Recording) -> bool:
-    """True where the flight's angles stay in its profile's envelope."""
-    envelope, still, volts = Envelope(flight.profile), (0.0, 0.0, 0.0), (0.0, 0.0)
+def inside_envelope(flight: Recording) -> bool:
+    """Return True if the flight's angles stay inside its profile's safety envelope."""
+    envelope, rates, volts = Envelope(flight.profile), (0.0, 0.0, 0.0), (0.0, 0.0)
     ends = (flight.angle.min(axis=0).tolist(), flight.angle.max(axis=0).tolist())
-    return all(envelope.check(0.0, a, still, volts, volts) is None for a in ends)
+    return all(envelope.check(0.0, a, rates, volts, volts) is None for a in ends)
 
 
-def _asked(task: Task) -> Recording:
-    """A recording that holds what the plan asks for, and where it starts: at rest on the table."""
+def _reference_recording(task: Task) -> Recording:
+    """Return a recording with the plan's references and extra voltages, at rest on the table."""
     s = task.signals
     n = len(s.t)
     rest = np.tile(task.profile.encoder.rest_rad, (n, 1))

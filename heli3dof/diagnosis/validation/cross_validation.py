@@ -1,30 +1,23 @@
-"""A fit evaluated on rows that it has not seen.
+"""Evaluate a fit on data that were not used to estimate it.
 
-On hold-out recordings as it stands; without them on blocks of the flight itself, each left out in
-turn with `PURGE_S` on either side, the fit made again from the rest:
+Without hold-out recordings, this is cross-validation: each block b of the training recordings and
+`PURGE_S` on either side are left out. A Gauss-Newton step from the fit θ̂ gives its parameters θ:
 
     θ_{−b} = θ̂ + (H − H_b + Λ)⁻¹ (g − g_b − (1 − s) ḡ − Λ(θ̂ − θ_0))
 
-H, g the sums over events, H_b, g_b those of the block, s its share of them and ḡ the filter's bias
-where the fit was freed of it (`estimate.bias_correction`). Where that step is longer than `FAR`
-standard deviations it is only the start, and Gauss and Newton go on from there.
+    g, H, g_b, H_b   score and information at θ̂: of all rows, and of those left out
+    s                share of the filter's measurement updates that are left out
+    ḡ                bias of the score (`estimate.bias_correction`), or zero
+    θ_0, Λ           mean and precision of the prior
 
-Holds alone say little of an inertia, yet their score of it scatters (encoders chatter) by far more
-than that little: without a flight's only step an inertia would run off to a multiple. Where flights
-of the fit tell how its score scatters, C, the prior counts the more, the less the score is worth,
-
-    Λ_jj ← Λ_jj max(1, C_jj / H_jj),     C and H of what is left
-
-An instant stays where a scan put it (`estimate.evaluation.HELD`): no other block tells
-when within this one a mass changed, and a step along it would leave a rig whose mass never did.
-
-The noise is no part of a cause: its intensities are found again on the data that judge, for the
-base as for the extension, so that neither wins because a later flight was a rougher one.
-
-The filter that judges starts a while before a block. Beside a play that while is `PLAY_SETTLE_S`:
-where within the play the axis stands only edges of both flanks tell, and a filter that does not
-know it takes the next edges for ones that were hardly possible: a block's first two seconds alone
-may cost more of ln Z than the cause that is judged wins in the whole flight.
+1. A step longer than `LONG_STEP` is only the start of a Gauss-Newton search.
+2. If simulated flights give the score's covariance C, Λ_jj ← Λ_jj max(1, C_jj/H_jj), with C and H
+   of the remaining rows. Otherwise an inertia could diverge without the block of the only step.
+3. Event times (`estimate.evaluation.HELD`) stay fixed: no other block contains information on them.
+4. The process noise is re-estimated on the evaluated rows, for base and extended model alike, so
+   that a rougher held-out flight favours neither.
+5. The filter starts `SETTLE_S` before a block. With backlash it starts `BACKLASH_SETTLE_S` before,
+   because only edges of both flanks determine the position within the backlash.
 """
 
 from __future__ import annotations
@@ -37,8 +30,8 @@ import numpy as np
 
 from heli3dof.diagnosis.estimate.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.diagnosis.estimate.evaluation import held
-from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, Course, HeldOut
-from heli3dof.diagnosis.validation.prediction import ahead, of_rows, starts_of
+from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, HeldOut, Predictions
+from heli3dof.diagnosis.validation.prediction import prediction_errors, starts_of, with_blocks
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Likelihood, Pass, score_and_information
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_SETTLED
@@ -48,162 +41,175 @@ from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 BLOCKS = 5
-LEAST_BLOCK_S = 3.0
+"""Largest number of blocks. Chosen."""
+MIN_BLOCK_S = 3.0
+"""s; shortest mean length of a block, except that there are at least two. Chosen."""
 PURGE_S = 0.5
+"""s; rows on either side of a block that are left out with it. Chosen."""
 ROUNDS = 4
-FAR = 1.0
-LEAST_PIECE_S = 1.0
-SETTLE_S, PLAY_SETTLE_S = 1.0, 5.0
-"""The filter starts this much before the rows that count; so much where it knows of a play."""
+"""Largest number of Gauss-Newton iterations after a long step. Chosen."""
+LONG_STEP = 1.0
+"""Standard deviations: length of a first step above which the search goes on. Chosen."""
+MIN_INTERVAL_S = 1.0
+"""s; shorter remaining intervals of a run are not used. Chosen."""
+SETTLE_S, BACKLASH_SETTLE_S = 1.0, 5.0
+"""s; time the filter runs before the evaluated rows, without and with backlash. Chosen."""
 NOISE_STEPS = 4
-_PROBE = 0.4  # step of the log intensity
+"""Largest number of Newton steps for the noise intensities. Chosen."""
+_LOG_STEP = 0.4  # step of the log intensity, for finite differences
 
 
 def on_holdout(
-    found: Estimate, recordings: Sequence[Recording], theta: np.ndarray | None = None
+    fit: Estimate, recordings: Sequence[Recording], theta: np.ndarray | None = None
 ) -> HeldOut:
-    """A fit as it stands, or with other coordinates θ (n,), on recordings it was not made from."""
+    """Evaluate a fit, or its model at coordinates θ (n,), on recordings it was not fitted to."""
     runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
-    problem = Likelihood(data_of(recordings, runs), found.structure)
-    o = found.optimum
-    at = o.theta if theta is None else theta
-    seen = _evaluate(problem, at, o.noise, (0, len(problem.data.t)))
-    return _cells(problem.data, "holdout", [seen])
+    problem = Likelihood(data_of(recordings, runs), fit.structure)
+    optimum = fit.optimum
+    theta = optimum.theta if theta is None else theta
+    results = _evaluate(problem, theta, optimum.noise, (0, len(problem.data.t)))
+    return _summed_over_cells(problem.data, "holdout", [results])
 
 
-def on_blocks(found: Estimate, blocks: int = BLOCKS) -> HeldOut:
-    """The fit made again without each block, on that block."""
-    problem, o, d = found.problem, found.optimum, found.problem.data
+def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
+    """Evaluate a fit by cross-validation: on each block, re-estimated without it."""
+    problem, o, d = fit.problem, fit.optimum, fit.problem.data
     at = problem.run(o.theta, o.noise)
     tangents = problem.tangents(o.theta, at)
 
-    cuts = _cuts(d, blocks)
+    cuts = _blocks(d, blocks)
 
-    def one(k: int) -> Seen:
-        theta = _refitted(found, at, tangents, cuts[k])
+    def evaluate_block(k: int) -> RowResults:
+        theta = _estimate_without(fit, at, tangents, cuts[k])
         return _evaluate(problem, theta, o.noise, cuts[k])
 
-    return _cells(d, "blocks left out", parallel_map(one, len(cuts), what="blocks"))
+    return _summed_over_cells(
+        d, "blocks left out", parallel_map(evaluate_block, len(cuts), what="blocks")
+    )
 
 
-def uncalibrated(found: Estimate, holdout: Sequence[Recording]) -> HeldOut:
-    """Evaluate the structure of ``found`` with the profile's numbers, on the rows of `held_out`."""
-    problem, noise = found.problem, found.optimum.noise
-    theta = problem.coordinates(found.structure.values_of({}))
+def uncalibrated(fit: Estimate, holdout: Sequence[Recording]) -> HeldOut:
+    """Evaluate the fit's structure with the profile's numbers, on the rows of `held_out`."""
+    problem, noise = fit.problem, fit.optimum.noise
+    theta = problem.coordinates(fit.structure.values_of({}))
     if holdout:
-        return on_holdout(found, holdout, theta)
-    cuts = _cuts(problem.data, BLOCKS)
-    seen = parallel_map(lambda k: _evaluate(problem, theta, noise, cuts[k]), len(cuts))
-    return _cells(problem.data, "blocks left out", seen)
+        return on_holdout(fit, holdout, theta)
+    cuts = _blocks(problem.data, BLOCKS)
+    results = parallel_map(lambda k: _evaluate(problem, theta, noise, cuts[k]), len(cuts))
+    return _summed_over_cells(problem.data, "blocks left out", results)
 
 
-def held_out(found: Estimate, holdout: Sequence[Recording]) -> HeldOut:
-    """On the hold-out recordings where there are any, else on blocks left out."""
-    return on_holdout(found, holdout) if holdout else on_blocks(found)
+def held_out(fit: Estimate, holdout: Sequence[Recording]) -> HeldOut:
+    """Evaluate a fit on the hold-out recordings if there are any, else by cross-validation."""
+    return on_holdout(fit, holdout) if holdout else on_blocks(fit)
 
 
-def _cuts(d: Data, blocks: int) -> list[tuple[int, int]]:
-    """Rows [a, b) of each block: equal shares of the rows that count, end to end."""
+def _blocks(d: Data, blocks: int) -> list[tuple[int, int]]:
+    """Return the rows [a, b) of each block: equal shares of the measured rows."""
     rows = np.concatenate([np.arange(start, stop) for _, start, stop in d.blocks])
     dt = float(np.median(d.h))
-    n = int(np.clip(len(rows) * dt / LEAST_BLOCK_S, 2, blocks))
+    n = int(np.clip(len(rows) * dt / MIN_BLOCK_S, 2, blocks))
     ends = np.linspace(0, len(rows), n + 1).astype(int)
     return [(int(rows[a]), int(rows[b - 1]) + 1) for a, b in itertools.pairwise(ends)]
 
 
 def training(d: Data, rows: tuple[int, int]) -> Data:
-    """The data without rows [a, b) and `PURGE_S` on either side."""
+    """Return the data without the rows [a, b) and without `PURGE_S` on either side."""
     dt = float(np.median(d.h))
-    purge, least, lead = (round(s / dt) for s in (PURGE_S, LEAST_PIECE_S, LEAD_S))
+    purge, least, lead = (round(s / dt) for s in (PURGE_S, MIN_INTERVAL_S, LEAD_S))
     a, b = rows[0] - purge, rows[1] + purge
     kept = []
     for first, start, stop in d.blocks.tolist():
         for low, high in ((start, min(stop, a)), (max(start, b), stop)):
             if high - low >= least:
                 kept.append((max(first, low - lead), low, high))
-    return of_rows(d, np.array(kept, dtype=np.int64).reshape(-1, 3))
+    return with_blocks(d, np.array(kept, dtype=np.int64).reshape(-1, 3))
 
 
-def _refitted(found: Estimate, at: Pass, tangents: np.ndarray, rows: tuple[int, int]) -> np.ndarray:
-    """θ without these rows; the prior's where nothing else is left."""
-    problem = replace(found.problem, data=training(found.problem.data, rows))
-    theta, noise = found.optimum.theta, found.optimum.noise
+def _estimate_without(
+    fit: Estimate, at: Pass, tangents: np.ndarray, rows: tuple[int, int]
+) -> np.ndarray:
+    """Return θ (n,) estimated without these rows; the prior mean if no other row remains."""
+    problem = replace(fit.problem, data=training(fit.problem.data, rows))
+    theta, noise = fit.optimum.theta, fit.optimum.noise
     if not len(problem.data.blocks):
         return problem.prior_mean
     counted = np.zeros(len(problem.data.t), dtype=bool)
     for _, start, stop in problem.data.blocks:
         counted[start:stop] = True
-    of = counted[at.row]
-    bias = getattr(found, "bias", None)
-    tilt = np.zeros(len(theta)) if bias is None else bias * float(of.mean())
+    remains = counted[at.row]
+    bias = getattr(fit, "bias", None)
+    bias_of_rows = np.zeros(len(theta)) if bias is None else bias * float(remains.mean())
     g, H = score_and_information(
-        replace(at, g=np.where(of, at.g, 0.0), w=np.where(of, at.w, 0.0)), tangents
+        replace(at, g=np.where(remains, at.g, 0.0), w=np.where(remains, at.w, 0.0)), tangents
     )
     precision = problem.prior_precision
-    scatter = getattr(found, "scatter", None)
+    scatter = getattr(fit, "scatter", None)
     if scatter is not None:
-        share = np.diag(scatter) * float(of.mean())
+        share = np.diag(scatter) * float(remains.mean())
         precision = precision * np.maximum(1.0, share / np.maximum(np.diag(H), 1e-12))
-        problem = _believing(problem, precision)
+        problem = _with_prior_precision(problem, precision)
     A = H + np.diag(precision)
-    step, go = np.zeros(len(theta)), ~held(problem)
-    slope = g - tilt - precision * (theta - problem.prior_mean)
-    step[go] = np.linalg.solve(A[np.ix_(go, go)], slope[go])
-    there = np.clip(theta + step, *problem.bounds)
-    if float(step @ A @ step) < FAR**2:
-        return np.asarray(there)
-    false = ScoreBias(tilt, np.zeros(3), theta, noise)
-    return maximise_corrected(problem, there, noise, false, rounds=ROUNDS, hold_noise=True).theta
+    step, free = np.zeros(len(theta)), ~held(problem)
+    gradient = g - bias_of_rows - precision * (theta - problem.prior_mean)
+    step[free] = np.linalg.solve(A[np.ix_(free, free)], gradient[free])
+    updated = np.clip(theta + step, *problem.bounds)
+    if float(step @ A @ step) < LONG_STEP**2:
+        return np.asarray(updated)
+    correction = ScoreBias(bias_of_rows, np.zeros(3), theta, noise)
+    return maximise_corrected(
+        problem, updated, noise, correction, rounds=ROUNDS, hold_noise=True
+    ).theta
 
 
-def _believing(problem: Likelihood, precision: np.ndarray) -> Likelihood:
-    """The same likelihood beside a prior of that precision (n,)."""
-    new = replace(problem)
-    vars(new)["prior_precision"] = precision  # where its `cached_property` would keep it
-    return new
+def _with_prior_precision(problem: Likelihood, precision: np.ndarray) -> Likelihood:
+    """Return the same likelihood with another precision (n,) of the prior."""
+    likelihood = replace(problem)
+    vars(likelihood)["prior_precision"] = precision  # replaces the value of the `cached_property`
+    return likelihood
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """What a fit says of some rows: nothing of the others."""
+class RowResults:
+    """Log-likelihood and prediction errors of a model on the evaluated rows."""
 
     loglik: np.ndarray
-    """(N,) ln Z of each row; 0 outside"""
+    """(N,) ln Z of each row; 0 in rows that are not evaluated"""
     ends: np.ndarray
-    """(S,) the rows in which predictions end"""
+    """(S,) rows in which the predictions end"""
     errors: np.ndarray
-    """(S, 3) rad; NaN where not wholly inside"""
+    """(S, 3) rad; NaN unless a prediction starts and ends in evaluated rows"""
 
 
 def _evaluate(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, rows: tuple[int, int]
-) -> Seen:
-    """What the rig at θ says of rows [a, b), at the noise that suits it best there."""
-    whole = problem.data
-    near = replace(problem, data=_near(whole, rows, settling_s(problem)))
-    noise = _noise(near, theta, noise, rows[0])
-    X = near.run(theta, noise, keep=3).X
+) -> RowResults:
+    """Evaluate the model at θ (n,) on the rows [a, b), with the most likely noise there."""
+    data = problem.data
+    evaluated = replace(problem, data=_with_settling(data, rows, settling_s(problem)))
+    noise = _most_likely_noise(evaluated, theta, noise, rows[0])
+    X = evaluated.run(theta, noise, keep=3).X
     assert X is not None
-    loglik = row_by_row(near.data, X).sum(axis=1)
-    inside = np.zeros(len(whole.t), dtype=bool)
+    loglik = row_by_row(evaluated.data, X).sum(axis=1)
+    inside = np.zeros(len(data.t), dtype=bool)
     inside[rows[0] : rows[1]] = True
     loglik[~inside] = 0.0
-    # Starts are those of the whole data, so that all blocks share them.
-    e = ahead(near, theta, X, (HORIZON_S,), starts_of(whole))
-    n = round(HORIZON_S / float(np.median(whole.h)))
-    ends = np.minimum(e.starts + n, len(whole.t) - 1)
-    counts = inside[e.starts] & inside[ends]
-    return Seen(loglik, ends, np.where(counts[:, None], e.errors[:, 0], np.nan))
+    # All blocks use the same starts: those of the complete data.
+    prediction = prediction_errors(evaluated, theta, X, (HORIZON_S,), starts_of(data))
+    n = round(HORIZON_S / float(np.median(data.h)))
+    ends = np.minimum(prediction.starts + n, len(data.t) - 1)
+    counts = inside[prediction.starts] & inside[ends]
+    return RowResults(loglik, ends, np.where(counts[:, None], prediction.errors[:, 0], np.nan))
 
 
 def settling_s(problem: Likelihood) -> float:
-    """How long before the rows that count the filter starts."""
-    played = any(t.effect.starts for t in problem.structure.terms)
-    return PLAY_SETTLE_S if played else SETTLE_S
+    """Return how long before the evaluated rows the filter starts, in s."""
+    has_backlash = any(t.effect.starts for t in problem.structure.terms)
+    return BACKLASH_SETTLE_S if has_backlash else SETTLE_S
 
 
-def _near(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -> Data:
-    """The runs' parts in rows [a, b), each with ``settle_s`` before it where there is as much."""
+def _with_settling(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -> Data:
+    """Return the data of the rows [a, b), each run with up to ``settle_s`` seconds before."""
     dt = float(np.median(d.h))
     settle, lead = round(settle_s / dt), round(LEAD_S / dt)
     kept = []
@@ -211,11 +217,11 @@ def _near(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -> Data:
         low, high = max(start, rows[0] - settle), min(stop, rows[1])
         if high > max(low, rows[0]):
             kept.append((max(first, low - lead), low, high))
-    return of_rows(d, np.array(kept, dtype=np.int64).reshape(-1, 3))
+    return with_blocks(d, np.array(kept, dtype=np.int64).reshape(-1, 3))
 
 
 def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
-    """(N, 3) ln Z of each row by axis, from a pass with ``keep`` 3; 0 outside the blocks."""
+    """Return (N, 3) ln Z of each row by axis (0 outside the blocks) from a pass with ``keep`` 3."""
     out = np.zeros((len(d.t), 3))
     total = np.zeros(3)
     for _, start, stop in d.blocks:
@@ -224,30 +230,34 @@ def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
     return out
 
 
-def _noise(problem: Likelihood, theta: np.ndarray, noise: np.ndarray, first: int) -> np.ndarray:
-    """(4,) with the intensities at which the rows from ``first`` are likeliest; Newton, by axis,
-    and of all that were tried the likeliest: too little noise costs hundreds at a single edge.
+def _most_likely_noise(
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, first: int
+) -> np.ndarray:
+    """Return the noise (4,) whose intensities maximise the likelihood of the rows from ``first``.
 
-    The rows before it only settle the filter. A filter that starts on an encoder's edge takes its
-    chatter for a rate, and noise that was fitted to that would spoil everything after.
+    Newton's method may overshoot: too small an intensity can cost hundreds of ln Z at one edge. So
+    the most likely evaluated value is returned. Earlier rows only settle the filter, which may
+    mistake a limit cycle at its start for a rate.
     """
     a = np.array(noise, dtype=float)
-    best, most = a.copy(), np.full(3, -np.inf)
+    best, highest = a.copy(), np.full(3, -np.inf)
     axes = problem.data.axes
 
     def loglik(at: np.ndarray) -> np.ndarray:
         X = problem.run(theta, at, keep=3).X
         assert X is not None
         out = np.asarray(row_by_row(problem.data, X)[first:].sum(axis=0))
-        best[:3] = np.where(out > most, at[:3], best[:3])
-        most[:] = np.maximum(out, most)
+        best[:3] = np.where(out > highest, at[:3], best[:3])
+        highest[:] = np.maximum(out, highest)
         return out
 
     for _ in range(NOISE_STEPS):
-        up, mid, down = (loglik(np.append(a[:3] * np.exp(d), a[3])) for d in (_PROBE, 0.0, -_PROBE))
+        up, mid, down = (
+            loglik(np.append(a[:3] * np.exp(d), a[3])) for d in (_LOG_STEP, 0.0, -_LOG_STEP)
+        )
         with np.errstate(divide="ignore", invalid="ignore"):
-            slope, bend = (up - down) / (2 * _PROBE), (2 * mid - up - down) / _PROBE**2
-            move = np.where(bend > 0, slope / bend, np.sign(slope))
+            slope, curvature = (up - down) / (2 * _LOG_STEP), (2 * mid - up - down) / _LOG_STEP**2
+            move = np.where(curvature > 0, slope / curvature, np.sign(slope))
         move = np.where(axes & np.isfinite(move), np.clip(move, -1.0, 1.0), 0.0)
         a[:3] *= np.exp(move)
         if np.abs(move).max() < NOISE_SETTLED:
@@ -256,15 +266,15 @@ def _noise(problem: Likelihood, theta: np.ndarray, noise: np.ndarray, first: int
     return best
 
 
-def _cells(d: Data, on: str, parts: Sequence[Seen]) -> HeldOut:
-    """Rows gathered into cells of about `CELL_S` that do not cross runs."""
-    which = np.full(len(d.t), -1, dtype=np.int64)
+def _summed_over_cells(d: Data, on: str, parts: Sequence[RowResults]) -> HeldOut:
+    """Sum the results over cells of about `CELL_S`, none of which crosses a run."""
+    cell_of_row = np.full(len(d.t), -1, dtype=np.int64)
     starts: list[float] = []
     source: list[int] = []
     for run, (_, start, stop) in zip(d.runs, d.blocks, strict=True):
         dt = float(np.median(d.h[start:stop]))
         n = max(1, round((stop - start) * dt / CELL_S))
-        which[start:stop] = len(starts) + (np.arange(stop - start) * n) // (stop - start)
+        cell_of_row[start:stop] = len(starts) + (np.arange(stop - start) * n) // (stop - start)
         first = start + np.ceil(np.arange(n) * (stop - start) / n).astype(int)
         starts += d.t[first].tolist()
         source += [run.source] * n
@@ -276,18 +286,18 @@ def _cells(d: Data, on: str, parts: Sequence[Seen]) -> HeldOut:
         errors = np.where(np.isfinite(errors), errors, p.errors)
     squares, counts = np.zeros((m, 3)), np.zeros((m, 3))
     for i in range(3):
-        there = np.isfinite(errors[:, i])
-        cell = which[ends[there]]
-        squares[:, i] = np.bincount(cell, errors[there, i] ** 2, m)
+        known = np.isfinite(errors[:, i])
+        cell = cell_of_row[ends[known]]
+        squares[:, i] = np.bincount(cell, errors[known, i] ** 2, m)
         counts[:, i] = np.bincount(cell, minlength=m)
-    flown = which >= 0
+    evaluated = cell_of_row >= 0
     sources = np.array(source, dtype=np.int64)
     return HeldOut(
-        np.bincount(which[flown], loglik[flown], m),
+        np.bincount(cell_of_row[evaluated], loglik[evaluated], m),
         squares,
         counts,
         np.array(starts),
         sources,
         on,
-        Course(d.t[ends], sources[which[ends]], d.y[ends], d.y[ends] - errors),
+        Predictions(d.t[ends], sources[cell_of_row[ends]], d.y[ends], d.y[ends] - errors),
     )

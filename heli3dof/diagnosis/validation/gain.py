@@ -1,14 +1,14 @@
-"""What an extension gains on data that neither it nor the base was fitted to.
+"""Compute the gain of an extended model on held-out data, with bootstrap intervals.
 
-Both are evaluated on the same rows (`HeldOut`: hold-out recordings, or blocks that were left out,
-`validation.cross_validation`), the base always *refitted*: a gain is never mere calibration.
+Both models are evaluated on the same rows (`validation.cross_validation`). The base simulation is
+always refitted, so calibration alone is no gain.
 
-    ΔRMSE_i = RMSE_i(before) − RMSE_i(after),  1 s ahead of re-estimated states
-    Δℓ = Σ ln Z(after) − Σ ln Z(before)
+    ΔRMSE_i = RMSE_i(before) − RMSE_i(after)       ° on axis i, of predictions 1 s ahead
+    Δℓ = Σ ln Z(after) − Σ ln Z(before)            Z: probability of a reading given earlier ones
 
-Their 95 % intervals come from a bootstrap over cells of `CELL_S`: errors overlap and noise is
-correlated within a second, so cells are drawn, not rows. An extension `pays` where the interval
-of Δℓ lies above zero; RMSE alone hides real effects (2 % for a periodic torque).
+The 95 % intervals come from a block bootstrap over cells of `CELL_S`: predictions overlap, and
+noise is correlated within a second. An extension `pays` if the interval of Δℓ lies above zero. RMSE
+alone hides real effects: a periodic torque may lower it by only 2 %.
 """
 
 from __future__ import annotations
@@ -19,14 +19,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.validation.prediction import floor_deg, model_ahead, noise_of, problem_of
+from heli3dof.diagnosis.validation.prediction import floor_deg, model_errors, noise_of, problem_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.recording.recording import Recording
 
 HORIZON_S = 1.0
+"""s, horizon of the predictions. Chosen."""
 CELL_S = 2.0
+"""s, length of a cell of the bootstrap; longer than the correlation of the noise. Chosen."""
 DRAWS = 2000
+"""Number of bootstrap samples. Chosen."""
 LEVEL = 0.95
+"""Probability covered by the intervals: the usual 95 %."""
 
 
 @dataclass(frozen=True)
@@ -39,60 +43,60 @@ class Interval:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """Predictions `HORIZON_S` ahead at S instants, beside what was measured then."""
+class Predictions:
+    """Measured angles at S instants, and their predictions `HORIZON_S` ahead."""
 
     t: np.ndarray
     """(S,) s, on the recording's clock"""
     source: np.ndarray
-    """(S,) which recording"""
+    """(S,) index of the recording"""
     measured: np.ndarray
     predicted: np.ndarray
-    """(S, 3) rad"""
+    """(S, 3) rad, each"""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """A fit on rows that it has not seen: m cells of `CELL_S`."""
+    """Results of a model on held-out rows, in m cells of `CELL_S`."""
 
     loglik: np.ndarray
     """(m,) Σ ln Z of each cell"""
     squares: np.ndarray
-    """(m, 3) rad², Σ e² of the predictions `HORIZON_S` ahead that end in it"""
+    """(m, 3) rad², Σ e² of the predictions `HORIZON_S` ahead that end in the cell"""
     counts: np.ndarray
-    """(m, 3) how many"""
+    """(m, 3) number of these predictions"""
     start_s: np.ndarray
     """(m,) s, on the recording's clock"""
     source: np.ndarray
-    """(m,) which recording"""
+    """(m,) index of the recording"""
     on: str
     """"holdout" or "blocks left out\""""
-    course: Course
+    course: Predictions
 
     @property
     def rmse_deg(self) -> dict[str, float | None]:
-        """By axis; None where it was not measured."""
+        """Return the RMSE by axis in degrees; None for an axis that was not measured."""
         return _by_axis(_rmse_deg(self.squares.sum(axis=0), self.counts.sum(axis=0)))
 
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """What ``after`` gains on ``before``."""
+    """The gain of the model ``after`` over the model ``before`` on held-out data."""
 
     on: str
     before: Mapping[str, float | None]
     after: Mapping[str, float | None]
     """RMSE in degrees, 1 s ahead"""
     rmse_deg: Mapping[str, Interval | None]
-    """before − after: positive is better"""
+    """before − after, in degrees: positive is better"""
     log_likelihood: Interval | None
-    """None where no likelihood can be trusted (`free_run.diagnose_free_run`)"""
+    """Δℓ; None if the likelihood is not reliable (`free_run.diagnose_free_run`)"""
     worst: Worst | None
-    """Where ``before`` is furthest off"""
+    """The cell with the largest error of ``before``, relative to the axis"""
 
     @property
     def of_calibration(self) -> bool:
-        """True if, on an axis, the error removed exceeds the error that remains, significantly.
+        """Return True if, on an axis, the removed error significantly exceeds the remaining one.
 
         ``before`` has the profile's numbers, ``after`` refitted ones: e_before² − e_after² >
         e_after², and the interval of e_before − e_after lies above zero.
@@ -107,7 +111,7 @@ class Gain:
 
 @dataclass(frozen=True)
 class Worst:
-    """The worst stretch: (s on the recording's clock), its axis, RMSE before and after."""
+    """RMSE of one axis in one cell, before and after; start and end on the recording's clock."""
 
     source: int
     start_s: float
@@ -118,7 +122,7 @@ class Worst:
 
 
 def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
-    """Both on the same rows. ``seed`` is the bootstrap's."""
+    """Return the gain between two results on the same rows; ``seed`` is that of the bootstrap."""
     m = len(before.loglik)
     drawn = np.random.default_rng([seed, 5]).integers(0, m, (DRAWS, m))
     delta = after.loglik - before.loglik
@@ -131,13 +135,15 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
             rmse[axis] = None
             continue
 
-        def fall(of: np.ndarray, i: int = i, n: np.ndarray = n) -> np.ndarray:
-            count = n[of].sum(axis=-1)
-            two = [_rmse_deg(h.squares[of, i].sum(axis=-1), count) for h in (before, after)]
-            return np.asarray(two[0] - two[1])
+        def rmse_decrease(drawn_cells: np.ndarray, i: int = i, n: np.ndarray = n) -> np.ndarray:
+            count = n[drawn_cells].sum(axis=-1)
+            before_after = [
+                _rmse_deg(h.squares[drawn_cells, i].sum(axis=-1), count) for h in (before, after)
+            ]
+            return np.asarray(before_after[0] - before_after[1])
 
-        ends = np.nanpercentile(fall(drawn), [tail, 100 - tail])
-        rmse[axis] = Interval(float(fall(np.arange(m))), float(ends[0]), float(ends[1]))
+        ends = np.nanpercentile(rmse_decrease(drawn), [tail, 100 - tail])
+        rmse[axis] = Interval(float(rmse_decrease(np.arange(m))), float(ends[0]), float(ends[1]))
     return Gain(
         before.on, before.rmse_deg, after.rmse_deg, rmse,
         Interval(float(delta.sum()), float(low), float(high)), worst(before, after),
@@ -145,49 +151,49 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
 
 
 def pays(g: Gain) -> bool:
-    """True where held-out data are surely likelier under the extension."""
+    """Return True if held-out data are significantly more likely under the extended model."""
     return g.log_likelihood is not None and g.log_likelihood.low > 0
 
 
 def worst(before: HeldOut, after: HeldOut) -> Worst | None:
-    """The cell in which ``before`` is furthest off, each axis in units of its own median cell.
-
-    None where no prediction could be made at all.
-    """
+    """Return the cell with the largest error of ``before`` over the axis' median of ``after``."""
     if not after.counts.any():
         return None
     with np.errstate(invalid="ignore", divide="ignore"):
-        cells = _rmse_deg(before.squares, before.counts)
-        then = _rmse_deg(after.squares, after.counts)
-        told = after.counts > 0
-        usual = np.array(
-            [np.median(x[k]) if k.any() else np.nan for x, k in zip(then.T, told.T, strict=True)]
+        rmse_before = _rmse_deg(before.squares, before.counts)
+        rmse_after = _rmse_deg(after.squares, after.counts)
+        known = after.counts > 0
+        median = np.array(
+            [
+                np.median(rmse[has]) if has.any() else np.nan
+                for rmse, has in zip(rmse_after.T, known.T, strict=True)
+            ]
         )
-        ratio = np.where(before.counts > 0, cells / usual, np.nan)
+        ratio = np.where(before.counts > 0, rmse_before / median, np.nan)
     if not np.isfinite(ratio).any():
         return None
-    at, i = np.unravel_index(int(np.nanargmax(ratio)), ratio.shape)
-    start = float(before.start_s[at])
+    cell, i = np.unravel_index(int(np.nanargmax(ratio)), ratio.shape)
+    start = float(before.start_s[cell])
     return Worst(
-        int(before.source[at]), start, start + CELL_S, AXES[int(i)],
-        float(cells[at, i]), float(then[at, i]),
+        int(before.source[cell]), start, start + CELL_S, AXES[int(i)],
+        float(rmse_before[cell, i]), float(rmse_after[cell, i]),
     )  # fmt: skip
 
 
 def rmse_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -> dict[str, float | None]:
-    """Of a model as it stands, 1 s ahead, by axis in degrees; None where it was not measured."""
-    return _by_axis(model_ahead(model, recordings, (HORIZON_S,))[1].rmse_deg()[0])
+    """Return the RMSE 1 s ahead by axis in degrees; None for an axis that was not measured."""
+    return _by_axis(model_errors(model, recordings, (HORIZON_S,))[1].rmse_deg()[0])
 
 
 def noise_floor_deg(
     model: GreyBoxModel, recordings: Sequence[Recording], seed: int = 0
 ) -> dict[str, float | None]:
-    """The error that is left where the model is the truth; see `validation.prediction`."""
+    """Return the noise floor by axis in degrees, 1 s ahead; see `validation.prediction`."""
     return _by_axis(floor_deg(model, recordings, (HORIZON_S,), seed=seed)[0][0])
 
 
 def log_likelihood(model: GreyBoxModel, recordings: Sequence[Recording]) -> float:
-    """Σ ln Z of the recordings under the model as it stands."""
+    """Return Σ ln Z of the recordings under the model."""
     problem = problem_of(model, recordings)
     theta = problem.coordinates(model.values)
     return float(problem.run(theta, noise_of(model), keep=0).loglik.sum())

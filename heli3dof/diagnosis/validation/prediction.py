@@ -1,10 +1,11 @@
-"""How far a model is off, some time ahead of states that the filter re-estimated.
+"""Compute a model's prediction errors from filtered states, and their noise floor.
 
-    e_i = y_i[k + n] − ŷ_i[k + n | angles to row k, voltages throughout]
+    e_i = y_i[k + n] − ŷ_i[k + n]       rad, of axis i, n rows ahead
 
-from starts `EVERY_S` apart, over each of `HORIZONS_S`. Beside it the noise floor: the same error of
-a model where it is the truth. Where the loop is known that is measured, on noisy flights of the
-model's own; elsewhere it is the filter's covariance carried ahead, plus a reading's rounding Δ²/12.
+The prediction ŷ starts from the filter's state at row k and uses the recorded voltages. The noise
+floor is the error that the true model would have. If the controller is known, it is the error on
+simulated flights of the model. Otherwise it is √(P + Δ²/12), with the filter's variance P predicted
+to the horizon and the encoder step Δ.
 """
 
 from __future__ import annotations
@@ -28,90 +29,91 @@ from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 HORIZONS_S = (0.1, 0.3, 1.0, 3.0)
+"""s, horizons of the predictions. Chosen."""
 EVERY_S = 0.05
+"""s between starts. Chosen."""
 SETTLED_S = 0.5
-"""The filter finds its state first."""
+"""s at the start of a run for the filter to settle; no prediction starts there. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
-class Ahead:
-    """S starts, H horizons."""
+class PredictionErrors:
+    """Prediction errors from S starts over H horizons."""
 
     starts: np.ndarray
     """(S,) rows of the data"""
     horizons_s: tuple[float, ...]
     errors: np.ndarray
-    """(S, H, 3) rad; NaN past a run's end and on axes that were not measured"""
+    """(S, H, 3) rad; NaN beyond the end of a run and on axes that were not measured"""
 
     def rmse_deg(self, of: np.ndarray | None = None) -> np.ndarray:
-        """(H, 3), of all starts or those chosen by ``of`` (S,) bool; NaN where there is none."""
+        """Return the RMSE (H, 3) over all starts, or over those selected by ``of`` (S,) bool."""
         e = self.errors if of is None else self.errors[of]
         return np.asarray(np.degrees(np.sqrt(mean_square(e))))
 
 
 def mean_square(e: np.ndarray) -> np.ndarray:
-    """Over the first axis, what is NaN left out; NaN where nothing is left, ∞ where a prediction
-    ran away."""
-    there = np.isfinite(e)
-    count = there.sum(axis=0)
+    """Return the mean of the finite squares over the first axis; NaN if none, ∞ on overflow."""
+    finite = np.isfinite(e)
+    count = finite.sum(axis=0)
     with np.errstate(over="ignore"):
-        total = (np.where(there, e, 0.0) ** 2).sum(axis=0)
+        total = (np.where(finite, e, 0.0) ** 2).sum(axis=0)
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
 def problem_of(model: GreyBoxModel, recordings: Sequence[Recording]) -> Likelihood:
-    """The recordings' usable runs under the model's structure."""
+    """Return the likelihood of the recordings' usable runs under the model's structure."""
     runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
     return Likelihood(data_of(recordings, runs), model.structure)
 
 
 def noise_of(model: GreyBoxModel) -> np.ndarray:
-    """(4,) the filter's noise: the model's, or usual values where it knows of none."""
+    """Return the filter's noise (4,): the model's, or default values if it has none."""
     return np.append(np.where(model.noise > 0, model.noise, NOISE), model.jitter_s)
 
 
-def ahead(
+def prediction_errors(
     problem: Likelihood,
     theta: np.ndarray,
     X: np.ndarray,
     horizons_s: Sequence[float] = HORIZONS_S,
     starts: np.ndarray | None = None,
-) -> Ahead:
-    """Errors from the filter's states X (N, 6 or more) at θ (n,) coordinates.
+) -> PredictionErrors:
+    """Return the prediction errors from the filter's states X (N, ≥ 6) at the coordinates θ (n,).
 
-    ``starts`` (S,) are rows to start from, those outside the runs giving NaN; `starts_of` the data.
+    ``starts`` (S,): rows to start from, by default `starts_of` the data; NaN if outside the runs.
     """
-    from heli3dof.diagnosis.validation.prediction_passes import roll_on
+    from heli3dof.diagnosis.validation.prediction_passes import predict_free_run
 
     d, hooks = problem.data, problem.structure.hooks
     s, par = problem.structure.arrays(problem.values(theta))
-    starts, rows = starts_of(d) if starts is None else starts, _rows(d, horizons_s)
+    starts, rows = starts_of(d) if starts is None else starts, _rows_ahead(d, horizons_s)
     out = np.full((len(starts), len(rows), 3), np.nan)
     inside = np.zeros(len(d.t), dtype=bool)
     for _, start, stop in d.blocks:
         inside[start:stop] = True
-    some = inside[starts]
-    part = out[some]
-    roll_on(
+    usable = inside[starts]
+    readings = out[usable]
+    predict_free_run(
         s, hooks.first, hooks.address, par, problem.structure.memory, d.blocks, d.free, d.t, d.h,
-        d.V, np.ascontiguousarray(X[:, :6]), starts[some], rows, part,
+        d.V, np.ascontiguousarray(X[:, :6]), starts[usable], rows, readings,
     )  # fmt: skip
-    out[some] = part
+    out[usable] = readings
     end = np.minimum(starts[:, None] + rows, len(d.t) - 1)
-    return Ahead(starts, tuple(horizons_s), d.y[end] - out)
+    return PredictionErrors(starts, tuple(horizons_s), d.y[end] - out)
 
 
-def model_ahead(
+def model_errors(
     model: GreyBoxModel,
     recordings: Sequence[Recording],
     horizons_s: Sequence[float] = HORIZONS_S,
-) -> tuple[Likelihood, Ahead]:
-    """The model's errors on the recordings, and the data they were made on."""
+) -> tuple[Likelihood, PredictionErrors]:
+    """Return the likelihood of the recordings, and the model's prediction errors on them."""
     problem = problem_of(model, recordings)
     theta = problem.coordinates(model.values)
     X = problem.run(theta, noise_of(model), keep=2).X
     assert X is not None
-    return problem, ahead(problem, theta, X, horizons_s)
+    return problem, prediction_errors(problem, theta, X, horizons_s)
 
 
 def floor_deg(
@@ -122,22 +124,22 @@ def floor_deg(
     flights: int = 2,
     seed: int = 0,
 ) -> tuple[np.ndarray, str]:
-    """((H, 3) degrees, how it was found): the error that is left where the model is the truth.
+    """Return the noise floor (H, 3) in degrees, and the name of the method.
 
-    The filter's covariance says it where no flight can: the loop is unknown, or the model's own
-    flights do not stay in the air (play, and what stood in for a cause, may make it unflyable).
+    The covariance replaces simulated flights also if one of these has no usable rows: with backlash
+    or a wrong cause, the model may be unstable.
     """
     by_formula = "the filter's covariance"
     if not controller_is_known(recordings):
         return covariance_floor_deg(model, recordings, horizons_s), by_formula
 
-    def one(b: int) -> np.ndarray:
-        rng = np.random.default_rng([seed, 77, b])
-        flown = [simulated_flight(model, r, rng) for r in recordings]
-        return mean_square(model_ahead(model, flown, horizons_s)[1].errors)
+    def simulated_mean_square(replication: int) -> np.ndarray:
+        rng = np.random.default_rng([seed, 77, replication])
+        simulated = [simulated_flight(model, r, rng) for r in recordings]
+        return mean_square(model_errors(model, simulated, horizons_s)[1].errors)
 
     try:
-        squares = parallel_map(one, flights)
+        squares = parallel_map(simulated_mean_square, flights)
     except RecordingError:
         return covariance_floor_deg(model, recordings, horizons_s), by_formula
     return np.degrees(np.sqrt(np.mean(squares, axis=0))), f"{flights} flights of the model's own"
@@ -148,32 +150,32 @@ def covariance_floor_deg(
     recordings: Sequence[Recording],
     horizons_s: Sequence[float] = HORIZONS_S,
 ) -> np.ndarray:
-    """(H, 3) degrees: the root mean of the variances that the filter itself foresees."""
-    from heli3dof.diagnosis.validation.prediction_passes import scatter
+    """Return the noise floor (H, 3) in degrees from the filter's predicted variances."""
+    from heli3dof.diagnosis.validation.prediction_passes import prediction_variances
 
     problem = problem_of(model, recordings)
     noise = noise_of(model)
     flight = trail_at(problem, problem.coordinates(model.values), noise)
     d, at = flight.data, flight.at
-    starts, rows = starts_of(d), _rows(d, horizons_s)
+    starts, rows = starts_of(d), _rows_ahead(d, horizons_s)
     out = np.full((len(starts), len(rows), 3), np.nan)
     P0 = np.zeros((len(d.blocks), 6))
     P0[:, :3] = np.where(d.grid > 0, d.grid**2 / 12, problem.encoder_noise)
     P0[:, 3:] = RATE_0**2
     P0 *= np.hstack([d.free, d.free])
-    scatter(
+    prediction_variances(
         d.blocks, d.free, d.t, d.h, flight.A, flight.slope, at.row, at.state, at.w, at.K,
         noise[:3] ** 2, P0, starts, rows, out,
     )  # fmt: skip
-    read = np.where(d.axes, (d.grid**2).max(axis=0) / 12, np.nan)
-    there = np.isfinite(out)
-    count = np.maximum(there.sum(axis=0), 1)
-    mean = np.where(there.any(axis=0), np.where(there, out, 0.0).sum(axis=0) / count, np.nan)
-    return np.asarray(np.degrees(np.sqrt(mean + read)))
+    rounding = np.where(d.axes, (d.grid**2).max(axis=0) / 12, np.nan)
+    finite = np.isfinite(out)
+    count = np.maximum(finite.sum(axis=0), 1)
+    mean = np.where(finite.any(axis=0), np.where(finite, out, 0.0).sum(axis=0) / count, np.nan)
+    return np.asarray(np.degrees(np.sqrt(mean + rounding)))
 
 
-def of_rows(data: Data, blocks: np.ndarray) -> Data:
-    """The same rows in other ``blocks`` (B, 3), each inside one of the old; nothing is copied."""
+def with_blocks(data: Data, blocks: np.ndarray) -> Data:
+    """Return the data with other ``blocks`` (B, 3), each inside an old one, without a copy."""
     owner = np.searchsorted(data.blocks[:, 2], blocks[:, 1], side="right")
     return replace(
         data,
@@ -185,7 +187,7 @@ def of_rows(data: Data, blocks: np.ndarray) -> Data:
 
 
 def starts_of(d: Data) -> np.ndarray:
-    """(S,) rows, `EVERY_S` apart, once the filter has settled in each run."""
+    """Return the rows (S,) of the starts: `EVERY_S` apart, from `SETTLED_S` on in each run."""
     out = [np.zeros(0, dtype=np.int64)]
     for _, start, stop in d.blocks:
         dt = float(np.median(d.h[start:stop]))
@@ -193,6 +195,6 @@ def starts_of(d: Data) -> np.ndarray:
     return np.concatenate(out).astype(np.int64)
 
 
-def _rows(d: Data, horizons_s: Sequence[float]) -> np.ndarray:
+def _rows_ahead(d: Data, horizons_s: Sequence[float]) -> np.ndarray:
     dt = float(np.median(d.h))
     return np.array([max(1, round(h / dt)) for h in horizons_s], dtype=np.int64)

@@ -1,14 +1,14 @@
-"""Predictions from re-estimated states, several horizons in one go, and how far they may scatter.
+"""Compute free-run predictions from filtered states over several horizons, and their variances.
 
-`roll_on`: from the filter's state at a row the rig runs free, as in
-`heli3dof.model.greybox.prediction`: steps of at most 20 ms with the thrusts' exact mean over each,
+`predict_free_run` simulates as `heli3dof.model.greybox.prediction` does, in steps h of at most
+20 ms, with the exact mean F̄ of the thrusts (N) and q̈ (rad/s²) at the middle of each step:
 
-    F̄ = (1/h) ∫ F dt,      q̈ at the middle,      q ← q + h q̇ + h²/2 q̈,   q̇ ← q̇ + h q̈
+    F̄ = (1/h) ∫ F dt,      q ← q + h q̇ + h²/2 q̈,      q̇ ← q̇ + h q̈
 
-`scatter`: what the filter believes of the same prediction's variance. Its covariance P grows as in
-`heli3dof.model.estimation.ekf_quantised`, and an event that told of state c with gain K and
-information w told as much as a reading with variance R = 1/w − K_c (slope one), which is applied
-again: P ← P − P_c P_cᵀ/(P_cc + R).
+In `prediction_variances`, the covariance P grows as in `heli3dof.model.estimation.ekf_quantised`.
+An update of state c with gain K and information w acts as a reading of variance R = 1/w − K_c:
+
+    P ← P − P_c P_cᵀ/(P_cc + R)
 """
 
 from __future__ import annotations
@@ -25,19 +25,20 @@ from heli3dof.model.physics.rotor import thrusts
 
 R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
 STEP_S = 0.02
-DECAY, PARTS = 0.5, 1000.0
-"""A step of the variances is so much of the fastest time constant at most; in so many at most."""
+"""s, longest step of a prediction, as in `heli3dof.model.greybox.prediction`."""
+STEP_DECAYS, MAX_STEPS = 0.5, 1000.0
+"""Step of a variance in units of the fastest time constant, and the most steps. Chosen."""
 
 
-def _roll_on(  # type: ignore[no-untyped-def]
+def _predict_free_run(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, t, h, V, X, starts, rows, out
 ):  # fmt: skip
-    """out (S, H, 3): readings ``rows`` (H,) rows after each of ``starts`` (S,), NaN past the run.
+    """Write the readings (rad) ``rows`` (H,) rows after ``starts`` (S,) to out (S, H, 3), or NaN.
 
-    Both ascend; X (N, 6) are the states to start from.
+    Both arrays ascend; X (N, 6) are the states to start from.
     """
     N = V.shape[0]
-    target, F, mean = np.empty((N, 2)), np.empty((N, 2)), np.zeros((N + 1, 2))
+    target, F, impulses = np.empty((N, 2)), np.empty((N, 2)), np.zeros((N + 1, 2))
     x, w, m, slope = np.empty(6), np.zeros((3, 3)), np.empty(3), np.empty(3)
     at = 0
     for b in range(blocks.shape[0]):
@@ -49,12 +50,12 @@ def _roll_on(  # type: ignore[no-untyped-def]
         thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
         tau = s[TAU_M]
         for k in range(start, stop):
-            late = tau * (1.0 - math.exp(-h[k] / tau)) if tau > 0.0 else 0.0
+            lag_s = tau * (1.0 - math.exp(-h[k] / tau)) if tau > 0.0 else 0.0
             for i in range(2):
-                whole = target[k, i] * h[k] + (F[k, i] - target[k, i]) * late
+                impulse = target[k, i] * h[k] + (F[k, i] - target[k, i]) * lag_s
                 if s[SLEW] > 0.0 and k + 1 < stop:
-                    whole = 0.5 * (F[k, i] + F[k + 1, i]) * h[k]
-                mean[k + 1, i] = mean[k, i] + whole
+                    impulse = 0.5 * (F[k, i] + F[k + 1, i]) * h[k]
+                impulses[k + 1, i] = impulses[k, i] + impulse
         while at < starts.shape[0] and starts[at] < stop:
             a = starts[at]
             for j in range(6):
@@ -71,7 +72,7 @@ def _roll_on(  # type: ignore[no-untyped-def]
                         c += 1
                     d = t[c] - t[a]
                     s[T] = t[a]
-                    coast(s, x, a, c, d, mean, V, first, address, par, mem, axes, w)
+                    coast(s, x, a, c, d, impulses, V, first, address, par, mem, axes, w)
                     a = c
                 readings(s, x, first, address, par, mem, m, slope)
                 for i in range(3):
@@ -79,27 +80,27 @@ def _roll_on(  # type: ignore[no-untyped-def]
             at += 1
 
 
-roll_on = compiled(_roll_on, error_model="numpy", nogil=True)
+predict_free_run = compiled(_predict_free_run, error_model="numpy", nogil=True)
 
 
 def _grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
-    """`grow` by d in as many parts as the fastest decay in A (dry friction near rest) asks for."""
+    """Predict P over d s, in short steps if a rate decays fast (dry friction near rest)."""
     fastest = 0.0
     for i in range(3):
         for j in range(3):
             fastest = max(fastest, abs(A[i, 3 + j]))
-    parts = 1 + int(min(d * fastest / DECAY, PARTS))
-    for _ in range(parts):
-        grow(P, A, d / parts, a2, work)
+    steps = 1 + int(min(d * fastest / STEP_DECAYS, MAX_STEPS))
+    for _ in range(steps):
+        grow(P, A, d / steps, a2, work)
 
 
 grow_stably = compiled(_grow_stably, error_model="numpy", nogil=True)
 
 
-def _scatter(  # type: ignore[no-untyped-def]
+def _prediction_variances(  # type: ignore[no-untyped-def]
     blocks, free, t, h, A, slope, row, state, W, K, a2, P0, starts, rows, out
 ):
-    """out (S, H, 3) rad²: the variances of the same predictions; P0 (B, 6) at each run's start."""
+    """Write the variances (rad²) to out (S, H, 3); P0 (B, 6): those at the start of a run."""
     P, Q, column = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
     work = np.empty((3, 6))
     n, at = 0, 0
@@ -148,4 +149,4 @@ def _scatter(  # type: ignore[no-untyped-def]
                 grow_stably(P, A[k], h[k], driven, work)
 
 
-scatter = compiled(_scatter, error_model="numpy", nogil=True)
+prediction_variances = compiled(_prediction_variances, error_model="numpy", nogil=True)

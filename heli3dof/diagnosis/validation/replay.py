@@ -1,9 +1,8 @@
-"""Table II of the paper before and after: overshoot and steady error in closed-loop replay.
+"""Compute overshoot and steady error in closed-loop replay (the paper's Table II) of two models.
 
-Where the loop is known both models fly the recording's own references through its controller
-(`heli3dof.comparison.replay`), and are measured as the flight itself was
-(`heli3dof.comparison.metrics`). What the loop hides, it hides here too: a delay may show as
-overshoot only, a friction as a steady error only.
+Both models are simulated with the recording's references (`heli3dof.comparison.replay`), and
+measured like the flight (`heli3dof.comparison.metrics`). Feedback hides some effects: a delay may
+show only in the overshoot, friction only in the steady error.
 """
 
 from __future__ import annotations
@@ -23,34 +22,35 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True)
 class Replayed:
-    """One axis of one recording, degrees; NaN where it is not defined or the model diverges."""
+    """One axis of one recording, in degrees; NaN if not defined or if the model diverges."""
 
     recording: str
     axis: str
     overshoot_deg: tuple[float, float, float]
-    """in the experiment, before, after"""
+    """Each: in the experiment, before, after"""
     steady_error_deg: tuple[float, float, float]
 
 
 def replayed(
     before: GreyBoxModel, after: GreyBoxModel, recordings: Sequence[Recording]
 ) -> tuple[Replayed, ...]:
-    """Every axis of every recording whose loop is known and whose reference steps or rests."""
+    """Return each axis with a step or constant reference, if the controller is known."""
     out = []
     for recording in recordings:
         if why_not_replayed(recording) is not None:
             continue
-        flown = under_control(recording)
-        grain = np.abs(recording.profile.encoder.rad_per_count)
-        flights = [flown.angle, *(replay(m, recording).angle for m in (before, after))]
+        recorded = under_control(recording)
+        resolution = np.abs(recording.profile.encoder.rad_per_count)
+        flights = [recorded.angle, *(replay(m, recording).angle for m in (before, after))]
         metrics = [
-            step_metrics(flown.t, angle, flown.reference, resolution=grain) for angle in flights
+            step_metrics(recorded.t, angle, recorded.reference, resolution=resolution)
+            for angle in flights
         ]
         for axis in AXES:
-            shown = [m[axis].reported for m in metrics]
-            if shown[0].kind not in ("step", "start", "hold"):
+            results = [m[axis].reported for m in metrics]
+            if results[0].kind not in ("step", "start", "hold"):
                 continue
-            a, b, c = (s.overshoot_deg for s in shown)
-            d, e, f = (s.steady_error_deg for s in shown)
+            a, b, c = (s.overshoot_deg for s in results)
+            d, e, f = (s.steady_error_deg for s in results)
             out.append(Replayed(recording.name, axis, (a, b, c), (d, e, f)))
     return tuple(out)

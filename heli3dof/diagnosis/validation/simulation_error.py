@@ -1,9 +1,8 @@
-"""How wrong a simulation is, per axis and horizon, beside what noise alone would do; and where.
+"""Compute a model's prediction errors by axis and horizon, their noise floor and worst intervals.
 
-Errors from re-estimated states over 0.1, 0.3, 1 and 3 s (`validation.prediction`). The floor is
-that of another model where one is given (the extended one: the base fit's noise has swallowed what
-the base lacks). The worst stretch of each axis is the window of `WINDOW_S` in which the error over
-`HORIZON_S` has the largest mean square.
+The noise floor (`validation.prediction`) should be that of the extended model, because the base fit
+explains unmodelled effects by noise. The worst interval of an axis is the window of `WINDOW_S` with
+the largest mean square of the error over `HORIZON_S`.
 """
 
 from __future__ import annotations
@@ -16,22 +15,24 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.validation.prediction import (
     HORIZONS_S,
-    Ahead,
+    PredictionErrors,
     floor_deg,
     mean_square,
-    model_ahead,
+    model_errors,
 )
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.recording.recording import Recording
 
 HORIZON_S = 1.0
+"""s, horizon of the predictions in the worst interval. Chosen."""
 WINDOW_S = 3.0
+"""s, length of the worst interval. Chosen."""
 
 
 @dataclass(frozen=True)
 class WorstStretch:
-    """Where one axis is furthest off: s on the recording's clock, counted from its first sample."""
+    """The worst interval of one axis, in s on the recording's clock from its first sample."""
 
     axis: str
     recording: str
@@ -41,26 +42,26 @@ class WorstStretch:
 
 
 @dataclass(frozen=True, eq=False)
-class HowWrong:
-    """H horizons."""
+class SimulationError:
+    """Prediction errors of a model over H horizons."""
 
     horizons_s: tuple[float, ...]
     rmse_deg: np.ndarray
-    """(H, 3); NaN where an axis was not measured"""
+    """(H, 3); NaN for an axis that was not measured"""
     floor_deg: np.ndarray
     """(H, 3)"""
     floor_by: str
-    """How the floor was found"""
+    """Method that computed the noise floor"""
     worst: tuple[WorstStretch, ...]
     """One per measured axis"""
 
     def at(self, horizon_s: float, axis: str) -> tuple[float, float]:
-        """(RMSE, floor) in degrees."""
+        """Return the RMSE and the noise floor in degrees."""
         h, i = self.horizons_s.index(horizon_s), AXES.index(axis)
         return float(self.rmse_deg[h, i]), float(self.floor_deg[h, i])
 
 
-def how_wrong(
+def simulation_error(
     model: GreyBoxModel,
     recordings: Sequence[Recording],
     *,
@@ -68,34 +69,38 @@ def how_wrong(
     horizons_s: Sequence[float] = HORIZONS_S,
     flights: int = 2,
     seed: int = 0,
-) -> HowWrong:
-    """A model's errors on recordings; the floor is that of ``truth`` (the model itself).
+) -> SimulationError:
+    """Return a model's errors on recordings, and the noise floor of ``truth`` (default: the model).
 
-    Raises RecordingError where no row is usable.
+    Raises RecordingError if no row is usable.
     """
-    problem, e = model_ahead(model, recordings, horizons_s)
+    problem, e = model_errors(model, recordings, horizons_s)
     floor, by = floor_deg(truth or model, recordings, horizons_s, flights=flights, seed=seed)
-    return HowWrong(tuple(horizons_s), e.rmse_deg(), floor, by, _worst(problem.data, e, recordings))
+    return SimulationError(
+        tuple(horizons_s), e.rmse_deg(), floor, by, _worst(problem.data, e, recordings)
+    )
 
 
-def _worst(d: Data, e: Ahead, recordings: Sequence[Recording]) -> tuple[WorstStretch, ...]:
-    nearest = int(np.argmin(np.abs(np.array(e.horizons_s) - HORIZON_S)))
-    horizon = e.horizons_s[nearest]
-    errors = e.errors[:, nearest]
-    found: dict[int, WorstStretch] = {}
-    for run, (_, start, stop) in zip(d.runs, d.blocks, strict=True):
-        inside = (e.starts >= start) & (e.starts < stop)
-        t = d.t[e.starts[inside]] + horizon  # where the prediction is compared
+def _worst(
+    data: Data, prediction: PredictionErrors, recordings: Sequence[Recording]
+) -> tuple[WorstStretch, ...]:
+    nearest = int(np.argmin(np.abs(np.array(prediction.horizons_s) - HORIZON_S)))
+    horizon = prediction.horizons_s[nearest]
+    errors = prediction.errors[:, nearest]
+    worst: dict[int, WorstStretch] = {}
+    for run, (_, start, stop) in zip(data.runs, data.blocks, strict=True):
+        inside = (prediction.starts >= start) & (prediction.starts < stop)
+        t = data.t[prediction.starts[inside]] + horizon  # where the prediction is compared
         if not inside.any():
             continue
-        last = float(d.t[stop - 1])
-        for low in np.arange(t[0], max(last - WINDOW_S, t[0]) + 1e-9, WINDOW_S / 3):
-            window = (t >= low) & (t < low + WINDOW_S)
+        last = float(data.t[stop - 1])
+        for start_s in np.arange(t[0], max(last - WINDOW_S, t[0]) + 1e-9, WINDOW_S / 3):
+            window = (t >= start_s) & (t < start_s + WINDOW_S)
             rmse = np.degrees(np.sqrt(mean_square(errors[inside][window])))
             for i in (i for i in range(3) if np.isfinite(rmse[i])):
-                if i not in found or rmse[i] > found[i].rmse_deg:
-                    found[i] = WorstStretch(
-                        AXES[i], recordings[run.source].name, float(low),
-                        float(min(low + WINDOW_S, last)), float(rmse[i]),
+                if i not in worst or rmse[i] > worst[i].rmse_deg:
+                    worst[i] = WorstStretch(
+                        AXES[i], recordings[run.source].name, float(start_s),
+                        float(min(start_s + WINDOW_S, last)), float(rmse[i]),
                     )  # fmt: skip
-    return tuple(found[i] for i in sorted(found))
+    return tuple(worst[i] for i in sorted(worst))

@@ -11,7 +11,12 @@ from heli3dof.diagnosis import outlook
 from heli3dof.diagnosis.free_run.refits import STAGE_S
 from heli3dof.diagnosis.outlook import Open
 from heli3dof.diagnosis.planning import free_run_plan as module
-from heli3dof.diagnosis.planning.free_run_plan import Wanted, link, next_free_flight, wanted
+from heli3dof.diagnosis.planning.free_run_plan import (
+    OpenParameter,
+    coupling,
+    next_free_flight,
+    open_parameters,
+)
 from heli3dof.identification.greybox.freeflight import model_of, problem_of
 from heli3dof.identification.greybox.multistep import search
 from heli3dof.identification.greybox.weak_form import weak_start
@@ -53,7 +58,7 @@ def test_no_plan_is_proposed_if_nothing_or_only_offsets_per_recording_are_open(
 
 def test_confounded_terms_are_planned_for_together_by_those_with_an_absence(open_: Open) -> None:
     confounded = Open(open_.fit, open_.model, ("friction.viscous.yaw", "motor.lag"), tied=True)
-    assert [w.name for w in wanted(confounded)] == ["friction.viscous.yaw"]
+    assert [w.name for w in open_parameters(confounded)] == ["friction.viscous.yaw"]
     result = next_free_flight(confounded, plans=["coast-down"])
     assert result is not None
     assert result.separates == ("friction.viscous.yaw", "motor.lag")
@@ -62,15 +67,15 @@ def test_confounded_terms_are_planned_for_together_by_those_with_an_absence(open
 
 def test_half_the_deviation_is_three_times_the_information_in_addition() -> None:
     """u² = θ² (4/σ² − 1/σ²): with θ = σ, u = √3; no new information gives 0."""
-    w = Wanted("friction.viscous.yaw", 0, 0.1, 0.1, 1.0, "N·m·s/rad")
-    assert w.shown(0.05) == pytest.approx(np.sqrt(3))
-    assert w.shown(0.1) == 0.0
+    w = OpenParameter("friction.viscous.yaw", 0, 0.1, 0.1, 1.0, "N·m·s/rad")
+    assert w.significance(0.05) == pytest.approx(np.sqrt(3))
+    assert w.significance(0.1) == 0.0
 
 
 def test_the_link_between_own_values_leaves_their_common_mean_free(open_: Open) -> None:
     """A common shift of the mean and of an own value costs nothing, however wide the prior."""
     p = open_.fit.problem
-    L = link(p)
+    L = coupling(p)
     shift = np.zeros(p.dim)
     shift[[p.own[0], p.n]] = 1.0
     assert shift @ L @ shift == pytest.approx(0.0, abs=1e-9)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
-from heli3dof.diagnosis.planning.plan_flights import fly_task, inside, stable, task_of
+from heli3dof.diagnosis.planning.plan_flights import fly_task, inside_envelope, is_stable, task_of
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.experiment.simulate import simulate
 from heli3dof.model.greybox.model import GreyBoxModel
@@ -66,9 +66,9 @@ def test_one_row_outside_the_envelope_is_detected() -> None:
     assert flight is not None
     angle = flight.angle.copy()
     angle[77, 1] = np.deg2rad(PROFILE.limits.pitch_max_deg + 0.1)
-    assert not inside(replace(flight, angle=angle))
+    assert not inside_envelope(replace(flight, angle=angle))
     angle[77, 1] = np.nan
-    assert not inside(replace(flight, angle=angle))
+    assert not inside_envelope(replace(flight, angle=angle))
 
 
 def test_a_rig_with_reversed_motors_is_not_stabilised() -> None:
@@ -81,5 +81,5 @@ def test_a_rig_with_reversed_motors_is_not_stabilised() -> None:
             )
         }
     )
-    assert stable(world(), PROFILE)
-    assert not stable(world(), wrong)
+    assert is_stable(world(), PROFILE)
+    assert not is_stable(world(), wrong)

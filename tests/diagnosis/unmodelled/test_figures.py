@@ -15,7 +15,7 @@ from heli3dof.diagnosis.unmodelled.torque_curve import (
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import on_blocks
 from heli3dof.diagnosis.validation.gain import gain
-from heli3dof.diagnosis.validation.simulation_error import how_wrong
+from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate
@@ -112,7 +112,7 @@ def test_the_section_has_tables_and_figures_and_is_reproducible(
         "roll", "roll*pitch", 0.2, ((0.0, 0.0), (1.0, 0.1)), (0.1, 0.1), 30.0, 0.99
     )
     everything = FigureData(
-        wrong=how_wrong(model, [recording], flights=1),
+        wrong=simulation_error(model, [recording], flights=1),
         evidence=(seen,),
         leftovers=(rest,),
         gain=g,

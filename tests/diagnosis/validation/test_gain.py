@@ -12,22 +12,22 @@ import pytest
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, ProfileLikelihood
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.validation.cross_validation import (
-    PLAY_SETTLE_S,
+    BACKLASH_SETTLE_S,
     PURGE_S,
     SETTLE_S,
-    _near,
-    _noise,
-    _refitted,
+    _estimate_without,
+    _most_likely_noise,
+    _with_settling,
     on_blocks,
     on_holdout,
     row_by_row,
     settling_s,
     training,
 )
-from heli3dof.diagnosis.validation.gain import Course, HeldOut, gain, pays
-from heli3dof.diagnosis.validation.prediction import covariance_floor_deg, floor_deg, model_ahead
+from heli3dof.diagnosis.validation.gain import HeldOut, Predictions, gain, pays
+from heli3dof.diagnosis.validation.prediction import covariance_floor_deg, floor_deg, model_errors
 from heli3dof.diagnosis.validation.replay import replayed
-from heli3dof.diagnosis.validation.simulation_error import how_wrong
+from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.identification.greybox.estimate import Estimate, estimate
@@ -65,7 +65,7 @@ def cells(loglik: list[float], errors_rad: list[float]) -> HeldOut:
     m = len(loglik)
     squares = np.repeat(np.array(errors_rad)[:, None] ** 2, 3, axis=1)
     counts = np.ones((m, 3))
-    none = Course(np.zeros(0), np.zeros(0, dtype=int), np.zeros((0, 3)), np.zeros((0, 3)))
+    none = Predictions(np.zeros(0), np.zeros(0, dtype=int), np.zeros((0, 3)), np.zeros((0, 3)))
     start_s, source = 2.0 * np.arange(m), np.zeros(m, dtype=int)
     return HeldOut(np.array(loglik), squares, counts, start_s, source, "holdout", none)
 
@@ -109,16 +109,18 @@ def test_a_limit_cycle_while_the_filter_settles_does_not_change_a_block_s_noise(
 ) -> None:
     o = right.optimum
     rows = (12_000, 15_000)
-    near = _near(right.problem.data, rows)
+    near = _with_settling(right.problem.data, rows)
     start = int(near.blocks[0, 1])
     y = near.y.copy()
     y[start : start + 8 : 2, 0] = y[start, 0]
     y[start + 1 : start + 8 : 2, 0] = y[start, 0] - near.rad_per_count[0]
     quiet = replace(right.problem, data=near)
     limit_cycle = replace(right.problem, data=replace(near, y=y))
-    plain = _noise(quiet, o.theta, o.noise, rows[0])
+    plain = _most_likely_noise(quiet, o.theta, o.noise, rows[0])
     # If counted, the limit cycle would add a fifth to the noise here, ten times on a resting axis.
-    assert _noise(limit_cycle, o.theta, o.noise, rows[0])[0] == pytest.approx(plain[0], rel=0.05)
+    assert _most_likely_noise(limit_cycle, o.theta, o.noise, rows[0])[0] == pytest.approx(
+        plain[0], rel=0.05
+    )
 
 
 def test_a_block_s_noise_is_the_likeliest_value_tried() -> None:
@@ -131,7 +133,7 @@ def test_a_block_s_noise_is_the_likeliest_value_tried() -> None:
         return SimpleNamespace(X=np.r_[np.zeros(6), np.where(u > -0.2, -20 * u, -1000.0)][None])
 
     problem = cast(Any, SimpleNamespace(data=data, run=run))
-    a = _noise(problem, np.zeros(4), np.append(np.exp([0.5] * 3), 0.0), 0)
+    a = _most_likely_noise(problem, np.zeros(4), np.append(np.exp([0.5] * 3), 0.0), 0)
     assert np.log(a[:3]) == pytest.approx(-0.5 + 0.4)
     assert a[3] == 0.0
 
@@ -168,7 +170,7 @@ def test_without_the_only_step_an_inertia_stays_near_its_prior(
     def moved(scatter: np.ndarray | None) -> float:
         """ln J_roll without the step, less with it."""
         result = CorrectedFit(problem, o, scatter, bias, np.zeros(3), 12)
-        return float((_refitted(result, at, tangents, rows) - o.theta)[1])
+        return float((_estimate_without(result, at, tangents, rows) - o.theta)[1])
 
     run_off = moved(None)
     stays = moved(np.diag([1.0, b**2, 1.0, 1.0]))
@@ -200,7 +202,7 @@ def test_an_instant_stays_fixed_when_its_own_block_is_left_out(changed: Estimate
     at = problem.run(o.theta, o.noise)
     t = problem.data.t
     rows = (int(np.searchsorted(t, 25.0)), int(np.searchsorted(t, 37.0)))
-    theta = _refitted(changed, at, problem.tangents(o.theta, at), rows)
+    theta = _estimate_without(changed, at, problem.tangents(o.theta, at), rows)
     values = dict(zip(problem.structure.names, problem.values(theta), strict=True))
     # If free, it would move to 0.5 s: a rig that is heavier from the start.
     assert values["mass.change.time_s"] == pytest.approx(30.0, abs=1e-9)
@@ -211,11 +213,11 @@ def test_an_instant_stays_fixed_when_its_own_block_is_left_out(changed: Estimate
 def test_with_backlash_a_filter_settles_as_if_run_from_the_start(
     changed: Estimate, right: Estimate
 ) -> None:
-    assert (settling_s(right.problem), settling_s(changed.problem)) == (SETTLE_S, PLAY_SETTLE_S)
+    assert (settling_s(right.problem), settling_s(changed.problem)) == (SETTLE_S, BACKLASH_SETTLE_S)
     problem, o = changed.problem, changed.optimum
     d = problem.data
     first, stop = (int(d.blocks[0, k]) for k in (1, 2))
-    before = round(PLAY_SETTLE_S / 0.002)
+    before = round(BACKLASH_SETTLE_S / 0.002)
 
     def roll(data: Data) -> np.ndarray:
         """(N,) ln Z of roll's rows"""
@@ -224,7 +226,7 @@ def test_with_backlash_a_filter_settles_as_if_run_from_the_start(
 
     whole = roll(d)
     for a in range(first + before, stop - 1000, 1000):  # a block of 2 s every 2 s
-        near = _near(d, (a, a + 1000), PLAY_SETTLE_S)
+        near = _with_settling(d, (a, a + 1000), BACKLASH_SETTLE_S)
         assert int(near.blocks[0, 1]) == a - before
         apart = roll(near)[a : a + 1000].sum() - whole[a : a + 1000].sum()
         assert abs(apart) < 1.0
@@ -244,7 +246,7 @@ def test_prediction_errors_are_those_of_the_model_s_own_predictions(
     recording: Recording, base: Estimate
 ) -> None:
     model = model_of(base, [recording], "base")
-    _, e = model_ahead(model, [recording], (1.0,))
+    _, e = model_errors(model, [recording], (1.0,))
     whole = np.degrees(recording.angle - model.predict(recording, 1.0))
     run = max(usable_runs(recording, 0), key=lambda r: r.stop - r.start)
     rmse = np.sqrt((whole[run.start + 750 : run.stop] ** 2).mean(axis=0))
@@ -255,8 +257,8 @@ def test_the_right_model_reaches_the_noise_floor_and_the_nominal_one_does_not(
     recording: Recording, right: Estimate
 ) -> None:
     model = model_of(right, [recording], "right")
-    fitted = how_wrong(model, [recording])
-    wrong = how_wrong(nominal(recording.profile), [recording], truth=model)
+    fitted = simulation_error(model, [recording])
+    wrong = simulation_error(nominal(recording.profile), [recording], truth=model)
     assert fitted.at(1.0, "yaw")[0] == pytest.approx(fitted.at(1.0, "yaw")[1], rel=0.4)
     rmse, floor = wrong.at(1.0, "yaw")
     assert rmse > 1.2 * floor
