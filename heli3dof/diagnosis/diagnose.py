@@ -18,7 +18,7 @@ from functools import partial
 
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
 from heli3dof.diagnosis.conclusion.encoder_scales import LEVEL, undetectable_scales, with_scale_ties
-from heli3dof.diagnosis.conclusion.inertia_ties import look_beside, with_confounded_causes
+from heli3dof.diagnosis.conclusion.inertia_ties import step_with_same_causes, with_confounded_causes
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
 from heli3dof.diagnosis.conclusion.stand_ins import base_with_residual
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
@@ -147,7 +147,7 @@ def _diagnosed(
     result = fitted(base_fit, settled.found, extended.fit, extended.after, train, held, seed=seed)
     clock.start("off", "Comparing the calibration with the profile …")
     off = base_off_nominal(settled) if settled.sure else ()
-    off = tuple(with_confounded_causes(o, look_beside(steps, settled.found)) for o in off)
+    off = tuple(with_confounded_causes(o, step_with_same_causes(steps, settled.found)) for o in off)
     profile = train[0].profile
     findings, off = with_scale_ties(
         settled.findings, off, base_parameters(settled.found),

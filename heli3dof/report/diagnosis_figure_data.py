@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from heli3dof.diagnosis.result import Diagnosis
-from heli3dof.diagnosis.unmodelled.torque_curve import Evidence, evidence, leftover_evidence
+from heli3dof.diagnosis.unmodelled.torque_curve import Evidence, evidence, residual_evidence
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut
 from heli3dof.diagnosis.validation.replay import Replayed, replayed
@@ -62,7 +62,7 @@ def figure_data(
         f.wrong,
         [e for e in seen if e is not None],
         found.leftovers,
-        [leftover_evidence(f.final, x) for x in found.leftovers],
+        [residual_evidence(f.final, x) for x in found.leftovers],
         f.gain if found.findings else None,
         f.before,
         f.after,

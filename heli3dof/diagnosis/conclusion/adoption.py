@@ -1,27 +1,26 @@
-"""What the causes gain on data that they have not seen, and which of them do not pay.
+"""Adopt the causes that improve the prediction of held-out data, and drop the others.
 
-`validation.gain` compares two fits; here they are made: everything found, everything but
-one, nothing (the base), each refitted. A cause whose gain does not pay is taken out, the one that
-pays least first, and the rest are measured again.
+Each cause is removed in turn and the fit repeated. The gain Δℓ is the increase in log-likelihood of
+held-out data by the cause (`validation.gain`). A cause is adopted if one of these conditions holds:
 
-The first cause stood up to the nulls, and a short flight's few cells bound no gain: it pays where
-held-out data are likelier with it. Later ones are only as good as the first one's formula; they
-pay where the gain's interval lies above zero, or as a first one does where their score is beyond
-what a wrong formula leaves (`select.WEAK`). What acts for moments only (a dead zone, a limit) has
-its gain in so few cells that their bootstrap bounds nothing: it pays too where held-out data are
-likelier by `MUCH` and the error in degrees of an axis is surely less. One that moves the rig mostly
-as another does, and is told as "…-like" only (`selection.select`), cannot gain much beside
-it: it is taken as a first one is, since without it the other one's size would surely be wrong.
+1. The 95 % interval of Δℓ lies above zero.
+2. Δℓ > `MIN_GAIN`, and the cause is the first, or weak, or its score is at least `WEAK`.
+3. Δℓ > `LARGE_GAIN`, and the error of an axis decreases significantly.
 
-Where one does not pay, those that it was tied with are asked in its place before it is dropped
-(`selection.alternatives`): the margin by which it was taken may have been chance.
+Condition 2: the first cause exceeds the nulls' threshold, and short flights give wide intervals. A
+further cause below `WEAK` (`selection.select`) may only compensate the first one's model error. A
+weak cause resembles an earlier one, is reported as "…-like", and can gain little; without it the
+size of the earlier one would be wrong.
+Condition 3 is for effects that act briefly, such as a dead zone: few cells, so a wide interval.
 
-A cause has stood up to nulls of white noise. Where the recordings' own noise is slower
-(`estimate.coloured_noise`) it has to stand up to that as well. And what an encoder's zero within
-one count does as well is no cause: every rig has that.
+In any case, a cause is dropped if
 
-Two causes that were tied when the first of them was taken, and are both here in the end, are tied
-no more: each has paid beside the other, so neither stands in the other's place.
+- Z²/ρ is below the nulls' threshold, with ρ of coloured noise (`estimate.coloured_noise`);
+- an encoder error of at most one count explains it as well.
+
+These causes are dropped first, then those with the smallest Δℓ. After each the others are measured
+again. Before a cause without gain is dropped, those confounded with it are tried in its place
+(`selection.alternatives`). Two adopted causes are not confounded with each other.
 """
 
 from __future__ import annotations
@@ -53,204 +52,206 @@ from heli3dof.model.greybox.model import nominal
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
-Instead = Callable[[CorrectedFit, Choice, Set[str]], Iterable[tuple[Choice, CorrectedFit]]]
-"""Of a fit without a cause, that cause and all names asked so far: what else the cause may be, and
-the fit with that."""
-OFFSET, PLAY = "encoder.offset", "encoder.backlash"
-LEAST = 3.0
-"""Held-out log-likelihood that a first, a strong or a weak cause has to gain: odds of 20 to one."""
-MUCH = 12.0
-"""The same of a later one whose interval holds zero: under the smaller model exp Δℓ on data that
-were not seen is 1 on average at most, so it exceeds e¹² once in that (Markov), whatever the cells.
-"""
+Alternatives = Callable[[CorrectedFit, Choice, Set[str]], Iterable[tuple[Choice, CorrectedFit]]]
+"""(fit without a cause, that cause, names already tried) → alternatives, each with its fit"""
+OFFSET, BACKLASH = "encoder.offset", "encoder.backlash"
+MIN_GAIN = 3.0
+"""Least gain in log-likelihood in condition 2: a likelihood ratio of e³ = 20. Chosen."""
+LARGE_GAIN = 12.0
+"""Least gain in log-likelihood in condition 3. Without the effect, the mean of exp Δℓ on held-out
+data is at most 1, so Δℓ > 12 has a probability below e⁻¹² (Markov's inequality)."""
 
 
 def adopted(
-    found: CorrectedFit, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int,
-    instead: Instead | None = None,
+    fit: CorrectedFit, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int,
+    instead: Alternatives | None = None,
 ) -> tuple[CorrectedFit, tuple[Finding, ...], tuple[Dropped, ...], HeldOut]:  # fmt: skip
-    """The causes that pay, the fit that holds them alone, what was dropped, and how it does.
+    """Return the fit with the adopted causes, these, the dropped ones and the held-out evaluation.
 
-    ``instead`` says what a cause that does not pay may be replaced by; what pays stands then.
+    ``instead`` yields alternatives to a cause without gain. The first one that gains replaces it.
     """
     kept, dropped = list(choices), list[Dropped]()
-    asked = {c.term.name for c in choices}
+    tried = {c.term.name for c in choices}
     while True:
-        less = parallel_map(lambda i, f=found: without(f, kept[i].term), len(kept))  # type: ignore[misc]
-        after, *afters = each_held_out((found, *less), holdout)
-        gains = [gain(o, after, seed=seed) for o in afters]
-        stands = [
-            0.0 if within_a_count(found, c) else exceeds_coloured_noise(found, c) for c in kept
-        ]
-        poor = [i for i, g in enumerate(gains) if not pays_enough(kept[i], g, first=i == 0)]
-        poor = [i for i, s in enumerate(stands) if s < 1] or poor
-        if not poor:
-            return found, _findings(found, kept, less, gains), tuple(dropped), after
-        worst = min(poor, key=lambda i: (min(stands[i], 1.0), won(gains[i])))
-        gone = kept[worst]
-        if stands[worst] < 1:
-            why = WITHIN_A_COUNT if within_a_count(found, gone) else COLOURED
-            others: Iterable[tuple[Choice, CorrectedFit]] = ()
+        reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term), len(kept))  # type: ignore[misc]
+        after, *befores = each_held_out((fit, *reduced), holdout)
+        gains = [gain(before, after, seed=seed) for before in befores]
+        margins = [0.0 if within_a_count(fit, c) else exceeds_coloured_noise(fit, c) for c in kept]
+        failing = [i for i, g in enumerate(gains) if not pays_enough(kept[i], g, first=i == 0)]
+        failing = [i for i, s in enumerate(margins) if s < 1] or failing
+        if not failing:
+            return fit, _findings(fit, kept, reduced, gains), tuple(dropped), after
+        worst = min(failing, key=lambda i: (min(margins[i], 1.0), log_likelihood_gain(gains[i])))
+        cause = kept[worst]
+        if margins[worst] < 1:
+            why = WITHIN_A_COUNT if within_a_count(fit, cause) else COLOURED
+            candidates: Iterable[tuple[Choice, CorrectedFit]] = ()
         else:
-            why, others = DOES_NOT_PAY, instead(less[worst], gone, asked) if instead else ()
-        for other, wider in others:
-            asked.add(other.term.name)
-            g = gain(held_out(less[worst], holdout), held_out(wider, holdout), seed=seed)
+            why, candidates = DOES_NOT_PAY, instead(reduced[worst], cause, tried) if instead else ()
+        for other, replacement in candidates:
+            tried.add(other.term.name)
+            g = gain(held_out(reduced[worst], holdout), held_out(replacement, holdout), seed=seed)
             if pays_enough(other, g, first=worst == 0):
-                found, kept[worst] = wider, other
+                fit, kept[worst] = replacement, other
                 break
         else:
-            dropped.append(Dropped(gone.term.name, gains[worst], why, choice=gone))
-            found = less[worst]
+            dropped.append(Dropped(cause.term.name, gains[worst], why, choice=cause))
+            fit = reduced[worst]
             del kept[worst]
 
 
 def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) -> list[HeldOut]:
-    """Every fit on what it has not seen."""
+    """Return the evaluation of every fit on held-out data."""
     return parallel_map(lambda i: held_out(fits[i], holdout), len(fits), what="fits")
 
 
-def exceeds_coloured_noise(found: CorrectedFit, choice: Choice) -> float:
-    """Z² over the nulls' threshold where the recordings' noise is as it is, not white.
+def exceeds_coloured_noise(fit: CorrectedFit, choice: Choice) -> float:
+    """Return Z²/ρ over the nulls' threshold; a cause with less than 1 may be coloured noise.
 
-    That of a cause which no probe sees, or which the base lacks and every rig has, is infinite.
+    Infinite without coloured noise, without a threshold, and for the base's own effects.
     """
     if choice.threshold <= 0 or choice.term.effect.of_base:
         return math.inf
-    j = _number_of(found, choice.term.name)
+    j = _first_index(fit, choice.term.name)
     if j is None:
         return math.inf
-    rho = float(found.colour[j])
+    rho = float(fit.colour[j])
     return math.inf if rho <= 1 else choice.Z2 / rho / choice.threshold
 
 
-def within_a_count(found: CorrectedFit, choice: Choice) -> bool:
-    """Whether it is play of at most one count, or is (or is tied with) a zero off by no more.
+def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
+    """Return whether an encoder error of at most one count explains the cause.
 
-    Where within a count the zero lies is nobody's doing: counts begin at power-up, and a card that
-    rounds down reads half a count less than one that rounds. On pitch that is a torque on yaw. And
-    play that an encoder cannot show by one count is none that it has shown. Its own size is that in
-    ``found``, the last fit: without a cause that went it may be another than when it was taken.
+    This is backlash as the cause itself, or an encoder offset as the cause or confounded with it.
+    The zero lies anywhere within a count: counts start at power-up, and cards round differently.
+    The cause's own size is that in ``fit``, which may differ from its size when it was selected.
     """
     for c in choice.contenders:
-        axis, own = c.term.axis, c.term.name == choice.term.name
+        axis, is_choice = c.term.axis, c.term.name == choice.term.name
         if axis is None or not (
-            c.term.effect.name == OFFSET or (own and c.term.effect.name == PLAY)
+            c.term.effect.name == OFFSET or (is_choice and c.term.effect.name == BACKLASH)
         ):
             continue
-        if not own and c.term.name not in choice.tied_with:
+        if not is_choice and c.term.name not in choice.tied_with:
             continue
         count_deg = 360.0 / abs(getattr(c.problem.structure.profile.encoder, axis))
-        j = _number_of(found, c.term.name) if own else None
-        size = c.problem.values(c.optimum.theta)[-1] if j is None else found.values[j]
+        j = _first_index(fit, c.term.name) if is_choice else None
+        size = c.problem.values(c.optimum.theta)[-1] if j is None else fit.values[j]
         if abs(size) <= count_deg:
             return True
     return False
 
 
-def _number_of(found: CorrectedFit, name: str) -> int | None:
-    """Where a term's first number stands in a fit; None where the fit has no such term."""
-    return next((j for j, f in enumerate(found.free) if f.term == name), None)
+def _first_index(fit: CorrectedFit, name: str) -> int | None:
+    """Return the index of a term's first parameter in ``fit.free``; None if it has none."""
+    return next((j for j, f in enumerate(fit.free) if f.term == name), None)
 
 
 def pays_enough(choice: Choice, g: Gain, *, first: bool) -> bool:
-    """Whether a cause is adopted for that gain."""
+    """Return whether the gain suffices to adopt a cause; see the module."""
     strong = first or choice.weak or choice.score >= WEAK
-    less = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
-    return pays(g) or (strong and won(g) > LEAST) or (less and won(g) > MUCH)
+    lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
+    return (
+        pays(g)
+        or (strong and log_likelihood_gain(g) > MIN_GAIN)
+        or (lower_error and log_likelihood_gain(g) > LARGE_GAIN)
+    )
 
 
 def fitted(
-    base: CorrectedFit, found: CorrectedFit, extended: CorrectedFit, after: HeldOut,
+    base: CorrectedFit, fit: CorrectedFit, extended: CorrectedFit, after: HeldOut,
     train: Sequence[Recording], holdout: Sequence[Recording], *, seed: int,
 ) -> Fitted:  # fmt: skip
-    """The base simulation and the extended one, side by side."""
+    """Return the base simulation and the extended model, with their errors and gains.
+
+    ``fit`` contains the causes, ``extended`` also the unmodelled torques; ``after`` is its error.
+    """
     model = model_of(extended, train, "extended")
     at = model_at(extended.problem, extended.optimum.theta, extended.optimum.noise)
-    profiles = nominal(train[0].profile, tuple(t.name for t in base.structure.terms))
-    # Its filter knows the base fit's noise, so that a rig with just these numbers meets the floor.
-    profiles = replace(profiles, noise=base.optimum.noise[:3])
+    nominal_model = nominal(train[0].profile, tuple(t.name for t in base.structure.terms))
+    # With the base fit's noise, a rig that has these numbers reaches the noise floor.
+    nominal_model = replace(nominal_model, noise=base.optimum.noise[:3])
 
     def part(i: int) -> Any:
         if i == 0:
             return after if extended is base else held_out(base, holdout)
         if i == 1:
             return uncalibrated(base, holdout)
-        return simulation_error(profiles, holdout or train, truth=at, seed=seed)
+        return simulation_error(nominal_model, holdout or train, truth=at, seed=seed)
 
-    before, as_is, wrong = parallel_map(part, 3)
-    floor = {a: _number(wrong.at(1.0, a)[1]) for a in AXES}
+    before, uncalibrated_base, wrong = parallel_map(part, 3)
+    floor = {a: _finite_or_none(wrong.at(1.0, a)[1]) for a in AXES}
     return Fitted(
-        base, found, model, gain(before, after, seed=seed), before, after, wrong, floor,
-        refit=gain(as_is, before, seed=seed),
+        base, fit, model, gain(before, after, seed=seed), before, after, wrong, floor,
+        refit=gain(uncalibrated_base, before, seed=seed),
     )  # fmt: skip
 
 
 def _findings(
-    found: CorrectedFit,
+    fit: CorrectedFit,
     choices: Sequence[Choice],
-    less: Sequence[CorrectedFit],
+    reduced: Sequence[CorrectedFit],
     gains: Sequence[Gain],
 ) -> tuple[Finding, ...]:
-    scale = thrust_scale(found)
-    written = [t.name for t in found.structure.formal]
-    choices = beside_each_other(choices, written)
+    scale = thrust_scale(fit)
+    formal = [t.name for t in fit.structure.formal]
+    choices = without_mutual_ties(choices, formal)
     return tuple(
         Finding(
-            replace(c, confidence=min(c.confidence, size_confidence(found, c.term.name))),
-            forwards(in_SI(found, scale, c.term.name)), g, w.optimum.noise,
+            replace(c, confidence=min(c.confidence, size_confidence(fit, c.term.name))),
+            with_positive_torque(in_SI(fit, scale, c.term.name)), g, w.optimum.noise,
         )
-        for c, w, g in zip(choices, less, gains, strict=True)
+        for c, w, g in zip(choices, reduced, gains, strict=True)
     )  # fmt: skip
 
 
-def size_confidence(found: CorrectedFit, name: str) -> float:
-    """Return the probability that a term's first parameter v has the sign found: Φ(|v − v_0|/σ).
+def size_confidence(fit: CorrectedFit, name: str) -> float:
+    """Return the probability Φ(|v − v_0|/σ) that a term's first parameter v has the sign found.
 
-    v_0 is its value in a rig without the effect. One for a term without such a value, as a limit.
+    v_0 is its value in a rig without the effect. Returns 1 for a term without one, such as a limit.
     """
     from scipy.stats import norm
 
-    j = _number_of(found, name)
-    if j is None or found.free[j].log or not math.isfinite(found.free[j].null):
+    j = _first_index(fit, name)
+    if j is None or fit.free[j].log or not math.isfinite(fit.free[j].null):
         return 1.0
-    return float(norm.cdf(abs(float(found.values[j]) - found.free[j].null) / float(found.std[j])))
+    return float(norm.cdf(abs(float(fit.values[j]) - fit.free[j].null) / float(fit.std[j])))
 
 
-def beside_each_other(choices: Sequence[Choice], written: Sequence[str] = ()) -> list[Choice]:
-    """The choices without ties among themselves, or with how the fit's equations are ``written``;
-    the certainty is against what else there was.
+def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:
+    """Return the choices without ties to each other or to the fit's ``formal`` terms.
 
-    A weak one has not surely paid: what was tied with it still is.
+    The confidence is then that against the remaining alternatives. Ties to a weak choice remain.
     """
-    named = {c.term.name for c in choices if not c.weak} | set(written)
+    named = {c.term.name for c in choices if not c.weak} | set(formal)
     out = []
     for c in choices:
         tied = tuple(n for n in c.tied_with if n not in named)
-        sure = c.confidence
+        confidence = c.confidence
         if len(tied) < len(c.tied_with):
             others = [x.score for x in c.contenders if x.term.name not in named]
-            sure = max(sure, certainty([c.score, max([0.0, *others])]))
-        out.append(replace(c, tied_with=tied, confidence=sure))
+            confidence = max(confidence, certainty([c.score, max([0.0, *others])]))
+        out.append(replace(c, tied_with=tied, confidence=confidence))
     return out
 
 
-def won(g: Gain) -> float:
-    """The log-likelihood's gain"""
+def log_likelihood_gain(g: Gain) -> float:
     assert g.log_likelihood is not None
     return g.log_likelihood.value
 
 
-def forwards(values: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
-    """A periodic torque with τ > 0 and a phase in (−π, π]: −τ sin is τ sin half a period later."""
+def with_positive_torque(
+    values: Mapping[str, tuple[float, float]],
+) -> dict[str, tuple[float, float]]:
+    """Return a periodic torque with τ > 0 and a phase in (−π, π]: −τ sin φ = τ sin(φ + π)."""
     out = dict(values)
     if {"torque_Nm", "phase_rad"} <= out.keys():
         (torque, std), (phase, spread) = out["torque_Nm"], out["phase_rad"]
-        turned = phase + (math.pi if torque < 0 else 0.0)
+        shifted = phase + (math.pi if torque < 0 else 0.0)
         out["torque_Nm"] = abs(torque), std
-        out["phase_rad"] = math.pi - (math.pi - turned) % (2 * math.pi), spread
+        out["phase_rad"] = math.pi - (math.pi - shifted) % (2 * math.pi), spread
     return out
 
 
-def _number(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None

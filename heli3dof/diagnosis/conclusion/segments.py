@@ -1,17 +1,14 @@
-"""Whether a flight's own pieces agree on which of two causes it is.
+"""Test whether the segments of a flight agree on which of two causes is likelier (Vuong 1989).
 
-Two causes with full fits of log-likelihoods ℓ_a and ℓ_b, neither a case of the other: where they
-are nearly alike, 2 (ℓ_a − ℓ_b) scatters from flight to flight by more than chance does to nested
-ones, and by how much a flight's pieces tell (Vuong 1989). With d_c the difference in each of C
-cells of `CELL_S`,
+The causes a and b are not nested. Their fits have log-likelihoods ℓ_a, ℓ_b and scores S_a > S_b
+(`selection.select`). With d_c the difference of the log-likelihoods in each of C cells of `CELL_S`,
+the standard deviation of 2 (ℓ_a − ℓ_b) is
 
     s = 2 √(C var d_c)
 
-the second is tied with the first where 2 (ℓ_a − ℓ_b) < `AGREED` s, else the first is no surer than
-Φ(2 (ℓ_a − ℓ_b)/s). For 2 (ℓ_a − ℓ_b) stands the difference of the scores
-(`selection.select`), freed of false slopes and less the price of a cause's numbers.
-
-Where flights of each cause were asked (`selection.rivals`) they know better.
+S_a − S_b takes the place of 2 (ℓ_a − ℓ_b); it also corrects bias and the numbers of parameters. If
+it is less than `MIN_CLEARANCE` s, cause a is confounded with b. Otherwise the confidence in a is at
+most Φ((S_a − S_b)/s). Causes compared by simulated flights (`selection.rivals`) are not tested.
 """
 
 from __future__ import annotations
@@ -28,71 +25,74 @@ from heli3dof.diagnosis.validation.cross_validation import row_by_row
 from heli3dof.parallel import parallel_map
 
 CELL_S = 0.5
-AGREED = 1.0
-NEAR = 0.5
-"""Of the first one's score: what scores less is not asked."""
-ASKED = 3
+"""s, length of a cell. Chosen; not derived."""
+MIN_CLEARANCE = 1.0
+"""Difference of the scores in standard deviations s. Chosen; not derived."""
+MIN_SCORE_SHARE = 0.5
+"""Share of the first cause's score below which a cause is not compared. Chosen."""
+MAX_COMPARED = 3
+"""Largest number of causes compared with the first. Chosen; not derived."""
 
 
 def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """The findings, each tied too with what the pieces do not surely tell from it."""
-    here = {f.choice.term.name for f in findings}
+    """Return the findings, each also tied with the causes that the segments do not separate."""
+    adopted = {f.choice.term.name for f in findings}
     return tuple(
-        replace(f, choice=tied_by_segments(f.choice, here)) if not f.choice.by_flights else f
+        replace(f, choice=tied_by_segments(f.choice, adopted)) if not f.choice.by_flights else f
         for f in findings
     )
 
 
-def tied_by_segments(choice: Choice, here: set[str]) -> Choice:
-    """The choice, tied too with what the pieces do not surely tell from it, but those ``here``."""
+def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
+    """Return the choice, also tied with inseparable causes other than those ``adopted``."""
     best, *others = choice.contenders
     if best.term.effect.of_base:
         return choice
-    asked = [
+    compared = [
         c
         for c in others
-        if NEAR * best.score < c.score < best.score
-        and c.term.name not in (*choice.tied_with, *here)
+        if MIN_SCORE_SHARE * best.score < c.score < best.score
+        and c.term.name not in (*choice.tied_with, *adopted)
         and not c.term.effect.formal
-    ][:ASKED]
-    if not asked:
+    ][:MAX_COMPARED]
+    if not compared:
         return choice
-    each = parallel_map(lambda i: cells([best, *asked][i]), len(asked) + 1)
-    tied, sure = list(choice.tied_with), choice.confidence
-    for c, d in zip(asked, each[1:], strict=True):
-        certain = sureness(best.score - c.score, scatter(each[0] - d))
-        if certain < sureness(AGREED, 1.0):
+    by_cell = parallel_map(lambda i: log_likelihood_cells([best, *compared][i]), len(compared) + 1)
+    tied, confidence = list(choice.tied_with), choice.confidence
+    for c, d in zip(compared, by_cell[1:], strict=True):
+        probability = ranking_probability(best.score - c.score, ranking_std(by_cell[0] - d))
+        if probability < ranking_probability(MIN_CLEARANCE, 1.0):
             tied.append(c.term.name)
         else:
-            sure = min(sure, certain)
-    return replace(choice, tied_with=tuple(tied), confidence=sure)
+            confidence = min(confidence, probability)
+    return replace(choice, tied_with=tuple(tied), confidence=confidence)
 
 
-def cells(c: CandidateFit) -> np.ndarray:
-    """(C,) the log-likelihood of each cell."""
+def log_likelihood_cells(c: CandidateFit) -> np.ndarray:
+    """Return the log-likelihood (C,) of each cell."""
     data = c.problem.data
     X = c.problem.run(c.optimum.theta, c.optimum.noise, keep=3).X
     assert X is not None
     n = max(1, round(CELL_S / float(np.median(data.h))))
-    each = row_by_row(data, X).sum(axis=1)
-    return np.add.reduceat(each, np.arange(0, len(each), n))
+    rows = row_by_row(data, X).sum(axis=1)
+    return np.add.reduceat(rows, np.arange(0, len(rows), n))
 
 
-def scatter(d: np.ndarray) -> float:
-    """s, from the differences d (C,) of the cells.
+def ranking_std(d: np.ndarray) -> float:
+    """Return s for the differences d (C,) of the cells.
 
-    >>> scatter(np.array([1.0, -1.0, 1.0, -1.0]))
+    >>> ranking_std(np.array([1.0, -1.0, 1.0, -1.0]))
     4.0
     """
     return float(2 * np.sqrt(len(d) * d.var()))
 
 
-def sureness(apart: float, s: float) -> float:
-    """Φ(Δ/s), of scores that are Δ apart.
+def ranking_probability(difference: float, s: float) -> float:
+    """Return Φ(Δ/s) for scores that differ by Δ.
 
-    >>> round(sureness(20.0, 20.0), 2), sureness(1.0, 0.0)
+    >>> round(ranking_probability(20.0, 20.0), 2), ranking_probability(1.0, 0.0)
     (0.84, 1.0)
     """
     from scipy.stats import norm
 
-    return float(norm.cdf(apart / s)) if s > 0 else float(apart > 0)
+    return float(norm.cdf(difference / s)) if s > 0 else float(difference > 0)

@@ -1,9 +1,8 @@
-"""Search for unmodelled torques, and remove names that only stood in for one, until both settle.
+"""Search for residual torques and remove their stand-ins from the fit, until neither changes.
 
-Each set of names first competes with one free-form torque (`unmodelled.competition`). Then further
-residual torques are searched for, and names are removed that lose their size when the fit contains
-these torques (`stand_ins`). The remaining causes are fitted and measured again, and the search is
-repeated.
+1. Each subset of the causes competes with each free-form torque (`unmodelled.competition`).
+2. If the causes win, causes that lose their size to residual torques are stand-ins (`stand_ins`).
+3. Without the stand-ins, the other causes are fitted and adopted again; step 1 follows.
 """
 
 from __future__ import annotations
@@ -17,8 +16,12 @@ from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
 from heli3dof.diagnosis.selection.steps import bias_corrected_again, without
-from heli3dof.diagnosis.unmodelled.competition import as_leftover, held_with, winning_torque
-from heli3dof.diagnosis.unmodelled.torque_evidence import Held, evidence
+from heli3dof.diagnosis.unmodelled.competition import (
+    as_residual_torque,
+    nuisance_with_torque,
+    winning_torque,
+)
+from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, evidence
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque, significant_torques
 from heli3dof.diagnosis.validation.gain import HeldOut
 from heli3dof.recording.recording import Recording
@@ -26,82 +29,84 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """The fit with the causes that keep their names, and what is left beside them."""
+    """The fit with the adopted causes, and the residual torques ``left``."""
 
     found: CorrectedFit
     findings: tuple[Finding, ...]
     dropped: tuple[Dropped, ...]
     after: HeldOut
     left: tuple[ResidualTorque, ...] = ()
-    held: Held | None = None
-    """The fit's coordinates and the leftovers"""
+    held: Nuisance | None = None
+    """Nuisance parameters: the fit's and the residual torques"""
     sure: bool = True
-    """False where nothing in the fit is: neither its names nor the base's numbers"""
+    """False if neither causes nor base parameters are certain"""
 
 
 def settle_unmodelled(
-    bench: Setup, start: Settled, holdout: Sequence[Recording], *, flights: int
+    setup: Setup, start: Settled, holdout: Sequence[Recording], *, flights: int
 ) -> Settled:
-    """``start`` is what was adopted; ``flights``: simulated nulls of each look."""
-    if start.found.scatter is None:  # it may fly now that something was not adopted
-        again = bias_corrected_again(bench, start.found)
-        start = start if again.scatter is None else _measured(bench, start, again, (), holdout)
-    now, posed = start, list[str]()
-    first: tuple[tuple[ResidualTorque, ...], Held] | None = None
+    """Return the settled fit, from the adopted causes ``start``; ``flights`` nulls per search."""
+    if start.found.scatter is None:  # without a dropped cause, simulation may work
+        again = bias_corrected_again(setup, start.found)
+        start = start if again.scatter is None else _adopted_again(setup, start, again, (), holdout)
+    now, removed = start, list[str]()
+    first: tuple[tuple[ResidualTorque, ...], Nuisance] | None = None
     while True:
-        seen = evidence(now.found, bench.recordings, flights=flights, seed=bench.seed)
-        best = winning_torque(seen, named(now.findings))
+        scores = evidence(now.found, setup.recordings, flights=flights, seed=setup.seed)
+        best = winning_torque(scores, replaceable_causes(now.findings))
         if best is None:
-            left, held = significant_torques(seen)
-            posing = stand_ins(now.findings, now.found, left, held)
+            left, held = significant_torques(scores)
+            names = stand_ins(now.findings, now.found, left, held)
         else:
-            left, held = (as_leftover(seen, best),), held_with(seen, best)
-            posing = best.names
-        if not posing:
+            left, held = (as_residual_torque(scores, best),), nuisance_with_torque(scores, best)
+            names = best.names
+        if not names:
             break
         first = first or (left, held)
-        posed += posing
-        now = _less(bench, now, posing, holdout)
+        removed += names
+        now = _without_stand_ins(setup, now, names, holdout)
     if first and not left:
-        return _uncertain(start, *first, posed)
+        return _undecided(start, *first, removed)
     findings = marked_unsure(now.findings, now.found, left, held)
-    return replace(now, findings=findings, left=with_resemblance(left, posed), held=held)
+    return replace(now, findings=findings, left=with_resemblance(left, removed), held=held)
 
 
-def named(findings: Sequence[Finding]) -> list[str]:
-    """The names that may be stand-ins: not what a simpler base leaves out."""
+def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
+    """Return the causes that may be stand-ins: all except the base's own effects."""
     return [f.choice.term.name for f in findings if not f.choice.term.effect.of_base]
 
 
-def _uncertain(
-    start: Settled, left: tuple[ResidualTorque, ...], held: Held, posed: Sequence[str]
+def _undecided(
+    start: Settled, left: tuple[ResidualTorque, ...], held: Nuisance, removed: Sequence[str]
 ) -> Settled:
-    """Where without the names nothing can be seen to be left (too little holds the fit then):
-    both are told, and neither a name nor a number is sure."""
+    """Return ``start`` with the first residual torques; neither they nor the causes are certain.
+
+    Called if no residual torque is significant without the stand-ins.
+    """
     findings = tuple(replace(f, like=True) for f in start.findings)
     return replace(
-        start, findings=findings, left=with_resemblance(left, posed), held=held, sure=False
+        start, findings=findings, left=with_resemblance(left, removed), held=held, sure=False
     )
 
 
-def _less(
-    bench: Setup, now: Settled, posing: Sequence[str], holdout: Sequence[Recording]
+def _without_stand_ins(
+    setup: Setup, now: Settled, names: Sequence[str], holdout: Sequence[Recording]
 ) -> Settled:
-    """The same without these names: refitted, measured again."""
+    """Return the fit without the causes ``names``; the other causes are adopted again."""
     found = now.found
     for f in now.findings:
-        if f.choice.term.name in posing:
+        if f.choice.term.name in names:
             found = without(found, f.choice.term)
-    return _measured(bench, now, bias_corrected_again(bench, found), posing, holdout)
+    return _adopted_again(setup, now, bias_corrected_again(setup, found), names, holdout)
 
 
-def _measured(
-    bench: Setup, now: Settled, found: CorrectedFit, posing: Sequence[str],
+def _adopted_again(
+    setup: Setup, now: Settled, found: CorrectedFit, names: Sequence[str],
     holdout: Sequence[Recording],
 ) -> Settled:  # fmt: skip
-    """What of the other names still pays, and has a size, in this fit without those ``posing``."""
-    kept = [f.choice for f in now.findings if f.choice.term.name not in posing]
+    """Return ``found``, the fit without ``names``, with those other causes that still gain."""
+    kept = [f.choice for f in now.findings if f.choice.term.name not in names]
     gains = {f.choice.term.name: f.gain for f in now.findings}
-    found, findings, poor, after = adopted(found, kept, holdout, seed=bench.seed)
-    gone = tuple(Dropped(n, gains[n], STANDS_IN) for n in posing)
-    return Settled(found, findings, (*now.dropped, *gone, *poor), after)
+    found, findings, dropped, after = adopted(found, kept, holdout, seed=setup.seed)
+    replaced = tuple(Dropped(n, gains[n], STANDS_IN) for n in names)
+    return Settled(found, findings, (*now.dropped, *replaced, *dropped), after)

@@ -1,26 +1,27 @@
-"""One function without a name in the place of several names: does it explain the flight better?
+"""Test whether one free-form torque explains the flight better than several named causes together.
 
-A torque outside the catalogue may be taken apart into names. k V_f V_b on pitch is, to first order
-about hover, a thrust mismatch and a constant torque; together they leave so little that the torque
-which `unmodelled.unmodelled_torque` would find beside them is none. So each set s of the names, and
-each free-form torque q, compete for the same flight. With the fit's coordinates at d_s from absent,
-linearised (`unmodelled.torque_evidence`), the scores where the names are absent are
+Causes of the catalogue may together imitate a torque outside it. On pitch, k V_f V_b is, to first
+order about hover, a thrust mismatch and a constant torque. With both in the fit, no residual torque
+is significant (`unmodelled.unmodelled_torque`). So each subset s of the causes competes with each
+free-form torque. Let d_s (p,) be the distance of s from absence in the fit's coordinates. With A,
+X, g, u of `unmodelled.torque_evidence`, the linearised scores in the absence of s are
 
     g° = g + A d_s,      u° = u + Xᵀ d_s
 
-and, the other coordinates r projected out of everything (U = u° − X_rᵀ A_rr⁻¹ g°_r, and so on),
+The remaining coordinates r are projected out of both and of their information matrices:
 
-    named = Gᵀ W⁻¹ G,      free = Uᵀ V⁺ U,      both: of the two together
+    U = u° − X_rᵀ A_rr⁻¹ g°_r with information V;      G of g°_s with information W, likewise
 
-are what the names, the free form, and both win there: twice a log-likelihood. The names stood in
-for q where
+Rao's score statistics are twice the gains in log-likelihood:
 
-    free − named > max((rank V − n_s) ln N, mean + `SPREAD` σ of simulated nulls),
-    both − free < max(`KEPT` named, n_s ln N)
+    named = Gᵀ W⁻¹ G,      free = Uᵀ V⁺ U,      both: of G and U jointly
 
-(BIC; N events; the nulls fly the fit with its names in it, where their own free form loses as much
-as the names' formula is worth). A true cause is not only one more shape of a torque on one axis: it
-moves others too, or has a shape that a function of one variable can follow only with more numbers.
+The free-form torque replaces the causes if all of these hold:
+
+1. free − named > (rank V − n_s) ln N: BIC, with n_s parameters of the causes and N readings.
+2. free − named > mean + `NULL_SIGMAS` σ of this difference in null simulations of the fit.
+3. both − free < max(`MAX_REMAINING` named, n_s ln N). A true cause violates this if it acts on
+   several axes, or has a shape that a function of one variable fits only with more parameters.
 """
 
 from __future__ import annotations
@@ -33,18 +34,19 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.sensitivity.hat_functions import forward
-from heli3dof.diagnosis.unmodelled.torque_evidence import Evidence, Held, told
-from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque, scaled, share_of
+from heli3dof.diagnosis.unmodelled.torque_evidence import Evidence, Nuisance, informative_directions
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque, minus_2_log_p, share_of
 from heli3dof.identification.greybox.estimate import Estimate
 
-SPREAD = 6.0
-KEPT = 0.25
-"""Of what the names won alone: what they still win beside the free form"""
+NULL_SIGMAS = 6.0
+"""Standard deviations of the nulls' free − named. Chosen; not derived."""
+MAX_REMAINING = 0.25
+"""Largest share of ``named`` that the causes may still gain with the free form fitted. Chosen."""
 
 
 @dataclass(frozen=True)
 class Contest:
-    """A free-form torque against the names that it would replace."""
+    """Gains of a free-form torque and of the causes ``names`` that it would replace."""
 
     names: tuple[str, ...]
     axis: str
@@ -53,142 +55,147 @@ class Contest:
     named: float
     both: float
     rank: int
-    numbers: int
-    """n_s, parameters of the names"""
+    parameters: int
     events: int
+    """n_s and N"""
     nulls: tuple[float, float]
     """Mean and standard deviation of free − named in the nulls"""
 
     @property
-    def better(self) -> float:
-        """free − named, less what the free form's further numbers cost."""
-        return self.free - self.named - (self.rank - self.numbers) * float(np.log(self.events))
+    def bic_margin(self) -> float:
+        """Return free − named − (rank − n_s) ln N."""
+        return self.free - self.named - (self.rank - self.parameters) * float(np.log(self.events))
 
     @property
     def wins(self) -> bool:
-        """True where the names only stood in for it; see the module."""
+        """Return True if the free-form torque replaces the causes."""
         mean, std = self.nulls
-        bought = self.numbers * float(np.log(self.events))
-        sure = self.free - self.named > mean + SPREAD * std
-        return self.better > 0 and sure and self.both - self.free < max(KEPT * self.named, bought)
+        price = self.parameters * float(np.log(self.events))
+        exceeds_nulls = self.free - self.named > mean + NULL_SIGMAS * std
+        return (
+            self.bic_margin > 0
+            and exceeds_nulls
+            and self.both - self.free < max(MAX_REMAINING * self.named, price)
+        )
 
 
-def winning_torque(seen: Evidence, names: Sequence[str]) -> Contest | None:
-    """The best of those that win against any of the names; None where the names stand.
-
-    None too where the loop is unknown: without nulls there is no telling what a free form wins.
-    """
-    if seen.null is None or not names:
+def winning_torque(evidence: Evidence, names: Sequence[str]) -> Contest | None:
+    """Return the winning contest with the largest ``bic_margin``; None without winner or nulls."""
+    if evidence.null is None or not names:
         return None
-    winners = (r for r in rivals(seen, names) if r.wins)
-    return max(winners, key=lambda r: r.better, default=None)
+    winners = (c for c in contests(evidence, names) if c.wins)
+    return max(winners, key=lambda c: c.bic_margin, default=None)
 
 
-def rivals(seen: Evidence, names: Sequence[str]) -> Iterator[Contest]:
-    """Every set of the names against every group of the library."""
-    null, held = seen.null, seen.held
+def contests(evidence: Evidence, names: Sequence[str]) -> Iterator[Contest]:
+    """Yield the contest of every subset of ``names`` with every free-form torque."""
+    null, nuisance = evidence.null, evidence.nuisance
     assert null is not None
     B = len(null.u)
-    mean_g, mean_u = held.g_null.mean(axis=0), null.u.mean(axis=0)
-    # Each null against the others, as the flight is against all.
-    alone = B / (B - 1)
-    g = np.vstack([held.g - mean_g, (held.g_null - mean_g) * alone])
-    u = np.vstack([seen.sums.u - mean_u, (null.u - mean_u) * alone])
+    mean_g, mean_u = nuisance.g_null.mean(axis=0), null.u.mean(axis=0)
+    # From each null, the mean of the other nulls is subtracted.
+    leave_one_out = B / (B - 1)
+    g = np.vstack([nuisance.g - mean_g, (nuisance.g_null - mean_g) * leave_one_out])
+    u = np.vstack([evidence.sums.u - mean_u, (null.u - mean_u) * leave_one_out])
     for count in range(1, len(names) + 1):
-        for some in itertools.combinations(names, count):
-            gone = np.array([f.term in some for f in seen.found.free])
-            d = away(seen.found) * gone
-            for q, (axis, variable) in enumerate(seen.library.groups):
-                c = seen.library.columns(q)
-                X, V = seen.sums.cross[:, c], seen.sums.V[q]
-                free, named, both, rank = won(held.A, X, V, g, u[:, c], d, gone)
+        for subset in itertools.combinations(names, count):
+            replaced = np.array([f.term in subset for f in evidence.fit.free])
+            d = distance_from_absence(evidence.fit) * replaced
+            for q, (axis, variable) in enumerate(evidence.library.groups):
+                c = evidence.library.columns(q)
+                X, V = evidence.sums.cross[:, c], evidence.sums.V[q]
+                free, named, both, rank = likelihood_gains(
+                    nuisance.A, X, V, g, u[:, c], d, replaced
+                )
                 if rank:
-                    less = (free - named)[1:]
+                    null_margin = (free - named)[1:]
                     yield Contest(
-                        some, AXES[axis], variable, float(free[0]), float(named[0]),
-                        float(both[0]), rank, int(gone.sum()), max(len(seen.flight.at.row), 2),
-                        (float(less.mean()), float(less.std(ddof=1))),
+                        subset, AXES[axis], variable, float(free[0]), float(named[0]),
+                        float(both[0]), rank, int(replaced.sum()),
+                        max(len(evidence.flight.at.row), 2),
+                        (float(null_margin.mean()), float(null_margin.std(ddof=1))),
                     )  # fmt: skip
 
 
-def away(found: Estimate) -> np.ndarray:
-    """(p,) the way from each term's absence to where it is, along its first parameter's tangent."""
-    d, seen = np.zeros(len(found.free)), set[str]()
-    for j, (f, v) in enumerate(zip(found.free, found.values, strict=True)):
-        if f.term is not None and f.term not in seen:
-            seen.add(f.term)
+def distance_from_absence(fit: Estimate) -> np.ndarray:
+    """Return the distance (p,) of each term's first coordinate from absence, along its tangent."""
+    d, visited = np.zeros(len(fit.free)), set[str]()
+    for j, (f, v) in enumerate(zip(fit.free, fit.values, strict=True)):
+        if f.term is not None and f.term not in visited:
+            visited.add(f.term)
             d[j] = (float(v) - f.null) / f.slope(float(v))
     return d
 
 
-def as_leftover(seen: Evidence, best: Contest) -> ResidualTorque:
-    """The free form itself, as it is where the names are absent: what is left beside no name.
+def as_residual_torque(evidence: Evidence, contest: Contest) -> ResidualTorque:
+    """Return the winning free-form torque, estimated with the causes absent.
 
-    Its share is of the residual torque that it leaves and its own together; its confidence the odds
-    of it against the names, both as likely before: 1/(1 + exp(−better/2)).
+    ``share`` refers to the sum of this torque and the fit's residual torque. ``confidence`` is the
+    probability of the torque against the causes at even prior odds: 1/(1 + exp(−bic_margin/2)).
     """
-    null, held, library, flight = seen.null, seen.held, seen.library, seen.flight
+    null, nuisance, library = evidence.null, evidence.nuisance, evidence.library
+    flight = evidence.flight
     assert null is not None
-    axis = AXES.index(best.axis)
-    q = library.groups.index((axis, best.depends_on))
+    axis = AXES.index(contest.axis)
+    q = library.groups.index((axis, contest.depends_on))
     c = library.columns(q)
-    gone = np.array([f.term in best.names for f in seen.found.free])
-    d = away(seen.found) * gone
-    g = held.g - held.g_null.mean(axis=0) + held.A @ d
-    u = (seen.sums.u - null.u.mean(axis=0))[c] + seen.sums.cross[:, c].T @ d
-    X = seen.sums.cross[~gone][:, c]
-    solved = np.linalg.solve(held.A[np.ix_(~gone, ~gone)], X)
-    V = seen.sums.V[q] - X.T @ solved
-    E = told(V, seen.sums.V[q])
+    replaced = np.array([f.term in contest.names for f in evidence.fit.free])
+    d = distance_from_absence(evidence.fit) * replaced
+    g = nuisance.g - nuisance.g_null.mean(axis=0) + nuisance.A @ d
+    u = (evidence.sums.u - null.u.mean(axis=0))[c] + evidence.sums.cross[:, c].T @ d
+    X = evidence.sums.cross[~replaced][:, c]
+    solved = np.linalg.solve(nuisance.A[np.ix_(~replaced, ~replaced)], X)
+    V = evidence.sums.V[q] - X.T @ solved
+    E = informative_directions(V, evidence.sums.V[q])
     inverse = E @ np.linalg.inv(E.T @ V @ E) @ E.T
-    torque = inverse @ (u - solved.T @ g[~gone])
-    m = library.variables.index(best.depends_on)
-    left, part = (a[:, m] for a in library.place(flight))
+    torque = inverse @ (u - solved.T @ g[~replaced])
+    m = library.variables.index(contest.depends_on)
+    below, part = (a[:, m] for a in library.place(flight))
     rows = flight.flown & np.isfinite(flight.torque[:, axis])
-    f = (torque[left] * (1 - part) + torque[left + 1] * part)[rows]
-    rest = flight.torque[rows, axis]
+    f = (torque[below] * (1 - part) + torque[below + 1] * part)[rows]
+    residual = flight.torque[rows, axis]
     return ResidualTorque(
-        best.axis,
-        best.depends_on,
-        share_of(rest + f - f.mean(), f - f.mean(), flight.data.h[rows]),
+        contest.axis,
+        contest.depends_on,
+        share_of(residual + f - f.mean(), f - f.mean(), flight.data.h[rows]),
         tuple(
             (float(z), float(v)) for z, v in zip(library.knots[m], torque - f.mean(), strict=True)
         ),
         tuple(float(v) for v in np.sqrt(np.diag(inverse))),
-        float(scaled(np.array([best.free - best.named]), best.rank)[0]),
-        float(1 / (1 + np.exp(-min(best.better, 200.0) / 2))),
-        like=f"{best.names[0]}-like",
+        float(minus_2_log_p(np.array([contest.free - contest.named]), contest.rank)[0]),
+        float(1 / (1 + np.exp(-min(contest.bic_margin, 200.0) / 2))),
+        like=f"{contest.names[0]}-like",
     )
 
 
-def held_with(seen: Evidence, best: Contest) -> Held:
-    """What is held once the free form is taken beside the names."""
-    q = seen.library.groups.index((AXES.index(best.axis), best.depends_on))
-    c = seen.library.columns(q)
-    X, V = seen.sums.cross[:, c], seen.sums.V[q]
-    P = told(V - X.T @ np.linalg.solve(seen.held.A, X), V)
+def nuisance_with_torque(evidence: Evidence, contest: Contest) -> Nuisance:
+    """Return the nuisance parameters of the fit, extended by the free-form torque."""
+    q = evidence.library.groups.index((AXES.index(contest.axis), contest.depends_on))
+    c = evidence.library.columns(q)
+    X, V = evidence.sums.cross[:, c], evidence.sums.V[q]
+    P = informative_directions(V - X.T @ np.linalg.solve(evidence.nuisance.A, X), V)
     columns = np.arange(c.start, c.stop)
-    D = forward(seen.library, seen.flight, seen.held.tangents, columns).traces
-    return seen.held.wider(seen.flight, D, P, columns, seen.null)
+    D = forward(evidence.library, evidence.flight, evidence.nuisance.tangents, columns).traces
+    return evidence.nuisance.with_torque(evidence.flight, D, P, columns, evidence.null)
 
 
-def won(
+def likelihood_gains(
     A: np.ndarray, X: np.ndarray, V: np.ndarray, g: np.ndarray, u: np.ndarray, d: np.ndarray,
-    gone: np.ndarray,
+    replaced: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:  # fmt: skip
-    """(free, named, both) (M,) each, and the free form's rank; see the module.
+    """Return (free, named, both), each (M,), and the rank of the free form; see the module.
 
-    A (p, p), X (p, K), V (K, K); scores g (M, p), u (M, K) of M flights; d (p,), zero but where
-    ``gone`` (p,) bool.
+    A (p, p), X (p, K), V (K, K); scores g (M, p), u (M, K) of M flights; d (p,) is zero except
+    where ``replaced`` (p,) is True.
     """
     g, u = g + A @ d, u + X.T @ d
-    rest = ~gone
-    solved = np.linalg.solve(A[np.ix_(rest, rest)], np.hstack([A[np.ix_(rest, gone)], X[rest]]))
-    n = int(gone.sum())
-    full = np.block([[A[np.ix_(gone, gone)], X[gone]], [X[gone].T, V]])
-    J = full - np.hstack([A[np.ix_(rest, gone)], X[rest]]).T @ solved
-    U = np.hstack([g[:, gone], u]) - g[:, rest] @ solved
-    E = told(J[n:, n:], V)
+    rest = ~replaced
+    solved = np.linalg.solve(A[np.ix_(rest, rest)], np.hstack([A[np.ix_(rest, replaced)], X[rest]]))
+    n = int(replaced.sum())
+    full = np.block([[A[np.ix_(replaced, replaced)], X[replaced]], [X[replaced].T, V]])
+    J = full - np.hstack([A[np.ix_(rest, replaced)], X[rest]]).T @ solved
+    U = np.hstack([g[:, replaced], u]) - g[:, rest] @ solved
+    E = informative_directions(J[n:, n:], V)
     if not E.shape[1]:
         zero = np.zeros(len(g))
         return zero, zero, zero, 0
@@ -199,5 +206,5 @@ def won(
 
 
 def _quadratic(U: np.ndarray, J: np.ndarray) -> np.ndarray:
-    """(M,) Uᵀ J⁺ U"""
+    """Return Uᵀ J⁺ U for each of the M rows of U; shape (M,)."""
     return np.asarray(np.einsum("mi,ij,mj->m", U, np.linalg.pinv(J, hermitian=True), U))

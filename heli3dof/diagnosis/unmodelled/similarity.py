@@ -1,12 +1,12 @@
-"""Which named cause a free-form torque resembles, in the only sense that counts: what it does.
+"""Find the named cause whose effect on the innovations is most similar to a free-form torque's.
 
-δ is the leftover's trace in the innovations, δ_p that of a named cause's probe
-(`screening.score_test`), both with what the fit already holds projected out; with the events'
-informations w,
+δ (E,) is the change of the E predicted readings by the torque, δ_p that by probe p of a named cause
+(`screening.score_test`). Their correlation, with the fit's parameters projected out, is
 
     cos = ⟨δ, δ_p⟩/√(⟨δ, δ⟩⟨δ_p, δ_p⟩),      ⟨a, b⟩ = Σ w a b − (T w a)ᵀ A⁻¹ (T w b)
 
-Above `LIKE` this flight can hardly tell them apart, and the leftover is called "…-like".
+w (E,) is the information of the readings, T (p, E) the derivatives of the predicted readings by the
+parameters, A (p, p) their information. Beyond `LIKE`, the torque is reported as "…-like".
 """
 
 from __future__ import annotations
@@ -21,18 +21,22 @@ from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Pass
 
 LIKE = 0.9
+"""|cos| from which torque and cause count as similar. Chosen; not derived."""
 
 
-def named_traces(found: Estimate) -> tuple[list[str], np.ndarray]:
-    """(names, (P, E) δ_p) of every probe of every cause that ``found`` does not hold."""
-    problem, o = found.problem, found.optimum
-    axes = [a for a, there in zip(AXES, problem.data.axes, strict=True) if there]
-    taken = [t.name for t in found.structure.terms]
+def named_traces(fit: Estimate) -> tuple[list[str], np.ndarray]:
+    """Return (names, traces (P, E)) of all probes of the causes that ``fit`` does not contain."""
+    problem, o = fit.problem, fit.optimum
+    axes = [a for a, measured in zip(AXES, problem.data.axes, strict=True) if measured]
+    fitted = [t.name for t in fit.structure.terms]
     named = [
-        p for t in candidates(taken, axes) if not t.effect.formal for p in probes(t, problem.data.V)
+        p
+        for t in candidates(fitted, axes)
+        if not t.effect.formal
+        for p in probes(t, problem.data.V)
     ]
-    here = evaluate(problem, o.theta, o.noise, whole=False)
-    return [p.name for p in named], Screen(problem, o.theta, here, named).D
+    evaluation = evaluate(problem, o.theta, o.noise, whole=False)
+    return [p.name for p in named], Screen(problem, o.theta, evaluation, named).D
 
 
 def similarity(
@@ -42,18 +46,18 @@ def similarity(
     tangents: np.ndarray,
     A: np.ndarray,
 ) -> tuple[str, float]:
-    """(the nearest named cause, cos) of a ``trace`` (E,), beside ``tangents`` (p, E) held.
+    """Return (most similar cause, |cos|) of a torque with this ``trace`` (E,).
 
-    A (p, p) is the information of what is held, priors included.
+    ``named``: from `named_traces`. ``tangents`` T (p, E) and A (p, p): parameters projected out.
     """
     names, D = named
     D = np.vstack([trace, D])
     across = (D * at.w) @ tangents.T
-    own = np.einsum("ij,j,ij->i", D, at.w, D)
-    left = own - np.einsum("ij,ij->i", across, np.linalg.solve(A, across.T).T)
-    with_it = (D * at.w) @ trace - across @ np.linalg.solve(A, across[0])
-    told = left > 1e-6 * np.maximum(own, 1e-30)
+    full = np.einsum("ij,j,ij->i", D, at.w, D)
+    remaining = full - np.einsum("ij,ij->i", across, np.linalg.solve(A, across.T).T)
+    with_trace = (D * at.w) @ trace - across @ np.linalg.solve(A, across[0])
+    informative = remaining > 1e-6 * np.maximum(full, 1e-30)
     with np.errstate(invalid="ignore", divide="ignore"):
-        cos = np.abs(np.where(told, with_it / np.sqrt(left[0] * left), 0.0))[1:]
+        cos = np.abs(np.where(informative, with_trace / np.sqrt(remaining[0] * remaining), 0.0))[1:]
     best = int(np.argmax(cos))
     return names[best], float(cos[best])

@@ -1,18 +1,19 @@
-"""What a person sees a cause in: residual torque against the variable that the cause depends on.
+"""Compute a cause's figure: residual torque against the variable on which the cause depends.
 
-The rig of the final fit *without* the one cause is filtered with the noise of the fit that lacked
-it; its residual torque τ̂ (`sensitivity.residual_torque`) is the recordings' own estimate of the
-torque of the cause. It is averaged in bins of the variable z; each bin's error bar is
+The final fit *without* the cause is filtered, with the noise of the refit without it. This gives
+the residual torque τ̂ (N·m, `sensitivity.residual_torque`), averaged in bins of the variable z. A
+bin with T seconds has the standard error (samples within `WINDOW_S` count as one)
 
-    σ = std(τ̂)/√(T/`WINDOW_S`),     T the bin's time: what lies within `WINDOW_S` counts once
+    σ = std(τ̂)/√max(T/`WINDOW_S`, 1)
 
-Through it goes the fitted cause: τ = B⁻¹ (q̈ with it − q̈ without it) along the same states, which
-serves effects of any stage that acts, a lag or a dead zone as well as a friction. A wrong zero or
-scale of an encoder acts on nothing: it misleads. There the rig *with* it is filtered too, and
+The curve is the torque of the cause along the same states x. With the accelerations q̈ (rad/s²) of
+both models and B = M(q)⁻¹ (1/(kg·m²)),
 
-    τ = B⁻¹ (∂y/∂q q̈(x_with) − q̈(x_without)),      y the reading
+    τ = B⁻¹ (q̈_with(x) − q̈_without(x))
 
-is what the rig that does not know of it lacks.
+An encoder error only changes the reading y of an angle q. Then both fits are filtered:
+
+    τ = B⁻¹ (∂y/∂q q̈(x_with) − q̈(x_without))
 """
 
 from __future__ import annotations
@@ -31,8 +32,9 @@ from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.state_layout import Stage
 
 BINS = 24
-LEAST_TIME_S = 0.1
-"""A bin of less than this tells nothing."""
+"""Bins of the points; the curve has three times as many. Chosen; not derived."""
+MIN_TIME_S = 0.1
+"""s, least time in a bin; emptier bins are not drawn. Chosen; not derived."""
 DEPENDS_ON = {
     "friction.coulomb": "{axis}_rate", "friction.viscous": "{axis}_rate",
     "drag.quadratic": "{axis}_rate", "stiffness.pendulum": "{axis}", "stiffness.cable": "yaw",
@@ -45,87 +47,86 @@ DEPENDS_ON = {
     "aero.inflow": "roll_rate", "aero.gyroscopic": "roll_rate",
     "disturbance.periodic": "time",
 }  # fmt: skip
-"""Effect → the variable it is seen in, where the effect itself does not say (``evidence``)."""
-PLAY = "encoder.backlash"
-"""It hides the motion and has no torque that a variable tells."""
-LATE = {"motor.lag": "voltage_difference_slope", "motor.delay": "voltage_difference_slope"}
-"""What comes late is no function of the voltage: τ K_f dV/dt is what is missing meanwhile."""
-
+"""Effect → variable of its figure, unless the effect itself names one (``evidence``)"""
+BACKLASH = "encoder.backlash"
+"""Has no figure: its torque is no function of a variable."""
+DELAYS = {"motor.lag": "voltage_difference_slope", "motor.delay": "voltage_difference_slope"}
+"""Effects that delay the voltage V by τ: the missing torque is τ K_f dV/dt."""
 
 VOLTAGES = ("voltage_sum", "voltage_difference", "voltage_front", "voltage_back")
-OTHERS = ("roll", "pitch", *VOLTAGES[:2])
-"""Where a torque that follows a voltage may be seen better, once the trim has taken its part."""
-INSTEAD = {
-    **dict.fromkeys(VOLTAGES, OTHERS),
-    "voltage_difference_slope": ("voltage_sum_slope",),  # what comes late on roll
+ALTERNATIVES = ("roll", "pitch", *VOLTAGES[:2])
+"""Further variables for torques that follow a voltage; the trim absorbs a part of these."""
+ALTERNATIVES_OF = {
+    **dict.fromkeys(VOLTAGES, ALTERNATIVES),
+    "voltage_difference_slope": ("voltage_sum_slope",),
 }
-CLEARER = 2.0
+MIN_CLARITY_RATIO = 2.0
+"""Clarity (`_clearest`) from which a further variable is preferred, as a ratio. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Residual torque on ``axis`` in m bins of a variable, and the fitted cause through it."""
+    """Residual torque on ``axis`` in m bins of a variable, and the curve of the fitted cause."""
 
     name: str
-    """The cause's"""
+    """Name of the cause"""
     axis: str
     depends_on: str
     unit: str
-    """In which z is given: degrees and degrees a second for angles and rates"""
+    """Unit of z; degrees for angles"""
     z: np.ndarray
     torque: np.ndarray
     std: np.ndarray
     """(m,) N·m"""
     curve_z: np.ndarray
     curve: np.ndarray
-    """(c,) N·m: the fitted cause, its mean where it is no function of z alone"""
+    """(c,) N·m, averaged in bins: the cause may also depend on other variables"""
 
 
 def variable_of(effect: Effect, axis: str | None) -> str | None:
-    """One of `UNITS`; None for an effect that shows in no torque (play in an encoder, timing)."""
-    if not effect.hooks or effect.name == PLAY:
+    """Return the variable of an effect's figure, one of `UNITS`; None if it has no figure."""
+    if not effect.hooks or effect.name == BACKLASH:
         return None
-    said = LATE.get(effect.name) or getattr(effect, "evidence", "") or DEPENDS_ON.get(effect.name)
-    if not isinstance(said, str) or not said:
+    variable = (
+        DELAYS.get(effect.name) or getattr(effect, "evidence", "") or DEPENDS_ON.get(effect.name)
+    )
+    if not isinstance(variable, str) or not variable:
         return None
-    name = said.replace("{axis}", axis or "roll")
+    name = variable.replace("{axis}", axis or "roll")
     if name in ("rate", "angle") and axis is not None:
         name = f"{axis}_rate" if name == "rate" else axis
     return name if name in UNITS else None
 
 
-def evidence(found: Estimate, term: Term, noise: np.ndarray) -> Evidence | None:
-    """Of one term of ``found``; ``noise`` (4,) is that of the fit without it.
-
-    None for an effect that is seen in no torque.
-    """
+def evidence(fit: Estimate, term: Term, noise: np.ndarray) -> Evidence | None:
+    """Return the figure of a term of ``fit``, or None; ``noise`` (4,): of the fit without it."""
     name = variable_of(term.effect, term.axis)
     if name is None:
         return None
-    keep = tuple(t for t in found.structure.terms if t.name != term.name)
-    lacking = replace(found.problem, structure=Structure(found.structure.profile, keep))
-    given = dict(zip(found.structure.names, found.values.tolist(), strict=True))
-    theta = lacking.coordinates(lacking.structure.values_of(given))
-    flight = trail_at(lacking, theta, noise)
-    misleads = Stage.MEASURE in term.effect.hooks
-    if misleads:
-        knowing = trail_at(found.problem, found.optimum.theta, found.optimum.noise)
-        with_it = knowing.slope * knowing.q_ddot
+    keep = tuple(t for t in fit.structure.terms if t.name != term.name)
+    problem_without = replace(fit.problem, structure=Structure(fit.structure.profile, keep))
+    parameters = dict(zip(fit.structure.names, fit.values.tolist(), strict=True))
+    theta = problem_without.coordinates(problem_without.structure.values_of(parameters))
+    flight = trail_at(problem_without, theta, noise)
+    is_encoder_error = Stage.MEASURE in term.effect.hooks
+    if is_encoder_error:
+        flight_with = trail_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
+        q_ddot_with = flight_with.slope * flight_with.q_ddot
     else:
-        with_it = along(found.problem, found.optimum.theta, flight.X)[3]
-    cause = flight.as_torque(with_it - flight.q_ddot)
-    if term.axis is not None and not misleads:
+        q_ddot_with = along(fit.problem, fit.optimum.theta, flight.X)[3]
+    cause = flight.as_torque(q_ddot_with - flight.q_ddot)
+    if term.axis is not None and not is_encoder_error:
         i = AXES.index(term.axis)
     else:
-        others = () if misleads else INSTEAD.get(name, ())
+        others = () if is_encoder_error else ALTERNATIVES_OF.get(name, ())
         name, i = _clearest(flight, cause, (name, *others))
     z = flight.variable(name)
     unit = UNITS[name]
-    frequency = given.get(f"{term.name}.frequency_Hz")
+    frequency = parameters.get(f"{term.name}.frequency_Hz")
     if name == "time" and frequency:
         z, name, unit = (z * frequency) % 1.0, f"phase of {frequency:.3g} Hz", "turns"
     rows = flight.flown & np.isfinite(flight.torque[:, i])
-    z = _read(z, unit)[rows]
+    z = _in_unit(z, unit)[rows]
     curve_z, curve, _ = _binned(z, cause[rows, i], flight.data.h[rows], 3 * BINS)
     return Evidence(
         term.name, AXES[i], name, unit,
@@ -133,30 +134,28 @@ def evidence(found: Estimate, term: Term, noise: np.ndarray) -> Evidence | None:
     )  # fmt: skip
 
 
-def leftover_evidence(found: Estimate, rest: ResidualTorque) -> Evidence:
-    """Of a leftover: the residual torque of the fit that it is left over from."""
-    flight = trail(found)
-    i = AXES.index(rest.axis)
+def residual_evidence(fit: Estimate, residual: ResidualTorque) -> Evidence:
+    """Return the figure of a residual torque of ``fit``."""
+    flight = trail(fit)
+    i = AXES.index(residual.axis)
     rows = flight.flown & np.isfinite(flight.torque[:, i])
-    unit = UNITS[rest.depends_on]
-    z = _read(flight.variable(rest.depends_on), unit)[rows]
-    knots, torque = np.array(rest.table).T
-    slope = float(np.polyfit(_read(knots, unit), torque, 1)[0])
-    name = f"Unmodelled {rest.axis} torque, slope {slope:.3g} N·m/({unit}),".replace("-", "−")
+    unit = UNITS[residual.depends_on]
+    z = _in_unit(flight.variable(residual.depends_on), unit)[rows]
+    knots, torque = np.array(residual.table).T
+    slope = float(np.polyfit(_in_unit(knots, unit), torque, 1)[0])
+    name = f"Unmodelled {residual.axis} torque, slope {slope:.3g} N·m/({unit}),".replace("-", "−")
     return Evidence(
-        name, rest.axis, rest.depends_on, unit,
-        *_binned(z, flight.torque[rows, i], flight.data.h[rows], BINS), _read(knots, unit), torque,
+        name, residual.axis, residual.depends_on, unit,
+        *_binned(z, flight.torque[rows, i], flight.data.h[rows], BINS),
+        _in_unit(knots, unit), torque,
     )  # fmt: skip
 
 
 def _clearest(flight: Trail, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
-    """The variable and axis in which the points follow the cause's bins best, in error bars:
+    """Return the variable and axis in which the points follow the cause's bins best.
 
-    Σ (τ̂ − mean)²/σ² − Σ (τ̂ − τ − mean)²/σ²
-
-    The mean does not count: a constant is what the base's trim takes. Another variable than the
-    first of ``names`` is taken where it is `CLEARER`: a dead zone is a torque on yaw that follows
-    pitch, once the trim has taken the rest of it.
+    The clarity is Σ (τ̂ − mean)²/σ² − Σ (τ̂ − τ − mean)²/σ² over the bins. The base's trim torque
+    absorbs the means. Variables after the first need `MIN_CLARITY_RATIO` times the best clarity.
     """
     best = (names[0], 0, 0.0)
     for name in dict.fromkeys(names):
@@ -169,20 +168,22 @@ def _clearest(flight: Trail, cause: np.ndarray, names: Sequence[str]) -> tuple[s
             _, mean, _ = _binned(z[rows], cause[rows, i], h, BINS)
             _, torque, std = _binned(z[rows], flight.torque[rows, i], h, BINS)
             weight = 1 / np.maximum(std, 1e-12) ** 2
-            clear = _about_mean(torque, weight) - _about_mean(torque - mean, weight)
-            if clear > best[2] * (1.0 if name == best[0] else CLEARER):
-                best = (name, i, clear)
+            clarity = _squares_about_mean(torque, weight) - _squares_about_mean(
+                torque - mean, weight
+            )
+            if clarity > best[2] * (1.0 if name == best[0] else MIN_CLARITY_RATIO):
+                best = (name, i, clarity)
     return best[0], best[1]
 
 
-def _about_mean(x: np.ndarray, weight: np.ndarray) -> float:
+def _squares_about_mean(x: np.ndarray, weight: np.ndarray) -> float:
     return float(np.sum(weight * (x - np.average(x, weights=weight)) ** 2))
 
 
 def _binned(
     z: np.ndarray, torque: np.ndarray, h: np.ndarray, bins: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(z, mean, standard error) of bins of equal width between the outermost 0.2 %."""
+    """Return (z, torque, standard error) of equal bins between the quantiles 0.002 and 0.998."""
     low, high = np.quantile(z, [0.002, 0.998])
     which = np.clip(((z - low) / max(high - low, 1e-12) * bins).astype(int), 0, bins - 1)
     time = np.bincount(which, h, bins)
@@ -190,10 +191,10 @@ def _binned(
     mean = np.bincount(which, torque, bins) / count
     scatter = np.sqrt(np.bincount(which, (torque - mean[which]) ** 2, bins) / count)
     at = np.bincount(which, z, bins) / count
-    told = time >= LEAST_TIME_S
-    return at[told], mean[told], (scatter / np.sqrt(np.maximum(time / WINDOW_S, 1.0)))[told]
+    kept = time >= MIN_TIME_S
+    return at[kept], mean[kept], (scatter / np.sqrt(np.maximum(time / WINDOW_S, 1.0)))[kept]
 
 
-def _read(z: np.ndarray, unit: str) -> np.ndarray:
-    """As people read it."""
+def _in_unit(z: np.ndarray, unit: str) -> np.ndarray:
+    """Return z in ``unit``: angles in degrees."""
     return np.degrees(z) if unit.startswith("°") else np.asarray(z)

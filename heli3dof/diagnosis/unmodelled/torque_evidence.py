@@ -1,12 +1,14 @@
-"""What a flight tells of free-form torques beside a fit: their scores, the nulls', what is held.
+"""Scores and information of free-form torques and of a fit's parameters, from a recorded flight.
 
-The fit has p coordinates with tangents T (p, E) ∂c/∂θ in the innovations of E encoder events, each
-of information w; a group of free-form torques (`sensitivity.hat_functions`) has traces D. With
+A fit has p coordinates θ (`Free.inward`), with prior mean θ_0 and prior information Λ. T (p, E) are
+the derivatives ∂c/∂θ of the E predicted readings c; w (E,) is the readings' information. D (K, E)
+are the derivatives by K values of free-form torques (`sensitivity.hat_functions`). Then
 
-    A = T w Tᵀ + Λ,   X = T w Dᵀ,   V = D w Dᵀ,   g = T ∂ ln L/∂c − Λ(θ − θ_0),   u = D ∂ ln L/∂c
+    A = T w Tᵀ + Λ        g = T ∂ ln L/∂c − Λ(θ − θ_0)      information and score of θ
+    V = D w Dᵀ            u = D ∂ ln L/∂c                   the same of the torques
+    X = T w Dᵀ                                              information shared by both
 
-Everything that follows is algebra: tests for further torques (`unmodelled_torque`), names with a
-residual torque (`stand_ins`), one free form instead of names (`competition`).
+The tests in `unmodelled_torque`, `competition` and `conclusion.stand_ins` need nothing else.
 """
 
 from __future__ import annotations
@@ -21,122 +23,141 @@ from heli3dof.diagnosis.estimate.coloured_noise import BLOCK_S, MEMORY_S, freedo
 from heli3dof.diagnosis.estimate.setup import controller_is_known
 from heli3dof.diagnosis.sensitivity.hat_functions import Hats, Sums, forward, hats
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
-from heli3dof.diagnosis.unmodelled.torque_nulls import Scored, block_numbers, simulated
+from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, block_numbers, simulated_scores
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import score_and_information
 from heli3dof.recording.recording import Recording
 
-RANK = 1e-4
-"""Directions with less information than this share of the largest say nothing."""
-LEAST_FLIGHTS = 6
-BRIEF_S = 1.5
+RANK_TOLERANCE = 1e-4
+"""Directions with less than this share of the largest information are dropped. Chosen."""
+MIN_NULLS = 6
+"""Least number of null simulations. Chosen; not derived."""
+CONSTANT_MEMORY_S = 1.5
+"""s, correlation time allowed for in the score of a constant torque. Chosen; not derived."""
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
-    """What is projected out: p directions, the base's coordinates and the leftovers taken."""
+class Nuisance:
+    """Parameters projected out of every score: the fit's and accepted residual torques."""
 
     tangents: np.ndarray
-    """(p, E)"""
+    """(p, E) derivatives of the predicted readings"""
     A: np.ndarray
-    """(p, p) their information, priors included"""
     g: np.ndarray
-    """(p,) their score"""
+    """A: (p, p) information with priors; g: (p,) score"""
     g_null: np.ndarray
-    """(B, p) in the nulls"""
+    """(B, p) scores in the null simulations"""
 
     @staticmethod
-    def base(found: Estimate, flight: Trail, null: Scored | None) -> Held:
-        problem, o = found.problem, found.optimum
-        # Of this very pass: where a fit has not settled its own is that of the point before.
+    def of_fit(fit: Estimate, flight: Trail, null: Scores | None) -> Nuisance:
+        problem, o = fit.problem, fit.optimum
+        # Not the fit's own tangents: without convergence these belong to an earlier point.
         tangents = problem.tangents(o.theta, flight.at)
         g, H = score_and_information(flight.at, tangents)
-        pull = problem.prior_precision * (o.theta - problem.prior_mean)
+        prior = problem.prior_precision * (o.theta - problem.prior_mean)
         n = len(g)
-        return Held(
+        return Nuisance(
             tangents,
             H + np.diag(problem.prior_precision),
-            g - pull,
+            g - prior,
             np.zeros((0, n)) if null is None else null.g,
         )
 
-    def wider(
-        self, flight: Trail, D: np.ndarray, P: np.ndarray, columns: np.ndarray, null: Scored | None
-    ) -> Held:
-        """With one group as well: its traces D (KNOTS, E), in the directions P (KNOTS, rank)."""
+    def with_torque(
+        self, flight: Trail, D: np.ndarray, P: np.ndarray, columns: np.ndarray, null: Scores | None
+    ) -> Nuisance:
+        """Return these and one group with traces D (KNOTS, E), in directions P (KNOTS, rank)."""
         D = P.T @ D
         stacked = np.vstack([self.tangents, D])
-        cross = (self.tangents * flight.at.w) @ D.T
-        own = (D * flight.at.w) @ D.T
-        A = np.block([[self.A, cross], [cross.T, own]])
+        shared = (self.tangents * flight.at.w) @ D.T
+        information = (D * flight.at.w) @ D.T
+        A = np.block([[self.A, shared], [shared.T, information]])
         g = np.concatenate([self.g, D @ flight.at.g])
         g_null = self.g_null
         if null is not None:
             g_null = np.hstack([self.g_null, null.u[:, columns] @ P])
-        return Held(stacked, A, g, g_null)
+        return Nuisance(stacked, A, g, g_null)
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """One fit, its flight, the library for it, and the nulls where the loop is known."""
+    """Scores of a fit and of the torques in ``library``; ``null`` is None without simulations."""
 
-    found: Estimate
+    fit: Estimate
     flight: Trail
     library: Hats
-    null: Scored | None
-    held: Held
-    """Nothing but the fit's own coordinates"""
+    null: Scores | None
+    nuisance: Nuisance
+    """The fit's parameters only"""
     sums: Sums
-    """Of the library beside these"""
 
 
 def evidence(
-    found: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
+    fit: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
 ) -> Evidence:
-    """Of the recordings that ``found`` was fitted to, and ``flights`` nulls (`LEAST_FLIGHTS`)."""
-    flight = trail(found)
-    library = hats(flight, np.flatnonzero(found.problem.data.axes))
+    """Return the evidence in the recordings that ``fit`` was fitted to.
+
+    It includes max(``flights``, `MIN_NULLS`) null simulations, if the controller is known and
+    stabilises the fitted rig.
+    """
+    flight = trail(fit)
+    library = hats(flight, np.flatnonzero(fit.problem.data.axes))
     null = None
-    flies = not isinstance(found, CorrectedFit) or found.scatter is not None
-    if flies and controller_is_known(recordings):
-        flights = max(flights, LEAST_FLIGHTS)
-        null = simulated(found, recordings, library, flights=flights, seed=seed)
-    held = Held.base(found, flight, null)
-    return Evidence(found, flight, library, null, held, forward(library, flight, held.tangents))
+    can_simulate = not isinstance(fit, CorrectedFit) or fit.scatter is not None
+    if can_simulate and controller_is_known(recordings):
+        flights = max(flights, MIN_NULLS)
+        null = simulated_scores(fit, recordings, library, flights=flights, seed=seed)
+    nuisance = Nuisance.of_fit(fit, flight, null)
+    return Evidence(
+        fit, flight, library, null, nuisance, forward(library, flight, nuisance.tangents)
+    )
 
 
-def coloured(
-    flight: Trail, held: Held, D: np.ndarray, P: np.ndarray, torque: np.ndarray, white: float
+def coloured_noise_ratio(
+    flight: Trail,
+    nuisance: Nuisance,
+    D: np.ndarray,
+    P: np.ndarray,
+    torque: np.ndarray,
+    white: float,
 ) -> float:
-    """ρ (`estimate.coloured_noise`) of what a torque leaves beside it, at least one.
+    """Return ρ ≥ 1, the variance of coloured over that of white noise, with ``torque`` fitted.
 
-    D (K, E) are its functions' traces, of which the flight tells of the directions P (K, k);
-    ``torque`` (K,) is what is taken. With what is ``held`` projected out of D, the scores of the
-    events are g − w Dᵀ τ. They are summed in blocks twice: along P, and along a constant torque
-    (the functions' sum), over `BRIEF_S`: functions of time take out of what is left all that is
-    slower than they are themselves, not what is nearly so slow. What flights of white noise scatter
-    of what V says is ``white``.
+    ``torque`` τ (K,) has traces D (K, E), informative in the directions P (K, k). With ``nuisance``
+    projected out of D, the readings' scores are g − w Dᵀ τ. Their block sums have a long-run
+    covariance S (`estimate.coloured_noise`). ρ is the larger significant tr(V⁺ S)/(k ``white``):
+    along P with `MEMORY_S`, or along a constant torque with `CONSTANT_MEMORY_S`. A fitted function
+    of time removes slow noise along P. ``white`` is tr(V⁺ S)/k in null simulations.
     """
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]
     blocks = int(which.max()) + 1
-    beside = D - np.linalg.solve(held.A, (held.tangents * at.w) @ D.T).T @ held.tangents
-    left = at.g - at.w * (torque @ beside)
+    projected = (
+        D - np.linalg.solve(nuisance.A, (nuisance.tangents * at.w) @ D.T).T @ nuisance.tangents
+    )
+    remaining = at.g - at.w * (torque @ projected)
     ratio = [1.0]
-    for along, memory_s in ((P.T @ beside, MEMORY_S), (D.sum(axis=0)[None], BRIEF_S)):
-        scores = np.column_stack([np.bincount(which, row * left, blocks) for row in along])
+    for directions, memory_s in (
+        (P.T @ projected, MEMORY_S),
+        (D.sum(axis=0)[None], CONSTANT_MEMORY_S),
+    ):
+        scores = np.column_stack(
+            [np.bincount(which, row * remaining, blocks) for row in directions]
+        )
         memory = round(memory_s / BLOCK_S)
-        V = (along * at.w) @ along.T
+        V = (directions * at.w) @ directions.T
         if blocks >= 2 * (memory + 1):
             S = np.linalg.pinv(V, hermitian=True) @ long_run(scores, memory)
             ratio.append(float(surely(np.trace(S) / len(V) / white, freedom(blocks, memory))))
     return max(ratio)
 
 
-def told(V: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    """(KNOTS, rank): the combinations of the functions that the flight tells of.
+def informative_directions(V: np.ndarray, full: np.ndarray) -> np.ndarray:
+    """Return eigenvectors (KNOTS, rank) of V that are not negligible in proportion to ``full``.
 
-    V is what is left of the information ``whole`` once what is held is projected out.
+    ``full`` (KNOTS, KNOTS) is V before the projection. The limit is `RANK_TOLERANCE`.
     """
     values, vectors = np.linalg.eigh(0.5 * (V + V.T))
-    return np.asarray(vectors[:, values > RANK * max(float(np.linalg.eigvalsh(whole)[-1]), 1e-300)])
+    return np.asarray(
+        vectors[:, values > RANK_TOLERANCE * max(float(np.linalg.eigvalsh(full)[-1]), 1e-300)]
+    )

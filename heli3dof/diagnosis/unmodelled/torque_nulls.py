@@ -1,9 +1,8 @@
-"""What the free-form torques' scores are like where nothing is left.
+"""Scores of the free-form torques without a residual torque, from simulations or from blocks.
 
-Simulated nulls: B flights of the fitted rig (`estimate.simulated_flight`), each through the
-same filter; their scores of the J functions and of the base. Each costs a flight, one filter pass
-and one pass backward. Where the loop is unknown the scatter of the flight's own scores, block of
-half a second by block, stands in for them.
+If the controller is known, B flights of the fitted rig are simulated (`estimate.simulated_flight`).
+The same filter gives their scores of the J hat functions and of the fit's coordinates. If the
+controller is unknown, the scores of half-second blocks of the recorded flight take their place.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ from heli3dof.recording.recording import Recording
 
 
 @dataclass(frozen=True, eq=False)
-class Scored:
-    """B flights, or m blocks of one: scores of the J functions and of the n base coordinates."""
+class Scores:
+    """Scores in B flights, or in m blocks of one flight: of J functions, of n fit coordinates."""
 
     u: np.ndarray
     """(B, J)"""
@@ -32,35 +31,35 @@ class Scored:
     """(B, n)"""
 
 
-def simulated(
-    found: Estimate, recordings: Sequence[Recording], library: Hats, *, flights: int, seed: int
-) -> Scored:
-    """Flights of the fitted rig where the recordings' loop is known."""
-    model = model_at(found.problem, found.optimum.theta, found.optimum.noise)
+def simulated_scores(
+    fit: Estimate, recordings: Sequence[Recording], library: Hats, *, flights: int, seed: int
+) -> Scores:
+    """Return the scores in simulated flights of the fitted rig; the controller must be known."""
+    model = model_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
 
     def one(b: int) -> tuple[np.ndarray, np.ndarray]:
-        data = simulate_again(model, recordings, found.problem.data, (seed, 31, b))
-        problem = replace(found.problem, data=data)
-        o = found.optimum
+        data = simulate_again(model, recordings, fit.problem.data, (seed, 31, b))
+        problem = replace(fit.problem, data=data)
+        o = fit.optimum
         flight = trail_at(problem, o.theta, o.noise)
         g = problem.tangents(o.theta, flight.at) @ flight.at.g
         return library.scores(flight), g - problem.prior_precision * (o.theta - problem.prior_mean)
 
-    both = parallel_map(one, flights, what="flights")
-    return Scored(np.array([u for u, _ in both]), np.array([g for _, g in both]))
+    scores = parallel_map(one, flights, what="flights")
+    return Scores(np.array([u for u, _ in scores]), np.array([g for _, g in scores]))
 
 
-def blockwise(found: Estimate, flight: Trail, library: Hats, tangents: np.ndarray) -> Scored:
-    """Half-second blocks of the flight itself; ``tangents`` (p, E) in place of the base's."""
+def scores_in_blocks(fit: Estimate, flight: Trail, library: Hats, tangents: np.ndarray) -> Scores:
+    """Return the scores in half-second blocks; ``tangents`` (p, E) replace those of the fit."""
     which = block_numbers(flight.data)
     count = int(which.max()) + 1
     at = which[flight.at.row]
     g = np.column_stack([np.bincount(at, row * flight.at.g, count) for row in tangents])
-    return Scored(library.scores(flight, which), g)
+    return Scores(library.scores(flight, which), g)
 
 
 def block_numbers(data: Data, block_s: float = BLOCK_S) -> np.ndarray:
-    """(N,) the block of each row; blocks do not cross runs."""
+    """Return the block number (N,) of each row; no block crosses from one run to the next."""
     which = np.zeros(len(data.t), dtype=np.int64)
     at = 0
     for _, start, stop in data.blocks:

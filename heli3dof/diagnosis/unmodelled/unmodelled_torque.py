@@ -1,20 +1,24 @@
-"""The unknown: is there a torque left that no named cause explains, and what does it depend on?
+"""Test each axis for a residual torque: a free function of an angle, rate, voltage or time.
 
-On each axis a free-form torque f(z) = Σ_j τ_j φ_j(z) of each variable z
-(`sensitivity.hat_functions`): angles, rates, voltages, products, time. None is fitted: with
-the scores u_j = ∂ ln L/∂τ_j, their information V and the tangents of everything the fit already
-holds projected out (Rao's score test),
+The free-form torque f(z) = Σ_j τ_j φ_j(z) of a variable z has hat functions φ_j and coefficients
+τ_j in N·m (`sensitivity.hat_functions`). One variable on one axis is a group of `KNOTS` functions.
+Rao's score test evaluates each group without a fit:
 
-    S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(rank V − 1)            where nothing is left
+    S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(r)      without a residual torque
 
-(a constant torque is no structure). B simulated nulls of the fit give each function's mean score
-ū, which is taken off, and each group's κ = mean S_null/(rank − 1), by which S is divided where it
-exceeds one; by no less than the fit's own scores scatter in flights of it (where it was not freed
-of the filter's bias: where they scatter `DISTRUSTED` times as they should). All groups are put on
-one scale, x = −2 ln P(χ² > S/κ); the largest x of a null follows a Gumbel law, which gives the
-threshold. The group with the largest x is taken, projected out too, and the rest looked at again.
-Where what it leaves is noise slower than the nulls' (`estimate.coloured_noise`), it is taken only
-if x is as far with that ρ in κ's place.
+The scores u_j = ∂ ln L/∂τ_j have the information V. The fit's parameters are projected out of both.
+The second term removes the constant torque, which leaves r degrees of freedom.
+
+1. B simulated nulls give the mean score, which is subtracted from u, and κ = mean S_null/r ≥ 1.
+   κ is at least the fit's inflation; without bias correction, only above `MAX_INFLATION`.
+2. All groups are put on one scale: x = −2 ln P(χ²_r > S/κ). The largest x of a null has a Gumbel
+   distribution, which gives the threshold.
+3. The group with the largest x is accepted if it explains more than `MIN_SHARE` of the variance and
+   x exceeds the threshold also with S/(κρ), ρ of coloured noise (`torque_evidence`).
+4. The accepted torque is projected out, and the test is repeated.
+
+If the controller is unknown, half-second blocks of the flight give κ, and the threshold is twice
+Bonferroni's.
 """
 
 from __future__ import annotations
@@ -31,60 +35,60 @@ from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, Sums, forw
 from heli3dof.diagnosis.sensitivity.residual_torque import SI_UNITS, UNITS, Trail
 from heli3dof.diagnosis.unmodelled.similarity import LIKE, named_traces, similarity
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
-    RANK,
+    RANK_TOLERANCE,
     Evidence,
-    Held,
-    coloured,
+    Nuisance,
+    coloured_noise_ratio,
     evidence,
-    told,
+    informative_directions,
 )
-from heli3dof.diagnosis.unmodelled.torque_nulls import Scored, blockwise
+from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, scores_in_blocks
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.recording.recording import Recording
 
-MOST = 3
-"""Leftovers that are looked for, at most."""
-ALSO = 0.5
-"""Variables with this share of the best one's x are stated beside it."""
-LEAST_SHARE = 0.05
-"""Of the residual torque's variance. An encoder's chatter can be sure, and explain nothing."""
+MAX_TORQUES = 3
+"""Largest number of residual torques. Chosen; not derived."""
+ALTERNATIVE_SHARE = 0.5
+"""Share of the best variable's x from which a variable is reported as alternative. Chosen."""
+MIN_SHARE = 0.05
+"""Least share of the variance: a limit cycle may be significant, yet explain nothing. Chosen."""
 FALSE_ALARMS = 0.0005
-"""Of recordings where nothing is left. A quantile that few flights extrapolate is no better known
-than they are, and what a lab should believe without a name for it stands far above: hundreds."""
-FAR = beyond(FALSE_ALARMS)
-"""Scales beyond the location of a Gumbel law that is known"""
-DISTRUSTED = 2.0
-"""Inflation above which flights of a fit that was not freed of its bias are no measure of it."""
+"""Probability of a false residual torque per recording. Chosen low: few nulls extrapolate it."""
+THRESHOLD_SCALES = beyond(FALSE_ALARMS)
+"""Distance of the threshold from the location of the Gumbel distribution, in scales"""
+MAX_INFLATION = 2.0
+"""Inflation above which nulls of a fit without bias correction are not trusted. Chosen."""
 WINDOW_S = 0.1
+"""s, over which torques are averaged. Chosen; not derived."""
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualTorque:
-    """Structure that is left: a torque on ``axis`` that depends on ``depends_on``."""
+    """A residual torque on ``axis`` as a function of ``depends_on``."""
 
     axis: str
     depends_on: str
     """One of `sensitivity.residual_torque.UNITS`"""
     share: float
-    """Of the variance of the axis' residual torque (averages over `WINDOW_S`) that it explains"""
+    """Explained share of the variance of the axis's residual torque, averaged over `WINDOW_S`"""
     table: tuple[tuple[float, float], ...]
-    """(value of the variable in rad, rad/s, V, s; torque in N·m), away from its mean"""
+    """(variable in rad, rad/s, V, s; torque in N·m, without its mean)"""
     std: tuple[float, ...]
-    """N·m, of the table's torques"""
+    """N·m, standard deviations of the table's torques"""
     score: float
     """x, see the module"""
     confidence: float
-    """One less the chance that nothing gives as much"""
+    """1 minus the probability of so large a score without a residual torque"""
     also: tuple[str, ...] = ()
-    """Other variables that explain as much of it or nearly, the next best first"""
+    """Other variables that explain almost as much, by falling x"""
     like: str | None = None
-    """A named cause whose trace is nearly the same, as ``friction.viscous.yaw-like``"""
+    """A cause with nearly the same trace, as ``friction.viscous.yaw-like``"""
     nearest: str | None = None
     cosine: float = 0.0
-    """The named cause whose trace is nearest, and how near; see `leftover_like`"""
+    """The cause with the most similar trace, and the similarity (`unmodelled.similarity`)"""
 
     def to_dict(self) -> dict[str, Any]:
-        """The contract's entry, and what is known besides."""
+        """Return the entry of the JSON document."""
         return {
             "axis": self.axis,
             "depends_on": self.depends_on,
@@ -100,39 +104,29 @@ class ResidualTorque:
 
 
 def residual_torques(
-    found: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
+    fit: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
 ) -> tuple[ResidualTorque, ...]:
-    """What is left in the recordings that ``found`` was fitted to; empty where nothing is.
-
-    ``flights`` simulated nulls, at least `LEAST_FLIGHTS`, where the loop is known; elsewhere the
-    scatter of half-second blocks stands in for them, and twice Bonferroni's threshold is asked for.
-    """
-    return examined(found, recordings, flights=flights, seed=seed)[0]
+    """Return the residual torques in the recordings of ``fit``, from ``flights`` nulls."""
+    return significant_torques(evidence(fit, recordings, flights=flights, seed=seed))[0]
 
 
-def examined(
-    found: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
-) -> tuple[tuple[ResidualTorque, ...], Held]:
-    """The same, and all that was projected out in the end: the fit's coordinates, the leftovers."""
-    return significant_torques(evidence(found, recordings, flights=flights, seed=seed))
-
-
-def significant_torques(seen: Evidence) -> tuple[tuple[ResidualTorque, ...], Held]:
-    """The same from what was seen: the group with the largest x, and what is left beside it."""
-    found, flight, library, null, held = seen.found, seen.flight, seen.library, seen.null, seen.held
+def significant_torques(evidence: Evidence) -> tuple[tuple[ResidualTorque, ...], Nuisance]:
+    """Return the residual torques, and the nuisance parameters including them."""
+    fit, flight, library = evidence.fit, evidence.flight, evidence.library
+    null, nuisance = evidence.null, evidence.nuisance
     named: tuple[list[str], np.ndarray] | None = None
     out: list[ResidualTorque] = []
-    while len(out) < MOST:
-        sums = forward(library, flight, held.tangents) if out else seen.sums
-        judged = judge(found, flight, library, sums, held, null)
-        sure = [int(q) for q in np.argsort(-judged.x) if judged.x[q] > judged.threshold]
-        described = ((q, _describe(flight, library, judged, q)) for q in sure)
-        seen_in = ((q, d) for q, d in described if d.share > LEAST_SHARE)
+    while len(out) < MAX_TORQUES:
+        sums = forward(library, flight, nuisance.tangents) if out else evidence.sums
+        tests = score_tests(fit, flight, library, sums, nuisance, null)
+        significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]
+        candidates = ((q, _residual_torque(flight, library, tests, q)) for q in significant)
+        large = ((q, d) for q, d in candidates if d.share > MIN_SHARE)
         best, new, D = next(
             (
                 t
-                for t in (_traced(seen, held, *s) for s in seen_in)
-                if _stands(seen, held, judged, *t)
+                for t in (_with_traces(evidence, nuisance, *s) for s in large)
+                if _exceeds_coloured_noise(evidence, nuisance, tests, *t)
             ),
             (-1, None, np.zeros(0)),
         )
@@ -141,173 +135,177 @@ def significant_torques(seen: Evidence) -> tuple[tuple[ResidualTorque, ...], Hel
         columns = np.arange(len(sums.u))[library.columns(best)]
         trace = np.array([torque for _, torque in new.table]) @ D
         if named is None:
-            named = named_traces(found)
-        name, cos = similarity(named, flight.at, trace, held.tangents, held.A)
+            named = named_traces(fit)
+        name, cos = similarity(named, flight.at, trace, nuisance.tangents, nuisance.A)
         like = f"{name}-like" if cos > LIKE else None
         out.append(replace(new, like=like, nearest=name, cosine=cos))
-        held = held.wider(flight, D, judged.directions[best], columns, null)
-    return tuple(out), held
+        nuisance = nuisance.with_torque(flight, D, tests.directions[best], columns, null)
+    return tuple(out), nuisance
 
 
-def _traced(
-    seen: Evidence, held: Held, q: int, new: ResidualTorque
+def _with_traces(
+    evidence: Evidence, nuisance: Nuisance, q: int, new: ResidualTorque
 ) -> tuple[int, ResidualTorque, np.ndarray]:
-    """With the group's traces (KNOTS, E)."""
-    columns = np.arange(len(seen.sums.u))[seen.library.columns(q)]
-    return q, new, forward(seen.library, seen.flight, held.tangents, columns).traces
+    columns = np.arange(len(evidence.sums.u))[evidence.library.columns(q)]
+    return q, new, forward(evidence.library, evidence.flight, nuisance.tangents, columns).traces
 
 
-def _stands(
-    seen: Evidence, held: Held, judged: Judged, q: int, new: ResidualTorque, D: np.ndarray
+def _exceeds_coloured_noise(
+    evidence: Evidence,
+    nuisance: Nuisance,
+    tests: ScoreTests,
+    q: int,
+    new: ResidualTorque,
+    D: np.ndarray,
 ) -> bool:
-    """Whether x is beyond the threshold where the noise is as it is beside this very torque."""
-    P = judged.directions[q]
+    """Return whether x exceeds the threshold with the coloured noise that this torque leaves."""
+    P = tests.directions[q]
     torque = np.array([f for _, f in new.table])
-    rho = coloured(seen.flight, held, D, P, torque, float(judged.white[q]))
-    S = float(_statistic(judged.u[q] @ P, P.T @ judged.V[q] @ P)[0])
-    x = float(scaled(np.array(S / judged.kappa[q] / rho), P.shape[1]))
-    return x > judged.threshold
+    rho = coloured_noise_ratio(evidence.flight, nuisance, D, P, torque, float(tests.white[q]))
+    S = float(_statistic(tests.u[q] @ P, P.T @ tests.V[q] @ P)[0])
+    x = float(minus_2_log_p(np.array(S / tests.kappa[q] / rho), P.shape[1]))
+    return x > tests.threshold
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
-    """All groups: x and the threshold; efficient scores and informations behind them."""
+class ScoreTests:
+    """Score tests of all groups, with the projected scores u and their information V."""
 
     x: np.ndarray
     """(groups,)"""
     threshold: float
     location: float
     scale: float
-    """Of the Gumbel law"""
+    """Location and scale of the Gumbel distribution"""
     u: np.ndarray
-    """(groups, KNOTS)"""
+    """(groups, KNOTS); V: (groups, KNOTS, KNOTS)"""
     V: np.ndarray
-    """(groups, KNOTS, KNOTS)"""
     kappa: np.ndarray
-    """(groups,)"""
     white: np.ndarray
-    """(groups,) how much the nulls' scores scatter of what V says, however little"""
+    """(groups,) mean S_null/r, also below 1; kappa: (groups,)"""
     directions: tuple[np.ndarray, ...]
-    """(KNOTS, rank) each: what the flight tells of"""
+    """(KNOTS, r) each: informative directions"""
 
 
-def judge(
-    found: Estimate, flight: Trail, library: Hats, sums: Sums, held: Held, null: Scored | None
-) -> Judged:
-    """Every group against the nulls, or where there are none against the flight's own scatter."""
+def score_tests(
+    fit: Estimate, flight: Trail, library: Hats, sums: Sums, nuisance: Nuisance, null: Scores | None
+) -> ScoreTests:
+    """Return the tests of all groups, against the nulls or (None) against blocks of the flight."""
     groups = len(library.groups)
-    X = np.linalg.solve(held.A, sums.cross)
-    u = (sums.u - X.T @ held.g).reshape(groups, KNOTS)
+    X = np.linalg.solve(nuisance.A, sums.cross)
+    u = (sums.u - X.T @ nuisance.g).reshape(groups, KNOTS)
     if null is not None:
-        un = (null.u - held.g_null @ X).reshape(-1, groups, KNOTS)
+        un = (null.u - nuisance.g_null @ X).reshape(-1, groups, KNOTS)
         B = len(un)
         mean = un.mean(axis=0)
         u = u - mean
-        # Each null against the others, as the flight is against all.
-        others = (un - mean) * B / (B - 1)
+        # From each null, the mean of the other nulls is subtracted.
+        centred = (un - mean) * B / (B - 1)
     else:
-        blocks = blockwise(found, flight, library, held.tangents)
+        blocks = scores_in_blocks(fit, flight, library, nuisance.tangents)
         ub = (blocks.u - blocks.g @ X).reshape(-1, groups, KNOTS)
-        others = ub - ub.mean(axis=0)
+        centred = ub - ub.mean(axis=0)
     V = np.empty((groups, KNOTS, KNOTS))
     x, kappa, white = np.zeros(groups), np.ones(groups), np.ones(groups)
-    x_null = np.zeros((len(others), groups))
+    x_null = np.zeros((len(centred), groups))
     directions = []
-    biased = getattr(found, "bias", None) is None
-    distrust = 1.0 if biased and found.inflation <= DISTRUSTED else found.inflation
+    uncorrected = getattr(fit, "bias", None) is None
+    least_kappa = 1.0 if uncorrected and fit.inflation <= MAX_INFLATION else fit.inflation
     for q in range(groups):
         c = library.columns(q)
         V[q] = sums.V[q] - sums.cross[:, c].T @ X[:, c]
         V[q], off = _without_constant(V[q], sums.V[q])
-        u[q], others[:, q] = off @ u[q], others[:, q] @ off.T
-        E = told(V[q], sums.V[q])
+        u[q], centred[:, q] = off @ u[q], centred[:, q] @ off.T
+        E = informative_directions(V[q], sums.V[q])
         directions.append(E)
         rank = E.shape[1]
         if rank == 0:
             continue
         V_E = E.T @ V[q] @ E
         S = _statistic(u[q] @ E, V_E)
-        Sn = _statistic(others[:, q] @ E, V_E)
+        Sn = _statistic(centred[:, q] @ E, V_E)
         if null is not None:
             white[q] = float(Sn.mean()) / rank
             kappa[q] = max(white[q], 1.0)
-            x_null[:, q] = scaled(Sn / kappa[q], rank)
-            kappa[q] = max(kappa[q], distrust)
+            x_null[:, q] = minus_2_log_p(Sn / kappa[q], rank)
+            kappa[q] = max(kappa[q], least_kappa)
         else:
-            m = len(others)
+            m = len(centred)
             kappa[q] = max(float(Sn.sum()) / rank * m / max(m - KNOTS, 1), 1.0)
-        x[q] = scaled(S / kappa[q], rank)[0]
+        x[q] = minus_2_log_p(S / kappa[q], rank)[0]
     if null is not None:
         largest = x_null.max(axis=1)
         location, scale = gumbel(largest, least=2.0)
-        scale *= wider(len(largest))
-        threshold = location + scale * FAR
+        scale *= gumbel_stretch(len(largest))
+        threshold = location + scale * THRESHOLD_SCALES
     else:
         location, scale = 4 * float(np.log(max(groups, 1))), 4.0
         threshold = -4 * float(np.log(FALSE_ALARMS / max(groups, 1)))
-    return Judged(x, threshold, location, scale, u, V, kappa, white, tuple(directions))
+    return ScoreTests(x, threshold, location, scale, u, V, kappa, white, tuple(directions))
 
 
-def wider(n: int) -> float:
-    """By how much the scale of a Gumbel law is to be stretched that n flights' moments tell, so
-    that one flight more exceeds `FAR` of it in `FALSE_ALARMS` of cases; unstretched, three times as
-    many do where n is 24 and twelve times where it is 8. To 2 % from 8 flights on."""
+def gumbel_stretch(n: int) -> float:
+    """Return the factor by which to stretch a Gumbel scale estimated from the moments of n nulls.
+
+    With it, one further flight exceeds the threshold in a share `FALSE_ALARMS` of cases. Without,
+    three times (n = 24) or twelve times (n = 8) as many do. Accurate to 2 % for n ≥ 8.
+    """
     return 1 + 4.5 / n + 10 / n**2
 
 
-def _without_constant(V: np.ndarray, whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """V without the constant function, and the (KNOTS, KNOTS) that takes it out of a score."""
+def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return V without the constant function, and the matrix that removes it from scores."""
     one = np.ones(KNOTS)
     along = V @ one
-    size = float(one @ along)
-    if size <= RANK * float(np.trace(whole)):  # it is among what is held
+    total = float(one @ along)
+    if total <= RANK_TOLERANCE * float(np.trace(full)):  # a nuisance parameter already
         return V, np.eye(KNOTS)
-    return V - np.outer(along, along) / size, np.eye(KNOTS) - np.outer(along, one) / size
+    return V - np.outer(along, along) / total, np.eye(KNOTS) - np.outer(along, one) / total
 
 
 def _statistic(u: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """(…,) uᵀ V⁻¹ u"""
+    """Return uᵀ V⁻¹ u for each row of u."""
     u = np.atleast_2d(u)
     return np.asarray(np.einsum("bi,bi->b", u, np.linalg.solve(V, u.T).T))
 
 
-def scaled(S: np.ndarray, rank: int) -> np.ndarray:
-    """x = −2 ln P(χ²_rank > S)"""
+def minus_2_log_p(S: np.ndarray, rank: int) -> np.ndarray:
+    """Return x = −2 ln P(χ²_rank > S)."""
     from scipy.stats import chi2
 
     return np.asarray(-2 * chi2.logsf(S, rank))
 
 
-def _describe(flight: Trail, library: Hats, judged: Judged, best: int) -> ResidualTorque:
+def _residual_torque(flight: Trail, library: Hats, tests: ScoreTests, best: int) -> ResidualTorque:
     axis, name = library.groups[best]
-    E = judged.directions[best]
-    inverse = E @ np.linalg.inv(E.T @ judged.V[best] @ E) @ E.T
-    torque = inverse @ judged.u[best]
+    E = tests.directions[best]
+    inverse = E @ np.linalg.inv(E.T @ tests.V[best] @ E) @ E.T
+    torque = inverse @ tests.u[best]
     m = library.variables.index(name)
-    left, part = library.place(flight)
+    below, part = library.place(flight)
     rows = flight.flown & np.isfinite(flight.torque[:, axis])
-    at, part = left[rows, m], part[rows, m]
+    at, part = below[rows, m], part[rows, m]
     torque -= float(np.mean(torque[at] * (1 - part) + torque[at + 1] * part))
     f = torque[at] * (1 - part) + torque[at + 1] * part
-    std = np.sqrt(judged.kappa[best] * np.diag(inverse))
-    same = [q for q in np.argsort(-judged.x) if library.groups[q][0] == axis and q != best]
-    enough = max(ALSO * float(judged.x[best]), judged.threshold)
+    std = np.sqrt(tests.kappa[best] * np.diag(inverse))
+    alternatives = [q for q in np.argsort(-tests.x) if library.groups[q][0] == axis and q != best]
+    least_x = max(ALTERNATIVE_SHARE * float(tests.x[best]), tests.threshold)
     return ResidualTorque(
         AXES[axis],
         name,
         share_of(flight.torque[rows, axis], f, flight.data.h[rows]),
         tuple((float(z), float(v)) for z, v in zip(library.knots[m], torque, strict=True)),
         tuple(float(v) for v in std),
-        float(judged.x[best]),
-        float(np.exp(-np.exp(-(judged.x[best] - judged.location) / judged.scale))),
-        tuple(library.groups[q][1] for q in same if judged.x[q] > enough),
+        float(tests.x[best]),
+        float(np.exp(-np.exp(-(tests.x[best] - tests.location) / tests.scale))),
+        tuple(library.groups[q][1] for q in alternatives if tests.x[q] > least_x),
     )
 
 
 def share_of(torque: np.ndarray, f: np.ndarray, h: np.ndarray) -> float:
-    """1 − var(τ̂ − f)/var(τ̂) of averages over `WINDOW_S`; not below zero."""
+    """Return 1 − var(τ̂ − f)/var(τ̂), at least 0, of averages over `WINDOW_S`; ``h`` (N,) in s."""
     every = max(1, round(WINDOW_S / float(np.median(h))))
     n = len(f) // every
-    whole = torque[: n * every].reshape(n, every).mean(axis=1)
+    mean = torque[: n * every].reshape(n, every).mean(axis=1)
     f = f[: n * every].reshape(n, every).mean(axis=1)
-    return float(max(0.0, 1 - np.var(whole - f) / max(np.var(whole), 1e-30)))
+    return float(max(0.0, 1 - np.var(mean - f) / max(np.var(mean), 1e-30)))

@@ -9,14 +9,14 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.conclusion import adoption as measured
+from heli3dof.diagnosis.conclusion import adoption
 from heli3dof.diagnosis.conclusion.adoption import (
     adopted,
-    beside_each_other,
     exceeds_coloured_noise,
     pays_enough,
     size_confidence,
     within_a_count,
+    without_mutual_ties,
 )
 from heli3dof.diagnosis.result import DOES_NOT_PAY, WITHIN_A_COUNT
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
@@ -37,7 +37,7 @@ def choice(score: float, tied: tuple[str, ...], **others: float) -> Choice:
 
 
 def gained(value: float, low: float, less_deg: float = -0.001) -> Any:
-    """In log-likelihood, and in degrees on roll by at least ``less_deg``."""
+    """Gain in log-likelihood, and in degrees on roll by at least ``less_deg``."""
     rmse = {"roll": Interval(0.03, less_deg, 0.05), "pitch": None}
     return SimpleNamespace(log_likelihood=Interval(value, low, 2 * value), rmse_deg=rmse)
 
@@ -51,7 +51,7 @@ def test_causes_that_are_both_adopted_are_not_confounded_with_each_other() -> No
     first = choice(176.0, (ROLL,), disturbance__periodic__yaw=176.0,
                    disturbance__periodic__roll=175.5, drag__quadratic__yaw=160.0)  # fmt: skip
     second = choice(613.0, (), disturbance__periodic__roll=613.0)
-    a, b = beside_each_other([first, second])
+    a, b = without_mutual_ties([first, second])
     assert (a.tied_with, b.tied_with) == ((), ())
     # Against the drag: 1 / (1 + exp(−(176 − 160)/2))
     assert a.confidence == pytest.approx(0.99966, abs=1e-5)
@@ -61,8 +61,8 @@ def test_causes_that_are_both_adopted_are_not_confounded_with_each_other() -> No
 def test_a_cause_stays_confounded_with_an_absent_one() -> None:
     first = choice(176.0, (ROLL, DRAG), disturbance__periodic__yaw=176.0,
                    disturbance__periodic__roll=175.5, drag__quadratic__yaw=176.0)  # fmt: skip
-    assert beside_each_other([first])[0].tied_with == (ROLL, DRAG)
-    (a, _) = beside_each_other([first, choice(613.0, (), disturbance__periodic__roll=613.0)])
+    assert without_mutual_ties([first])[0].tied_with == (ROLL, DRAG)
+    (a, _) = without_mutual_ties([first, choice(613.0, (), disturbance__periodic__roll=613.0)])
     assert a.tied_with == (DRAG,)
     assert a.confidence == pytest.approx(0.5)
 
@@ -70,15 +70,15 @@ def test_a_cause_stays_confounded_with_an_absent_one() -> None:
 def test_a_cause_is_not_confounded_with_an_adopted_form_of_the_equations() -> None:
     name = "simplified.yaw_inertia"
     first = choice(176.0, (name,), drag__quadratic__yaw=176.0, simplified__yaw_inertia=175.5)
-    assert beside_each_other([first])[0].tied_with == (name,)
-    assert beside_each_other([first], [name])[0].tied_with == ()
+    assert without_mutual_ties([first])[0].tied_with == (name,)
+    assert without_mutual_ties([first], [name])[0].tied_with == ()
 
 
 def test_a_cause_stays_confounded_with_a_weakly_supported_one() -> None:
     first = choice(176.0, (ROLL,), disturbance__periodic__yaw=176.0,
                    disturbance__periodic__roll=175.5)  # fmt: skip
     weak = replace(choice(40.0, (), disturbance__periodic__roll=40.0), weak=True)
-    assert beside_each_other([first, weak])[0].tied_with == (ROLL,)
+    assert without_mutual_ties([first, weak])[0].tied_with == (ROLL,)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def found_with(rho: float) -> Any:
     return SimpleNamespace(free=free, colour=[9.0, rho])
 
 
-def test_slow_noise_lowers_a_cause_s_margin_over_the_threshold() -> None:
+def test_coloured_noise_lowers_a_cause_s_margin_over_the_threshold() -> None:
     drag = replace(choice(176.0, (), drag__quadratic__yaw=176.0), Z2=60.0, threshold=20.0)
     assert exceeds_coloured_noise(found_with(1.5), drag) == pytest.approx(2.0)
     assert exceeds_coloured_noise(found_with(6.0), drag) == pytest.approx(0.5)
@@ -136,7 +136,7 @@ OFFSET, BACKLASH, MASS = "encoder.offset.pitch", "encoder.backlash.pitch", "mass
 
 
 def encoder_of(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFFSET) -> Choice:
-    """``first`` and an error of pitch's encoder of that size, as they were chosen."""
+    """Choice of ``first``, with a pitch encoder error of that size."""
     encoder = SimpleNamespace(roll=4096, pitch=-4096, yaw=8192)
     problem = SimpleNamespace(
         values=lambda theta: theta,
@@ -150,7 +150,7 @@ def encoder_of(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFF
 
 
 def fit_of(**sizes: float) -> Any:
-    """A fit of these terms (``__`` for a dot) and first numbers."""
+    """A fit of these terms (``__`` for a dot) with these first parameters."""
     names = [n.replace("__", ".") for n in sizes]
     return SimpleNamespace(
         free=[SimpleNamespace(term=n) for n in names], values=[*sizes.values()],
@@ -159,7 +159,7 @@ def fit_of(**sizes: float) -> Any:
 
 
 def within(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFFSET) -> bool:
-    """With the same size in the last fit as when it was chosen."""
+    """Test a cause with the same size in the last fit as when it was selected."""
     fit = fit_of(**{first: size_deg if first == of else 0.02})
     return within_a_count(fit, encoder_of(size_deg, tied, first, of))
 
@@ -194,31 +194,31 @@ def test_backlash_that_shrinks_below_a_count_without_another_cause_is_dropped(
     monkeypatch: pytest.MonkeyPatch, mass_pays: bool, named: list[str]
 ) -> None:
     def without(fit: Any, term: Any) -> Any:
-        left = {f.term for f in fit.free} - {term.name}
-        size = 0.5 if MASS in left else 0.017
-        return fit_of(**{n: size if n == BACKLASH else 0.015 for n in sorted(left)})
+        rest = {f.term for f in fit.free} - {term.name}
+        size = 0.5 if MASS in rest else 0.017
+        return fit_of(**{n: size if n == BACKLASH else 0.015 for n in sorted(rest)})
 
     def gain(before: Any, after: Any, *, seed: int) -> Any:
-        (gone,) = {f.term for f in after.free} - {f.term for f in before.free}
-        return gained(*((40.0, 20.0) if gone == BACKLASH or mass_pays else (-389.0, -2726.0)))
+        (added,) = {f.term for f in after.free} - {f.term for f in before.free}
+        return gained(*((40.0, 20.0) if added == BACKLASH or mass_pays else (-389.0, -2726.0)))
 
-    monkeypatch.setattr(measured, "held_out", lambda fit, holdout: fit)
-    monkeypatch.setattr(measured, "without", without)
-    monkeypatch.setattr(measured, "gain", gain)
-    monkeypatch.setattr(measured, "_findings", lambda fit, kept, less, gains: tuple(kept))
+    monkeypatch.setattr(adoption, "held_out", lambda fit, holdout: fit)
+    monkeypatch.setattr(adoption, "without", without)
+    monkeypatch.setattr(adoption, "gain", gain)
+    monkeypatch.setattr(adoption, "_findings", lambda fit, kept, less, gains: tuple(kept))
     backlash = encoder_of(0.5, (), BACKLASH, BACKLASH)
     both = fit_of(encoder__backlash__pitch=0.5, mass__change=0.015)
-    _, kept, gone, _ = adopted(
+    _, kept, dropped, _ = adopted(
         both, [backlash, choice(1443.0, (), mass__change=1443.0)], [], seed=0
     )
     assert [c.term.name for c in cast(Any, kept)] == named
-    assert [(d.name, d.why) for d in gone] == (
+    assert [(d.name, d.why) for d in dropped] == (
         [] if named else [(MASS, DOES_NOT_PAY), (BACKLASH, WITHIN_A_COUNT)]
     )
 
 
-def test_a_cause_is_no_surer_than_its_size() -> None:
-    """5.3 ± 2.9 is 1.83 standard deviations from nothing: 97 %, however likely the cause."""
+def test_the_confidence_in_a_cause_is_at_most_that_in_its_size() -> None:
+    """5.3 ± 2.9 is 1.83 standard deviations from zero: 97 %, however likely the cause."""
     free = SimpleNamespace(term="stiffness.pendulum.roll", log=False, null=0.0)
     fit = cast(Any, SimpleNamespace(free=[free], values=np.array([5.3]), std=np.array([2.9])))
     assert size_confidence(fit, "stiffness.pendulum.roll") == pytest.approx(0.966, abs=0.001)

@@ -10,7 +10,7 @@ import pytest
 
 from heli3dof.diagnosis.conclusion.inertia_ties import (
     confounded_causes,
-    look_beside,
+    step_with_same_causes,
     with_confounded_causes,
 )
 from heli3dof.diagnosis.estimate.base_parameters import OffNominal
@@ -18,9 +18,9 @@ from heli3dof.model.effects import term
 from heli3dof.rig.profile import default_profile
 
 
-def step(imitated: float, v: float, Z: float, ratio: float = 1.4) -> Any:
+def step(absorbed: float, v: float, Z: float, ratio: float = 1.4) -> Any:
     """A score evaluation with one probe of the thrust curve's typical size. The base absorbs it by
-    ``imitated`` in ln J_roll; its information is v, and the recording shows Z."""
+    ``absorbed`` in ln J_roll; its information is v, and the recording shows Z."""
     curve = term("motor.thrust_curve")
     values = np.array([1.0, ratio, 1.0, 1.0])
     free = [SimpleNamespace(start=1.0, unit="kg·m²", inward=np.log)] * 4
@@ -33,7 +33,7 @@ def step(imitated: float, v: float, Z: float, ratio: float = 1.4) -> Any:
         structure=SimpleNamespace(profile=default_profile()),
     )  # fmt: skip
     screen = SimpleNamespace(
-        plain=(probe,), solved=np.array([[0.0], [imitated], [0.0], [0.0]]), v=np.array([v])
+        plain=(probe,), solved=np.array([[0.0], [absorbed], [0.0], [0.0]]), v=np.array([v])
     )
     nulls = SimpleNamespace(std=np.ones(1), judged=lambda seen: np.array([Z]))
     return cast(
@@ -47,11 +47,11 @@ def test_an_effect_that_absorbs_the_inertia_without_a_trace_is_confounded_with_i
     assert confounded_causes(step(0.1, v=0.01, Z=0.0), 1) == ("motor.thrust_curve",)
 
 
-@pytest.mark.parametrize(("imitated", "v", "Z"), [(0.001, 0.01, 0.0), (0.1, 100.0, 0.0)])
+@pytest.mark.parametrize(("absorbed", "v", "Z"), [(0.001, 0.01, 0.0), (0.1, 100.0, 0.0)])
 def test_an_effect_that_must_be_huge_or_would_be_visible_is_not_confounded(
-    imitated: float, v: float, Z: float
+    absorbed: float, v: float, Z: float
 ) -> None:
-    assert confounded_causes(step(imitated, v, Z), 1) == ()
+    assert confounded_causes(step(absorbed, v, Z), 1) == ()
 
 
 def test_an_effect_visible_at_the_required_size_is_confounded() -> None:
@@ -67,7 +67,7 @@ def test_a_larger_visible_effect_is_confounded_up_to_the_lower_tolerance() -> No
     assert confounded_causes(step(0.1, v=100.0, Z=-20.0), 1) == ()
 
 
-def slower(share: float, v: float, Z: float) -> Any:
+def scaled_base(share: float, v: float, Z: float) -> Any:
     """A score evaluation at a base with four parameters 1.6 times nominal, so that K_f is low by
     as much. The probe, a dead zone of 1 V, lowers the logarithm of each by ``share``."""
     dead = term("motor.dead_zone")
@@ -88,7 +88,9 @@ LOW = OffNominal(term("motor.thrust_gain"), 1 / 1.6, 0.03, 200.0)
 
 def test_a_thrust_gain_is_confounded_with_an_effect_that_scales_the_whole_base() -> None:
     # ln 1.6 − ln(1/0.85) = 0.31 to explain: at 0.25 for each volt 1.23 V, and √v = 6 shows Z = 7.4.
-    assert with_confounded_causes(LOW, slower(0.25, 36.0, 7.4)).tied_with == ("motor.dead_zone",)
+    assert with_confounded_causes(LOW, scaled_base(0.25, 36.0, 7.4)).tied_with == (
+        "motor.dead_zone",
+    )
 
 
 @pytest.mark.parametrize(
@@ -101,19 +103,19 @@ def test_a_thrust_gain_is_confounded_with_an_effect_that_scales_the_whole_base()
     ],
 )
 def test_otherwise_a_thrust_gain_is_not_confounded(share: float, v: float, Z: float) -> None:
-    assert with_confounded_causes(LOW, slower(share, v, Z)).tied_with == ()
+    assert with_confounded_causes(LOW, scaled_base(share, v, Z)).tied_with == ()
 
 
-def test_an_inertia_has_its_own_imitators() -> None:
+def test_an_inertia_is_confounded_with_other_effects() -> None:
     off = OffNominal(term("inertia.roll"), 1.4, 0.03, 200.0)
     assert with_confounded_causes(off, step(0.1, 0.01, 0.0)).tied_with == ("motor.thrust_curve",)
 
 
-def test_the_evaluation_with_the_remaining_causes_counts() -> None:
-    def look_with(*names: str) -> Any:
+def test_the_last_step_with_the_same_causes_is_used() -> None:
+    def step_with(*names: str) -> Any:
         terms = tuple(term(n) for n in names)
         return SimpleNamespace(found=SimpleNamespace(structure=SimpleNamespace(terms=terms)))
 
-    looks = [look_with(), look_with("motor.lag"), look_with("motor.lag", "motor.dead_zone")]
-    assert look_beside(looks, look_with("motor.lag").found) is looks[1]
-    assert look_beside(looks, look_with("motor.delay").found) is looks[2]
+    steps = [step_with(), step_with("motor.lag"), step_with("motor.lag", "motor.dead_zone")]
+    assert step_with_same_causes(steps, step_with("motor.lag").found) is steps[1]
+    assert step_with_same_causes(steps, step_with("motor.delay").found) is steps[2]

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.conclusion import segments as module
-from heli3dof.diagnosis.conclusion.segments import cells, scatter, sureness, tied_by_segments
+from heli3dof.diagnosis.conclusion.segments import (
+    log_likelihood_cells,
+    ranking_probability,
+    ranking_std,
+    tied_by_segments,
+)
 from heli3dof.diagnosis.estimate.base_fit import fit_base
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
@@ -32,20 +37,22 @@ def choice_of(*scores: float, tied: tuple[str, ...] = ()) -> Choice:
 
 @pytest.fixture
 def apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cells whose differences are ± 1: over a hundred of them s = 20."""
+    """Cells with differences of ± 1: s = 20 for a hundred."""
     monkeypatch.setattr(
-        module, "cells", lambda c: np.tile([1.0, -1.0], C // 2) * (c.term.name == NAMES[0])
+        module,
+        "log_likelihood_cells",
+        lambda c: np.tile([1.0, -1.0], C // 2) * (c.term.name == NAMES[0]),
     )
 
 
 @pytest.mark.parametrize(("second", "tied"), [(101.0, (NAMES[1],)), (79.0, ())])
-def test_causes_that_differ_by_less_than_their_scatter_are_confounded(
+def test_causes_that_differ_by_less_than_s_are_confounded(
     apart: None, second: float, tied: tuple[str, ...]
 ) -> None:
     result = tied_by_segments(choice_of(120.0 - 0.01, second), set())
     assert result.tied_with == tied
     # The confidence is that of the cause or of one confounded with it.
-    expected = 1.0 if tied else sureness(120.0 - 0.01 - second, 20.0)
+    expected = 1.0 if tied else ranking_probability(120.0 - 0.01 - second, 20.0)
     assert result.confidence == pytest.approx(expected)
 
 
@@ -58,19 +65,19 @@ def test_a_confounded_cause_is_listed_once(apart: None) -> None:
 
 
 def test_a_far_less_likely_cause_is_not_evaluated(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "cells", lambda c: pytest.fail(c.term.name))
+    monkeypatch.setattr(module, "log_likelihood_cells", lambda c: pytest.fail(c.term.name))
     assert tied_by_segments(choice_of(120.0, 59.0), set()).confidence == 1.0
 
 
-def test_segments_that_agree_leave_no_doubt() -> None:
-    assert scatter(np.full(C, 0.3)) == pytest.approx(0.0, abs=1e-9)
-    assert sureness(5.0, 0.0) == 1.0
+def test_segments_that_agree_rank_with_certainty() -> None:
+    assert ranking_std(np.full(C, 0.3)) == pytest.approx(0.0, abs=1e-9)
+    assert ranking_probability(5.0, 0.0) == 1.0
 
 
 def test_the_cells_add_up_to_the_whole_likelihood() -> None:
     flown = fly_plan(step_plan((5.0, None, None)), device="mock:?speed=max&seed=1209", seed=1)
     base = fit_base(Setup((flown.recording,), 1, 4, opinions=False))
     one = CandidateFit(term(NAMES[0]), base.problem, base.optimum, 0.0, 0.0, None)
-    each = cells(one)
-    assert each.sum() == pytest.approx(float(base.optimum.at.loglik.sum()), rel=1e-9)
-    assert len(each) == -(-len(base.problem.data.t) // 250)  # half seconds at 500 Hz
+    by_cell = log_likelihood_cells(one)
+    assert by_cell.sum() == pytest.approx(float(base.optimum.at.loglik.sum()), rel=1e-9)
+    assert len(by_cell) == -(-len(base.problem.data.t) // 250)  # half seconds at 500 Hz

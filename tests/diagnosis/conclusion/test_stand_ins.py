@@ -11,13 +11,13 @@ import pytest
 
 from heli3dof.diagnosis.conclusion.stand_ins import (
     WithResidual,
+    insignificant,
     marked_unsure,
     sizes_with_residual,
-    vague,
     with_resemblance,
 )
 from heli3dof.diagnosis.result import Finding
-from heli3dof.diagnosis.unmodelled.torque_evidence import Held
+from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.identification.greybox.estimate import Estimate
@@ -33,30 +33,30 @@ def fit(value: float, std: float = 0.1) -> Estimate:
     ))  # fmt: skip
 
 
-def held(shared: float, u: float) -> Held:
+def nuisance(shared: float, u: float) -> Nuisance:
     """The term and one free-form torque of score u, information 100 each."""
     A = np.array([[100.0, shared], [shared, 100.0]])
-    return Held(np.zeros((2, 0)), A, np.array([0.0, u]), np.zeros((0, 2)))
+    return Nuisance(np.zeros((2, 0)), A, np.array([0.0, u]), np.zeros((0, 2)))
 
 
 def test_a_stand_in_loses_its_size_to_the_true_effect() -> None:
     # By hand: A⁻¹ = [100, −80; −80, 100]/3600, so δ = −80 u/3600 = −1 with u = 45.
-    (b,) = sizes_with_residual(fit(1.0), held(80.0, 45.0))
-    assert b.size_beside == pytest.approx(0.0, abs=1e-12)
+    (b,) = sizes_with_residual(fit(1.0), nuisance(80.0, 45.0))
+    assert b.size_with_residual == pytest.approx(0.0, abs=1e-12)
     assert pytest.approx(100.0) == b.Z2
     assert b.stands_in
 
 
 def test_a_cause_keeps_its_size_against_a_torque_of_another_shape() -> None:
-    (b,) = sizes_with_residual(fit(1.0), held(5.0, 45.0))
-    assert b.size_beside == pytest.approx(1 - 5 * 45 / 9975)
+    (b,) = sizes_with_residual(fit(1.0), nuisance(5.0, 45.0))
+    assert b.size_with_residual == pytest.approx(1 - 5 * 45 / 9975)
     assert not b.stands_in
     assert not b.unsure
 
 
 def test_an_indistinguishable_cause_is_only_unsure() -> None:
     # Almost the same trace, but the residual torque's own score is zero.
-    (b,) = sizes_with_residual(fit(1.0), held(95.0, 0.0))
+    (b,) = sizes_with_residual(fit(1.0), nuisance(95.0, 0.0))
     assert not b.stands_in
     assert b.unsure
 
@@ -82,11 +82,11 @@ def test_an_unconfirmed_or_weak_finding_is_marked_as_like() -> None:
         )  # fmt: skip
 
     results = marked_unsure(
-        [finding(-8.0), finding(3.0), finding(3.0, weak=True)], fit(1.0), [], held(0.0, 0.0)
+        [finding(-8.0), finding(3.0), finding(3.0, weak=True)], fit(1.0), [], nuisance(0.0, 0.0)
     )
     assert [f.like for f in results] == [True, False, True]
 
 
-def test_a_size_compatible_with_zero_is_vague() -> None:
-    assert vague(fit(1.0, 0.6)) == {"friction.viscous.yaw"}  # 1.7 standard deviations
-    assert vague(fit(-1.0, 0.4)) == set()  # 2.5
+def test_a_size_compatible_with_zero_is_insignificant() -> None:
+    assert insignificant(fit(1.0, 0.6)) == {"friction.viscous.yaw"}  # 1.7 standard deviations
+    assert insignificant(fit(-1.0, 0.4)) == set()  # 2.5

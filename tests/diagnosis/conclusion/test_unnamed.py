@@ -1,4 +1,4 @@
-"""An unmodelled torque is not given a name; a base that it spoils gets no null simulations."""
+"""An unmodelled torque gets no name; a base fit distorted by it gets no null simulations."""
 
 from __future__ import annotations
 
@@ -34,38 +34,38 @@ def test_an_unmodelled_torque_gets_no_asserted_name() -> None:
     result = diagnose(product("rich", 1303).between(0.0, 30.0), quick=True)
     assert result.verdict == "unexplained"
     assert result.leftovers[0].axis == "pitch"
-    # Its stand-in about hover was detected and is either dropped or reported as "-like".
+    # Its stand-in about hover is either dropped or reported as "-like".
     assert all(f.like for f in result.findings)
-    seen = {f.choice.term.name for f in result.findings} | {d.name for d in result.dropped}
-    assert "motor.thrust_mismatch" in seen
+    named = {f.choice.term.name for f in result.findings} | {d.name for d in result.dropped}
+    assert "motor.thrust_mismatch" in named
     assert not result.calibration_findings
 
 
-def test_a_base_that_cannot_be_flown_is_judged_without_flights() -> None:
+def test_a_base_that_cannot_be_simulated_is_screened_without_nulls() -> None:
     """On steps alone the torque raises the pitch inertia until no controller stabilises the rig."""
-    bench = Setup((product("steps", 1304),), seed=0, pilots=6)
-    runs = usable_runs(bench.recordings[0], 0)
-    structure = Structure(bench.recordings[0].profile, ())
-    base = corrected_base(bench, ProfileLikelihood(data_of(bench.recordings, runs), structure))
+    setup = Setup((product("steps", 1304),), seed=0, pilots=6)
+    runs = usable_runs(setup.recordings[0], 0)
+    structure = Structure(setup.recordings[0].profile, ())
+    base = corrected_base(setup, ProfileLikelihood(data_of(setup.recordings, runs), structure))
     assert base.scatter is None
     assert inertia_is_implausible(base)
     assert np.isfinite(base.values).all()
-    step = screening_step(bench, base, flights=8)
+    step = screening_step(setup, base, flights=8)
     assert step.nulls.flights == 0
     assert np.isfinite(step.seen.z).all()
     # The screen still detects an effect.
     assert step.largest[0][1] > step.nulls.threshold
     # A diagnosis starts with inertias held to the profile: that model flies.
-    assert fit_base(bench).scatter is not None
+    assert fit_base(setup).scatter is not None
 
 
 @pytest.mark.parametrize(("flies", "named"), [(True, ["drag.quadratic.yaw"]), (False, [BACKLASH])])
-def test_a_fit_that_flies_after_a_cause_was_dropped_is_measured_again(
+def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
     monkeypatch: pytest.MonkeyPatch, flies: bool, named: list[str]
 ) -> None:
     """After bias correction the remaining causes may have another size, or none."""
 
-    def settled_again(bench: Any, fit: Any) -> Any:
+    def settled_again(setup: Any, fit: Any) -> Any:
         return SimpleNamespace(scatter=np.eye(4) if flies else None)
 
     def adopted(fit: Any, kept: Any, holdout: Any, *, seed: int) -> Any:
@@ -83,7 +83,7 @@ def test_a_fit_that_flies_after_a_cause_was_dropped_is_measured_again(
     monkeypatch.setattr(unnamed, "winning_torque", lambda *a: None)
     monkeypatch.setattr(unnamed, "significant_torques", lambda *a: ((), None))
     monkeypatch.setattr(unnamed, "marked_unsure", lambda findings, *a: findings)
-    fit, bench = SimpleNamespace(scatter=None), SimpleNamespace(recordings=(), seed=0)
+    fit, setup = SimpleNamespace(scatter=None), SimpleNamespace(recordings=(), seed=0)
     start = unnamed.Settled(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
-    last = unnamed.settle_unmodelled(cast(Any, bench), start, [], flights=8)
+    last = unnamed.settle_unmodelled(cast(Any, setup), start, [], flights=8)
     assert [f.choice.term.name for f in last.findings] == named

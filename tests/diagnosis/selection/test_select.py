@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.conclusion.adoption import forwards
+from heli3dof.diagnosis.conclusion.adoption import with_positive_torque
 from heli3dof.diagnosis.estimate.base_fit import fit_base
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, ProfileLikelihood
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
@@ -157,10 +157,10 @@ def test_the_probability_of_a_name_follows_from_its_margin() -> None:
 
 def test_a_periodic_torque_has_a_positive_amplitude() -> None:
     # −τ sin(x) = τ sin(x + π)
-    out = forwards({"torque_Nm": (-0.02, 0.001), "phase_rad": (0.5, 0.1)})
+    out = with_positive_torque({"torque_Nm": (-0.02, 0.001), "phase_rad": (0.5, 0.1)})
     assert out["torque_Nm"] == (0.02, 0.001)
     assert out["phase_rad"][0] == pytest.approx(0.5 - np.pi)
-    assert forwards({"torque_Nm": (-0.02, 0.001)}) == {"torque_Nm": (-0.02, 0.001)}
+    assert with_positive_torque({"torque_Nm": (-0.02, 0.001)}) == {"torque_Nm": (-0.02, 0.001)}
 
 
 @pytest.mark.parametrize(("score", "named"), [(29.0, True), (27.0, False)])

@@ -9,7 +9,7 @@ from heli3dof.diagnosis.sensitivity.residual_torque import UNITS
 from heli3dof.diagnosis.unmodelled.torque_curve import (
     Evidence,
     evidence,
-    leftover_evidence,
+    residual_evidence,
     variable_of,
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
@@ -85,7 +85,7 @@ def test_most_points_lie_within_three_standard_errors_of_the_curve(seen: Evidenc
 
 def test_a_residual_torque_is_drawn_against_its_variable(base: Estimate) -> None:
     table = ((-0.5, 0.05), (0.5, -0.05))
-    e = leftover_evidence(
+    e = residual_evidence(
         base, ResidualTorque("yaw", "yaw_rate", 0.8, table, (0.01, 0.01), 200.0, 1.0, like=None)
     )
     assert e.curve_z == pytest.approx([-28.6479, 28.6479], rel=1e-4)

@@ -13,9 +13,9 @@ from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, forward, hats
 from heli3dof.diagnosis.sensitivity.residual_torque import trail
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     FALSE_ALARMS,
-    FAR,
+    THRESHOLD_SCALES,
+    gumbel_stretch,
     residual_torques,
-    wider,
 )
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
@@ -62,57 +62,59 @@ def test_an_unmodified_rig_has_no_residual_torque() -> None:
 
 
 def test_the_residual_torque_lies_on_the_hidden_line(coupled: tuple[Recording, Estimate]) -> None:
-    seen = trail(coupled[1])
-    rows = seen.flown
-    slope = np.polyfit(seen.variable("pitch_rate")[rows], seen.torque[rows, 2], 1)[0]
+    flown = trail(coupled[1])
+    rows = flown.flown
+    slope = np.polyfit(flown.variable("pitch_rate")[rows], flown.torque[rows, 2], 1)[0]
     assert slope == pytest.approx(-0.1, rel=0.1)
 
 
 def test_one_backward_pass_gives_the_score_of_any_torque(
     coupled: tuple[Recording, Estimate],
 ) -> None:
-    """Equal to the filter's own difference along a small viscous friction, within its accuracy."""
+    """Compare with the filter's finite difference for a small viscous friction."""
     fit = coupled[1]
-    seen = trail(fit)
+    path = trail(fit)
     terms = (*fit.structure.terms, term("friction.viscous.yaw"))
-    wider = replace(fit.problem, structure=Structure(fit.structure.profile, terms))
+    extended = replace(fit.problem, structure=Structure(fit.structure.profile, terms))
     theta = np.append(fit.optimum.theta, 0.0)
     typical = terms[-1].effect.parameters[0].typical
-    followed = wider.tangents(theta, seen.at, np.array([len(theta) - 1]))[0] / typical
-    backward = (-seen.X[:, 5] * seen.gradients[0][:, 2])[seen.flown].sum()
-    assert backward == pytest.approx(followed @ seen.at.g, rel=0.02)
+    followed = extended.tangents(theta, path.at, np.array([len(theta) - 1]))[0] / typical
+    backward = (-path.X[:, 5] * path.gradients[0][:, 2])[path.flown].sum()
+    assert backward == pytest.approx(followed @ path.at.g, rel=0.02)
 
 
 def test_forward_and_backward_passes_give_the_same_scores(
     coupled: tuple[Recording, Estimate],
 ) -> None:
-    seen = trail(coupled[1])
-    library = hats(seen, np.arange(3))
-    u = library.scores(seen)
-    assert forward(library, seen, np.zeros((0, len(seen.at.row)))).u == pytest.approx(
+    path = trail(coupled[1])
+    library = hats(path, np.arange(3))
+    u = library.scores(path)
+    assert forward(library, path, np.zeros((0, len(path.at.row)))).u == pytest.approx(
         u, abs=1e-9 * np.abs(u).max()
     )
 
 
-def test_hats_add_up_to_one_everywhere(coupled: tuple[Recording, Estimate]) -> None:
+def test_hat_functions_add_up_to_one(coupled: tuple[Recording, Estimate]) -> None:
     """The sum of a group's scores is therefore that of a constant torque, for every variable."""
-    seen = trail(coupled[1])
-    library = hats(seen, np.arange(3))
-    constant = seen.gradients[0][seen.flown].sum(axis=0)
-    sums = library.scores(seen).reshape(3, -1, KNOTS).sum(axis=2)
+    path = trail(coupled[1])
+    library = hats(path, np.arange(3))
+    constant = path.gradients[0][path.flown].sum(axis=0)
+    sums = library.scores(path).reshape(3, -1, KNOTS).sum(axis=2)
     assert sums == pytest.approx(np.tile(constant[:, None], (1, sums.shape[1])), rel=1e-6)
 
 
 @pytest.mark.parametrize("n", [8, 24])
-def test_the_tail_of_a_law_fitted_to_few_flights_has_the_stated_probability(n: int) -> None:
-    """Laws fitted to n flights each: location x̄ − γσ, scale σ = √6 s/π, stretched by `wider`;
-    P(x > a) = 1 − exp(−exp(−a)) for the law itself."""
+def test_a_gumbel_tail_fitted_to_few_nulls_has_the_stated_probability(n: int) -> None:
+    """Fit Gumbel distributions to n values each: location x̄ − γσ, scale σ = √6 s/π, stretched.
+
+    For the true distribution P(x > a) = 1 − exp(−exp(−a)).
+    """
     x = np.random.default_rng(0).gumbel(size=(100_000, n))
     scale = np.sqrt(6) * x.std(axis=1, ddof=1) / np.pi
     location = x.mean(axis=1) - EULER * scale
 
     def share(stretched: float) -> float:
-        return float(-np.expm1(-np.exp(-(location + FAR * stretched * scale))).mean())
+        return float(-np.expm1(-np.exp(-(location + THRESHOLD_SCALES * stretched * scale))).mean())
 
-    assert share(wider(n)) == pytest.approx(FALSE_ALARMS, rel=0.25)
+    assert share(gumbel_stretch(n)) == pytest.approx(FALSE_ALARMS, rel=0.25)
     assert share(1.0) > 2.5 * FALSE_ALARMS
