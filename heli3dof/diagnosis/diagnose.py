@@ -27,8 +27,8 @@ from heli3dof.diagnosis.estimate.base_fit import BASES, fit_base
 from heli3dof.diagnosis.estimate.base_parameters import (
     OffNominal,
     base_parameters,
-    doubt,
     off_nominal,
+    std_inflation,
 )
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
@@ -171,7 +171,7 @@ def base_off(last: Settled) -> tuple[OffNominal, ...]:
     beside = (
         None if last.held is None or not last.left else base_with_residual(last.found, last.held)
     )
-    return off_nominal(last.found, doubted=doubt(last.found), beside=beside)
+    return off_nominal(last.found, std_inflation=std_inflation(last.found), with_residual=beside)
 
 
 def causes(
@@ -180,7 +180,7 @@ def causes(
     """Forward: every step that was made (the last one found nothing, or is the last allowed)."""
     found, steps = base, list[Step]()
     # An inertia far off is a first cause too, whose formula (where its mass sits) is a guess.
-    off = off_nominal(base, doubted=doubt(base))
+    off = off_nominal(base, std_inflation=std_inflation(base))
     inertias = [o.flight_score for o in off if o.term.effect.name == "inertia"]
     score, left = max(inertias, default=None), MOST
     while left:
