@@ -27,8 +27,8 @@ from heli3dof.diagnosis.estimate.base_fit import BASES, fit_base
 from heli3dof.diagnosis.estimate.base_parameters import (
     OffNominal,
     base_parameters,
-    doubt,
     off_nominal,
+    std_inflation,
 )
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
@@ -182,7 +182,9 @@ def base_off_nominal(settled: Settled) -> tuple[OffNominal, ...]:
         if settled.held is None or not settled.left
         else base_with_residual(settled.found, settled.held)
     )
-    return off_nominal(settled.found, doubted=doubt(settled.found), beside=with_residual)
+    return off_nominal(
+        settled.found, std_inflation=std_inflation(settled.found), with_residual=with_residual
+    )
 
 
 def forward_selection(
@@ -191,7 +193,7 @@ def forward_selection(
     """Return the steps of forward selection and the final fit; the last may have found nothing."""
     fit, steps = base, list[Step]()
     # An inertia far off nominal counts as a first cause: the position of its mass is unknown.
-    off_nominal_parameters = off_nominal(base, doubted=doubt(base))
+    off_nominal_parameters = off_nominal(base, std_inflation=std_inflation(base))
     inertias = [o.flight_score for o in off_nominal_parameters if o.term.effect.name == "inertia"]
     score, remaining = max(inertias, default=None), MOST
     while remaining:

@@ -186,7 +186,11 @@ RULES = (
         "conclusion.encoder_scales:with_scale_ties",
         lambda rule, findings, off, *_, **__: (tuple(findings), tuple(off)),
     ),
-    Rule("the noise may bias base parameters", "estimate.base_parameters:doubt", _always(0.0)),
+    Rule(
+        "the noise may bias base parameters",
+        "estimate.base_parameters:std_inflation",
+        _always(0.0),
+    ),
     Rule("free run: both halves must show it", "free_run.naming:contradicted", _always("")),
     Rule("free run: confounded causes", "free_run.elimination:tied", _argument(1)),
     Rule("free run: the size must be significant", "free_run.naming:apart", _always(1.0)),

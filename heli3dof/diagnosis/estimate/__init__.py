@@ -1,1 +1,1 @@
-"""Bias-corrected fits: the likelihood evaluated, its bias simulated and removed."""
+"""Fits of the base simulation: likelihood, bias correction, limit cycles, base parameters."""

@@ -1,10 +1,11 @@
-"""The base simulation's fit, with which a diagnosis begins: freed of its bias, off the ridges.
+"""Fit the base simulation, the first step of a diagnosis.
 
-Two things mislead the fit. On a limit cycle the filter's likelihood is biased, and its scores
-hardly separate less inertia with more noise from the true rig. Then the fit starts at a noise whose
-simulated flights have the recording's limit cycle (`estimate.limit_cycle`), and the edge
-rates serve as further moments (`estimate.edge_rates`). And the inertia of an axis that moves
-little may become one that no rig has (`inertia_is_implausible`).
+The bias-corrected fit (`estimate.bias_correction`) has two special cases:
+
+- Limit cycle: the likelihood hardly distinguishes a smaller inertia with more noise from the true
+  rig. The fit then starts at a matched noise (`estimate.limit_cycle`) and uses edge rates as
+  further moments (`estimate.edge_rates`).
+- Implausible inertia: the fit is repeated with a narrow prior of the inertias.
 """
 
 from __future__ import annotations
@@ -23,56 +24,56 @@ from heli3dof.model.effects import terms as named
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 
-UNHEARD_OF = 2.5
-"""An inertia's ratio to nominal, or its inverse"""
-HELD_BY = 0.1
-"""Of the tolerance, to which the inertias are held until a cause is found where they ran away"""
+MAX_INERTIA_RATIO = 2.5
+"""Largest plausible ratio of an inertia to nominal, or its inverse. Chosen; not derived."""
+TIGHT_PRIOR = 0.1
+"""Prior standard deviation of ln J in units of the tolerance, until a cause is found. Chosen."""
 
 BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
-"""What each base simulation is made of beside the rigid body."""
+"""Effects that each base simulation adds to the rigid body, by the base's name"""
 
 
 def fit_base(bench: Setup) -> CorrectedFit:
-    """The base simulation, fitted. Raises RecordingError where there is nothing to fit."""
+    """Return the fitted base simulation. Raises RecordingError without usable rows."""
     runs = [run for i, r in enumerate(bench.recordings) for run in usable_runs(r, i)]
     structure = Structure(bench.recordings[0].profile, named(BASES[bench.base]))
     problem = ProfileLikelihood(data_of(bench.recordings, runs), structure)
     compile_first(problem)
-    found = corrected_base(bench, problem)
+    fit = corrected_base(bench, problem)
     return (
-        corrected_base(bench, replace(problem, doubt=HELD_BY))
-        if inertia_is_implausible(found)
-        else found
+        corrected_base(bench, replace(problem, doubt=TIGHT_PRIOR))
+        if inertia_is_implausible(fit)
+        else fit
     )
 
 
-def inertia_is_implausible(found: Estimate) -> bool:
-    """Whether an inertia is one that no rig has.
+def inertia_is_implausible(fit: Estimate) -> bool:
+    """Return whether a measured axis' inertia differs from nominal by over `MAX_INERTIA_RATIO`.
 
-    What a rig that hardly tips lacks (a constant torque of a volt of trim, above all) is hidden as
-    well by a body too heavy to answer, and noise: nothing would be seen beside these.
+    If an axis hardly moves, its inertia may hide a missing effect from the score test.
     """
-    apart = found.theta[1:4] - found.problem.prior_mean[1:4]
-    return bool(np.abs(apart[found.problem.data.axes]).max(initial=0.0) > np.log(UNHEARD_OF))
+    log_ratio = fit.theta[1:4] - fit.problem.prior_mean[1:4]
+    largest = np.abs(log_ratio[fit.problem.data.axes]).max(initial=0.0)
+    return bool(largest > np.log(MAX_INERTIA_RATIO))
 
 
 def corrected_base(bench: Setup, problem: ProfileLikelihood) -> CorrectedFit:
-    """Return the fit of the base's parameters, bias-corrected where the controller is known."""
-    found = estimate(problem)
+    """Return the fit, bias-corrected if the controller is known."""
+    plain = estimate(problem)
     if not bench.controller_is_known:
-        return CorrectedFit(problem, found.optimum)
-    theta, noise = found.optimum.theta, found.optimum.noise
+        return CorrectedFit(problem, plain.optimum)
+    theta, noise = plain.optimum.theta, plain.optimum.noise
     cycling = on_limit_cycle(problem.data)
     if cycling.any():
         theta = theta.copy()
         theta[1:4] = problem.prior_mean[1:4]
         noise = matched_noise(problem, theta, noise, cycling, bench.recordings, seed=bench.seed)
-    freed = correct(problem, theta, noise, bench.recordings, seed=bench.seed, pilots=bench.pilots)
-    if freed.scatter is None:
-        return CorrectedFit(problem, found.optimum)
+    fit = correct(problem, theta, noise, bench.recordings, seed=bench.seed, pilots=bench.pilots)
+    if fit.scatter is None:
+        return CorrectedFit(problem, plain.optimum)
     if not cycling.any():
-        return freed
-    found = fit_with_edge_rates(problem, freed, bench.recordings, seed=bench.seed)
-    # Along the likelihood's ridge a further effect would be fitted to another rig's noise.
+        return fit
+    fit = fit_with_edge_rates(problem, fit, bench.recordings, seed=bench.seed)
+    # A later fit with a further effect by likelihood alone would increase the noise again.
     roll, pitch, yaw = (bool(axis) for axis in cycling)
-    return replace(found, problem=replace(problem, known_noise=(roll, pitch, yaw)))
+    return replace(fit, problem=replace(problem, known_noise=(roll, pitch, yaw)))

@@ -1,22 +1,22 @@
-"""The base's own parameters in SI, and those that are surely off as findings.
+"""Convert the base parameters to SI, and test which ones are off by more than the tolerance.
 
-A fit gives torques and inertias in units of K_f; `estimate.thrust_scale` says how large
-that is. A parameter X is a finding where it is off by more than the profile's ``tolerance`` ε,
+A fit gives torques and inertias in units of K_f, and `estimate.thrust_scale` estimates K_f. The
+parameters X and their findings are
 
     K_f             motor.thrust_gain       gain = K_f/K_f,nominal
     T_g             mass.imbalance          torque_Nm = T_g − T_g,nominal
     an inertia      inertia                 ratio = J/J,nominal
 
-and surely: with x = ln X/X_nominal, its edge e = ln(1 + ε) or ln(1 − ε) on x's side, σ the
-flights' own standard deviation of x and σ_k the scale's,
+Let x = ln X/X_nominal, ε the profile's ``tolerance``, and e = ln(1 + ε) for x > 0, else ln(1 − ε).
+X is a finding if x exceeds e by a significant amount:
 
-    |x − e| > √((`SURE` σ_k)² + (q σ)²)
+    |x| − |e| > √((`SCALE_QUANTILE` σ_k)² + (q f σ)²)
 
-σ_k is what the profile is believed to, the same in every flight of a rig; σ is what noise does, and
-q its quantile at which one of `FAMILY` parameters is falsely named in a share `FALSE_ALARMS` of
-recordings. Where encoders chatter, an estimate by the filter's scores alone scatters up to
-`DOUBTED` times what is told of it, and that is taken for σ; a weighed one
-(`estimate.edge_rates`) scatters as it says.
+- σ_k: standard deviation of ln K_f, the same in every flight of a rig
+- σ: standard deviation of x by the flights' noise
+- q: normal quantile, with Bonferroni's correction, of the false-alarm probability `FALSE_ALARMS`
+- f: 1 for a fit with edge rates (`estimate.edge_rates`), else `STD_INFLATION`. On a limit cycle
+  such fits scatter up to f times as much as σ.
 """
 
 from __future__ import annotations
@@ -31,15 +31,14 @@ from heli3dof.diagnosis.estimate.thrust_scale import ThrustScale, thrust_scale
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects import Term, term
 
-SURE = 2.0
-FAMILY = 5
-"""K_f, T_g and three inertias"""
-DOUBTED = 3.0
+SCALE_QUANTILE = 2.0  # standard deviations, chosen
+FAMILY = 5  # tested parameters: K_f, T_g and three inertias
+STD_INFLATION = 3.0  # f of fits without edge rates, chosen
 
 
 @dataclass(frozen=True)
 class BaseParameter:
-    """One number of the profile, in SI."""
+    """The estimate of one of the profile's parameters, in SI."""
 
     name: str
     nominal: float
@@ -47,27 +46,27 @@ class BaseParameter:
     std: float
     unit: str
     told: float = 0.0
-    """σ, the flights' share of the relative standard deviation"""
+    """σ, the relative standard deviation by the flights' noise"""
     scale: float = 0.0
-    """σ_k, the scale's"""
+    """σ_k, the standard deviation of ln K_f"""
 
     @property
     def x(self) -> float:
-        """ln X/X_nominal; infinite where the two have different signs."""
+        """Return x; −∞ if X and X_nominal have different signs."""
         ratio = self.value / self.nominal
         return float(np.log(ratio)) if ratio > 0 else -np.inf
 
     def beyond(self, tolerance: float) -> float:
-        """|x| beyond the edge on its side; negative within."""
+        """Return |x| − |e|; it is negative within the tolerance."""
         return abs(self.x) - abs(edge(self.x, tolerance))
 
-    def surely(self, beyond: float, quantile: float, told: float) -> bool:
-        """Whether that much beyond an edge is more than the scale and ``told`` explain."""
-        return beyond > float(np.hypot(SURE * self.scale, quantile * told))
+    def is_significant(self, beyond: float, quantile: float, std: float) -> bool:
+        """Return whether ``beyond`` = |x| − |e| is significant; ``std`` is f σ."""
+        return beyond > float(np.hypot(SCALE_QUANTILE * self.scale, quantile * std))
 
 
 def edge(x: float, tolerance: float) -> float:
-    """ln(1 ± ε), on x's side.
+    """Return e: ln(1 + ε) for x > 0, else ln(1 − ε).
 
     >>> round(edge(0.3, 0.15), 4), round(edge(-0.3, 0.15), 4)
     (0.1398, -0.1625)
@@ -76,7 +75,7 @@ def edge(x: float, tolerance: float) -> float:
 
 
 def quantile() -> float:
-    """A normal's, one-sided, at `FALSE_ALARMS` in `FAMILY` parameters.
+    """Return q, the one-sided normal quantile of the probability `FALSE_ALARMS` / `FAMILY`.
 
     >>> round(quantile(), 2)
     3.24
@@ -86,14 +85,14 @@ def quantile() -> float:
     return float(norm.isf(FALSE_ALARMS / FAMILY))
 
 
-def base_parameters(found: Estimate) -> tuple[BaseParameter, ...]:
-    """K_f, T_g and the three inertias."""
-    scale = thrust_scale(found)
-    K_f = found.structure.profile.motor.K_f
+def base_parameters(fit: Estimate) -> tuple[BaseParameter, ...]:
+    """Return K_f, T_g and the three inertias, in this order."""
+    scale = thrust_scale(fit)
+    K_f = fit.structure.profile.motor.K_f
     out = [
         BaseParameter("K_f", K_f, K_f * scale.k, K_f * scale.k * scale.std, "N/V", 0.0, scale.std)
     ]
-    for f, v, s in zip(found.free[:4], found.values[:4], found.std[:4], strict=True):
+    for f, v, s in zip(fit.free[:4], fit.values[:4], fit.std[:4], strict=True):
         value, std = scale.applied(float(v), float(s), f.unit)
         out.append(BaseParameter(f.name, f.start, value, std, f.unit, float(s / abs(v)), scale.std))
     return tuple(out)
@@ -101,7 +100,7 @@ def base_parameters(found: Estimate) -> tuple[BaseParameter, ...]:
 
 @dataclass(frozen=True)
 class OffNominal:
-    """A finding: one of the base's parameters is not what the profile says."""
+    """The finding that one base parameter deviates from the profile."""
 
     term: Term
     value: float
@@ -109,45 +108,44 @@ class OffNominal:
     score: float
     """((value − nominal)/std)²"""
     flight_score: float = 0.0
-    """(x/σ)²: the same, were the scale known"""
+    """(x/σ)²: the score if K_f were known; 0 for K_f"""
     tied_with: tuple[str, ...] = ()
-    """Causes that may be there in its place (`conclusion.inertia_ties`)"""
+    """Causes confounded with it (`conclusion.inertia_ties`)"""
 
 
 def off_nominal(
-    found: Estimate,
+    fit: Estimate,
     *,
-    doubted: float = DOUBTED,
-    beside: tuple[np.ndarray, np.ndarray] | None = None,
+    std_inflation: float = STD_INFLATION,
+    with_residual: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[OffNominal, ...]:
-    """What is surely off by more than the profile's tolerance, the surest first.
+    """Return the parameters that are off by significantly more than the tolerance, by score.
 
-    ``doubted``: how many times what is told of it σ may be. ``beside``: (4,), (4,) what T_g and the
-    inertias are, as a logarithm over ``found``'s, beside a leftover, and its standard deviation; a
-    parameter that is within the tolerance there is off by what has no name.
+    ``std_inflation`` is f. A parameter must also be off in a fit with a residual torque, if given:
+    ``with_residual`` is its change (4,) of ln T_g and ln J, with the standard deviations (4,).
     """
-    tolerance = found.structure.profile.tolerance
+    tolerance = fit.structure.profile.tolerance
     out = []
-    for j, c in enumerate(base_parameters(found), start=-1):
-        if not c.surely(c.beyond(tolerance), quantile(), doubted * c.told):
+    for j, c in enumerate(base_parameters(fit), start=-1):
+        if not c.is_significant(c.beyond(tolerance), quantile(), std_inflation * c.told):
             continue
-        if beside is not None and j >= 0:
-            moved = c.x + float(beside[0][j])
-            left = (abs(moved) if moved * c.x > 0 else 0.0) - abs(edge(c.x, tolerance))
-            if not c.surely(left, quantile(), float(np.hypot(c.told, beside[1][j]))):
+        if with_residual is not None and j >= 0:
+            x = c.x + float(with_residual[0][j])
+            beyond = (abs(x) if x * c.x > 0 else 0.0) - abs(edge(c.x, tolerance))
+            std = float(np.hypot(c.told, with_residual[1][j]))
+            if not c.is_significant(beyond, quantile(), std):
                 continue
         out.append(_off(c))
     return tuple(sorted(out, key=lambda o: -o.score))
 
 
-def doubt(found: CorrectedFit) -> float:
-    """How many times what is told of its numbers their spread may be; a weighed estimate's is
-    measured."""
-    return DOUBTED if found.spread is None else 1.0
+def std_inflation(fit: CorrectedFit) -> float:
+    """Return f: 1 for a fit that uses edge rates, else `STD_INFLATION`."""
+    return STD_INFLATION if fit.spread is None else 1.0
 
 
 def finding_of(number: str) -> str:
-    """The finding that says a base number is off.
+    """Return the name of the finding that base parameter ``number`` is off.
 
     >>> [finding_of(n) for n in ("K_f", "T_g", "J_yaw")]
     ['motor.thrust_gain', 'mass.imbalance', 'inertia.yaw']
@@ -157,19 +155,19 @@ def finding_of(number: str) -> str:
 
 
 def _off(c: BaseParameter) -> OffNominal:
-    share, spread = c.value / c.nominal, c.std / abs(c.nominal)
+    ratio, ratio_std = c.value / c.nominal, c.std / abs(c.nominal)
     score = ((c.value - c.nominal) / c.std) ** 2
-    alone = float((c.x / c.told) ** 2) if c.told > 0 else 0.0
+    flight_score = float((c.x / c.told) ** 2) if c.told > 0 else 0.0
     cause = term(finding_of(c.name))
     if c.name == "T_g":
-        return OffNominal(cause, c.value - c.nominal, c.std, score, alone)
-    return OffNominal(cause, share, spread, score, alone)
+        return OffNominal(cause, c.value - c.nominal, c.std, score, flight_score)
+    return OffNominal(cause, ratio, ratio_std, score, flight_score)
 
 
-def in_SI(found: Estimate, scale: ThrustScale, name: str) -> dict[str, tuple[float, float]]:
-    """Parameter → (value, standard deviation) of the term of that name, in SI."""
+def in_SI(fit: Estimate, scale: ThrustScale, name: str) -> dict[str, tuple[float, float]]:
+    """Return {parameter: (value, standard deviation)} of the term ``name``, in SI."""
     return {
         f.name.removeprefix(f"{name}."): scale.applied(float(v), float(s), f.unit)
-        for f, v, s in zip(found.free, found.values, found.std, strict=True)
+        for f, v, s in zip(fit.free, fit.values, fit.std, strict=True)
         if f.term == name
     }

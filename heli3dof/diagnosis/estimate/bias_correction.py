@@ -1,22 +1,18 @@
-"""Estimates freed of what the filter gets wrong: scores less what flights of the estimate score.
+"""Correct the bias of a fit by simulated flights: the efficient method of moments.
 
-The filter's likelihood is an approximation (Gaussian beliefs; encoders in a feedback loop chatter
-on their edges), so its score is not zero on average at the truth and its maximum is biased: on
-steps alone the roll inertia by 5 to 10 %, the noise by a factor of two. But what the score is on
-average can be seen, because the loop is known: fly the estimate itself, B times, through the same
-references, controller and encoders, with its own noise. With g the score of the recordings and
-g_b of flight b, all at θ,
+The filter's likelihood assumes Gaussian distributions, but encoders quantise. So its expected score
+at the true parameters is not zero and its maximum is biased: on steps, the roll inertia by 5 to
+10 %. With a known controller, B flights of the estimate are simulated
+(`estimate.simulated_flight`). Let g (n,) be the score of the recordings and g_b that of flight b,
+both at θ (n,). H (n, n) is the information, θ_0 and Λ are the prior's mean and information:
 
     g(θ) − ḡ(θ) − Λ(θ − θ_0) = 0,      ḡ = mean g_b                     (estimating equation)
     θ ← θ + (H + Λ)⁻¹ (g − ḡ − Λ(θ − θ_0))
+    cov θ = (H + Λ)⁻¹ ((1 + 1/B) C + Λ) (H + Λ)⁻¹,      C = cov g_b by `scatter_of`
 
-and likewise, axis by axis, for the slope of the likelihood along the log noise intensities. It is
-the method of moments with simulated moments (Gallant and Tauchen 1996; Gouriéroux, Monfort and
-Renault 1993), with the filter as the auxiliary model. How far θ scatters follows from how g_b do:
-
-    cov θ = (H + Λ)⁻¹ ((1 + 1/B) C + Λ) (H + Λ)⁻¹,      C = cov g_b
-
-times √ρ_i ρ_j where the recording's own noise is not white (`estimate.coloured_noise`).
+The log-likelihood's derivative s by each axis' log noise intensity is corrected alike; its bias is
+s̄ = mean s_b. Coloured noise multiplies cov θ by √(ρ_i ρ_j) (`estimate.coloured_noise`). Sources:
+Gallant and Tauchen (1996); Gouriéroux, Monfort and Renault (1993).
 """
 
 from __future__ import annotations
@@ -44,35 +40,32 @@ from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
-PILOTS = 8
-"""Flights of each estimate on the way; the same random numbers every time."""
+PILOTS = 8  # simulated flights per iteration, with the same random numbers in each
 ROUNDS = 10
-NEAR = 0.35
-"""Standard deviations: a step smaller than this is the last; what `PILOTS` flights leave open."""
-NOISE_NEAR = 0.1
-UNMOVED = 0.3, 3.0
-"""Steps of a log noise intensity, and standard deviations of a parameter: within them the false
-slope along the noise is still the one that was seen. It costs two passes a flight to see."""
-LOST = 30.0
-"""Standard deviations: a step that is still so long after `LOST_AFTER` rounds leads nowhere. A rig
-that is fitted without what holds it may be one that its controller cannot fly."""
-LOST_AFTER = 3
+CONVERGED = 0.35
+"""Standard deviations: a smaller step of θ is the last; about 1/√`PILOTS`, the error by ḡ."""
+NOISE_CONVERGED = 0.1  # the same for a step of ln a, chosen
+REUSED_WITHIN = 0.3, 3.0
+"""Largest change of ln a, and of θ in standard deviations, at which s̄ is not computed again, to
+save two filter runs per flight. Chosen."""
+DIVERGED, DIVERGED_AFTER = 30.0, 3
+"""Standard deviations, iteration: a longer step, then or later, ends the search. The controller may
+not stabilise the fitted rig. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class ProfileLikelihood(Likelihood):
-    """The likelihood where the profile is believed to within its ``tolerance``.
+    """The likelihood with the profile's ``tolerance`` as prior standard deviation of ln J.
 
-    Inertias differ from nominal by that standard deviation of their logarithm, where `Likelihood`
-    allows a factor of two: what a step alone does not tell must not run away.
+    The weaker prior of `Likelihood` would allow implausible inertias J in a short recording.
     """
 
     doubt: float = 1.0
-    """By which the tolerance is multiplied"""
+    """Factor by which the tolerance is multiplied"""
 
     @cached_property
     def prior_precision(self) -> np.ndarray:
-        """(n,) 1/variance in coordinates"""
+        """Return the prior's precision (n,): 1/variance of each parameter coordinate."""
         free = self.structure.free
         std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
         std[1:4] = self.doubt * self.structure.profile.tolerance
@@ -81,30 +74,28 @@ class ProfileLikelihood(Likelihood):
 
 @dataclass(frozen=True, eq=False)
 class CorrectedFit(Estimate):
-    """An estimate by the equation above; its scatter is that of simulated flights."""
+    """A fit by the estimating equation, with its covariance from simulated flights."""
 
     scatter: np.ndarray | None = None
-    """(n, n) C, the covariance of the scores of the flights; None: the noise model's, × κ, as no
-    flights of it are to be had"""
+    """(n, n) C; None if no flights were simulated: the covariance is then that of `Estimate`"""
     bias: np.ndarray | None = None
-    """(n,) ḡ, the mean of their scores; None: zero"""
+    """(n,) ḡ; None: zero"""
     noise_bias: np.ndarray | None = None
-    """(3,) s̄, of the slopes along the log noise intensities"""
+    """(3,) s̄, the mean derivative by the log noise intensities; None: zero"""
     flights: int = 0
     spread: np.ndarray | None = None
-    """(n, n) the covariance of the coordinates where more moments than scores made the estimate
-    (`estimate.edge_rates`)"""
+    """(n, n) covariance of θ of a fit with edge rates (`estimate.edge_rates`), else None"""
 
     @cached_property
     def colour(self) -> np.ndarray:
-        """(n,) ρ of `estimate.coloured_noise`; ones where there are no flights to compare with"""
+        """Return ρ (n,) of `estimate.coloured_noise`; ones if no flights were simulated."""
         if self.scatter is None:
             return np.ones(len(self.optimum.theta))
         return colour(self, self.scatter)
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """(n, n) of the values, in their units"""
+        """Return the covariance (n, n) of the parameters in their units."""
         if self.scatter is None:
             return np.asarray(Estimate.covariance.func(self))  # type: ignore[attr-defined]
         scale = self.slopes * np.sqrt(self.colour)
@@ -117,7 +108,7 @@ class CorrectedFit(Estimate):
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
-    """The rig with these numbers, to fly and to predict with; it knows nothing of their spread."""
+    """Return the model at θ = ``theta`` (n,) and a = ``noise`` (4,), with an unknown covariance."""
     n = len(theta)
     return GreyBoxModel(
         "null", problem.structure.profile, tuple(t.name for t in problem.structure.terms),
@@ -128,16 +119,16 @@ def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyB
 def simulate_again(
     model: GreyBoxModel, recordings: Sequence[Recording], data: Data, seed: Sequence[int]
 ) -> Data:
-    """The runs of ``data``, of recordings flown by the model with its own noise."""
-    last = [
+    """Return ``data`` with its recordings replaced by flights simulated on ``model``."""
+    last_rows = [
         max((r.stop for r in data.runs if r.source == i), default=0) for i in range(len(recordings))
     ]
     rng = np.random.default_rng(list(seed))
-    flown = [
+    simulated = [
         simulated_flight(model, r, rng, rows=n) if n else r
-        for r, n in zip(recordings, last, strict=True)
+        for r, n in zip(recordings, last_rows, strict=True)
     ]
-    return data_of(flown, data.runs)
+    return data_of(simulated, data.runs)
 
 
 def correct(
@@ -151,25 +142,24 @@ def correct(
     rounds: int = ROUNDS,
     log: Callable[[str], None] = lambda s: None,
 ) -> CorrectedFit:
-    """Solve the estimating equation from near its solution; see the module.
+    """Return the solution of the estimating equation, searched from ``theta`` (n,), ``noise`` (4,).
 
-    Where the estimate's own flights do not stay near the recordings', nothing can be learnt from
-    them: then ``theta`` and ``noise`` are returned as they came, with no ``scatter`` and no bias.
+    ``pilots`` is B. If the search diverges, return the start without ``scatter`` and ``bias``.
     """
-    begin = theta, noise
+    start = theta, noise
     low, high = problem.bounds
     precision = problem.prior_precision
     axes = problem.free_noise
-    settled = False
+    converged = False
     n = len(theta)
-    secant = AndersonAcceleration()
-    slopes: FalseSlopes | None = None
+    acceleration = AndersonAcceleration()
+    noise_bias: NoiseScoreBias | None = None
     for count in range(1, rounds + 1):
-        here = evaluate(problem, theta, noise)
+        recorded = evaluate(problem, theta, noise)
         model = model_at(problem, theta, noise)
-        anew = slopes is None or slopes.moved(theta, noise)
-        flown = parallel_map(
-            lambda b, m=model, th=theta, a=noise, w=anew: evaluate(  # type: ignore[misc]
+        update = noise_bias is None or noise_bias.is_outdated(theta, noise)
+        flights = parallel_map(
+            lambda b, m=model, th=theta, a=noise, w=update: evaluate(  # type: ignore[misc]
                 replace(problem, data=simulate_again(m, recordings, problem.data, (seed, 7, b))),
                 th, a, whole=w,
             ),
@@ -177,111 +167,118 @@ def correct(
             what=f"flights, round {count}",
         )  # fmt: skip
         g = (
-            here.g
-            - np.mean([f.g for f in flown], axis=0)
+            recorded.g
+            - np.mean([f.g for f in flights], axis=0)
             - precision * (theta - problem.prior_mean)
         )
-        H = 0.5 * (here.H + np.mean([f.H for f in flown], axis=0))
+        H = 0.5 * (recorded.H + np.mean([f.H for f in flights], axis=0))
         A = H + np.diag(precision)
         step = np.zeros(n)
-        go = ~held(problem)
-        step[go] = np.linalg.solve(A[np.ix_(go, go)], g[go])
+        free = ~held(problem)
+        step[free] = np.linalg.solve(A[np.ix_(free, free)], g[free])
         sd = np.sqrt(np.diag(np.linalg.inv(A)))
-        if anew:
-            slopes = FalseSlopes(
-                np.mean([f.slope for f in flown], axis=0),
-                np.mean([f.bend for f in flown], axis=0), theta, noise, sd,
+        if update:
+            noise_bias = NoiseScoreBias(
+                np.mean([f.slope for f in flights], axis=0),
+                np.mean([f.curvature for f in flights], axis=0), theta, noise, sd,
             )  # fmt: skip
-        assert slopes is not None
-        slope = here.slope - slopes.slope
-        bend = np.minimum(np.minimum(here.bend, slopes.bend), -1.0)
-        move = np.where(axes, np.clip(-slope / bend, -0.7, 0.7), 0.0)
-        log(f"{count} {problem.values(theta)} {noise[:3]} step {step / sd} move {move}")
+        assert noise_bias is not None
+        slope = recorded.slope - noise_bias.slope
+        curvature = np.minimum(np.minimum(recorded.curvature, noise_bias.curvature), -1.0)
+        noise_step = np.where(axes, np.clip(-slope / curvature, -0.7, 0.7), 0.0)
+        log(f"{count} {problem.values(theta)} {noise[:3]} step {step / sd} move {noise_step}")
         length = float(np.abs(step / sd).max())
-        if not np.isfinite(length) or (count >= LOST_AFTER and length > LOST):
-            return CorrectedFit(problem, optimum_at(problem, *begin, count, settled))
-        if length < NEAR and np.abs(move).max() < NOISE_NEAR:
-            # The last step is taken too: where all start from one side, stopping short is a bias.
+        if not np.isfinite(length) or (count >= DIVERGED_AFTER and length > DIVERGED):
+            return CorrectedFit(problem, optimum_at(problem, *start, count, converged))
+        if length < CONVERGED and np.abs(noise_step).max() < NOISE_CONVERGED:
+            # Without the last step, a start that is always on one side would leave a bias.
             theta = np.clip(theta + step, low, high)
             noise = noise.copy()
-            noise[:3] = np.clip(noise[:3] * np.exp(move), NOISE_LOW, NOISE_HIGH)
-            settled = True
+            noise[:3] = np.clip(noise[:3] * np.exp(noise_step), NOISE_LOW, NOISE_HIGH)
+            converged = True
             break
         if count == 1:
-            scale = np.concatenate([sd, np.full(3, NOISE_NEAR / NEAR)])
-        move_on = secant.next(
-            np.concatenate([theta, np.log(noise[:3])]) / scale, np.concatenate([step, move]) / scale
+            scale = np.concatenate([sd, np.full(3, NOISE_CONVERGED / CONVERGED)])
+        accelerated = acceleration.next(
+            np.concatenate([theta, np.log(noise[:3])]) / scale,
+            np.concatenate([step, noise_step]) / scale,
         )
-        move_on = move_on * scale
-        theta = np.clip(theta + move_on[:n], low, high)
+        accelerated = accelerated * scale
+        theta = np.clip(theta + accelerated[:n], low, high)
         noise = noise.copy()
         noise[:3] = np.clip(
-            noise[:3] * np.exp(np.clip(move_on[n:], -1.0, 1.0)), NOISE_LOW, NOISE_HIGH
+            noise[:3] * np.exp(np.clip(accelerated[n:], -1.0, 1.0)), NOISE_LOW, NOISE_HIGH
         )
-    optimum = optimum_at(problem, theta, noise, count, settled)
-    scores = np.array([f.g for f in flown])
+    optimum = optimum_at(problem, theta, noise, count, converged)
+    scores = np.array([f.g for f in flights])
     C = scatter_of(scores, optimum.information)
-    assert slopes is not None
-    return CorrectedFit(problem, optimum, C, scores.mean(axis=0), slopes.slope, pilots)
+    assert noise_bias is not None
+    return CorrectedFit(problem, optimum, C, scores.mean(axis=0), noise_bias.slope, pilots)
 
 
 @dataclass(frozen=True, eq=False)
-class FalseSlopes:
-    """Along the log noise intensities, as flights of one estimate have them."""
+class NoiseScoreBias:
+    """The mean derivatives of ℓ by the log noise intensities over simulated flights."""
 
     slope: np.ndarray
-    bend: np.ndarray
-    """(3,) means over the flights"""
+    curvature: np.ndarray
+    """(3,) first and second derivatives"""
     theta: np.ndarray
     noise: np.ndarray
-    """Where they were seen"""
+    """(n,) θ and (4,) noise of the flights"""
     sd: np.ndarray
-    """(n,) standard deviations there"""
+    """(n,) standard deviations of θ"""
 
-    def moved(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Whether the estimate is too far from there by now."""
-        steps = np.abs(np.log(noise[:3] / self.noise[:3])).max()
-        return bool(steps > UNMOVED[0] or np.abs((theta - self.theta) / self.sd).max() > UNMOVED[1])
+    def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
+        """Return whether ``theta`` or ``noise`` has left the range `REUSED_WITHIN`."""
+        noise_range, theta_range = REUSED_WITHIN
+        noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()
+        theta_distance = np.abs((theta - self.theta) / self.sd).max()
+        return bool(noise_distance > noise_range or theta_distance > theta_range)
 
 
 def optimum_at(
-    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, count: int, settled: bool
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, count: int, converged: bool
 ) -> Optimum:
+    """Return the `Optimum` at ``theta`` (n,) and ``noise`` (4,) after ``count`` iterations."""
     low, high = problem.bounds
-    here = evaluate(problem, theta, noise, whole=False)
-    loglik = float(here.at.loglik.sum()) + problem.log_prior(theta)
+    point = evaluate(problem, theta, noise, whole=False)
+    loglik = float(point.at.loglik.sum()) + problem.log_prior(theta)
     bound = (theta <= low) | (theta >= high)
-    return Optimum(theta, noise, loglik, here.H, here.at, here.T, bound, count, settled)
+    return Optimum(theta, noise, loglik, point.H, point.at, point.T, bound, count, converged)
 
 
 class AndersonAcceleration:
-    """Anderson's acceleration of y ← y + f(y) over the last `DEPTH` steps, which must be short."""
+    """Anderson acceleration of the iteration y ← y + f(y), over the last `DEPTH` steps."""
 
     DEPTH = 2
-    LONGEST = 6.0
-    RIDGE = 0.5
+    MAX_STEP = 6.0  # of an element of y, chosen
+    RIDGE = 0.5  # regularisation, chosen
 
     def __init__(self) -> None:
         self.y: list[np.ndarray] = []
         self.f: list[np.ndarray] = []
 
     def next(self, y: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """The step to take at y where the plain one is f."""
+        """Return the accelerated step at y, where the plain step is f."""
         self.y.append(y)
         self.f.append(f)
         self.y, self.f = self.y[-self.DEPTH - 1 :], self.f[-self.DEPTH - 1 :]
-        go = f
+        step = f
         if len(self.f) > 1:
             dF = np.diff(np.array(self.f), axis=0)
             dY = np.diff(np.array(self.y), axis=0)
             gamma = np.linalg.solve(dF @ dF.T + self.RIDGE * np.eye(len(dF)), dF @ f)
-            go = f - gamma @ (dF + dY)
-        return np.asarray(go * min(1.0, self.LONGEST / max(float(np.abs(go).max()), 1e-12)))
+            step = f - gamma @ (dF + dY)
+        return np.asarray(step * min(1.0, self.MAX_STEP / max(float(np.abs(step).max()), 1e-12)))
 
 
 def scatter_of(g: np.ndarray, H: np.ndarray) -> np.ndarray:
-    """(n, n) from few flights: the information's correlations with the flights' own sizes."""
-    size = np.sqrt(g.var(axis=0, ddof=1) / np.maximum(np.diag(H), 1e-300))
-    # Few flights say little of each: half way to what they say of all.
-    size = np.maximum(np.sqrt(0.5 * size**2 + 0.5 * np.mean(size**2)), 1.0)  # exact ones: 1
-    return np.asarray(np.outer(size, size) * H)
+    """Return C (n, n), a shrinkage estimate of the scores' covariance from few flights.
+
+    C has the correlations of the information ``H`` (n, n). The ratio of each score's variance, in
+    ``g`` (B, n), to H_jj is averaged with the mean ratio, and is at least 1 (exact likelihood).
+    """
+    ratio = np.sqrt(g.var(axis=0, ddof=1) / np.maximum(np.diag(H), 1e-300))
+    ratio = np.maximum(np.sqrt(0.5 * ratio**2 + 0.5 * np.mean(ratio**2)), 1.0)
+    return np.asarray(np.outer(ratio, ratio) * H)

@@ -1,23 +1,19 @@
-"""Noise that is not white: what it makes a parameter scatter, beside what simulated flights show.
+"""Compute how much coloured noise increases the variance of each parameter.
 
-The filter's random torque is white, and so is that of the flights that calibrate it. A draught, a
-cable that swings, a supply that hunts push for half a second at a time: what is slow then scatters
-more than white noise of the intensity that the filter finds in what is fast. The recording itself
-tells: with s_b the sums of the scores ∂ℓ/∂θ over `BLOCK_S` at the fit, b = 1 … m, about their mean,
+The filter and the simulated flights have white noise. Draughts or a swinging cable cause noise that
+is correlated over time, and parameters then scatter more. Let s_b (n,), b = 1 … m, be the sums of
+the score ∂ℓ/∂θ over blocks of `BLOCK_S`, minus their mean. The covariance of Σ s_b, by Newey and
+West (1987) with L = `MEMORY_S` / `BLOCK_S`, is
 
     S = Γ_0 + Σ_{l=1}^{L} (1 − l/(L + 1)) (Γ_l + Γ_lᵀ),      Γ_l = Σ_b s_b s_{b+l}ᵀ
 
-(Newey and West 1987) is their covariance with what is correlated over `MEMORY_S` in it, and with C
-the covariance that the flights show
+Let C be the covariance of the simulated flights' scores, H the information and Λ the prior's.
+Coloured noise multiplies the variance of parameter j by
 
     ρ_j = (A⁻¹ S A⁻¹)_jj / (A⁻¹ C A⁻¹)_jj,         A = H + Λ
 
-is how many times the variance of parameter j that one. Bartlett's weights over m blocks are worth
-ν = 3 m/(2 (L + 1)) degrees of freedom; what white noise would exceed in a share `CHANCE` of
-flights, ρ > χ²_ν/ν, is taken as it is, less is taken for one. A cause is believed where what stands
-for it stands against that too: Z²/ρ beyond the nulls' threshold.
-
-The causes are in the fit, so they colour nothing: what is coloured is what they do not explain.
+S has about ν = 3 m/(2 (L + 1)) degrees of freedom. ρ is set to 1 unless it exceeds χ²_ν/ν, which
+white noise does with the probability `CHANCE`. A cause needs Z²/ρ above the nulls' threshold.
 """
 
 from __future__ import annotations
@@ -26,26 +22,26 @@ import numpy as np
 
 from heli3dof.identification.greybox.estimate import Estimate, block_scores
 
-BLOCK_S = 0.5
-MEMORY_S = 3.0
-CHANCE = 0.01
+BLOCK_S = 0.5  # chosen
+MEMORY_S = 3.0  # longest correlation that S includes, chosen
+CHANCE = 0.01  # chosen
 
 
-def colour(found: Estimate, flown: np.ndarray) -> np.ndarray:
-    """(n,) ρ of the coordinates, at least one; ``flown`` (n, n) is C."""
-    n = len(found.optimum.theta)
-    scores = block_scores(found.problem.data, found.optimum, BLOCK_S)
+def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
+    """Return ρ (n,); ``scatter`` (n, n) is C. It is 1 for fewer than 2 (L + 1) blocks."""
+    n = len(fit.optimum.theta)
+    scores = block_scores(fit.problem.data, fit.optimum, BLOCK_S)
     memory = round(MEMORY_S / BLOCK_S)
     if len(scores) < 2 * (memory + 1):
         return np.ones(n)
-    inverse = np.linalg.inv(found.optimum.information + np.diag(found.problem.prior_precision))
-    seen = np.diag(inverse @ long_run(scores, memory) @ inverse)
-    white = np.diag(inverse @ flown @ inverse)
-    return surely(seen / np.maximum(white, 1e-300), freedom(len(scores), memory))
+    inverse = np.linalg.inv(fit.optimum.information + np.diag(fit.problem.prior_precision))
+    coloured = np.diag(inverse @ long_run(scores, memory) @ inverse)
+    white = np.diag(inverse @ scatter @ inverse)
+    return significant_ratio(coloured / np.maximum(white, 1e-300), freedom(len(scores), memory))
 
 
 def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
-    """(n, n) the covariance of the sum of (m, n) scores, correlated over ``memory`` rows."""
+    """Return S (n, n) of ``scores`` (m, n), with L = ``memory`` rows."""
     s = scores - scores.mean(axis=0)
     S = s.T @ s
     for lag in range(1, memory + 1):
@@ -55,12 +51,12 @@ def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
 
 
 def freedom(blocks: int, memory: int) -> float:
-    """ν of `long_run` over that many rows."""
+    """Return ν for m = ``blocks`` and L = ``memory``."""
     return 1.5 * blocks / (memory + 1)
 
 
-def surely(ratio: np.ndarray, nu: float) -> np.ndarray:
-    """``ratio`` where it is beyond what chance makes of one, else one."""
+def significant_ratio(ratio: np.ndarray, nu: float) -> np.ndarray:
+    """Return ``ratio`` where it exceeds χ²_ν/ν at the probability `CHANCE`, else 1."""
     from scipy.stats import chi2
 
     return np.where(ratio > float(chi2.isf(CHANCE, nu)) / nu, ratio, 1.0)

@@ -1,14 +1,13 @@
-"""Full fits beside each other on a likelihood that is freed of its bias: ℓ less its false slope.
+"""Maximise the bias-corrected likelihood: the likelihood minus the expected score's linear term.
 
-Where nothing but the base is there, the likelihood still has a slope on average: ḡ along the
-parameters and s̄ along the log noise intensities (`estimate.bias_correction`), b along a
-candidate's own (the mean of its scores over the nulls). To first order
+At the true parameters, the score of the filter's likelihood ℓ has a mean: ḡ for the base parameters
+θ and s̄ for the log noise intensities ln a (`estimate.bias_correction`). For a candidate's
+parameters φ the mean is b, from the nulls. To first order, the corrected likelihood has none:
 
     ℓ_c(θ, φ, a) = ℓ(θ, φ, a) − ḡ·(θ − θ_0) − b·(φ − φ_0) − s̄·(ln a − ln a_0) + ln prior
 
-has none, so its maximum is where the estimating equation holds, and 2 Δℓ_c between two structures
-is what a likelihood ratio should be. Maximised by Gauss and Newton, as in
-`heli3dof.identification.greybox.maximum_likelihood`, with the noise's intensities along the way.
+Its maximum solves the estimating equation, and 2 Δℓ_c of two models is their likelihood ratio. The
+search is that of `heli3dof.identification.greybox.maximum_likelihood` (Levenberg–Marquardt).
 """
 
 from __future__ import annotations
@@ -22,89 +21,91 @@ from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW, Optimum
 
 ROUNDS = 14
-TOLERANCE = 0.02
-"""Of the log-likelihood."""
-NOISE_SETTLED = 0.06
-SURE = 2.0
+TOLERANCE = 0.02  # predicted gain of the log-likelihood at which the search ends, chosen
+NOISE_CONVERGED = 0.06  # step of ln a at which the noise has converged, chosen
+CHECKED_GAIN = 2.0
+"""Log-likelihood: a step with a smaller predicted gain is accepted unchecked. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class ScoreBias:
-    """The false slopes, and where they were seen."""
+    """The mean score, and the point at which it was simulated."""
 
     theta: np.ndarray
-    """(n,) ḡ and b, per coordinate"""
+    """(n,) ḡ and b"""
     log_noise: np.ndarray
     """(3,) s̄"""
     theta_0: np.ndarray
     noise_0: np.ndarray
+    """(n,) θ_0 and φ_0, (4,) a_0 (rad/s²/√Hz) and jitter (s)"""
 
     def of(self, theta: np.ndarray, noise: np.ndarray) -> float:
-        """What is to be taken off the log-likelihood there."""
+        """Return the correction ḡ·(θ − θ_0) + b·(φ − φ_0) + s̄·(ln a − ln a_0)."""
         ratio = np.log(noise[:3] / self.noise_0[:3])
         return float(self.theta @ (theta - self.theta_0) + self.log_noise @ ratio)
 
 
 def maximise_corrected(
-    problem: Likelihood, start: np.ndarray, noise: np.ndarray, tilt: ScoreBias | None, *,
+    problem: Likelihood, start: np.ndarray, noise: np.ndarray, bias: ScoreBias | None, *,
     rounds: int = ROUNDS, hold_noise: bool = False, hold: np.ndarray | None = None,
 ) -> Optimum:  # fmt: skip
-    """The maximum of ℓ_c near ``start`` (n,) and ``noise`` (4,); of ℓ without a tilt.
+    """Return the maximum of ℓ_c, or of ℓ + ln prior if ``bias`` is None.
 
-    ``hold`` (n,) bool: coordinates that stay where they start.
+    The search starts at ``start`` (n,), ``noise`` (4,). ``hold`` (n,) bool fixes coordinates,
+    ``hold_noise`` the noise.
     """
-    if tilt is None:
-        tilt = ScoreBias(np.zeros(len(start)), np.zeros(3), start, noise)
+    if bias is None:
+        bias = ScoreBias(np.zeros(len(start)), np.zeros(3), start, noise)
     low, high = problem.bounds
     theta, a = np.clip(start, low, high), noise.copy()
     precision = problem.prior_precision
     axes = problem.free_noise
-    still = held(problem) if hold is None else held(problem) | hold
-    lam, moved, settled = 1e-3, 0.0 if hold_noise else np.inf, False
+    fixed = held(problem) if hold is None else held(problem) | hold
+    lam, noise_step, converged = 1e-3, 0.0 if hold_noise else np.inf, False
 
-    def worth(loglik: np.ndarray, theta: np.ndarray, a: np.ndarray) -> float:
-        return float(loglik.sum()) + problem.log_prior(theta) - tilt.of(theta, a)
+    def corrected(loglik: np.ndarray, theta: np.ndarray, a: np.ndarray) -> float:
+        return float(loglik.sum()) + problem.log_prior(theta) - bias.of(theta, a)
 
-    here: Evaluation = evaluate(problem, theta, a, whole=not hold_noise)
+    current: Evaluation = evaluate(problem, theta, a, whole=not hold_noise)
     for count in range(1, rounds + 1):
         if count > 1:
-            again = not hold_noise and (moved > NOISE_SETTLED or count % 4 == 0)
-            here = evaluate(problem, theta, a, whole=again)
-        value = worth(here.at.loglik, theta, a)
-        g = here.g - tilt.theta - precision * (theta - problem.prior_mean)
-        A = here.H + np.diag(precision)
-        go = ~(((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0)))
-        go &= ~still
+            with_noise = not hold_noise and (noise_step > NOISE_CONVERGED or count % 4 == 0)
+            current = evaluate(problem, theta, a, whole=with_noise)
+        value = corrected(current.at.loglik, theta, a)
+        g = current.g - bias.theta - precision * (theta - problem.prior_mean)
+        A = current.H + np.diag(precision)
+        free = ~(((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0)))
+        free &= ~fixed
         gain, accepted = 0.0, False
         for _ in range(10):
-            damped = A[np.ix_(go, go)] + lam * np.diag(np.diag(A)[go])
+            damped = A[np.ix_(free, free)] + lam * np.diag(np.diag(A)[free])
             delta = np.zeros(len(theta))
-            delta[go] = np.linalg.solve(damped, g[go])
-            gain = 0.5 * float(g[go] @ delta[go])
+            delta[free] = np.linalg.solve(damped, g[free])
+            gain = 0.5 * float(g[free] @ delta[free])
             if gain < TOLERANCE:
                 accepted = True
                 break
             new = np.clip(theta + delta, low, high)
-            there = -np.inf
-            if gain > SURE:
-                there = worth(problem.run(new, a, keep=0).loglik, new, a)
-            if gain <= SURE or there > value:
+            new_value = -np.inf
+            if gain > CHECKED_GAIN:
+                new_value = corrected(problem.run(new, a, keep=0).loglik, new, a)
+            if gain <= CHECKED_GAIN or new_value > value:
                 theta, accepted = new, True
                 lam = max(lam / 10, 1e-9)
                 break
             lam *= 10
-        if here.slope.any():
-            bend = np.minimum(here.bend, -1.0)
-            move = np.clip(-(here.slope - tilt.log_noise) / bend, -0.7, 0.7)
-            move = np.where(axes, move, 0.0)
-            moved = float(np.abs(move).max())
-            if moved > NOISE_SETTLED:
+        if current.slope.any():
+            curvature = np.minimum(current.curvature, -1.0)
+            step = np.clip(-(current.slope - bias.log_noise) / curvature, -0.7, 0.7)
+            step = np.where(axes, step, 0.0)
+            noise_step = float(np.abs(step).max())
+            if noise_step > NOISE_CONVERGED:
                 a = a.copy()
-                a[:3] = np.clip(a[:3] * np.exp(move), NOISE_LOW, NOISE_HIGH)
-        settled = accepted and gain < TOLERANCE and moved <= NOISE_SETTLED
-        if settled or not accepted:
+                a[:3] = np.clip(a[:3] * np.exp(step), NOISE_LOW, NOISE_HIGH)
+        converged = accepted and gain < TOLERANCE and noise_step <= NOISE_CONVERGED
+        if converged or not accepted:
             break
     return Optimum(
-        theta, a, worth(here.at.loglik, theta, a), here.H, here.at, here.T,
-        (theta <= low) | (theta >= high), count, settled,
+        theta, a, corrected(current.at.loglik, theta, a), current.H, current.at, current.T,
+        (theta <= low) | (theta >= high), count, converged,
     )  # fmt: skip

@@ -1,26 +1,23 @@
-"""Estimates where encoders chatter: scores, noise slopes and rates of flights, weighed (GMM).
+"""Fit base parameters and noise of a rig on a limit cycle by the generalised method of moments.
 
-Where an encoder chatters in the loop, the filter's score and its slope along the noise hardly tell
-less inertia under more noise from the rig that flew: what they are on average changes little along
-that ridge. The rate at which the encoder's counts change does change, and the filter's likelihood
-makes no use of it. So with y = (θ, ln a), the n coordinates and three noise intensities, and of
-each flight the n + 6 moments
+On a limit cycle, a smaller inertia with more noise has nearly the same expected score as the true
+rig. But the counts change at other rates, so these rates are further moments. For y = (θ, ln a),
+with n parameter coordinates θ and three noise intensities a, the n + 6 moments are
 
-    m = (g, ∂ℓ/∂ln a, r)       of the recordings m, of flights b = 1 … B at y m_b
-    r_i = Σ_k [y_i,k+1 ≠ y_i,k] / N       of N samples the share at which count i changes
-    G = ∂ mean m_b/∂y          the filter held where it is, the rig that flies moved
+    m = (g, ∂ℓ/∂ln a, r)         g = ∂ℓ/∂θ: score, ℓ: the filter's log-likelihood (`evaluation`)
+    r_i                          share of the samples at which count i changes (`limit_cycle`)
+    G = ∂ mean m_b/∂y            derivative by the y of the simulated rig; the filter's y is fixed
 
-there are three more equations than unknowns, and the estimate is (Hansen 1982; Gallant and Tauchen
-1996)
+of the recordings (m) and of B flights simulated at y (m_b). The estimate solves (Hansen 1982;
+simulated moments: Gallant and Tauchen 1996)
 
-    Gᵀ W (m − mean m_b) − Λ(y − y_0) = 0
+    Gᵀ W (m − mean m_b) − Λ(y − y_0) = 0               y_0, Λ: the prior's mean and information
     y ← y + A⁻¹ [Gᵀ W (m − mean m_b) − Λ(y − y_0)],      A = Gᵀ W G + Λ
     cov y = A⁻¹ (Gᵀ W (1 + 1/B) C W G + Λ) A⁻¹,          C = cov m_b
 
-W is the inverse of C within each axis' three (g_j, slope, rate), elsewhere of its diagonal. G is
-measured there, not believed: in the first rounds the flights' inertias and noises are moved up and
-down by a two-level design, whose columns are orthogonal to each other and to the mean, so that each
-effect is half the difference of two means. Elsewhere it is the filter's own H.
+Each axis has three moments: the score of its inertia, the noise slope and the rate. Within such a
+triple, W is the inverse of C, and G is estimated in the first rounds: a two-level design varies
+the flights' inertias and noises. Elsewhere W is the inverse of C's diagonal, G the information H.
 """
 
 from __future__ import annotations
@@ -31,7 +28,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.estimate.bias_correction import (
-    NEAR,
+    CONVERGED,
     CorrectedFit,
     model_at,
     optimum_at,
@@ -45,66 +42,61 @@ from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
-FLIGHTS = 24
-"""Of each round; a multiple of 8"""
-DESIGNED = 3
-"""Rounds whose flights are moved"""
+FLIGHTS = 24  # simulated flights per round; a multiple of 8
+DESIGN_ROUNDS = 3  # rounds with the two-level design
 ROUNDS = 6
-GAIN = 0.5
-"""Share of the step that is taken in the others: flights that chatter have little in common from
-round to round, and what is left is averaged."""
-MOVED_J = (0.02, 0.15)
-"""Least and most by which ln J is moved; two of the noise model's standard deviations between."""
-MOVED_NOISE = 0.4
-"""And ln a"""
-LONGEST_J, LONGEST_NOISE = 0.3, 0.7
-"""Of one step"""
+GAIN = 0.5  # share of the step taken in the other rounds, chosen
+DESIGN_STEP_J = (0.02, 0.15)
+"""Bounds of the design's step of ln J, which is two standard deviations by the information H"""
+DESIGN_STEP_NOISE = 0.4  # of ln a, chosen
+MAX_STEP_J, MAX_STEP_NOISE = 0.3, 0.7  # of ln J and ln a in one round, chosen
 RIDGE = 0.1
-"""Of a moment's variance, added to it in W: few flights, and rigs that are not quite the model."""
-INERTIAS = np.arange(1, 4)
-"""Which coordinates they are"""
+"""Share of a moment's variance that is added to it in W, as C is from few flights. Chosen."""
+INERTIAS = np.arange(1, 4)  # indices in θ
 
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """The recordings and B flights at one point."""
+    """The moments of the recordings and of B flights simulated at one y."""
 
-    apart: np.ndarray
+    difference: np.ndarray
     """(n + 6,) m − mean m_b"""
     C: np.ndarray
-    """(n + 6, n + 6) covariance of m_b, less what moved them"""
+    """(n + 6, n + 6) covariance of m_b, without the effects of the design"""
     H: np.ndarray
+    """(n, n) information"""
     effects: np.ndarray | None
-    """(6, n + 6) ∂ mean m_b by the inertias' and the noises' logarithms; None: not moved"""
+    """(6, n + 6) derivatives of mean m_b by ln J (3,) and ln a (3,); None: no design"""
     scores: np.ndarray
-    """(B, n)"""
     slopes: np.ndarray
-    """(3,) mean ∂ℓ/∂ln a of the flights"""
+    """(B, n) scores of the flights, (3,) mean of their ∂ℓ/∂ln a"""
 
 
 def fit_with_edge_rates(
-    problem: Likelihood, near: CorrectedFit, recordings: Sequence[Recording], *, seed: int,
+    problem: Likelihood, start: CorrectedFit, recordings: Sequence[Recording], *, seed: int,
     flights: int = FLIGHTS, rounds: int = ROUNDS,
 ) -> CorrectedFit:  # fmt: skip
-    """The estimate from ``near`` it; ``near`` itself where its flights are lost."""
-    n = len(near.theta)
-    rest = near.optimum.noise[3:]
-    y = np.concatenate([near.theta, np.log(near.optimum.noise[:3])])
+    """Return the fit searched from ``start``, or ``start`` if simulated flights diverge."""
+    n = len(start.theta)
+    jitter = start.optimum.noise[3:]
+    y = np.concatenate([start.theta, np.log(start.optimum.noise[:3])])
     low, high = problem.bounds
     low, high = np.append(low, [np.log(NOISE_LOW)] * 3), np.append(high, [np.log(NOISE_HIGH)] * 3)
     precision = np.append(problem.prior_precision, np.zeros(3))
     prior = np.append(problem.prior_mean, np.zeros(3))
-    longest = np.full(n + 3, np.inf)
-    longest[INERTIAS], longest[n:] = LONGEST_J, LONGEST_NOISE
+    max_step = np.full(n + 3, np.inf)
+    max_step[INERTIAS], max_step[n:] = MAX_STEP_J, MAX_STEP_NOISE
     G, W, C = (np.zeros((n + 6, m)) for m in (n + 3, n + 6, n + 6))
-    settled, count = False, 0
-    while count < rounds and not settled:
-        moved = count < DESIGNED
-        at = flown(problem, y, rest, recordings, (seed, 19), flights, moved=moved, what=count + 1)
-        if not (np.isfinite(y).all() and np.isfinite(at.apart).all()):
-            return near
-        # What earlier rounds of the same kind showed is not thrown away.
-        share = 1 / (1 + (count if moved else count - DESIGNED))
+    converged, count = False, 0
+    while count < rounds and not converged:
+        designed = count < DESIGN_ROUNDS
+        at = simulated_round(
+            problem, y, jitter, recordings, (seed, 19), flights, designed=designed, number=count + 1
+        )
+        if not (np.isfinite(y).all() and np.isfinite(at.difference).all()):
+            return start
+        # C and G are means over the rounds of the same kind.
+        share = 1 / (1 + (count if designed else count - DESIGN_ROUNDS))
         C = (1 - share) * C + share * at.C
         if at.effects is not None:
             G = (1 - share) * G + share * jacobian(at.H, at.effects)
@@ -112,52 +104,58 @@ def fit_with_edge_rates(
         B = G.T @ W
         inverse = np.linalg.inv(B @ G + np.diag(precision))
         V = inverse @ ((1 + 1 / flights) * B @ C @ B.T + np.diag(precision)) @ inverse.T
-        step = inverse @ (B @ at.apart - precision * (y - prior))
-        step *= 1.0 if moved else GAIN
-        settled = not moved and float(np.abs(step / np.sqrt(np.diag(V))).max()) < NEAR
-        y = np.clip(y + np.clip(step, -longest, longest), low, high)
+        step = inverse @ (B @ at.difference - precision * (y - prior))
+        step *= 1.0 if designed else GAIN
+        converged = not designed and float(np.abs(step / np.sqrt(np.diag(V))).max()) < CONVERGED
+        y = np.clip(y + np.clip(step, -max_step, max_step), low, high)
         count += 1
-    theta, noise = y[:n], np.append(np.exp(y[n:]), rest)
-    optimum = optimum_at(problem, theta, noise, near.optimum.rounds + count, settled)
+    theta, noise = y[:n], np.append(np.exp(y[n:]), jitter)
+    optimum = optimum_at(problem, theta, noise, start.optimum.rounds + count, converged)
     C = scatter_of(at.scores, optimum.information)
     return CorrectedFit(problem, optimum, C, at.scores.mean(axis=0), at.slopes, flights, V[:n, :n])
 
 
-def flown(
-    problem: Likelihood, y: np.ndarray, rest: np.ndarray, recordings: Sequence[Recording],
-    seed: tuple[int, ...], flights: int, *, moved: bool, what: int,
+def simulated_round(
+    problem: Likelihood, y: np.ndarray, jitter: np.ndarray, recordings: Sequence[Recording],
+    seed: tuple[int, ...], flights: int, *, designed: bool, number: int,
 ) -> Round:  # fmt: skip
-    """One round at y (n + 3,), with its flights moved by the design or not."""
+    """Return the moments at y (n + 3,); ``designed``: of flights by the two-level design.
+
+    ``jitter`` (1,) is the sampling jitter in s, ``number`` the round's number.
+    """
     n = len(y) - 3
-    theta, noise = y[:n], np.append(np.exp(y[n:]), rest)
-    here = evaluate(problem, theta, noise)
-    sd = np.sqrt(np.diag(np.linalg.inv(here.H + np.diag(problem.prior_precision))))
-    size = np.append(np.clip(2 * sd[INERTIAS], *MOVED_J), [MOVED_NOISE] * 3)
+    theta, noise = y[:n], np.append(np.exp(y[n:]), jitter)
+    recorded = evaluate(problem, theta, noise)
+    sd = np.sqrt(np.diag(np.linalg.inv(recorded.H + np.diag(problem.prior_precision))))
+    size = np.append(np.clip(2 * sd[INERTIAS], *DESIGN_STEP_J), [DESIGN_STEP_NOISE] * 3)
     signs = design(flights)
 
     def one(b: int) -> tuple[np.ndarray, np.ndarray]:
         z = y.copy()
-        if moved:
+        if designed:
             z[[*INERTIAS, n, n + 1, n + 2]] += size * signs[b]
-        model = model_at(problem, z[:n], np.append(np.exp(z[n:]), rest))
+        model = model_at(problem, z[:n], np.append(np.exp(z[n:]), jitter))
         data = simulate_again(model, recordings, problem.data, (*seed, b))
-        seen = evaluate(replace(problem, data=data), theta, noise)
-        return np.concatenate([seen.g, seen.slope, edge_rates(data)]), seen.H
+        at = evaluate(replace(problem, data=data), theta, noise)
+        return np.concatenate([at.g, at.slope, edge_rates(data)]), at.H
 
-    out = parallel_map(one, flights, what=f"flights, weighed, round {what}")
+    out = parallel_map(one, flights, what=f"flights, weighed, round {number}")
     m = np.array([m for m, _ in out])
     mean = m.mean(axis=0)
-    effects = signs.T @ m / flights if moved else np.zeros((6, n + 6))
-    left = m - mean - signs @ effects
-    C = left.T @ left / (flights - (7 if moved else 1))
-    H = 0.5 * (here.H + np.mean([h for _, h in out], axis=0))
-    apart = np.concatenate([here.g, here.slope, edge_rates(problem.data)]) - mean
-    return Round(apart, C, H, effects / size[:, None] if moved else None, m[:, :n], mean[n : n + 3])
+    effects = signs.T @ m / flights if designed else np.zeros((6, n + 6))
+    residuals = m - mean - signs @ effects
+    C = residuals.T @ residuals / (flights - (7 if designed else 1))
+    H = 0.5 * (recorded.H + np.mean([h for _, h in out], axis=0))
+    difference = np.concatenate([recorded.g, recorded.slope, edge_rates(problem.data)]) - mean
+    derivatives = effects / size[:, None] if designed else None
+    return Round(difference, C, H, derivatives, m[:, :n], mean[n : n + 3])
 
 
 def design(flights: int) -> np.ndarray:
-    """(B, 6) of ±1: columns orthogonal to each other and to the mean, eight rows at a time; every
-    other eight is turned over, so that no effect is mistaken for two others' product.
+    """Return the two-level design (B, 6) of ±1, with B = ``flights``.
+
+    Each block of eight rows consists of orthogonal columns of Hadamard's matrix. Every other block
+    is a foldover (opposite signs): main effects are confounded less with interactions.
 
     >>> X = design(16)
     >>> bool((X.T @ X == 16 * np.eye(6)).all()), float(abs(X.sum(axis=0)).max())
@@ -170,7 +168,7 @@ def design(flights: int) -> np.ndarray:
 
 
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
-    """(n + 6, n + 3) G: H, and in each axis' three moments what the flights showed (6, n + 6)."""
+    """Return G (n + 6, n + 3): ``effects`` (6, n + 6) for each axis' three moments, H elsewhere."""
     n = len(H)
     G = np.zeros((n + 6, n + 3))
     G[:n, :n] = H
@@ -181,7 +179,7 @@ def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
 
 
 def weights(C: np.ndarray) -> np.ndarray:
-    """(n + 6, n + 6) W.
+    """Return the moments' weights W (n + 6, n + 6) for their covariance C.
 
     >>> bool(np.allclose(weights(4 * np.eye(10)), np.eye(10) / 4.4))
     True
@@ -196,5 +194,5 @@ def weights(C: np.ndarray) -> np.ndarray:
 
 
 def moments_of_axis(i: int, n: int) -> list[int]:
-    """Where axis i's score along its inertia, its noise slope and its rate stand."""
+    """Return the indices in m of axis i's moments: score of its inertia, noise slope, edge rate."""
     return [1 + i, n + i, n + 3 + i]

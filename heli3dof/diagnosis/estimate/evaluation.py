@@ -1,11 +1,11 @@
-"""One look at recordings from one point (θ, a): score, information, and slopes along the noise.
+"""Evaluate the log-likelihood's score, its information, and its slope along the process noise.
 
     g = ∂ℓ/∂θ,   H = Σ w ∂c ∂cᵀ,   s_i = ∂ℓ/∂ ln a_i ≈ (ℓ_i(a e^δ) − ℓ_i(a e^−δ)) / 2δ
 
-ℓ is the filter's log-likelihood (`heli3dof.identification.greybox.likelihood`), its tangents ∂c/∂θ
-those of first-order perturbation (`sensitivity.perturbation`); s and its curvature are taken
-axis by axis over a step δ, since the likelihood is a little rough. The three passes of the filter
-are shared out (`heli3dof.parallel`).
+ℓ is the filter's log-likelihood (`heli3dof.identification.greybox.likelihood`), ℓ_i its part of
+axis i, θ (n,) the parameter coordinates, a (4,) the noise. The predicted readings c have the
+information w and the tangents ∂c/∂θ. The step δ = `_PROBE` is large, because the likelihood is
+rough at smaller scales.
 """
 
 from __future__ import annotations
@@ -26,33 +26,36 @@ from heli3dof.identification.greybox.likelihood import (
 from heli3dof.model.physics.state_layout import Stage
 from heli3dof.parallel import parallel_map
 
-_PROBE = 0.5  # step of the log intensity, as in `fit`
+_PROBE = 0.5  # step of the log noise intensity, as in `maximum_likelihood`
 HELD = ("mass.change.time_s",)
-"""Where a scan puts it: the likelihood along an instant is too jagged to climb."""
+"""Parameters that a scan sets and no search changes: the likelihood has many local maxima."""
 COARSE = {"mass.change.time_s": 5e-3}
-"""Steps of the differences where a hundredth of a second must show (in typical sizes)."""
+"""Steps of the finite differences in coordinates, if not `DIFFERENCE`: 0.05 s. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """One set of recordings at one point: n coordinates."""
+    """The likelihood's derivatives at one point θ (n,), a (4,), from E readings."""
 
     at: Pass
     path: Path
     T: np.ndarray
-    """(n, E) ∂c/∂θ"""
+    """(n, E) tangents ∂c/∂θ"""
     g: np.ndarray
     H: np.ndarray
+    """(n,) score and (n, n) information, without the prior"""
     slope: np.ndarray
-    """(3,) of ℓ along the log noise intensities"""
-    bend: np.ndarray
-    """(3,) and its curvature, negative"""
+    curvature: np.ndarray
+    """(3,) first and second derivatives of ℓ by the log noise intensities"""
 
 
 def evaluate(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bool = True
 ) -> Evaluation:
-    """Score and information there; without ``whole`` nothing about the noise."""
+    """Return the derivatives at θ = ``theta`` (n,), a = ``noise`` (4,).
+
+    Without ``whole``, those by the noise are not computed: slope 0, curvature −1.
+    """
     factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
 
     def centre() -> Evaluation:
@@ -69,51 +72,50 @@ def evaluate(
 
     if not whole:
         return centre()
-    here: Evaluation
-    here, up, down = parallel_map(part, 3)
-    mid = here.at.loglik
-    known = np.isfinite(up) & np.isfinite(mid) & np.isfinite(down)
-    up, mid, down = (np.where(known, each, 0.0) for each in (up, mid, down))
-    bend = np.where(known, (up - 2 * mid + down) / _PROBE**2, -1.0)
-    return replace(here, slope=(up - down) / (2 * _PROBE), bend=bend)
+    result: Evaluation
+    result, up, down = parallel_map(part, 3)
+    mid = result.at.loglik
+    finite = np.isfinite(up) & np.isfinite(mid) & np.isfinite(down)
+    up, mid, down = (np.where(finite, each, 0.0) for each in (up, mid, down))
+    curvature = np.where(finite, (up - 2 * mid + down) / _PROBE**2, -1.0)
+    return replace(result, slope=(up - down) / (2 * _PROBE), curvature=curvature)
 
 
 def held(problem: Likelihood) -> np.ndarray:
-    """(n,) bool: which parameters stay where they are."""
+    """Return (n,) bool: the parameters that no search changes (`HELD`)."""
     return np.array([f.name in HELD for f in problem.structure.free])
 
 
 def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
-    """(n, E) ∂c/∂θ by `perturbation`; of what changes the readings by `Likelihood.tangents`.
+    """Return the tangents ∂c/∂θ (n, E) at θ = ``theta`` (n,), on the filter's path ``p``.
 
-    First-order perturbations diverge beside a dry friction below zero, which pushes: its slope at
-    rest is steep, and acts for as long as the perturbed rig is off the path. The simulation itself
-    slips out of it, so there its differences are taken, by `Likelihood.tangents` too.
+    They come from `sensitivity.perturbation`. For parameters that change the encoder readings, and
+    where the perturbation diverges (negative dry friction), `Likelihood.tangents` simulates them.
     """
     s = problem.structure
     by_name = {t.name: t for t in s.terms}
-    read = np.array(
+    changes_readings = np.array(
         [f.term is not None and Stage.MEASURE in by_name[f.term].effect.hooks for f in s.free]
     )
-    moves = [
+    changes_thrust = [
         f.term is not None
         and bool({Stage.SETUP, Stage.VOLTAGE} & set(by_name[f.term].effect.hooks))
         for f in s.free
     ]
     out = np.zeros((len(theta), len(p.at.row)))
-    direct = np.flatnonzero(~read)
+    perturbed = np.flatnonzero(~changes_readings)
     _, high = problem.bounds
     step = np.array([COARSE.get(f.name, DIFFERENCE) for f in s.free])
     step = np.where(theta + step > high, -step, step)
     sets = []
-    for j in direct:
+    for j in perturbed:
         e = np.zeros(len(theta))
         e[j] = step[j]
         sets.append(problem.values(theta + e))
-    a = forcing(p, s, sets, [moves[j] for j in direct])
+    a = forcing(p, s, sets, [changes_thrust[j] for j in perturbed])
     with np.errstate(over="ignore", invalid="ignore"):
-        out[direct] = forward(p, a / step[direct, None, None])
-    simulated = read | diverged(out)
+        out[perturbed] = forward(p, a / step[perturbed, None, None])
+    simulated = changes_readings | diverged(out)
     if simulated.any():
         out[simulated] = problem.tangents(theta, p.at, np.flatnonzero(simulated))
     return out

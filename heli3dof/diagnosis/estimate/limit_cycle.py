@@ -1,19 +1,19 @@
-"""Find limit cycles on encoder edges, and the process noise with which a rig has them.
+"""Detect limit cycles on encoder edges, and estimate the process noise of a rig that has them.
 
 A controller with a large derivative gain drives an axis across one encoder edge again and again: a
 limit cycle. There the maximum of the filter's likelihood may have a process noise several times too
-large and an inertia several times too small. Flights of that rig look different. Of each axis i,
-over windows of `WINDOW_S`,
+large and an inertia several times too small. Simulated flights of such a fit differ from the
+recording in two statistics of each axis i:
 
-    c_i   share of the windows in which count i changes between two neighbouring values, three
-          times or more
+    c_i   share of the windows of `WINDOW_S` with three or more changes of count i, all between two
+          neighbouring values
     r_i   share of the samples at which count i changes
 
 More noise carries the axis away from its edge, so c falls with the noise intensity a_i
-(rad/s²/√Hz). An axis with c > `CYCLES` is on a limit cycle. Its noise is the one with which flights
-of the profile's inertias have the recording's c and r:
+(rad/s²/√Hz). An axis with c > `CYCLES` is on a limit cycle. Its noise is the one at which flights
+with the profile's inertias agree best with the recording's c and r:
 
-    a_i = argmin ((c − c̄)/σ_c)² + (ln(r/r̄)/σ_r)²        c̄, r̄: means over simulated flights
+    a_i = argmin ((c − c̄)/σ_c)² + (ln(r/r̄)/σ_r)²        c̄, r̄: means over `FLIGHTS` flights
 """
 
 from __future__ import annotations
@@ -28,17 +28,15 @@ from heli3dof.model.estimation.filter_data import Data
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
-WINDOW_S = 0.5
+WINDOW_S = 0.5  # chosen
 CYCLES = 0.2
-"""c of an axis on a limit cycle. Rich flights have 0.0 to 0.05, steps of rigs that cycle 0.24 to
-0.66; such an axis spends a fifth of its time at one edge."""
-FLIGHTS = 2
-"""For each noise; a flight costs milliseconds, because nothing is filtered"""
+"""Threshold of c: flights of plan `rich` have up to 0.05, steps on a limit cycle 0.24 to 0.66."""
+FLIGHTS = 2  # simulated at each noise intensity
 SPREAD = np.array([0.04, 0.05])
-"""Standard deviations of c and ln r. c: √(c (1 − c)/n) of the n = 120 windows of a minute, c = 0.3;
-r: that of some 400 edges"""
+"""Standard deviations of c and ln r. c: √(c (1 − c)/n) for c = 0.3 and the n = 120 windows of a
+minute. ln r: 1/√400, for 400 edges."""
 NOISE_STEPS = np.geomspace(1 / 32, 1.0, 11)
-"""Multiples of the fitted noise that are simulated; neighbours differ by a factor of √2"""
+"""Multiples of the given noise that are simulated; neighbours differ by a factor of √2"""
 
 
 def edge_rates(data: Data) -> np.ndarray:
@@ -56,8 +54,8 @@ def cycling_shares(data: Data) -> np.ndarray:
         y = data.y[start : start + windows * n].reshape(windows, n, 3)
         narrow = np.ptp(y, axis=1) < 1.5 * grid  # grid 0: an axis without an encoder
         shares.append(narrow & ((np.diff(y, axis=1) != 0).sum(axis=1) >= 3))
-    every = np.concatenate(shares)
-    return np.asarray(every.mean(axis=0)) if len(every) else np.zeros(3)
+    cycling = np.concatenate(shares)
+    return np.asarray(cycling.mean(axis=0)) if len(cycling) else np.zeros(3)
 
 
 def on_limit_cycle(data: Data) -> np.ndarray:
@@ -74,23 +72,23 @@ def matched_noise(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, axes: np.ndarray,
     recordings: Sequence[Recording], *, seed: int,
 ) -> np.ndarray:  # fmt: skip
-    """Return the noise (4,) at which flights at θ (n,) come nearest to the recording's c and r.
+    """Return the noise (4,) at which flights at θ (n,) agree best with the recording's c and r.
 
     The noise of ``axes`` (3,) bool is replaced by one of `NOISE_STEPS` times ``noise``.
     """
-    wanted, best = statistics(problem.data), noise.copy()
+    recorded, best = statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):
 
-        def misses(step: float, i: int = int(i)) -> float:
-            tried = best.copy()
-            tried[i] = noise[i] * step
-            model = model_at(problem, theta, tried)
+        def mismatch(step: float, i: int = int(i)) -> float:
+            trial = best.copy()
+            trial[i] = noise[i] * step
+            model = model_at(problem, theta, trial)
 
-            def flown(b: int) -> np.ndarray:
+            def simulated(b: int) -> np.ndarray:
                 return statistics(simulate_again(model, recordings, problem.data, (seed, 23, b)))
 
-            x = np.mean(parallel_map(flown, FLIGHTS), axis=0)
-            return float(np.sum(((wanted - x)[:, i] / SPREAD) ** 2))
+            x = np.mean(parallel_map(simulated, FLIGHTS), axis=0)
+            return float(np.sum(((recorded - x)[:, i] / SPREAD) ** 2))
 
-        best[i] = noise[i] * min(NOISE_STEPS, key=misses)
+        best[i] = noise[i] * min(NOISE_STEPS, key=mismatch)
     return best

@@ -1,4 +1,4 @@
-"""What is diagnosed, and how: the recordings, the random seed, the number of simulated flights."""
+"""The settings of a diagnosis: recordings, random seed, number of simulated flights, base."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from heli3dof.identification.row_selection import unusable
 from heli3dof.recording.recording import Recording
 
 FALSE_ALARMS = 0.003
-"""The share of recordings with nothing to find in which something is found."""
+"""Probability of a false finding in a recording of a rig without any effect. Chosen."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What is diagnosed, and with how many pilot flights."""
+    """The settings of a diagnosis."""
 
     recordings: tuple[Recording, ...]
     seed: int
     pilots: int
+    """Flights simulated per iteration of the bias correction"""
     base: str = "rigid"
-    """One of `estimate.base_fit.BASES`"""
+    """Name of the base simulation, a key of `estimate.base_fit.BASES`"""
     opinions: bool = True
-    """Whether modest scores ask a second one (`selection.rivals`), some seconds each"""
+    """Whether candidates with low scores are also compared by simulation (`selection.rivals`)"""
 
     @property
     def controller_is_known(self) -> bool:
@@ -32,7 +33,7 @@ class Setup:
 
     @cached_property
     def touches_stops(self) -> bool:
-        """Whether a stop held the arm: flights of a fit know of none, and need not stay near."""
+        """Whether a mechanical stop held an axis. Simulated flights lack stops and may diverge."""
         return any(unusable(r)["stop"].any() for r in self.recordings)
 
     @property
@@ -41,7 +42,7 @@ class Setup:
 
 
 def controller_is_known(recordings: Sequence[Recording]) -> bool:
-    """True where every recording can be flown again."""
+    """Return whether each recording has a known controller, three axes and a reference."""
     return all(
         r.profile.controller_is_known
         and len(r.axes) == 3

@@ -1,14 +1,12 @@
-"""A closed-loop flight of a fitted rig with its own process noise and encoders, compiled.
+"""Simulate a recording's closed-loop flight on a fitted model with its process noise.
 
-What a recording would have looked like had the fitted rig been all there is: the same references,
-extra voltages, controller, sample times and encoder steps, and random accelerations of the fitted
-intensity a (rad/s²/√Hz), over a step h
+The simulation has the recording's references, extra voltages, controller, sample times and encoder
+steps. In each step h (s) it adds random changes of the rates q̇ and angles q:
 
-    Δq̇ = a √h ξ,     Δq = h/2 Δq̇,     ξ ~ N(0, 1)
+    Δq̇ = a √h ξ,     Δq = h/2 Δq̇,     ξ ~ N(0, 1),     a: the fitted noise, rad/s²/√Hz
 
-(the exact pair less a part of a√(h³/12), a thousandth of an encoder step). Effects take part as in
-the filter. It starts at rest at the recording's first angles, on the table where those say so. Of a
-log that is thinner than its loop the loop is flown, and logged as thinly.
+The omitted part of Δq, a√(h³/12), is a thousandth of an encoder step. The flight starts at rest at
+the recording's first angles. For a decimated log, every control period is simulated.
 """
 
 from __future__ import annotations
@@ -34,6 +32,7 @@ def _fly(  # type: ignore[no-untyped-def]
     s, first, address, par, mem, free, x, F, low, p, c, reference, extra, grid0, grid, t, h, kick,
     angle, voltage,
 ):  # fmt: skip
+    """Write ``angle`` (N, 3) rad, ``voltage`` (N, 2) V; ``kick`` (N, 3): Δq̇, ``low``: the table."""
     setup(s, first, address, par, mem)
     s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
     y, slope, out = np.empty(3), np.empty(3), np.empty(N_OUT)
@@ -61,10 +60,10 @@ _fly_compiled = compiled(_fly, error_model="numpy", nogil=True)
 def simulated_flight(
     model: GreyBoxModel, recording: Recording, rng: np.random.Generator, rows: int | None = None
 ) -> Recording:
-    """The recording's task flown on the model: the first ``rows`` rows, with other noise.
+    """Return the first ``rows`` rows of the recording, simulated with noise from ``rng``.
 
-    Angles lie on the encoders' grid through the recording's first readings. The recording's
-    profile must name a controller and all three axes must be measured; raises ValueError else.
+    Angles lie on the encoders' grid through the recording's first readings. Raises ValueError if
+    the profile has no controller or an axis was not measured.
     """
     profile = recording.profile
     if profile.controller is None or len(recording.axes) < 3:

@@ -1,15 +1,15 @@
-"""How large K_f is: what no flight can tell, told by how well the profile is known.
+"""Estimate the thrust gain K_f from four fitted parameters and the profile's tolerance.
 
-All torques and inertias times one number move the same way (`heli3dof.model.physics.rigid_body`),
-so a fit gives them in units of K_f: x_i = X_i/k, with k = K_f/K_f,nominal. But the profile gives
-nominal values of K_f *and* of T_g, J_roll, J_pitch, J_yaw, each right to about s, half its
-``tolerance``, now and then far off (Student's t with ν = `FREEDOM`):
+Flights do not identify K_f: all torques and inertias multiplied by one number give the same motion
+(`heli3dof.model.physics.rigid_body`). So a fit gives X = (T_g, J_roll, J_pitch, J_yaw) in units of
+K_f: x_i = X_i/k, with k = K_f/K_f,nominal. The profile's values of K_f and of the four parameters
+have the relative error s, half its ``tolerance``, with outliers. The posterior density of ln k uses
+Student's t with ν = `DEGREES_OF_FREEDOM`:
 
-    p(ln k) ∝ t_ν(ln k/s) Π_i t_ν(ln(x_i k/X_i,nominal)/s)
+    p(ln k) ∝ t_ν(ln k/s) Π_i t_ν(ln(x_i k/X_i,nominal)/√(s² + σ_i²)),    σ_i: relative std of x_i
 
-Where all four are high by one factor, K_f is low by it; where one is, that one is. The mean of ln k
-scales every torque back to SI, and its standard deviation (2 to 4 % at a tolerance of 15 %) is part
-of theirs: weighing one part of the rig would settle it.
+If all four ratios x_i/X_i,nominal deviate by one factor, k is its inverse. If only one deviates, k
+stays near 1. The mean of ln k converts torques and inertias to SI.
 """
 
 from __future__ import annotations
@@ -20,47 +20,46 @@ import numpy as np
 
 from heli3dof.identification.greybox.estimate import Estimate
 
-FREEDOM = 3.0
-WIDEST = 1.5
-"""|ln k| that is thought of: a factor of 4.5."""
+DEGREES_OF_FREEDOM = 3.0  # ν, chosen
+LOG_K_MAX = 1.5  # of the grid on which p is evaluated: a factor of 4.5, chosen
 TORQUE_UNITS = ("N·m", "kg")
-"""A unit that holds one of these grows with K_f."""
+"""A parameter scales with K_f if its unit contains one of these."""
 
 
 @dataclass(frozen=True)
 class ThrustScale:
-    """k = K_f/K_f,nominal, and the standard deviation of its logarithm."""
+    """k = K_f/K_f,nominal and the standard deviation ``std`` of ln k."""
 
     k: float
     std: float
 
     def applied(self, value: float, std: float, unit: str) -> tuple[float, float]:
-        """(value, standard deviation) in SI of a number estimated in units of K_f."""
+        """Return (value, standard deviation) in SI of a parameter estimated in units of K_f."""
         if not any(u in unit for u in TORQUE_UNITS):
             return value, std
         return value * self.k, self.k * float(np.hypot(std, value * self.std))
 
 
-def thrust_scale(found: Estimate) -> ThrustScale:
-    """From the four parameters of the base, each by how much it differs from nominal."""
-    nominal = np.array([f.start for f in found.free[:4]])
-    x = found.values[:4] / nominal
-    told = found.std[:4] / np.abs(nominal)
-    return of_ratios(x, told, 0.5 * found.structure.profile.tolerance)
+def thrust_scale(fit: Estimate) -> ThrustScale:
+    """Return k, estimated from the base's four parameters in ``fit`` and their nominal values."""
+    nominal = np.array([f.start for f in fit.free[:4]])
+    x = fit.values[:4] / nominal
+    std = fit.std[:4] / np.abs(nominal)
+    return of_ratios(x, std, 0.5 * fit.structure.profile.tolerance)
 
 
-def of_ratios(x: np.ndarray, told: np.ndarray, s: float) -> ThrustScale:
-    """From ratios to nominal x (4,) known to within ``told`` (4,); s: how well the profile is.
+def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
+    """Return k from the ratios to nominal x (4,), their standard deviations and the profile's s.
 
-    Ratios that are not positive, and such as the recordings do not tell, say nothing.
+    Ratios that are not positive are ignored.
 
     >>> scale = of_ratios(np.full(4, 1 / 1.4), np.zeros(4), 0.075)
     >>> round(scale.k, 1)
     1.4
     """
-    u = np.linspace(-WIDEST, WIDEST, 3001)
+    u = np.linspace(-LOG_K_MAX, LOG_K_MAX, 3001)
     log_p = _log_t(u / s)
-    for value, error in zip(x, told, strict=True):
+    for value, error in zip(x, std, strict=True):
         if value > 0:
             width = np.hypot(s, error / value)
             log_p = log_p + _log_t((np.log(value) + u) / width)
@@ -71,4 +70,4 @@ def of_ratios(x: np.ndarray, told: np.ndarray, s: float) -> ThrustScale:
 
 
 def _log_t(z: np.ndarray) -> np.ndarray:
-    return np.asarray(-0.5 * (FREEDOM + 1) * np.log1p(z**2 / FREEDOM))
+    return np.asarray(-0.5 * (DEGREES_OF_FREEDOM + 1) * np.log1p(z**2 / DEGREES_OF_FREEDOM))

@@ -27,9 +27,9 @@ import numpy as np
 
 from heli3dof.diagnosis.estimate.base_parameters import (
     base_parameters,
-    doubt,
     finding_of,
     off_nominal,
+    std_inflation,
 )
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.screening.nulls import Nulls
@@ -54,7 +54,7 @@ def instead_of_inertia(
     found: CorrectedFit, screen: Screen, seen: ScreenResult, nulls: Nulls, bias: np.ndarray
 ) -> list[CandidateFit]:
     """The terms with which the inertias that are surely off in ``found`` are not, best first."""
-    off = [o.term.name for o in off_nominal(found, doubted=doubt(found))]
+    off = [o.term.name for o in off_nominal(found, std_inflation=std_inflation(found))]
     inertias = {n for n in off if n.startswith("inertia")}
     if not inertias:
         return []

@@ -1,1 +1,1 @@
-"""First-order responses of the predictor and of the torques to small changes of the model."""
+"""First-order changes of the filter's predictions by small changes of the model or its torques."""

@@ -1,9 +1,10 @@
-"""A library of free-form torques: hat functions of each variable, on each axis.
+"""Piecewise linear torques: a basis of hat functions of each variable, on each axis.
 
     f(z) = Σ_j τ_j φ_j(z),      φ_j falls linearly from 1 at knot j to 0 at its neighbours
 
-`KNOTS` knots stand evenly between the `EDGE` quantiles of the variable along the flight; beyond
-them f stays what it is at the last knot. A group is one variable on one axis: `KNOTS` columns.
+f is a torque (N·m), z a variable of `residual_torque.UNITS`. The `KNOTS` knots are evenly spaced
+between z's quantiles `TAIL` and 1 − `TAIL` in the flight; beyond the outer knots f is constant. A
+group is one variable on one axis and has `KNOTS` columns.
 """
 
 from __future__ import annotations
@@ -15,44 +16,44 @@ import numpy as np
 from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail
 
 KNOTS = 9
-EDGE = 0.005
-LEAST = {"°": 0.005, "°/s": 0.02, "V": 0.2, "V²": 1.0, "V/s": 2.0, "s": 2.0}
-"""rad, rad/s, V, V², V/s, s: a variable that moves less than this is no variable."""
-LEAST_PRODUCT = 1e-3
+TAIL = 0.005  # share of the samples beyond each outer knot, chosen
+MIN_RANGE = {"°": 0.005, "°/s": 0.02, "V": 0.2, "V²": 1.0, "V/s": 2.0, "s": 2.0}
+"""Smallest range of a variable between the outer knots, by unit, in SI units. Chosen."""
+MIN_RANGE_PRODUCT = 1e-3  # the same for the products
 
 
 @dataclass(frozen=True, eq=False)
 class Hats:
-    """M variables on a number of axes: a function's column is (axis M + variable) KNOTS + knot."""
+    """A basis of M variables on A axes; column of a function: (axis M + variable) KNOTS + knot."""
 
     variables: tuple[str, ...]
     axes: np.ndarray
-    """which of roll, pitch, yaw"""
+    """(A,) indices of the axes: 0 roll, 1 pitch, 2 yaw"""
     knots: np.ndarray
-    """(M, KNOTS)"""
+    """(M, KNOTS), SI units"""
 
     @property
     def groups(self) -> tuple[tuple[int, str], ...]:
-        """(axis, variable) of each group"""
+        """Return (axis, variable) of each group."""
         return tuple((int(a), v) for a in self.axes for v in self.variables)
 
     def columns(self, group: int) -> slice:
         return slice(group * KNOTS, (group + 1) * KNOTS)
 
     def place(self, flight: Trail) -> tuple[np.ndarray, np.ndarray]:
-        """(left (N, M) int, share (N, M)): the knot below, and how far towards the next."""
+        """Return the knot below z and the fraction of the way to the next, (N, M) each."""
         N, M = len(flight.data.t), len(self.variables)
         left, share = np.zeros((N, M), dtype=np.int64), np.zeros((N, M))
         for m, name in enumerate(self.variables):
             low, high = self.knots[m, 0], self.knots[m, -1]
             z = np.nan_to_num(flight.variable(name), nan=low)
-            at = np.clip((z - low) / (high - low), 0.0, 1.0) * (KNOTS - 1)
-            left[:, m] = np.minimum(at.astype(np.int64), KNOTS - 2)
-            share[:, m] = at - left[:, m]
+            position = np.clip((z - low) / (high - low), 0.0, 1.0) * (KNOTS - 1)
+            left[:, m] = np.minimum(position.astype(np.int64), KNOTS - 2)
+            share[:, m] = position - left[:, m]
         return left, share
 
     def scores(self, flight: Trail, blocks: np.ndarray | None = None) -> np.ndarray:
-        """(J,) ∂ ln L/∂τ_j; with ``blocks`` (N,) numbers from 0, the sum in each: (blocks, J)."""
+        """Return the scores ∂ ln L/∂τ_j (J,); with the rows' ``blocks`` (N,), (blocks, J)."""
         left, share = self.place(flight)
         from heli3dof.diagnosis.sensitivity.residual_torque_passes import gather
 
@@ -65,15 +66,15 @@ class Hats:
 
 
 def hats(flight: Trail, axes: np.ndarray) -> Hats:
-    """The library for a flight: the variables that move in it."""
+    """Return the basis for a flight: its variables with a range above `MIN_RANGE`, on ``axes``."""
     names, knots = [], []
     for name, unit in UNITS.items():
         z = flight.variable(name)[flight.flown]
         z = z[np.isfinite(z)]
         if not len(z):
             continue
-        low, high = np.quantile(z, [EDGE, 1 - EDGE])
-        if high - low > LEAST.get(unit, LEAST_PRODUCT):
+        low, high = np.quantile(z, [TAIL, 1 - TAIL])
+        if high - low > MIN_RANGE.get(unit, MIN_RANGE_PRODUCT):
             names.append(name)
             knots.append(np.linspace(low, high, KNOTS))
     return Hats(tuple(names), np.asarray(axes, dtype=np.int64), np.array(knots))
@@ -81,22 +82,22 @@ def hats(flight: Trail, axes: np.ndarray) -> Hats:
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """Forward sums over a flight's events for J functions; see `torque_passes.forced`."""
+    """Sums over a flight's E events for J functions; see `residual_torque_passes`."""
 
     u: np.ndarray
     """(J,) scores"""
     V: np.ndarray
-    """(groups, KNOTS, KNOTS) their information"""
+    """(groups, KNOTS, KNOTS) information within each group"""
     cross: np.ndarray
-    """(p, J) with the tangents"""
+    """(p, J) information between the p tangents and the functions"""
     traces: np.ndarray
-    """(wanted, E)"""
+    """(wanted, E) changes δc of the predictions by the wanted functions"""
 
 
 def forward(
     library: Hats, flight: Trail, tangents: np.ndarray, wanted: np.ndarray | None = None
 ) -> Sums:
-    """All functions in one pass beside ``tangents`` (p, E); ``wanted`` are columns to keep."""
+    """Return the sums of all functions, given a fit's ``tangents`` (p, E); ``wanted``: columns."""
     from heli3dof.diagnosis.sensitivity.residual_torque_passes import forced
 
     left, share = library.place(flight)

@@ -1,19 +1,20 @@
-"""The predictor's answer to a small change, linearised along the path that the filter took.
+"""First-order change of the filter's predictions by a small change of the model.
 
-With the filter's gains held, a change that adds δa (rad/s²) to the accelerations moves the state by
+A change of the model adds δa (rad/s²) to the accelerations. With the gains K (E, 6) of the extended
+Kalman filter (`heli3dof.model.estimation.ekf_quantised`) fixed, its state x = (q, q̇), in rad and
+rad/s, and its predictions c of the E events change by
 
-    δx ← Φ δx + [h²/2; h] δa,     Φ from ∂q̈/∂(q, q̇)          from row to row
-    δc = σ δx_c,   δx ← δx − K w δc                             at each of the encoders' events
+    δx ← Φ δx + [h²/2; h] δa,     Φ from A = ∂q̈/∂(q, q̇)       from row to row, h s later
+    δc = σ δx_c,   δx ← δx − K w δc                             at each event of the encoders
 
-(`heli3dof.model.estimation.ekf_quantised`). `forward` gives the trace δc (E,) of a change;
-`eliminate` the adjoint: for any weights q of the events, how Σ q δc depends on δa at every instant,
+σ is the slope of the encoder reading with its angle, w the event's information.
 
-    Σ_e q_e δc_e = Σ_b L_b · δa_b
-
-so that one backward pass serves every change there is. δa is taken as constant over chunks of
-`CHUNK_S` (index b); `forcing` computes it for any change of the rig's numbers or effects.
-A change δm of what an encoder reads at a given angle adds to δc at the angle's events, and starts
-the state at −δm (`misreading`).
+- `forcing`: δa of a change of parameters or effects, constant over chunks of `CHUNK_S`
+- `forward`: the trace δc (E,)
+- `backward`, the adjoint: L_b (3,) of each chunk b for weights q (E,) of the events, so that one
+  pass serves all changes:  Σ_e q_e δc_e = Σ_b L_b · δa_b
+- `misreading`: a change δm (rad) of the reading at a given angle. It adds δm to δc at the angle's
+  events, and the initial angles change by −δm/σ.
 """
 
 from __future__ import annotations
@@ -29,40 +30,40 @@ from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.parametrisation import Structure
 
-CHUNK_S = 0.01
+CHUNK_S = 0.01  # chosen
 MOVES_THRUST = {_s.Stage.SETUP, _s.Stage.VOLTAGE}
-"""Stages whose effects change the thrusts that `model.physics.rotor` computes beforehand."""
+"""Stages of the effects that change the thrusts, which `model.physics.rotor` computes in advance"""
 
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Where the filter went: C chunks of rows, their states and the slopes of the accelerations."""
+    """The filter's states in C chunks of rows, and the derivatives there."""
 
     structure: Structure
     data: Data
     at: Pass
     chunk: np.ndarray
-    """(C, 3) int64: first row, last + 1, run"""
+    """(C, 3) int64: first row, row after the last, block of `Data`"""
     X: np.ndarray
-    """(C, 6) states in the chunks' middle"""
+    """(C, 6) rad, rad/s: states in the middle of the chunks"""
     A: np.ndarray
     """(C, 3, 6) ∂q̈/∂(q, q̇)"""
     slope: np.ndarray
-    """(3,) of the readings, σ"""
+    """(3,) σ, the slopes of the readings"""
     values: np.ndarray
     thrust: np.ndarray
-    """(C, 2) N, the rotors' mean over each chunk"""
+    """(C, 2) N, mean thrusts of the rotors in each chunk"""
     a: np.ndarray
-    """(C, 3) rad/s²"""
+    """(C, 3) rad/s², the model's accelerations"""
 
     @property
     def t(self) -> np.ndarray:
-        """(C,) s, of the middles"""
+        """Return the time (C,) s of the middle of each chunk."""
         return np.asarray(self.data.t[(self.chunk[:, 0] + self.chunk[:, 1]) // 2])
 
 
 def path(structure: Structure, values: np.ndarray, data: Data, at: Pass) -> Path:
-    """``at`` must hold its states (``keep`` 2)."""
+    """Return the path of the filter run ``at``, which must contain its states (``keep`` = 2)."""
     assert at.X is not None
     size = max(1, round(CHUNK_S / float(np.median(data.h))))
     rows = [np.empty((0, 3), dtype=np.int64)]
@@ -90,10 +91,7 @@ def path(structure: Structure, values: np.ndarray, data: Data, at: Pass) -> Path
 def forcing(
     p: Path, wide: Structure, sets: Sequence[np.ndarray], moves: Sequence[bool]
 ) -> np.ndarray:
-    """(J, C, 3) rad/s²: what sets of values of the structure ``wide`` add to the path's own.
-
-    ``moves`` (J,) says which of the sets change the rotors' thrusts.
-    """
+    """Return δa (J, C, 3) rad/s² of J sets of values of ``wide``; ``moves``: thrusts change."""
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
     out = np.zeros((len(sets), len(p.chunk), 3))
@@ -109,8 +107,10 @@ def forcing(
 def misreading(
     p: Path, wide: Structure, sets: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What sets of values add to the readings of the first: m (J, E) rad at the events of angles,
-    0 at others; and at the runs' starts (J, B, 3)."""
+    """Return δm (rad) of J + 1 sets of parameter values, relative to the first.
+
+    The results are δm (J, E) at the events, and (J, B, 3) at the start of each of B blocks.
+    """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
     at = p.at
@@ -127,7 +127,7 @@ def misreading(
 def forward(
     p: Path, a: np.ndarray, m: np.ndarray | None = None, m0: np.ndarray | None = None
 ) -> np.ndarray:
-    """(J, E) the traces of the changes a (J, C, 3), and of misreadings m (J, E), m0 (J, B, 3)."""
+    """Return δc (J, E) of δa = ``a`` (J, C, 3) and of δm: ``m`` (J, E), ``m0`` (J, B, 3)."""
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0
     passes.forward(
@@ -138,9 +138,9 @@ def forward(
 
 
 def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """For weights q (M, E): L (M, C, 3), the events' own weights (M, E), and the starts' (M, B, 6).
+    """Return the derivatives of Σ_e q_e δc_e for M sets of weights q (M, E).
 
-    The events' weights say what a change of the *reading* at each does, the states moving after it.
+    They are by δa (M, C, 3), by δm at each event (M, E), and by the initial states (M, B, 6).
     """
     L = np.zeros((len(q), len(p.chunk), 3))
     mu = np.zeros(q.shape)

@@ -1,7 +1,7 @@
-"""The compiled passes of `sensitivity.perturbation`: one row, one event after another.
+"""The compiled loops of `sensitivity.perturbation`, which explains the equations and symbols.
 
-Shapes: A (C, 3, 6), chunk (C, 3) rows and run, h (N,), the events' row, state, W (E,) and K (E, 6),
-slope (3,) of the readings; see there for the equations.
+A, X and ``chunk`` are as in `Path`, h (N,) s. ``row``, ``state``, W (E,) and K (E, 6) are the
+events' row, state, information and gain. ``state``: 0–2 angle, 3–5 rate, 6–8 negative rate.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""Residual torque: what the fitted rig lacks, in N·m, instant by instant, and what it may follow.
+"""Estimate the residual torque, which the fitted model lacks, as a function of time.
 
-The filter drives each axis with white acceleration of intensity a²; what it finds there, given
-all of the flight, is the smoother's estimate (Bryson and Frazier's form)
+The filter's process noise is white angular acceleration of intensity a² ((rad/s²)²/Hz). Bryson and
+Frazier's smoother estimates this acceleration d and the residual torque τ in row k:
 
     d̂_k = a²/h ∂ ln L/∂q̈_k  (rad/s²),        τ̂_k = B_k⁻¹ d̂_k  (N·m),   B = M(q)⁻¹
 
-with the gradient of one backward pass (`sensitivity.residual_torque_passes`). It is
-unbiased below the bandwidth of the filter (some Hz) and attenuated above it.
+h (s) is the time to the next row, L the likelihood, M (kg·m²) the mass matrix. τ̂ is accurate below
+the filter's bandwidth (a few Hz) and attenuated above it.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ UNITS = {
     "roll_rate*pitch_rate": "rad²/s²", "roll_rate*yaw_rate": "rad²/s²",
     "pitch_rate*yaw_rate": "rad²/s²", "pitch*voltage_sum": "rad V", "roll*voltage_sum": "rad V",
 }  # fmt: skip
-"""What a torque may depend on, and the unit in which people read it."""
+"""The variables on which a residual torque may depend, with their display units"""
 SI_UNITS = {unit: unit.replace("°", "rad") for unit in set(UNITS.values())}
-"""The same in SI, as in tables"""
-SLOPE_S = 0.04
+"""Display unit → SI unit"""
+SLOPE_S = 0.04  # interval of the difference quotient in `Trail.slope_of`, chosen
 
 
 @dataclass(frozen=True, eq=False)
 class Trail:
-    """A flight as the fitted rig's filter saw it, linearised along the way; N rows, E events."""
+    """A flight's filter run with the model's derivatives along it; N rows, E events."""
 
     data: Data
     at: Pass
@@ -49,19 +49,19 @@ class Trail:
     slope: np.ndarray
     """(N, 3) ∂reading/∂angle"""
     q_ddot: np.ndarray
-    """(N, 3) rad/s², the rig's own acceleration"""
+    """(N, 3) rad/s², the model's acceleration"""
     noise: np.ndarray
-    """(4,) as `Optimum.noise`"""
+    """(4,) process noise a of roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s)"""
 
     @property
     def X(self) -> np.ndarray:
-        """(N, 6) rad, rad/s"""
+        """Return the filter's states (N, 6) in rad, rad/s."""
         assert self.at.X is not None
         return np.asarray(self.at.X[:, :6])
 
     @cached_property
     def flown(self) -> np.ndarray:
-        """(N,) bool: rows of a run, with a row after them."""
+        """Return (N,) bool: the rows of the runs, without the last row of each run."""
         out = np.zeros(len(self.data.t), dtype=bool)
         for _, start, stop in self.data.blocks:
             out[start : stop - 1] = True
@@ -69,7 +69,7 @@ class Trail:
 
     @cached_property
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
-        """(ν, μ), each (N, 3): ∂ ln L/∂τ_k and ∂ ln L/∂q̈_k."""
+        """Return ν = ∂ ln L/∂τ_k (1/(N·m)) and μ = ∂ ln L/∂q̈_k (s²/rad), each (N, 3)."""
         from heli3dof.diagnosis.sensitivity.residual_torque_passes import gradient
 
         d, at = self.data, self.at
@@ -81,7 +81,7 @@ class Trail:
 
     @cached_property
     def torque(self) -> np.ndarray:
-        """(N, 3) N·m, the residual torque; NaN outside the runs and on axes that do not move."""
+        """Return the residual torque τ̂ (N, 3) N·m; NaN outside the runs and on unmeasured axes."""
         _, mu = self.gradients
         d = mu * self.noise[:3] ** 2 / self.data.h[:, None]
         out = np.full_like(d, np.nan)
@@ -89,18 +89,18 @@ class Trail:
         return np.asarray(out)
 
     def as_torque(self, q_ddot: np.ndarray) -> np.ndarray:
-        """(N, 3) N·m that accelerate so, rad/s² (N, 3); NaN on an axis that is held."""
-        moves = np.zeros((len(q_ddot), 3), dtype=bool)
+        """Return the torques (N, 3) N·m of accelerations (N, 3) rad/s²; NaN on unmeasured axes."""
+        measured = np.zeros((len(q_ddot), 3), dtype=bool)
         for free, (_, start, stop) in zip(self.data.free, self.data.blocks, strict=True):
-            moves[start:stop] = free
-        # An axis that is held has a row of zeros in B.
-        B = self.B + np.where(moves, 0.0, 1.0)[:, :, None] * np.eye(3)
+            measured[start:stop] = free
+        # An unmeasured axis has a row of zeros in B.
+        B = self.B + np.where(measured, 0.0, 1.0)[:, :, None] * np.eye(3)
         out = np.linalg.solve(B, q_ddot[:, :, None])[:, :, 0]
-        out[~moves] = np.nan
+        out[~measured] = np.nan
         return np.asarray(out)
 
     def variable(self, name: str) -> np.ndarray:
-        """(N,) one of `UNITS`, in rad, rad/s, V, s; a product is written with ``*``."""
+        """Return the variable ``name`` of `UNITS` (N,) in SI units; ``*`` is a product."""
         if "*" in name:
             one, other = name.split("*")
             return np.asarray(self.variable(one) * self.variable(other))
@@ -118,7 +118,7 @@ class Trail:
         return np.asarray(table[name])
 
     def slope_of(self, x: np.ndarray) -> np.ndarray:
-        """(N,) of x per second, over `SLOPE_S` about each row; runs are kept apart."""
+        """Return dx/dt (N,) of x (N,), a central difference over `SLOPE_S` within each run."""
         out = np.zeros(len(x))
         for first, _, stop in self.data.blocks:
             t = self.data.t[first:stop]
@@ -130,14 +130,14 @@ class Trail:
         return out
 
 
-def trail(found: Estimate, data: Data | None = None) -> Trail:
-    """The flight through the fitted rig's filter: the recordings' own, or other ``data``."""
-    problem = found.problem if data is None else replace(found.problem, data=data)
-    return trail_at(problem, found.optimum.theta, found.optimum.noise)
+def trail(fit: Estimate, data: Data | None = None) -> Trail:
+    """Return the filter run of a fit over its recordings, or over ``data``."""
+    problem = fit.problem if data is None else replace(fit.problem, data=data)
+    return trail_at(problem, fit.optimum.theta, fit.optimum.noise)
 
 
 def trail_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> Trail:
-    """The same at any point: θ (n,) coordinates, ``noise`` (4,)."""
+    """Return the filter run at the coordinates θ = ``theta`` (n,) and ``noise`` (4,)."""
     at = problem.run(theta, noise, keep=2)
     assert at.X is not None
     A, B, slope, q_ddot = along(problem, theta, at.X)
@@ -147,7 +147,7 @@ def trail_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> Trail
 def along(
     problem: Likelihood, theta: np.ndarray, X: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A, B, slope and q̈ of a rig at θ (n,) coordinates that goes through the states X (N, 6)."""
+    """Return A, B, slope and q̈ (see `Trail`) of the model at θ (n,), along the states X (N, 6)."""
     from heli3dof.diagnosis.sensitivity.residual_torque_passes import linear
 
     d, hooks = problem.data, problem.structure.hooks

@@ -1,17 +1,17 @@
-"""The filter's flight linearised: what any additional torque would have done to the innovations.
+"""Compiled loops: first-order change of the likelihood by an additional torque.
 
-Along the filter's states x_k, with its gains held, a small torque τ (N·m) over row k moves the
-prediction by δx = (δq, δq̇):
+Along the filter's states, with its gains fixed, a small torque τ (N·m) during row k, h s long,
+changes the predicted state x = (q, q̇), angles in rad and rates in rad/s, by δx = (δq, δq̇):
 
     δq̈ = A δx + B τ,    A = ∂q̈/∂(q, q̇) (3, 6),   B = M(q)⁻¹ (3, 3)
     δq ← δq + h δq̇ + h²/2 δq̈,     δq̇ ← δq̇ + h δq̈             from row to row
     δc = s δx_c,  δx ← δx − K w δc                             at each event
 
-(s the reading's slope, K, w the event's gain and information;
-`heli3dof.model.estimation.ekf_quantised`). To first order ln L changes by Σ g δc. `gradient` runs
-this backward: one pass gives ν_k = ∂ ln L/∂τ_k for a torque on any axis in any row, so the score of
-a torque that is a function f of anything is Σ f_k ν_k. `forced` runs it forward for many functions
-at once and sums their information.
+An event is an update by an encoder reading (`heli3dof.model.estimation.ekf_quantised`). It has the
+prediction c, score g, information w and gain K; s is the slope of the reading. To first order, the
+log-likelihood ln L changes by Σ g δc. `gradient` is the adjoint: one backward pass computes
+ν_k = ∂ ln L/∂τ_k for each row and axis. A torque f then has the score Σ f_k ν_k. `forced` computes
+δc of many torques in one forward pass, and sums their information.
 """
 
 from __future__ import annotations
@@ -25,14 +25,13 @@ from heli3dof.model.physics.rigid_body import accelerations, body_accelerations
 from heli3dof.model.physics.rotor import thrusts
 
 R, T, F_FRONT, F_BACK, V_FRONT, V_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.V_FRONT, _s.V_BACK
-DIFFERENCE = 1e-5
-"""rad, rad/s"""
+DIFFERENCE = 1e-5  # rad, rad/s: step of the finite differences for A
 
 
 def _linear(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, t, h, V, X, A, B, slope, q_ddot
 ):  # fmt: skip
-    """A (N, 3, 6), B (N, 3, 3), the readings' slope and q̈ (N, 3) along the states X (N, 6)."""
+    """Write A (N, 3, 6), B (N, 3, 3), the slope s and q̈ (N, 3) along the states X (N, 6)."""
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
     w, m = np.zeros((4, 3)), np.empty(3)
@@ -73,7 +72,7 @@ linear = compiled(_linear, error_model="numpy", nogil=True)
 
 
 def _gradient(blocks, h, A, B, slope, row, state, G, W, K, nu, mu):  # type: ignore[no-untyped-def]
-    """Backward: nu (N, 3) = ∂ ln L/∂τ_k and mu (N, 3) = ∂ ln L/∂q̈_k, τ and q̈ held over row k."""
+    """Write nu = ∂ ln L/∂τ_k and mu = ∂ ln L/∂q̈_k, (N, 3); τ and q̈ are constant in a row."""
     n = row.shape[0] - 1
     z, acc = np.empty(6), np.empty(3)
     for b in range(blocks.shape[0] - 1, -1, -1):
@@ -99,10 +98,10 @@ def _gradient(blocks, h, A, B, slope, row, state, G, W, K, nu, mu):  # type: ign
                 else:
                     c -= 3
                     scale = -slope[k, c - 3]
-                learnt = 0.0
+                feedback = 0.0
                 for j in range(6):
-                    learnt += K[n, j] * z[j]
-                z[c] += scale * (G[n] - W[n] * learnt)
+                    feedback += K[n, j] * z[j]
+                z[c] += scale * (G[n] - W[n] * feedback)
                 n -= 1
 
 
@@ -113,12 +112,11 @@ def _forced(  # type: ignore[no-untyped-def]
     blocks, h, A, B, slope, row, state, G, W, K, left, share, tangents, axes, wanted, knots,
     score, information, cross, traces,
 ):  # fmt: skip
-    """Forward, for M variables of ``knots`` hat functions each on every axis in ``axes``.
+    """Sum score and information of J hat functions: ``knots`` of M variables on each of ``axes``.
 
-    In row k variable m lies between its knots left[k, m] and the next, ``share`` of the way.
-    A function's column is (a M + m) knots + knot, a counting ``axes``. Sums over the events:
+    ``left``, ``share`` (N, M): knot below each variable, fraction of the way to the next. Results:
     ``score`` (J,), ``information`` (groups, knots, knots), ``cross`` (n, J) with the ``tangents``
-    (n, E); columns ``wanted`` are kept as ``traces`` (len, E).
+    (n, E), ``traces`` (len(wanted), E): δc of columns ``wanted``. Columns are as in `Hats`.
     """
     M = left.shape[1]
     groups = axes.shape[0] * M
@@ -169,11 +167,11 @@ def _forced(  # type: ignore[no-untyped-def]
                         + A[k, i, 3] * x[3, j] + A[k, i, 4] * x[4, j] + A[k, i, 5] * x[5, j]
                     )  # fmt: skip
                 for a in range(axes.shape[0]):
-                    push = B[k, i, axes[a]]
+                    gain = B[k, i, axes[a]]
                     for m in range(M):
                         o = (a * M + m) * knots + left[k, m]
-                        acc[i, o] += push * (1.0 - share[k, m])
-                        acc[i, o + 1] += push * share[k, m]
+                        acc[i, o] += gain * (1.0 - share[k, m])
+                        acc[i, o + 1] += gain * share[k, m]
             for i in range(3):
                 for j in range(J):
                     x[i, j] += hk * x[3 + i, j] + 0.5 * hk * hk * acc[i, j]
@@ -188,10 +186,7 @@ forced = compiled(_forced, error_model="numpy", nogil=True)
 
 
 def _gather(nu, axes, which, left, share, knots, out):  # type: ignore[no-untyped-def]
-    """out (m, J): Σ_k ν_k φ_j(z_k) over the rows k of each block ``which`` (N,), ν (N, 3).
-
-    Row k lies ``share`` (N, M) of the way from its knot ``left`` (N, M) to the next.
-    """
+    """Add Σ_k ν_k φ_j(z_k) to ``out`` (blocks, J), ν (N, 3); row k belongs to block which[k]."""
     M = left.shape[1]
     for k in range(nu.shape[0]):
         b = which[k]

@@ -19,7 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
-from heli3dof.diagnosis.estimate.coloured_noise import BLOCK_S, MEMORY_S, freedom, long_run, surely
+from heli3dof.diagnosis.estimate.coloured_noise import (
+    BLOCK_S,
+    MEMORY_S,
+    freedom,
+    long_run,
+    significant_ratio,
+)
 from heli3dof.diagnosis.estimate.setup import controller_is_known
 from heli3dof.diagnosis.sensitivity.hat_functions import Hats, Sums, forward, hats
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
@@ -148,7 +154,9 @@ def coloured_noise_ratio(
         V = (directions * at.w) @ directions.T
         if blocks >= 2 * (memory + 1):
             S = np.linalg.pinv(V, hermitian=True) @ long_run(scores, memory)
-            ratio.append(float(surely(np.trace(S) / len(V) / white, freedom(blocks, memory))))
+            ratio.append(
+                float(significant_ratio(np.trace(S) / len(V) / white, freedom(blocks, memory)))
+            )
     return max(ratio)
 
 

@@ -21,7 +21,7 @@ NAMES = ("T_g", "J_roll", "J_pitch", "J_yaw")
 
 
 def rig(ratio: tuple[float, ...] = (1, 1, 1, 1), relative_std: float = 0.003) -> Estimate:
-    """Base fit with these ratios to nominal and relative standard deviation ``relative_std``."""
+    """Return a base fit with these ratios to nominal and relative standard deviations."""
     start = np.array([1.17, 0.91, 0.036, 0.95])
     units = ("N·m", "kg·m²", "kg·m²", "kg·m²")
     free = [SimpleNamespace(name=n, start=s, unit=u, log=n != "T_g")
@@ -54,28 +54,28 @@ def test_a_common_factor_on_all_parameters_is_the_thrust_gain() -> None:
 
 
 def test_two_standard_deviations_are_not_enough() -> None:
-    # ln 1.4 = 0.336 is 0.197 beyond the edge; the scale absorbs 0.02 of it. That is 2.2
-    # combined deviations (flight 0.065, scale 0.048), but 0.8 of the margin that 3.24 requires.
+    # ln 1.4 = 0.336 exceeds e by 0.197; the estimated K_f absorbs 0.02 of it. That is 2.2 combined
+    # standard deviations (σ = 0.065, σ_k = 0.048), but 0.8 of what q = 3.24 requires.
     fit = rig((1, 1, 1.4, 1), relative_std=0.065)
     pitch = base_parameters(fit)[3]
     assert pitch.beyond(0.15) > 2 * np.hypot(pitch.told, pitch.scale)
     assert names(off_nominal(fit)) == []
 
 
-def test_in_a_limit_cycle_the_standard_deviation_counts_three_times() -> None:
-    # ln 1.8 = 0.588 is 0.448 beyond the edge: 2.3 times 3.24 · 0.06.
+def test_without_edge_rates_the_standard_deviation_counts_three_times() -> None:
+    # ln 1.8 = 0.588 exceeds e by 0.448: 2.3 times 3.24 · 0.06.
     fit = rig((1, 1, 1.8, 1), relative_std=0.06)
     assert names(off_nominal(fit)) == []
-    assert names(off_nominal(fit, doubted=1.0)) == ["inertia.pitch"]
+    assert names(off_nominal(fit, std_inflation=1.0)) == ["inertia.pitch"]
 
 
 def test_a_deviation_that_vanishes_with_the_residual_torque_is_not_a_finding() -> None:
     fit = rig((1, 1.5, 1, 1))
-    still, back = np.zeros(4), np.array([0.0, -0.4, 0.0, 0.0])
+    unchanged, back = np.zeros(4), np.array([0.0, -0.4, 0.0, 0.0])
     std = np.full(4, 0.003)
-    assert names(off_nominal(fit, beside=(still, std))) == ["inertia.roll"]
-    assert names(off_nominal(fit, beside=(back, std))) == []
-    assert names(off_nominal(fit, beside=(still, np.full(4, 0.2)))) == []
+    assert names(off_nominal(fit, with_residual=(unchanged, std))) == ["inertia.roll"]
+    assert names(off_nominal(fit, with_residual=(back, std))) == []
+    assert names(off_nominal(fit, with_residual=(unchanged, np.full(4, 0.2)))) == []
 
 
 def test_a_torque_of_the_wrong_sign_is_always_a_finding() -> None:

@@ -28,7 +28,7 @@ def steps() -> Recording:
 
 
 def true_roll_inertia() -> float:
-    """In units of the profile's K_f."""
+    """Return the emulated rig's roll inertia in units of the profile's K_f."""
     rig = open_driver(DEVICE, default_profile())
     body = rig.truth.body  # type: ignore[attr-defined]
     rig.close()
@@ -44,25 +44,25 @@ def test_on_steps_the_corrected_roll_inertia_is_right_and_the_plain_one_is_not()
     assert abs(corrected.values[1] / truth - 1) < 0.03
 
 
-def test_an_unobservable_inertia_is_held_to_the_profile_s_tolerance() -> None:
+def test_the_prior_of_the_inertias_is_the_profile_s_tolerance() -> None:
     recording = steps().between(10.0, 14.0)
     data = data_of([recording], usable_runs(recording, 0))
     problem = ProfileLikelihood(data, Structure(recording.profile, ()))
     np.testing.assert_allclose(problem.prior_precision[1:4], 1 / 0.15**2)
 
 
-def test_a_tilt_moves_the_maximum_by_the_equivalent_score() -> None:
+def test_a_score_bias_moves_the_maximum_by_the_equivalent_step() -> None:
     recording = steps().between(8.0, 24.0)
     data = data_of([recording], usable_runs(recording, 0))
     problem = ProfileLikelihood(data, Structure(recording.profile, ()))
     noise = np.array([0.006, 0.013, 0.0025, 0.0])
-    level = maximise_corrected(problem, problem.prior_mean, noise, None, hold_noise=True)
-    A = level.information + np.diag(problem.prior_precision)
+    plain = maximise_corrected(problem, problem.prior_mean, noise, None, hold_noise=True)
+    A = plain.information + np.diag(problem.prior_precision)
     wanted = np.array([0.0, 0.5, 0.0, 0.0]) * np.sqrt(np.diag(np.linalg.inv(A)))
-    tilt = ScoreBias(-A @ wanted, np.zeros(3), level.theta, noise)
-    moved = maximise_corrected(problem, level.theta, noise, tilt, hold_noise=True)
+    bias = ScoreBias(-A @ wanted, np.zeros(3), plain.theta, noise)
+    moved = maximise_corrected(problem, plain.theta, noise, bias, hold_noise=True)
     sd = np.sqrt(np.diag(np.linalg.inv(A)))
-    np.testing.assert_allclose((moved.theta - level.theta) / sd, wanted / sd, atol=0.15)
+    np.testing.assert_allclose((moved.theta - plain.theta) / sd, wanted / sd, atol=0.15)
 
 
 def test_held_parameters_stay_fixed_in_the_search() -> None:
@@ -71,8 +71,8 @@ def test_held_parameters_stay_fixed_in_the_search() -> None:
     problem = ProfileLikelihood(data, Structure(recording.profile, ()))
     noise = np.array([0.006, 0.013, 0.0025, 0.0])
     start = problem.prior_mean + np.array([0.0, 0.1, 0.1, 0.1])
-    still = np.array([False, True, False, False])
-    fit = maximise_corrected(problem, start, noise, None, hold_noise=True, hold=still)
+    hold = np.array([False, True, False, False])
+    fit = maximise_corrected(problem, start, noise, None, hold_noise=True, hold=hold)
     assert fit.theta[1] == start[1]
     assert np.all(fit.theta[2:] != start[2:])
 
@@ -94,7 +94,7 @@ def test_the_scatter_of_few_flights_is_at_least_that_of_exact_scores(
     size: float, expected: float
 ) -> None:
     H = np.array([[4.0, 1.0], [1.0, 9.0]])
-    # Two flights, ± size of an exact score's standard deviation over √2: their variance is size².
+    # Two scores of ± size √(H_jj/2): their variance is size² H_jj.
     flights = np.array([[1.0], [-1.0]]) * size / np.sqrt(2) * np.sqrt(np.diag(H))
     assert scatter_of(flights, H) == pytest.approx(expected * H)
 
@@ -105,7 +105,7 @@ SLUGGISH = (
 )
 
 
-def test_a_constant_pitch_torque_is_not_taken_for_a_large_inertia() -> None:
+def test_a_constant_pitch_torque_is_not_fitted_as_a_large_inertia() -> None:
     """A roll step does not excite pitch; 0.03 N·m on pitch are 1.4 V between the motors."""
     table = default_profile().to_dict()
     table["controller"] = {"K": SLUGGISH}

@@ -9,7 +9,7 @@ import pytest
 
 from heli3dof.diagnosis.estimate.base_fit import fit_base
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, model_at
-from heli3dof.diagnosis.estimate.coloured_noise import freedom, long_run, surely
+from heli3dof.diagnosis.estimate.coloured_noise import freedom, long_run, significant_ratio
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
 from heli3dof.experiment.fly import fly_plan
@@ -22,8 +22,8 @@ MEMORY_S = 0.5
 
 
 class Slow:
-    """Generator whose standard normal draws contain an Ornstein-Uhlenbeck process of `MEMORY_S`,
-    `TIMES` as strong as the white part at low frequency."""
+    """Random generator of white noise plus an Ornstein-Uhlenbeck process (`MEMORY_S`), which has
+    `TIMES` the power at low frequency."""
 
     def __init__(self, seed: int, dt: float) -> None:
         self.rng, self.dt = np.random.default_rng(seed), dt
@@ -68,7 +68,7 @@ def test_only_significant_ratios_count_as_colour() -> None:
     # 120 blocks, memory of 6: ν = 180/7; white noise exceeds 1.76 in one flight of a hundred.
     nu = freedom(120, 6)
     assert nu == pytest.approx(25.7, abs=0.05)
-    np.testing.assert_allclose(surely(np.array([0.3, 1.5, 1.9]), nu), [1.0, 1.0, 1.9])
+    np.testing.assert_allclose(significant_ratio(np.array([0.3, 1.5, 1.9]), nu), [1.0, 1.0, 1.9])
 
 
 @pytest.fixture(scope="module")
@@ -87,14 +87,14 @@ def test_a_flight_with_slow_noise_has_wider_intervals(
     recording, result = white
     model = model_at(result.problem, result.optimum.theta, result.optimum.noise)
     slow = simulated_flight(model, recording, cast(Any, Slow(1413, recording.dt)))
-    seen = fit_base(Setup((slow,), seed=0, pilots=6))
-    assert seen.colour[0] > 2.0  # the trim torque, the slowest parameter
+    fit = fit_base(Setup((slow,), seed=0, pilots=6))
+    assert fit.colour[0] > 2.0  # the trim torque, the slowest parameter
     # The standard deviation for white noise of the estimated intensity, times √ρ.
-    spread = seen.spread  # of an estimate that uses edge rates too
+    spread = fit.spread  # of a fit with edge rates
     if spread is None:
-        assert seen.scatter is not None
-        L = np.diag(seen.problem.prior_precision)
-        inverse = np.linalg.inv(seen.optimum.information + L)
-        spread = inverse @ ((1 + 1 / seen.flights) * seen.scatter + L) @ inverse
-    plain = np.sqrt(spread[0, 0]) * seen.slopes[0]
-    assert seen.std[0] == pytest.approx(np.sqrt(seen.colour[0]) * plain)
+        assert fit.scatter is not None
+        L = np.diag(fit.problem.prior_precision)
+        inverse = np.linalg.inv(fit.optimum.information + L)
+        spread = inverse @ ((1 + 1 / fit.flights) * fit.scatter + L) @ inverse
+    plain = np.sqrt(spread[0, 0]) * fit.slopes[0]
+    assert fit.std[0] == pytest.approx(np.sqrt(fit.colour[0]) * plain)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate import corrected_maximum as tilted
+from heli3dof.diagnosis.estimate import corrected_maximum
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.estimate.evaluation import Evaluation, evaluate
 from heli3dof.experiment.fly import fly_plan
@@ -44,10 +44,10 @@ def far(request: pytest.FixtureRequest, problem: Likelihood) -> np.ndarray:
 def test_tangents_come_from_the_simulation_where_first_order_perturbations_diverge(
     problem: Likelihood, far: np.ndarray
 ) -> None:
-    here = evaluate(problem, far, NOISE)
-    assert pytest.approx(problem.tangents(far, here.at), abs=1e-9) == here.T
-    assert np.abs(here.T).max() < 1.0
-    for each in (here.g, here.H, here.slope, here.bend):
+    result = evaluate(problem, far, NOISE)
+    assert pytest.approx(problem.tangents(far, result.at), abs=1e-9) == result.T
+    assert np.abs(result.T).max() < 1.0
+    for each in (result.g, result.H, result.slope, result.curvature):
         assert np.isfinite(each).all()
 
 
@@ -68,7 +68,7 @@ def test_a_step_that_is_not_finite_is_not_taken(
     ) -> Evaluation:
         return replace(evaluate(p, theta, noise, whole=whole), g=np.full(len(theta), np.nan))
 
-    monkeypatch.setattr(tilted, "evaluate", no_number)
+    monkeypatch.setattr(corrected_maximum, "evaluate", no_number)
     result = maximise_corrected(problem, problem.prior_mean, NOISE, None, hold_noise=True)
     assert result.theta.tolist() == problem.prior_mean.tolist()
     assert not result.converged

@@ -93,18 +93,19 @@ def test_the_bias_is_that_of_simulated_flights_not_of_the_recording(
     assert (abs(slope.mean(axis=0) - fit.noise_bias) < several * slope.std(axis=0, ddof=1)).all()
 
 
-def test_if_no_flight_can_be_simulated_the_estimate_is_unchanged(
+def test_if_the_simulated_flights_diverge_the_fit_is_unchanged(
     fitted: tuple[Setup, CorrectedFit],
 ) -> None:
     bench, fit = fitted
     theta = fit.theta.copy()
     theta[0] = np.nan
-    lost = replace(fit, optimum=replace(fit.optimum, theta=theta))
+    diverging = replace(fit, optimum=replace(fit.optimum, theta=theta))
     with np.errstate(all="ignore"):
-        assert fit_with_edge_rates(fit.problem, lost, bench.recordings, seed=0, flights=8) is lost
+        result = fit_with_edge_rates(fit.problem, diverging, bench.recordings, seed=0, flights=8)
+    assert result is diverging
 
 
-def test_a_flight_with_well_determined_inertias_is_not_weighed() -> None:
+def test_without_a_limit_cycle_edge_rates_are_not_used() -> None:
     flown = fly_plan(load_plan("rich"), device=DEVICE, seed=1022).recording.between(6.0, 22.0)
     assert fit_base(Setup((flown,), seed=0, pilots=4)).spread is None
 
@@ -119,7 +120,7 @@ def test_the_three_moments_of_each_axis_are_weighted_by_their_covariance() -> No
     assert W[0, 0] == pytest.approx(1 / 1.1)
 
 
-def test_simulated_effects_fill_their_axis_and_the_filter_s_own_the_rest() -> None:
+def test_the_jacobian_has_simulated_effects_within_an_axis_and_the_information_elsewhere() -> None:
     effects = np.arange(60.0).reshape(6, 10)
     G = jacobian(np.full((4, 4), -1.0), effects)
     assert G[1, 1] == effects[0, 1]  # roll's score along roll's inertia

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.bias_correction import FalseSlopes, ProfileLikelihood
+from heli3dof.diagnosis.estimate.bias_correction import NoiseScoreBias, ProfileLikelihood
 from heli3dof.diagnosis.estimate.evaluation import evaluate
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
@@ -27,11 +27,11 @@ def test_the_slope_along_the_noise_is_a_central_difference_of_the_likelihood(
     problem: ProfileLikelihood,
 ) -> None:
     theta, noise = problem.prior_mean, np.array([0.1, 0.1, 0.05, 0.0])
-    seen = evaluate(problem, theta, noise)
+    result = evaluate(problem, theta, noise)
     step = np.exp([0.5, 0.5, 0.5, 0.0])
     up, down = (problem.run(theta, a, keep=0).loglik for a in (noise * step, noise / step))
-    np.testing.assert_allclose(seen.slope, up - down)
-    np.testing.assert_allclose(seen.bend, (up - 2 * seen.at.loglik + down) / 0.25)
+    np.testing.assert_allclose(result.slope, up - down)
+    np.testing.assert_allclose(result.curvature, (up - 2 * result.at.loglik + down) / 0.25)
 
 
 def test_without_the_noise_an_evaluation_is_the_same_with_a_third_of_the_passes(
@@ -45,9 +45,11 @@ def test_without_the_noise_an_evaluation_is_the_same_with_a_third_of_the_passes(
 
 
 def test_the_score_bias_is_evaluated_again_after_a_large_move() -> None:
-    none, at, sd = np.zeros(3), np.zeros(2), np.array([1.0, 0.1])
-    seen = FalseSlopes(none, none, at, np.ones(4), sd)
-    half = np.array([1.0, np.exp(0.29), 1.0, 1.0])
-    assert not seen.moved(np.array([2.9, -0.29]), half)
-    assert seen.moved(np.array([0.0, 0.31]), np.ones(4)), "more than three standard deviations"
-    assert seen.moved(at, np.array([1.0, 1.0, np.exp(-0.31), 1.0]))
+    zero, at, sd = np.zeros(3), np.zeros(2), np.array([1.0, 0.1])
+    bias = NoiseScoreBias(zero, zero, at, np.ones(4), sd)
+    near = np.array([1.0, np.exp(0.29), 1.0, 1.0])
+    assert not bias.is_outdated(np.array([2.9, -0.29]), near)
+    assert bias.is_outdated(np.array([0.0, 0.31]), np.ones(4)), (
+        "more than three standard deviations"
+    )
+    assert bias.is_outdated(at, np.array([1.0, 1.0, np.exp(-0.31), 1.0]))

@@ -1,4 +1,4 @@
-"""A rig on a limit cycle is found again, with its noise and inertia."""
+"""The noise and inertias of a rig on a limit cycle are estimated correctly."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ def counts_of(y: np.ndarray) -> Recording:
 
 @pytest.mark.parametrize(("period", "share"), [(50, 1.0), (5000, 0.0)])
 def test_a_count_that_changes_to_and_fro_is_a_limit_cycle(period: int, share: float) -> None:
-    """Ten changes a second between two neighbours are one; a change in five seconds is none."""
+    """Ten changes per second between two counts are a limit cycle, one in 20 s is not."""
     data = data_of([counts_of((np.arange(10_000) // period) % 2)],
                    usable_runs(counts_of(np.zeros(10_000)), 0))  # fmt: skip
     assert cycling_shares(data)[0] == pytest.approx(share, abs=0.05)
-    assert cycling_shares(data)[1:].max() == 0.0  # a steady motion changes often, and is none
+    assert cycling_shares(data)[1:].max() == 0.0  # a steady motion is no limit cycle
 
 
 def plant_2(name: str) -> tuple[Recording, ProfileLikelihood]:
@@ -57,34 +57,34 @@ def plant_2(name: str) -> tuple[Recording, ProfileLikelihood]:
 
 
 @needs_real_data
-def test_the_noise_that_is_matched_is_that_of_the_rig_that_flew() -> None:
-    """Roll noise of 0.004 rad/s²/√Hz is found again from a start 25 times too large."""
+def test_the_matched_noise_is_that_of_the_simulated_rig() -> None:
+    """A roll noise of 0.004 rad/s²/√Hz is found from a start 25 times too large."""
     recording, problem = plant_2("st-c000")
     theta, noise = problem.prior_mean, np.array([0.004, 0.02, 0.0035, 0.0])
     rng = np.random.default_rng(2)
     flown = simulated_flight(model_at(problem, theta, noise), recording, rng)
-    seen = replace(problem, data=data_of([flown], problem.data.runs))
-    axes = on_limit_cycle(seen.data)
+    simulated = replace(problem, data=data_of([flown], problem.data.runs))
+    axes = on_limit_cycle(simulated.data)
     assert axes.tolist() == [True, False, False]
     loud = noise * [25.0, 1.0, 1.0, 1.0]
-    found = matched_noise(seen, theta, loud, axes, [flown], seed=0)
-    assert found[0] == pytest.approx(0.004, rel=0.5)
-    assert found[1:].tolist() == noise[1:].tolist()
+    matched = matched_noise(simulated, theta, loud, axes, [flown], seed=0)
+    assert matched[0] == pytest.approx(0.004, rel=0.5)
+    assert matched[1:].tolist() == noise[1:].tolist()
 
 
 @needs_real_data
 def test_a_step_on_a_limit_cycle_has_the_rigs_inertias() -> None:
     """Plant 2's inertias are the profile's; the likelihood alone gives 0.14 of roll's."""
     recording, _ = plant_2("st-c002")
-    found = fit_base(Setup((recording,), 0, 6, "rigid", False))
-    nominal = np.array([f.start for f in found.structure.free[1:4]])
-    assert found.values[1:4] / nominal == pytest.approx(np.ones(3), abs=0.15)
-    assert found.optimum.noise[0] < 0.006
+    fit = fit_base(Setup((recording,), 0, 6, "rigid", False))
+    nominal = np.array([f.start for f in fit.structure.free[1:4]])
+    assert fit.values[1:4] / nominal == pytest.approx(np.ones(3), abs=0.15)
+    assert fit.optimum.noise[0] < 0.006
 
 
 @needs_real_data
 def test_the_noise_of_a_limit_cycle_stays_when_an_effect_is_fitted() -> None:
-    """Along the likelihood's ridge the noise would grow again, and another rig be fitted."""
+    """By likelihood alone the noise would increase again."""
     _, problem = plant_2("st-c000")
     known = replace(problem, known_noise=(True, False, False))
     noise = np.array([0.004, 0.02, 0.0035, 0.0])

@@ -9,23 +9,26 @@ from hypothesis import strategies as st
 
 from heli3dof.diagnosis.estimate.thrust_scale import ThrustScale, of_ratios
 
-SURE = np.full(4, 0.003)
+SMALL_STD = np.full(4, 0.003)
 
 
 def test_a_common_factor_on_all_parameters_is_the_thrust_gain() -> None:
-    assert of_ratios(np.full(4, 1 / 1.4), SURE, 0.075).k == pytest.approx(1.4, rel=0.04)
+    assert of_ratios(np.full(4, 1 / 1.4), SMALL_STD, 0.075).k == pytest.approx(1.4, rel=0.04)
 
 
 @pytest.mark.parametrize("one", range(4))
 def test_a_single_deviating_parameter_is_not_the_thrust_gain(one: int) -> None:
     x = np.ones(4)
     x[one] = 1.4
-    assert of_ratios(x, SURE, 0.075).k == pytest.approx(1.0, abs=0.03)
+    assert of_ratios(x, SMALL_STD, 0.075).k == pytest.approx(1.0, abs=0.03)
 
 
 def test_unknown_parameters_carry_no_information() -> None:
     stds = np.array([0.003, 5.0, 5.0, 5.0])
-    one, four = of_ratios(np.full(4, 0.9), stds, 0.075), of_ratios(np.full(4, 0.9), SURE, 0.075)
+    one, four = (
+        of_ratios(np.full(4, 0.9), stds, 0.075),
+        of_ratios(np.full(4, 0.9), SMALL_STD, 0.075),
+    )
     # T_g alone: half of the 10 % is its own, half is the thrust gain's.
     assert one.k == pytest.approx(0.9**-0.5, abs=0.01)
     assert four.k > one.k
@@ -35,7 +38,7 @@ def test_unknown_parameters_carry_no_information() -> None:
 @given(st.lists(st.floats(-0.07, 0.07), min_size=5, max_size=5))
 def test_rigs_within_seven_per_cent_are_estimated_within_the_interval(draws: list[float]) -> None:
     k, x = np.exp(draws[0]), np.exp(np.array(draws[1:]))
-    scale = of_ratios(x / k, SURE, 0.075)
+    scale = of_ratios(x / k, SMALL_STD, 0.075)
     assert abs(np.log(scale.k / k)) < 2.5 * scale.std
 
 

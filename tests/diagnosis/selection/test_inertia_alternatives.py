@@ -9,7 +9,7 @@ import pytest
 
 from heli3dof.diagnosis.conclusion.inertia_ties import with_confounded_causes
 from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.base_parameters import doubt, off_nominal
+from heli3dof.diagnosis.estimate.base_parameters import off_nominal, std_inflation
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.selection.inertia_alternatives import cause_hidden_in_inertia, within
 from heli3dof.diagnosis.selection.steps import Step, screening_step
@@ -32,7 +32,7 @@ def look(hide: str, seed: int) -> tuple[Setup, Step]:
 @pytest.mark.parametrize("hide", [SLOW, HEAVY])
 def test_both_effects_put_the_roll_inertia_off_nominal(hide: str) -> None:
     _, step = look(hide, 1202)
-    off = off_nominal(step.found, doubted=doubt(step.found))
+    off = off_nominal(step.found, std_inflation=std_inflation(step.found))
     assert [o.term.name for o in off] == ["inertia.roll"]
 
 
@@ -59,7 +59,7 @@ def test_an_effect_that_explains_no_more_is_confounded_with_the_inertia() -> Non
     assert cause_hidden_in_inertia([other], step.screen, step.nulls) is not None
     step._fits["inertia"] = [modest := replace(other, score=2 * step.nulls.threshold)]
     assert cause_hidden_in_inertia([modest], step.screen, step.nulls) is None
-    (off,) = off_nominal(step.found, doubted=doubt(step.found))
+    (off,) = off_nominal(step.found, std_inflation=std_inflation(step.found))
     assert "disturbance.periodic.roll" in with_confounded_causes(off, step).tied_with
 
 
