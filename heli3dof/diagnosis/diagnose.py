@@ -45,7 +45,7 @@ from heli3dof.diagnosis.result import (
 )
 from heli3dof.diagnosis.selection.alternatives import alternatives, first_that_flies
 from heli3dof.diagnosis.selection.companions import best_with_companion
-from heli3dof.diagnosis.selection.select import MOST, least_found
+from heli3dof.diagnosis.selection.select import MAX_CAUSES, detectable_size
 from heli3dof.diagnosis.selection.steps import (
     Step,
     as_written,
@@ -155,7 +155,7 @@ def _diagnosed(
     each = in_order(sized, findings, off)
     dark = undetectable_scales(
         tied_in(each), bench.axes, rest_rad=float(profile.encoder.rest_rad[0]),
-        tolerance=profile.tolerance, level_deg=least_found(first.screen, first.nulls, LEVEL),
+        tolerance=profile.tolerance, level_deg=detectable_size(first.screen, first.nulls, LEVEL),
     )  # fmt: skip
     like = any(isinstance(f, Finding) and f.like for f in physical(each)[:1])
     unsure = like and not bench.controller_is_known
@@ -182,7 +182,7 @@ def causes(
     # An inertia far off is a first cause too, whose formula (where its mass sits) is a guess.
     off = off_nominal(base, doubted=doubt(base))
     inertias = [o.flight_score for o in off if o.term.effect.name == "inertia"]
-    score, left = max(inertias, default=None), MOST
+    score, left = max(inertias, default=None), MAX_CAUSES
     while left:
         n = flights if not steps else max(8, round(FURTHER * flights))
         nulls = f"against {n} simulated nulls" if bench.controller_is_known else "every candidate"

@@ -102,7 +102,7 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 def possible(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
     """The terms of which that much, of probe i, may be there (from, to): of a size and sign that a
     rig can have, and seen as it would be."""
-    screen, Z = step.screen, step.nulls.judged(step.seen)
+    screen, Z = step.screen, step.nulls.standardised(step.seen)
 
     def may_be(i: int, least: float, most: float) -> bool:
         p = screen.plain[i]

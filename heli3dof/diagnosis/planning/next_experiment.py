@@ -248,7 +248,7 @@ def _scores(
     o = base.optimum
     here = evaluate(problem, o.theta, o.noise, whole=False)
     probes = [p for group in looked for p in group]
-    return Screen(problem, o.theta, here, probes).see(here, prior=False).z
+    return Screen(problem, o.theta, here, probes).score(here, prior=False).z
 
 
 def _margin(z: np.ndarray, i: int, looked: Sequence[Sequence[Probe]]) -> float:
