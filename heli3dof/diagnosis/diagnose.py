@@ -45,7 +45,7 @@ from heli3dof.diagnosis.result import (
 )
 from heli3dof.diagnosis.selection.alternatives import alternatives, first_that_flies
 from heli3dof.diagnosis.selection.companions import best_with_companion
-from heli3dof.diagnosis.selection.select import MOST, least_found
+from heli3dof.diagnosis.selection.select import MAX_CAUSES, detectable_size
 from heli3dof.diagnosis.selection.steps import (
     Step,
     as_written,
@@ -164,7 +164,7 @@ def _diagnosed(
     ordered = in_order(clock_faults, findings, off)
     undetectable = undetectable_scales(
         tied_in(ordered), setup.axes, rest_rad=float(profile.encoder.rest_rad[0]),
-        tolerance=profile.tolerance, level_deg=least_found(first.screen, first.nulls, LEVEL),
+        tolerance=profile.tolerance, level_deg=detectable_size(first.screen, first.nulls, LEVEL),
     )  # fmt: skip
     first_is_like = any(isinstance(f, Finding) and f.like for f in physical(ordered)[:1])
     unsure = first_is_like and not setup.controller_is_known
@@ -195,7 +195,7 @@ def forward_selection(
     # An inertia far off nominal counts as a first cause: the position of its mass is unknown.
     off_nominal_parameters = off_nominal(base, std_inflation=std_inflation(base))
     inertias = [o.flight_score for o in off_nominal_parameters if o.term.effect.name == "inertia"]
-    score, remaining = max(inertias, default=None), MOST
+    score, remaining = max(inertias, default=None), MAX_CAUSES
     while remaining:
         n = flights if not steps else max(8, round(FURTHER_SHARE * flights))
         nulls = f"against {n} simulated nulls" if setup.controller_is_known else "every candidate"

@@ -23,7 +23,7 @@ from heli3dof.diagnosis.estimate.base_parameters import OffNominal
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.result import Finding
-from heli3dof.diagnosis.screening.grid_trials import rings
+from heli3dof.diagnosis.screening.grid_trials import is_last_resort
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.selection.steps import Step, extended
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
@@ -89,12 +89,12 @@ RULES = (
     Rule(
         "effects without a slope are tried",
         "screening.grid_trials:trials",
-        lambda rule, *args: [t for t in rule(*args) if rings(t.term)],
+        lambda rule, *args: [t for t in rule(*args) if is_last_resort(t.term)],
     ),
     Rule(
         "ringing effects are tried last",
         "screening.grid_trials:trials",
-        lambda rule, *args: [t for t in rule(*args) if not rings(t.term)],
+        lambda rule, *args: [t for t in rule(*args) if not is_last_resort(t.term)],
     ),
     Rule(
         "no price for a parameter that its prior determines",
@@ -103,7 +103,7 @@ RULES = (
     ),
     Rule(
         "every rig's own effects come first",
-        "selection.select:surest_first",
+        "selection.select:missing_parts_first",
         lambda rule, screen, nulls, fits: list(fits),
     ),
     Rule(

@@ -105,7 +105,7 @@ def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> 
 
     ``amounts``: (probe i, least α, most α).
     """
-    screen, Z = step.screen, step.nulls.judged(step.seen)
+    screen, Z = step.screen, step.nulls.standardised(step.seen)
 
     def is_plausible(i: int, least: float, most: float) -> bool:
         p = screen.plain[i]

@@ -256,7 +256,7 @@ def _scores(
     optimum = base.optimum
     evaluation = evaluate(problem, optimum.theta, optimum.noise, whole=False)
     probes = [p for group in probe_groups for p in group]
-    return Screen(problem, optimum.theta, evaluation, probes).see(evaluation, prior=False).z
+    return Screen(problem, optimum.theta, evaluation, probes).score(evaluation, prior=False).z
 
 
 def _margin(z: np.ndarray, i: int, probe_groups: Sequence[Sequence[Probe]]) -> float:

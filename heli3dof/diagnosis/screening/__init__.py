@@ -1,1 +1,1 @@
-"""The score test of every candidate effect against simulated nulls."""
+"""Score test of every candidate effect, calibrated by simulated nulls."""

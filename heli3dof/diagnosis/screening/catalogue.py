@@ -1,9 +1,10 @@
-"""The candidates: every effect on every axis that the base does not hold already, with its probes.
+"""List the candidate terms of a base simulation, and the probes and scans of each term.
 
-A probe is a set of values of an effect's parameters at which its trace in the innovations is
-looked for. An effect that is a straight multiple of something (friction, a stiffness, a torque)
-needs one, a small one. One that changes its shape with its size or has a second parameter (a lag,
-a limit, a dead zone, a frequency, an instant) needs several.
+A *term* is an effect on one axis. A *probe* is a term with values of its parameters, at which the
+score test (`screening.score_test`) evaluates it. One small value suffices for an effect that is
+proportional to its parameter (friction, stiffness, torque). An effect whose shape depends on its
+parameters (lag, limit, dead zone) has several probes. A frequency or an instant is scanned instead
+(`screening.scans`).
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ from heli3dof.model.effects.base import SMALL
 
 @dataclass(frozen=True)
 class Probe:
-    """A term at these values of its parameters (in their units); ``size`` is what the amplitude of
-    its trace is measured in: the value of its first parameter away from absent."""
+    """A term with values of its parameters, in their units."""
 
     term: Term
     values: tuple[float, ...]
     size: float
+    """Distance of the first parameter from its null value, at which the effect is absent"""
     grows: bool = True
-    """Its trace grows with its first parameter from nothing; a limit's does not."""
+    """True if the effect grows with its first parameter from zero; False for a limit."""
 
     @property
     def name(self) -> str:
@@ -36,10 +37,7 @@ class Probe:
 
 
 def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[Term]:
-    """Every term that may be added to a base which holds the terms named ``without``.
-
-    ``axes`` are those that were measured.
-    """
+    """Return the terms that a base with the terms ``without`` lacks, on the measured ``axes``."""
     out = []
     for effect in effects().values():
         if not (effect.candidate and effect.screened and effect.parameters):
@@ -54,10 +52,7 @@ def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[
 
 
 def probes(term: Term, V: np.ndarray) -> list[Probe]:
-    """The probes of a term, the simplest first; V (N, 2) the voltages of the recordings.
-
-    Empty for a term that is scanned.
-    """
+    """Return the probes of a term, simplest first; ``V`` (N, 2): recorded voltages."""
     effect, null = term.effect, tuple(p.null for p in term.effect.parameters)
     if effect.scan:
         return []
@@ -69,6 +64,6 @@ def probes(term: Term, V: np.ndarray) -> list[Probe]:
 
 
 def scans(terms: Sequence[Term]) -> list[Scan]:
-    """The scans of those of the terms that are scanned."""
+    """Return the scans of the scanned terms among ``terms``."""
     kinds: dict[str, Callable[[Term], Scan]] = {"frequency": Frequencies, "instant": Instants}
     return [kinds[t.effect.scan](t) for t in terms if t.effect.scan]

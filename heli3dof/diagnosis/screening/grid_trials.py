@@ -1,23 +1,19 @@
-"""Terms that no slope points at: tried at a value, on the likelihood itself.
+"""Evaluate the likelihood of terms that have no score, on a grid of their first parameter.
 
-Play between an axis and its encoder leaves nothing in the innovations of a filter that knows of
-none (it puts all of it down to process noise), so no screen sees it. But the likelihood of a little
-play w beside that of none, everything else and the noise held,
+The score of encoder backlash is zero at zero backlash, so the score test cannot detect it. Instead,
+the gain in log-likelihood ℓ is computed at a value w of the term's first parameter,
 
     Δℓ(w) = ℓ(θ, w, a) − ℓ(θ, 0, a)
 
-tells the two apart at once: where the encoder has no play its edges lie w/2 off where the filter
-then expects them, which costs hundreds; where it has, and the noise was swollen to cover it, Δℓ is
-positive. An axis that hardly moves tells little, and Δℓ scatters widely there: it must also stand
-out from the largest that it is in flights of the estimate itself, where there is no play,
+with the parameters θ and the noise intensities a of the base held. A term is fitted in full if both
+conditions hold at the first value of its grid:
 
-    Δℓ > max Δℓ_null + `WORTH`
+1. Δℓ > `MIN_GAIN`.
+2. If the controller is known: Δℓ > max Δℓ_null + `MIN_GAIN` over nulls simulated from the base.
+   Δℓ varies widely for an axis with little motion.
 
-Likewise where nothing else was found: a base that knows of no lag can put a loop that rings with it
-down to noise, so much that no slope is left to be seen. Then `RINGS` are tried.
-
-Such a term is fitted in full, from the likeliest of its ``starts`` with the noise settled
-at each of two rounds, and compared with the others by the same score.
+A base may attribute an oscillating loop to noise, which hides all scores. So the terms of
+`LAST_RESORT` are tried if no other cause is found.
 """
 
 from __future__ import annotations
@@ -34,21 +30,19 @@ from heli3dof.model.effects import Term, effects, terms
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.parallel import parallel_map
 
-WORTH = 40.0
-"""Δℓ of the first of the ``starts`` from which on a term is fitted: play scores hundreds there,
-flights without it lose as much."""
-RINGS = {"motor.lag": (0.02, 0.035, 0.06, 0.1, 0.17), "motor.delay": (0.01, 0.02, 0.04)}
-"""Terms that a slope points at as a rule, and values at which they are tried where none does; s."""
-SETTLING = 4
-SETTLED = 0.1
+MIN_GAIN = 40.0
+"""Least Δℓ for a full fit. Chosen: backlash gains hundreds; without backlash Δℓ is as negative."""
+LAST_RESORT = {"motor.lag": (0.02, 0.035, 0.06, 0.1, 0.17), "motor.delay": (0.01, 0.02, 0.04)}
+"""Terms with a score that noise may hide, and their grids in s. Chosen; not derived."""
+NOISE_ROUNDS, NOISE_TOLERANCE = 4, 0.1
+"""Most updates of the noise at one value; change of ln a that ends them. Chosen; not derived."""
 NEIGHBOURS = 3
-"""Rounds of the noise at a value; the move of its logarithm at which they end; how many values to
-either side are tried again."""
+"""Values on either side of the best one that are evaluated in the second round. Chosen."""
 
 
 @dataclass(frozen=True)
 class GridTrial:
-    """A term at a value of its first parameter (in its unit), and what that wins."""
+    """A term at one value of its first parameter (in its unit)."""
 
     term: Term
     value: float
@@ -57,22 +51,21 @@ class GridTrial:
 
 
 def starts(term: Term) -> tuple[float, ...]:
-    """The values of its first parameter at which it is tried, rising."""
-    return term.effect.starts or RINGS[term.name]
+    """Return the grid of a term's first parameter, ascending."""
+    return term.effect.starts or LAST_RESORT[term.name]
 
 
-def ringing(without: Sequence[str]) -> list[Term]:
-    """`RINGS` but those named ``without``."""
-    return [t for t in terms(list(RINGS)) if t.name not in without]
+def last_resort_terms(without: Sequence[str]) -> list[Term]:
+    """Return the terms of `LAST_RESORT` except those named ``without``."""
+    return [t for t in terms(list(LAST_RESORT)) if t.name not in without]
 
 
-def rings(term: Term) -> bool:
-    """Whether it is one of `RINGS`, tried as a last resort."""
-    return term.name in RINGS
+def is_last_resort(term: Term) -> bool:
+    return term.name in LAST_RESORT
 
 
 def tried_terms(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
-    """Every term that has to be tried, but those named ``without``; on the ``axes`` measured."""
+    """Return the terms without a score on the measured ``axes``, except those named ``without``."""
     return [
         t
         for e in effects().values()
@@ -83,68 +76,67 @@ def tried_terms(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
 
 
 def trials(
-    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, asked: Sequence[Term]
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, untested: Sequence[Term]
 ) -> list[GridTrial]:
-    """Those of the terms that are worth a fit, beside the point ``theta`` (n,), ``noise`` (4,)."""
-    none = float(problem.run(theta, noise, keep=0).loglik.sum())
+    """Return the terms with Δℓ > `MIN_GAIN` at the point ``theta`` (n,), ``noise`` (4,)."""
+    base = float(problem.run(theta, noise, keep=0).loglik.sum())
 
     def one(k: int) -> GridTrial:
-        value = starts(asked[k])[0]
-        ext = widened(problem, theta, asked[k])
+        value = starts(untested[k])[0]
+        ext = widened(problem, theta, untested[k])
         at = np.append(theta, ext.structure.free[-1].inward(value))
-        return GridTrial(asked[k], value, float(ext.run(at, noise, keep=0).loglik.sum()) - none)
+        return GridTrial(untested[k], value, float(ext.run(at, noise, keep=0).loglik.sum()) - base)
 
-    return [t for t in parallel_map(one, len(asked), what="trials") if t.gain > WORTH]
+    return [t for t in parallel_map(one, len(untested), what="trials") if t.gain > MIN_GAIN]
 
 
-def standing_out(
-    found: GridTrial,
+def exceeds_nulls(
+    trial: GridTrial,
     problem: Likelihood,
     theta: np.ndarray,
     noise: np.ndarray,
     nulls: Sequence[Data],
 ) -> bool:
-    """True where Δℓ is above what it is in any of the ``nulls``, at the same point."""
-    ext = widened(problem, theta, found.term)
-    at = np.append(theta, ext.structure.free[-1].inward(found.value))
+    """Return True if Δℓ exceeds that of every null by `MIN_GAIN`, at the same point."""
+    ext = widened(problem, theta, trial.term)
+    at = np.append(theta, ext.structure.free[-1].inward(trial.value))
 
     def one(b: int) -> float:
-        with_it = replace(ext, data=nulls[b]).run(at, noise, keep=0).loglik.sum()
-        none = replace(problem, data=nulls[b]).run(theta, noise, keep=0).loglik.sum()
-        return float(with_it - none)
+        extended = replace(ext, data=nulls[b]).run(at, noise, keep=0).loglik.sum()
+        base = replace(problem, data=nulls[b]).run(theta, noise, keep=0).loglik.sum()
+        return float(extended - base)
 
     gains = np.array(parallel_map(one, len(nulls), what="flights"))
-    return bool(found.gain > gains.max() + WORTH)
+    return bool(trial.gain > gains.max() + MIN_GAIN)
 
 
 def widened(problem: Likelihood, theta: np.ndarray, term: Term) -> Likelihood:
-    """The likelihood with one more term."""
+    """Return the likelihood of the structure with one more term."""
     return replace(problem, structure=with_term(problem.structure, problem.values(theta), term)[0])
 
 
-def beginning(
+def fit_start(
     ext: Likelihood, theta: np.ndarray, noise: np.ndarray, term: Term
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(coordinates (n + m,), noise (4,)) from which to fit: the likeliest of the term's values.
+    """Return the start of a full fit: coordinates (n + m,) and noise (4,).
 
-    Twice, since what is likeliest depends on the noise, and the noise on it: every other value
-    first, then those about the best one.
+    Two rounds, each with a noise update: every other grid value, then neighbours of the best.
     """
     new = ext.structure.free[len(theta) :]
     full = np.concatenate([theta, [f.inward(f.start) for f in new]])
     j, a = len(theta), noise.copy()
     values = [new[0].inward(v) for v in starts(term)]
-    best, near = 0, range(0, len(values), 2)
+    best, indices = 0, range(0, len(values), 2)
     for _ in range(2):
-        worth = {}
-        for i in near:
+        loglik = {}
+        for i in indices:
             full[j] = values[i]
-            worth[i] = float(ext.run(full, a, keep=0).loglik.sum())
-        best = max(worth, key=lambda i: worth[i])
-        near = range(max(best - NEIGHBOURS, 0), min(best + NEIGHBOURS + 1, len(values)))
+            loglik[i] = float(ext.run(full, a, keep=0).loglik.sum())
+        best = max(loglik, key=lambda i: loglik[i])
+        indices = range(max(best - NEIGHBOURS, 0), min(best + NEIGHBOURS + 1, len(values)))
         full[j] = values[best]
-        for _ in range(SETTLING):
+        for _ in range(NOISE_ROUNDS):
             a, moved = better_noise(ext, full, a, ext.free_noise)
-            if moved < SETTLED:
+            if moved < NOISE_TOLERANCE:
                 break
     return full, a

@@ -1,8 +1,9 @@
-"""The law of the largest of many: P(x < X) = exp(−exp(−(X − μ)/β)), told from few flights' moments.
+"""Fit a Gumbel distribution to maxima by the method of moments, and compute its quantiles.
 
-    β = √6 s/π,   μ = x̄ − γ β       s their standard deviation, γ Euler's constant
+    P(x < X) = exp(−exp(−(X − μ)/β)),     β = √6 s/π,     μ = x̄ − γ β
 
-A share α of flights lies beyond μ + k β,  k = −ln(−ln(1 − α)).
+x̄ and s are mean and standard deviation of the maxima, γ is Euler's constant. A share α of all
+maxima exceeds μ + k β with k = −ln(−ln(1 − α)).
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ EULER = 0.5772156649
 
 
 def gumbel(largest: np.ndarray, *, least: float = 0.0) -> tuple[float, float]:
-    """μ and β of (B,) largest values; β is ``least`` where it would be less."""
+    """Return (μ, β) of maxima (B,); β is at least ``least``."""
     beta = max(float(np.sqrt(6) * largest.std(ddof=1) / np.pi), least)
     return float(largest.mean()) - EULER * beta, beta
 
 
 def beyond(share: float) -> float:
-    """k, the β beyond μ that this share exceeds.
+    """Return k, so that a share of all maxima exceeds μ + k β.
 
     >>> round(beyond(0.0005), 2)
     7.6

@@ -1,27 +1,26 @@
-"""Simulated nulls: the estimate flown as the recording was, and what the screen says of that.
+"""Standardise the scores by simulated nulls, and compute the threshold of the screen.
 
-B flights of the fitted rig (`estimate.simulated_flight`) are screened like the recording.
-Each probe's z is then judged by its own nulls,
+*Nulls* are B flights simulated from the fit, with the recordings' references and controller. Their
+scores contain the bias that encoder quantisation and feedback cause. For each probe
 
     Z = (z − mean z_null) / std z_null
+    std² = max(s, 1)² + (`DRIFT` · mean z_null)²
 
-so a cause that quantisation and feedback fake is not believed for what they fake. From B flights a
-standard deviation is known to 1/√(2B); it is shrunk towards what all probes have in common (worth
-`COMMON` flights) and never taken below 1, what an exact likelihood gives. A rig's noise is not the
-flights' white one, so what the nulls say of a fake is itself known to a share `DRIFT` only:
+- s² is the variance over the nulls, shrunk towards the median over all probes, which has the weight
+  of `COMMON` flights. s is at least 1, the value for an exact likelihood.
+- The second term allows for noise of the rig that is not white. Scans have no such term, because
+  their z is a maximum.
 
-    std² = max(shrunk, 1)² + (`DRIFT` · mean z_null)²
+Without any effect, Z/√(1 + 1/B) has Student's t distribution with ν = B − 1 + `COMMON` degrees of
+freedom. The largest Z² of P probes exceeds Bonferroni's threshold
 
-So Z follows, where
-nothing is hidden, Student's t with B − 1 + `COMMON` degrees of freedom, × √(1 + 1/B); the largest
-of P probes exceeds
+    Z*² = (1 + 1/B) t²_ν(FALSE_ALARMS / 2P)
 
-    Z*² = (1 + 1/B) t²_{ν}(FALSE_ALARMS / 2P)
+in at most a share FALSE_ALARMS of recordings. From `GUMBEL_FROM` flights on, the quantile of a
+Gumbel distribution of the nulls' own largest Z² is the threshold if it is higher.
 
-at most in a share `FALSE_ALARMS` of recordings (Bonferroni's bound, near enough: most probes
-differ). Where the largest of the nulls themselves (each against the others) follow a Gumbel law
-that puts it higher, that is the threshold. Where the loop is unknown no flight can be simulated:
-z is divided by the root of the inflation, and the threshold is twice Bonferroni's.
+If the controller is unknown, no null can be simulated: Z = z/√κ with κ of the fit, and the
+threshold is twice Bonferroni's for a normal distribution.
 """
 
 from __future__ import annotations
@@ -41,48 +40,49 @@ from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 DRIFT = 0.25
-WAYS = 2
-"""What is ``formal`` in the catalogue, at one look"""
+"""Uncertainty of the nulls' mean score, relative to that mean. Chosen; not derived."""
+FORMAL_CANDIDATES = 2
+"""Formal effects (other forms of the body's equations) that are candidates in the first screen"""
 COMMON = 8
-"""Flights that the probes' common standard deviation is worth."""
+"""Weight of the probes' common variance, in flights. Chosen; not derived."""
 GUMBEL_FROM = 30
-"""Flights from which on the nulls' own extremes are asked."""
+"""Fewest flights for a Gumbel fit. Chosen; not derived."""
 
 
 @dataclass(frozen=True, eq=False)
 class Nulls:
-    """What the screen says where nothing is hidden: P probes, B flights (none: by formula)."""
+    """Distribution of the scores of P probes without any effect, from B flights or by formula."""
 
     mean: np.ndarray
     std: np.ndarray
-    """(P,), (P,)"""
+    """(P,), (P,) of z, as in the module's equations"""
     inflation: float
-    """How much more than an exact likelihood's the scores scatter: the median, at least 1"""
+    """κ ≥ 1: variance of the scores relative to an exact likelihood's, the median over probes"""
     threshold: float
     """Of the largest Z²"""
     freedom: float
-    """Student's ν"""
+    """ν, Student's degrees of freedom"""
     flights: int
+    """B; 0 by formula"""
     method: str
     largest: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """(B,) Z² of each null against the others"""
+    """(B,) largest Z² of each null relative to the other nulls"""
 
-    def judged(self, seen: ScreenResult) -> np.ndarray:
-        """(P,) Z."""
-        return np.asarray((seen.z - self.mean) / self.std)
+    def standardised(self, result: ScreenResult) -> np.ndarray:
+        """Return Z (P,)."""
+        return np.asarray((result.z - self.mean) / self.std)
 
     def least(self, term: Term) -> float:
-        """The Z² from which a term is there: the threshold; of the `WAYS` to write the body's
-        equations, which accuse nobody, what the largest of so few exceeds by chance."""
+        """Return the threshold of a term's Z²; a formal effect has its own, by Bonferroni."""
         from scipy.stats import t
 
         if not term.effect.formal:
             return self.threshold
         spread = 1 + 1 / self.flights if self.flights else 2.0
-        return float(spread * t.isf(FALSE_ALARMS / (2 * WAYS), self.freedom) ** 2)
+        return float(spread * t.isf(FALSE_ALARMS / (2 * FORMAL_CANDIDATES), self.freedom) ** 2)
 
     def confidence(self, Z2: float) -> float:
-        """One less the chance that nothing gives as much."""
+        """Return the probability that no probe reaches Z² by chance, exp(−P p)."""
         from scipy.stats import t
 
         spread = 1 + 1 / self.flights if self.flights else 2.0
@@ -91,49 +91,48 @@ class Nulls:
 
 
 def simulated_nulls(
-    found: CorrectedFit,
+    fit: CorrectedFit,
     recordings: Sequence[Recording],
     screen: Screen,
     *,
     flights: int,
     seed: int,
 ) -> tuple[Nulls, np.ndarray]:
-    """Nulls of recordings whose loop is known, and the scores (B, n) of the flights."""
-    problem, o = found.problem, found.optimum
+    """Return the nulls and their scores along θ (B, n); the controller must be known."""
+    problem, o = fit.problem, fit.optimum
     model = model_at(problem, o.theta, o.noise)
 
     def one(b: int) -> tuple[np.ndarray, np.ndarray]:
         data = simulate_again(model, recordings, problem.data, (seed, 1, b))
-        at = evaluate(replace(problem, data=data), o.theta, o.noise, whole=False)
-        return screen.see(at, prior=False).z, at.g
+        evaluation = evaluate(replace(problem, data=data), o.theta, o.noise, whole=False)
+        return screen.score(evaluation, prior=False).z, evaluation.g
 
     out = parallel_map(one, flights, what="flights")
     z = np.array([z for z, _ in out])
-    return judged_by(z, len(screen.plain)), np.array([g for _, g in out])
+    return nulls_from_scores(z, len(screen.plain)), np.array([g for _, g in out])
 
 
-def judged_by(z: np.ndarray, signed: int | None = None) -> Nulls:
-    """The nulls of z (B, P), of which the first ``signed`` (all) are zero where nothing is false;
-    the others are maxima."""
+def nulls_from_scores(z: np.ndarray, signed: int | None = None) -> Nulls:
+    """Return the nulls of z (B, P), whose first ``signed`` probes (all) are not maxima."""
     from scipy.stats import t
 
     B, P = z.shape
     mean = z.mean(axis=0)
-    std = _shrunk(z)
+    std = _shrunk_std(z)
     inflation = float(np.median(std) ** 2)
-    false = np.where(np.arange(P) < (P if signed is None else signed), DRIFT * mean, 0.0)
-    std = np.hypot(std, false)
+    drift = np.where(np.arange(P) < (P if signed is None else signed), DRIFT * mean, 0.0)
+    std = np.hypot(std, drift)
     nu = B - 1 + COMMON
     threshold = (1 + 1 / B) * float(t.isf(FALSE_ALARMS / (2 * P), nu)) ** 2
-    rest = (z.sum(axis=0) - z) / (B - 1)
-    largest = (((z - rest) / std) ** 2).max(axis=1)
+    others_mean = (z.sum(axis=0) - z) / (B - 1)
+    largest = (((z - others_mean) / std) ** 2).max(axis=1)
     if B >= GUMBEL_FROM:
         mu, beta = gumbel(largest)
         threshold = max(threshold, mu + beta * beyond(FALSE_ALARMS))
     return Nulls(mean, std, inflation, threshold, nu, B, "simulated", largest)
 
 
-def _shrunk(z: np.ndarray) -> np.ndarray:
+def _shrunk_std(z: np.ndarray) -> np.ndarray:
     var = z.var(axis=0, ddof=1)
     alive = var > 0
     common = float(np.median(var[alive])) if alive.any() else 1.0
@@ -141,12 +140,12 @@ def _shrunk(z: np.ndarray) -> np.ndarray:
     return np.asarray(np.maximum(np.sqrt(both), 1.0))
 
 
-def formula_nulls(found: CorrectedFit, screen: Screen) -> Nulls:
-    """Without a loop to replay: Bonferroni over the probes, doubled; see the module."""
+def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
+    """Return the nulls for an unknown controller: twice Bonferroni's threshold."""
     from scipy.stats import chi2
 
     n = len(screen.names)
-    root = float(np.sqrt(max(found.inflation, 1.0)))
+    root = float(np.sqrt(max(fit.inflation, 1.0)))
     return Nulls(
         np.zeros(n), np.full(n, root), root**2, 2 * float(chi2.isf(FALSE_ALARMS / n, 1)), 1e6, 0,
         "Bonferroni over the probes, doubled: the loop is unknown",

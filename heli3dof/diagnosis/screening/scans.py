@@ -1,12 +1,12 @@
-"""Scans: a torque of every frequency by one Fourier transform, of every instant by one running sum.
+"""Score test of a torque at every frequency (one Fourier transform) or instant (one running sum).
 
-With L the adjoint of the efficient score and e(t) the accelerations that a unit torque makes,
-λ(t) = L·e is the efficient score of a unit torque at that instant, and
+λ(t) = L·e is the efficient score of a unit torque at time t. L (C, 3) is the score's adjoint
+(`screening.score_test`), e (C, 3) the torque's acceleration in rad/s², for C chunks of the flight.
 
-    u(f) = Σ λ(t) exp(i 2π f t)            of τ_0 cos, and of τ_0 sin, at every frequency at once
-    u(t_0) = Σ_{t ≥ t_0} λ(t)              of a torque that sets in at t_0
+    u(f) = Σ λ(t) exp(i 2π f t)      real part: of a cosine torque, imaginary part: of a sine
+    u(t_0) = Σ_{t ≥ t_0} λ(t)        of a torque that sets in at t_0
 
-Their informations v are followed at some frequencies or instants and interpolated between.
+The information v is computed at knots and interpolated. The result is the largest z² = |u|²/v.
 """
 
 from __future__ import annotations
@@ -21,59 +21,61 @@ from heli3dof.diagnosis.sensitivity.perturbation import forward
 from heli3dof.model.effects import Term
 
 LOWEST_HZ, HIGHEST_HZ = 0.08, 8.0
+"""Scanned frequencies; the recorded time holds at least two periods. Chosen; not derived."""
 KNOTS = 9
-BIN_S = 0.02
-INSTANT_S = 0.05
-Scale = tuple[np.ndarray, np.ndarray]
-"""Where, and the information there."""
+"""Frequencies with a computed information; instants: two more. Chosen; not derived."""
+BIN_S, INSTANT_S = 0.02, 0.05
+"""Sampling period of λ for the Fourier transform; distance of scanned instants. Chosen."""
+Information = tuple[np.ndarray, np.ndarray]
+"""(K,) knots in Hz or s, and (K,) v at the knots"""
 
 
 class Scan(Protocol):
-    """What can be looked for everywhere at once."""
+    """A score test of one term at all values of its second parameter."""
 
     @property
     def term(self) -> Term: ...
 
-    def scale(self, here: Evaluation, unit: np.ndarray, A: np.ndarray) -> Scale:
-        """The informations of a unit's traces, from the recordings; ``unit`` (C, 3)."""
+    def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
+        """Return the information of a unit torque; ``unit`` (C, 3): e, in rad/s²."""
         ...
 
     def peak(
-        self, look: Evaluation, L: np.ndarray, unit: np.ndarray, scale: Scale
+        self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> tuple[float, tuple[float, ...], float]:
-        """(z at its highest, the parameters' values there, the first one's amount)."""
+        """Return (the largest z, the parameters' values there, the first of these)."""
         ...
 
 
-def _informations(here: Evaluation, a: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """(J,) of the changes a (J, C, 3), the base's part taken out."""
-    D = forward(here.path, a)
-    cross = (here.T * here.at.w) @ D.T
-    full = np.einsum("ij,j,ij->i", D, here.at.w, D)
+def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.ndarray:
+    """Return v (J,) of the accelerations a (J, C, 3); nan if the base parameters absorb them."""
+    D = forward(evaluation.path, a)
+    cross = (evaluation.T * evaluation.at.w) @ D.T
+    full = np.einsum("ij,j,ij->i", D, evaluation.at.w, D)
     v = full - np.einsum("ij,ij->j", cross, np.linalg.solve(A, cross))
     return np.asarray(np.where(v > 1e-6 * np.maximum(full, 1e-30), v, np.nan))
 
 
 @dataclass(frozen=True)
 class Frequencies:
-    """A torque τ_0 sin(2π f t + φ) of any f."""
+    """A torque τ_0 sin(2π f t + φ) of any frequency f."""
 
     term: Term
 
-    def scale(self, here: Evaluation, unit: np.ndarray, A: np.ndarray) -> Scale:
-        t = here.path.t
+    def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
+        t = evaluation.path.t
         length = max(float(np.ptp(t)), 1.0)
         f = np.geomspace(max(LOWEST_HZ, 2.0 / length), HIGHEST_HZ, KNOTS)
         phase = 2 * np.pi * f[:, None] * t
         both = np.concatenate([np.cos(phase), np.sin(phase)])
-        v = _informations(here, both[:, :, None] * unit, A).reshape(2, KNOTS)
+        v = _informations(evaluation, both[:, :, None] * unit, A).reshape(2, KNOTS)
         return f, np.where(np.isfinite(v).all(axis=0), v.mean(axis=0), np.inf)
 
     def peak(
-        self, look: Evaluation, L: np.ndarray, unit: np.ndarray, scale: Scale
+        self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> tuple[float, tuple[float, ...], float]:
-        knots, v = scale
-        t = look.path.t
+        knots, v = information
+        t = evaluation.path.t
         bins = np.round((t - t.min()) / BIN_S).astype(np.int64)
         score = np.bincount(bins, np.einsum("ci,ci->c", L, unit))
         n = 1 << int(np.ceil(np.log2(4 * len(score))))
@@ -84,43 +86,43 @@ class Frequencies:
         ok = np.isfinite(v)
         if not ok.any():
             return 0.0, (0.0, 1.0, 0.0), 0.0
-        info = np.exp(np.interp(np.log(f), np.log(knots[ok]), np.log(v[ok])))
-        power = np.abs(u) ** 2 / info
+        v_at_f = np.exp(np.interp(np.log(f), np.log(knots[ok]), np.log(v[ok])))
+        power = np.abs(u) ** 2 / v_at_f
         k = int(np.argmax(power))
-        # u = Σ λ (cos + i sin): of sin(2πft + φ), cos φ is the sine's share, sin φ the cosine's.
-        amount = float(np.abs(u[k]) / info[k])
+        # sin(2πft + φ) = cos φ · sine + sin φ · cosine; u = Σ λ (cos + i sin).
+        amount = float(np.abs(u[k]) / v_at_f[k])
         phi = float(np.arctan2(u[k].real, u[k].imag))
         return float(np.sqrt(power[k])), (amount, float(f[k]), phi), amount
 
 
 @dataclass(frozen=True)
 class Instants:
-    """Something that is put on during the flight."""
+    """A step change at any instant t_0 of the flight."""
 
     term: Term
 
-    def scale(self, here: Evaluation, unit: np.ndarray, A: np.ndarray) -> Scale:
-        t = here.path.t
+    def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
+        t = evaluation.path.t
         when = np.linspace(t.min(), t.max(), KNOTS + 4)[1:-1]
-        v = _informations(here, (t >= when[:, None])[:, :, None] * unit, A)
+        v = _informations(evaluation, (t >= when[:, None])[:, :, None] * unit, A)
         return when, np.where(np.isfinite(v), v, np.inf)
 
     def peak(
-        self, look: Evaluation, L: np.ndarray, unit: np.ndarray, scale: Scale
+        self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> tuple[float, tuple[float, ...], float]:
-        when, v = scale
-        t = look.path.t
+        when, v = information
+        t = evaluation.path.t
         ok = np.isfinite(v)
         if not ok.any():
             return 0.0, (0.0, 0.0), 0.0
-        lo, hi = float(when[ok][0]), float(when[ok][-1])
-        starts = np.arange(lo, hi, INSTANT_S)
+        low, high = float(when[ok][0]), float(when[ok][-1])
+        starts = np.arange(low, high, INSTANT_S)
         order = np.argsort(t, kind="stable")
         score = np.einsum("ci,ci->c", L, unit)[order]
         after = np.append(np.cumsum(score[::-1])[::-1], 0.0)
         u = after[np.searchsorted(t[order], starts)]
-        info = np.interp(starts, when[ok], v[ok])
-        z2 = u**2 / info
+        v_at_start = np.interp(starts, when[ok], v[ok])
+        z2 = u**2 / v_at_start
         k = int(np.argmax(z2))
-        amount = float(u[k] / info[k])
+        amount = float(u[k] / v_at_start[k])
         return float(np.sqrt(z2[k])), (amount, float(starts[k])), amount

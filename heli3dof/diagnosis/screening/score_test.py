@@ -1,23 +1,20 @@
-"""The screen: how much of every candidate there is in the innovations, without fitting any.
+"""Rao's score test of every candidate effect, without fitting any.
 
-With the filter's gains held, a probe changes the predictions c of the events by δc, a trace over
-the whole flight. The base's own parameters could imitate a part of it; with their tangents T, the
-events' scores g and informations w, W = diag(w), A = T W Tᵀ + Λ
+With the filter's gains held, a probe (`screening.catalogue`) changes the predictions c of the E
+encoder events by the trace δc (E,). g and w (E,) are the events' scores and information,
+W = diag(w). θ (n,) is the fit, with prior mean θ_0 and prior precision Λ. T = ∂c/∂θ (n, E) and
+A = T W Tᵀ + Λ. Then
 
     u = δc·g − (T W δc)ᵀ A⁻¹ (T g − Λ(θ − θ_0))        efficient score
     v = δc W δc − (T W δc)ᵀ A⁻¹ (T W δc)               its information
-    z = u / √v,     u/v: how many times the probe there is
+    z = u/√v                                           standard normal without the effect
+    u/v                                                estimated size, in units of the probe
 
-(Rao's score test; the projection makes a refit of the base unnecessary.) Every sum over events is
-one over instants by the adjoint, Σ q δc = Σ L·δa (`sensitivity.perturbation`), which makes a
-probe of a simulated null cost half a millisecond; and a torque of any frequency, or one that sets
-in at any instant, is found by one Fourier transform, one running sum:
+The terms with A⁻¹ project out the base parameters, so no refit of the base is necessary. Sums over
+events use the adjoint L: Σ q δc = Σ L·δa for an acceleration δa (`sensitivity.perturbation`).
 
-    z_scan² = max_f |u(f)|² / v(f),        max_{t_0} u(t_0)² / v(t_0)
-
-v is that of the recording, for its nulls too, so that z of both are in one measure. z would be
-N(0, 1) were the likelihood exact. It is not, which is why `screening.nulls` says what z is
-like where nothing is hidden.
+v of the recordings is also used for their nulls, so that both have the same scale. The likelihood
+is approximate, so z is biased; `screening.nulls` standardises it.
 """
 
 from __future__ import annotations
@@ -48,20 +45,21 @@ from heli3dof.model.physics.state_layout import Stage
 
 @dataclass(frozen=True, eq=False)
 class ScreenResult:
-    """One recording or null under the screen: P probes."""
+    """Scores of P probes for the recordings or for one null."""
 
     probes: tuple[Probe, ...]
-    """Of a scan, the probe at its peak"""
+    """Plain probes, then each scan's probe at its peak"""
     z: np.ndarray
+    """(P,)"""
     amplitude: np.ndarray
-    """(P,) of the first parameter away from its null, in its unit"""
+    """(P,) estimated distance of the first parameter from its null value, in its unit"""
 
 
 class Screen:
-    """All probes at one estimate: ``here`` is the look at the recordings, which sets the scale."""
+    """The score test at one fit; the evaluation ``recorded`` of the recordings sets the scale v."""
 
     def __init__(
-        self, problem: Likelihood, theta: np.ndarray, here: Evaluation, probes: Sequence[Probe],
+        self, problem: Likelihood, theta: np.ndarray, recorded: Evaluation, probes: Sequence[Probe],
         scans: Sequence[Scan] = (),
     ) -> None:  # fmt: skip
         self.problem, self.theta = problem, theta
@@ -69,73 +67,78 @@ class Screen:
         self.plain = tuple(probes)
         self.values = problem.values(theta)
         self.sets = self._sets()
-        self._built = here, self._changes(here)
-        a, m, m0 = self._built[1]
-        self.D = forward(here.path, a, m, m0)
-        """(P, E) traces, of the plain probes"""
-        self.weight = here.at.w
-        self.full = np.einsum("ij,j,ij->i", self.D, here.at.w, self.D)
-        self.cross = cross = (here.T * here.at.w) @ self.D.T
-        self.A = A = here.H + np.diag(problem.prior_precision)
+        self._recorded = recorded, self._changes(recorded)
+        a, m, m0 = self._recorded[1]
+        self.D = forward(recorded.path, a, m, m0)
+        """(P, E) traces of the plain probes"""
+        self.weight = recorded.at.w
+        self.full = np.einsum("ij,j,ij->i", self.D, recorded.at.w, self.D)
+        self.cross = cross = (recorded.T * recorded.at.w) @ self.D.T
+        self.A = A = recorded.H + np.diag(problem.prior_precision)
         self.solved = np.linalg.solve(A, cross)
         v = self.full - np.einsum("ij,ij->j", cross, self.solved)
-        seen = v > 1e-6 * np.maximum(self.full, 1e-30)
-        self.v = np.where(seen, v, np.inf)
-        self.scales = [s.scale(here, self._unit(here, s.term), A) for s in self.scans]
+        testable = v > 1e-6 * np.maximum(self.full, 1e-30)
+        self.v = np.where(testable, v, np.inf)
+        self.scan_informations = [
+            s.information(recorded, self._unit(recorded, s.term), A) for s in self.scans
+        ]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """(P,) the terms of the probes, scans last"""
+        """Return the names (P,) of the probes' terms, scans last."""
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
     def information(self) -> np.ndarray:
-        """(P,) v per unit of the first parameter squared: what a 1-σ size is, before κ."""
+        """Return v per squared unit of the first parameter (plain probes); 0 for a limit."""
         size = np.array([p.size if p.grows else np.inf for p in self.plain])
         return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
 
     def correlation(self, a: int, b: int) -> float:
-        """Of two plain probes' traces, what the base could imitate of each taken out."""
+        """Return the correlation ρ of two plain probes' traces, the base projected out."""
         full = float((self.D[a] * self.weight) @ self.D[b])
-        shared = full - float(self.cross[:, a] @ self.solved[:, b])
-        return shared / float(np.sqrt(self.v[a] * self.v[b]))
+        projected = full - float(self.cross[:, a] @ self.solved[:, b])
+        return projected / float(np.sqrt(self.v[a] * self.v[b]))
 
     def shared(self, i: int, causes: np.ndarray) -> float:
-        """What the ``causes`` ((n,) bool) take of the information that the base leaves of plain
-        probe i: ρ² of it and them. Zero for a scan, and for what the base leaves nothing of."""
+        """Return ρ², the share of v that the ``causes`` ((n,) bool, their parameters) absorb.
+
+        v is that of plain probe i, without the base's share. Zero for a scan, and if v is zero.
+        """
         if i >= len(self.plain) or not causes.any() or not np.isfinite(self.v[i]):
             return 0.0
         base, c = ~causes, self.cross[~causes, i]
         alone = self.full[i] - c @ np.linalg.solve(self.A[np.ix_(base, base)], c)
         return float(1 - self.v[i] / alone)
 
-    def see(self, look: Evaluation, *, prior: bool) -> ScreenResult:
-        """The screen of a look; ``prior``: of the recordings, whose score has the prior in it."""
+    def score(self, evaluation: Evaluation, *, prior: bool) -> ScreenResult:
+        """Return all scores; ``prior`` adds the prior's: for recordings, not for nulls."""
         problem = self.problem
-        g = look.g
+        g = evaluation.g
         if prior:
             g = g - problem.prior_precision * (self.theta - problem.prior_mean)
-        A = look.H + np.diag(problem.prior_precision)
-        pull = np.linalg.solve(A, g)
-        # q·δc with q = g − w Tᵀ A⁻¹ g is the efficient score of every δc at once.
-        q = look.at.g - look.at.w * (pull @ look.T)
-        L, mu, z0 = backward(look.path, q[None])
-        built, changes = self._built
-        a, m, m0 = changes if look is built else self._changes(look)
+        A = evaluation.H + np.diag(problem.prior_precision)
+        newton_step = np.linalg.solve(A, g)
+        # q·δc is the efficient score of any trace δc.
+        q = evaluation.at.g - evaluation.at.w * (newton_step @ evaluation.T)
+        L, mu, z0 = backward(evaluation.path, q[None])
+        recorded, changes = self._recorded
+        a, m, m0 = changes if evaluation is recorded else self._changes(evaluation)
         u = np.einsum("pci,ci->p", a, L[0])
-        u += m @ mu[0] - np.einsum("pbi,bi->p", m0, z0[0][:, :3] / look.path.slope)
+        u += m @ mu[0] - np.einsum("pbi,bi->p", m0, z0[0][:, :3] / evaluation.path.slope)
         root = np.sqrt(self.v)
         size = np.array([p.size for p in self.plain])
         z, amplitude = [*(u / root)], [*(u / self.v * size)]
-        found = list(self.plain)
-        for scan, scale in zip(self.scans, self.scales, strict=True):
-            peak, values, amount = scan.peak(look, L[0], self._unit(look, scan.term), scale)
+        probes = list(self.plain)
+        for scan, information in zip(self.scans, self.scan_informations, strict=True):
+            unit = self._unit(evaluation, scan.term)
+            peak, values, amount = scan.peak(evaluation, L[0], unit, information)
             z.append(peak)
             amplitude.append(amount)
-            found.append(Probe(scan.term, values, amount))
-        return ScreenResult(tuple(found), np.array(z), np.array(amplitude))
+            probes.append(Probe(scan.term, values, amount))
+        return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
-        """By term: its probes, the structure with it, and values: it absent, then each probe's."""
+        """Return per term: its probes, the structure with it, values (absent, each probe)."""
         out = []
         names = [q.name for q in self.plain]
         for name in dict.fromkeys(names):
@@ -150,9 +153,9 @@ class Screen:
             )  # fmt: skip
         return out
 
-    def _changes(self, look: Evaluation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(P, C, 3) accelerations, (P, E) and (P, B, 3) misreadings of the plain probes."""
-        p = look.path
+    def _changes(self, evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return accelerations (P, C, 3) and misreadings (P, E), (P, B, 3) of plain probes."""
+        p = evaluation.path
         out = np.zeros((len(self.plain), len(p.chunk), 3))
         m = np.zeros((len(self.plain), len(p.at.row)))
         m0 = np.zeros((len(self.plain), len(p.data.blocks), 3))
@@ -164,9 +167,9 @@ class Screen:
                 m[rows], m0[rows] = misreading(p, wide, sets)
         return out, m, m0
 
-    def _unit(self, look: Evaluation, t: Term) -> np.ndarray:
-        """(C, 3) rad/s² of what a scan scans: one unit of its torque at every instant."""
-        p = look.path
+    def _unit(self, evaluation: Evaluation, t: Term) -> np.ndarray:
+        """Return the accelerations (C, 3), in rad/s², of a scan's unit torque."""
+        p = evaluation.path
         if t.effect.name == "mass.change":
             unit: tuple[float, ...] = (1.0, -1.0)
         else:
@@ -179,26 +182,26 @@ class Screen:
 
 
 def with_term(structure: Structure, values: np.ndarray, t: Term) -> tuple[Structure, np.ndarray]:
-    """The structure with one more term, and values of it with that term absent."""
+    """Return the structure with one more term, and its values with that term absent."""
     wide = replace(structure, terms=(*structure.terms, t))
-    # An effect that is not there: a lag of zero, not its lowest bound.
+    # Absent is the null value (a lag of zero), not the lower bound.
     return wide, np.concatenate([values, [f.null for f in wide.free[len(values) :]]])
 
 
-def traces(found: Estimate, probes: Sequence[Probe], data: Data, at: Pass) -> np.ndarray:
-    """(P, E) δc of each probe by `follow` itself, not linearised: 15 ms a minute and probe."""
+def traces(fit: Estimate, probes: Sequence[Probe], data: Data, at: Pass) -> np.ndarray:
+    """Return the traces δc (P, E) of the probes, computed without linearisation."""
     from heli3dof.model.estimation.ekf_quantised import follow
 
-    structure = found.structure
+    structure = fit.structure
     held = {t.name for t in structure.terms}
     wanted = {p.term.name: p.term for p in probes if p.term.name not in held}
     wide = Structure(structure.profile, (*structure.terms, *wanted.values()))
-    null = np.concatenate([found.values, [f.null for f in wide.free[len(found.values) :]]])
+    null = np.concatenate([fit.values, [f.null for f in wide.free[len(fit.values) :]]])
     where: dict[str, list[int]] = {}
     for i, f in enumerate(wide.free):
         if f.term is not None:
             where.setdefault(f.term, []).append(i)
-    # An effect that is not there: a lag of zero, not its lowest bound.
+    # Absent is the null value (a lag of zero), not the lower bound.
     sets = [wide.arrays(null)]
     for p in probes:
         values = null.copy()

@@ -1,13 +1,10 @@
-"""The causes that one which fails was chosen over, tried in its place.
+"""Replace a rejected cause by another candidate of its step.
 
-One cause is taken first, by a margin that chance or a formula may have made. It can fail
-afterwards. The rig with it, freed of its bias, may be one that the controller cannot fly, though
-the recording was flown: then it is refuted, and the likeliest of the others is chosen as if it had
-never stood there (`selection.select.best_choice`). Where a stop held the arm, of which those
-flights know nothing, they refute nothing, and it is taken by its likelihood alone. Or it does not
-pay on data that it has not seen: that refutes none of those that it is tied with, which are asked
-by the same data, each settled beside all else that was found. What stands is tied with what it
-replaces, which those data need not have told from it.
+1. **Its model cannot be flown** (`first_that_flies`): flights simulated from the bias-corrected fit
+   diverge from the recorded one. The next likeliest candidate replaces it. If an end stop held the
+   arm, this refutes nothing, because simulations have no stop: the uncorrected fit is kept.
+2. **It does not pay on held-out data** (`alternatives`): the causes confounded with it are fitted
+   in its place and measured on the same data. They remain confounded with it.
 """
 
 from __future__ import annotations
@@ -25,8 +22,8 @@ from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import Choice, best_choice
 from heli3dof.diagnosis.selection.steps import Step, bias_corrected, extended
 
-TURNS = 3
-"""Causes that are asked in the place of one, at most; each is flown or measured anew, seconds."""
+MAX_ALTERNATIVES = 3
+"""Most candidates tried per cause; each costs seconds of simulation. Chosen; not derived."""
 
 
 def first_that_flies(
@@ -35,12 +32,13 @@ def first_that_flies(
     first_score: float | None,
     made: Mapping[str, CorrectedFit] | None = None,
 ) -> tuple[Choice | None, CorrectedFit | None]:
-    """The cause of a step that made a choice, and the fit with it; where that rig could not have
-    been flown, the likeliest of the other contenders, and nothing where that holds of `TURNS`.
-    ``made``: fits with a contender, by its name, that are there already."""
+    """Return the first candidate of a step whose model can be flown, and its fit.
+
+    (None, None) if there is none. ``made``: existing fits by candidate.
+    """
     choice = step.choice
     fits: tuple[CandidateFit, ...] = () if choice is None else choice.contenders
-    for _ in range(TURNS):
+    for _ in range(MAX_ALTERNATIVES):
         if choice is None:
             break
         wider = (made or {}).get(choice.term.name) or extended(bench, choice)
@@ -52,7 +50,7 @@ def first_that_flies(
 
 
 def instead(choice: Choice, other: CandidateFit) -> Choice:
-    """The same step with another of its contenders taken: tied as before, and as sure."""
+    """Return the choice with another candidate, confounded with the former; equal confidence."""
     rest = tuple(c for c in choice.contenders if c is not other)
     names = [n for n in (choice.term.name, *choice.tied_with) if n != other.term.name]
     return replace(
@@ -62,21 +60,23 @@ def instead(choice: Choice, other: CandidateFit) -> Choice:
 
 
 def alternatives(
-    bench: Setup, less: CorrectedFit, gone: Choice, asked: Set[str]
+    bench: Setup, reduced: CorrectedFit, dropped: Choice, tried: Set[str]
 ) -> Iterator[tuple[Choice, CorrectedFit]]:
-    """What ``gone`` was tied with and was not asked yet, each beside ``less``, the fit of all other
-    causes; what could not have been flown is passed over."""
-    near = [c for c in gone.contenders if c.term.name in gone.tied_with]
-    for other in [c for c in near if c.term.name not in asked][:TURNS]:
-        wider = replaced(bench, less, other)
+    """Yield causes confounded with ``dropped`` that can be flown, each with its fit.
+
+    ``reduced``: the fit with all other causes. ``tried``: names to skip.
+    """
+    confounded = [c for c in dropped.contenders if c.term.name in dropped.tied_with]
+    for other in [c for c in confounded if c.term.name not in tried][:MAX_ALTERNATIVES]:
+        wider = with_candidate(bench, reduced, other)
         if wider.scatter is not None or not bench.controller_is_known:
-            yield instead(gone, other), wider
+            yield instead(dropped, other), wider
 
 
-def replaced(bench: Setup, less: CorrectedFit, other: CandidateFit) -> CorrectedFit:
-    """The fit with one term more, which begins where it was found; settled."""
-    o = less.optimum
-    ext = widened(less.problem, o.theta, other.term)
+def with_candidate(bench: Setup, reduced: CorrectedFit, other: CandidateFit) -> CorrectedFit:
+    """Return the bias-corrected fit with one more term, started at the candidate's own fit."""
+    o = reduced.optimum
+    ext = widened(reduced.problem, o.theta, other.term)
     new = other.optimum.theta[-len(other.term.effect.parameters) :]
     fit = maximise_corrected(ext, np.append(o.theta, new), o.noise, None)
     return bias_corrected(bench, ext, fit)

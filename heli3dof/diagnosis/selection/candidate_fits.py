@@ -1,9 +1,9 @@
-"""What may be the cause next, each fitted in full beside those found: the contenders of a step.
+"""Fit the candidates of a step in full, each added to the current fit.
 
-A fit starts where the screen saw its term, freed of the false slopes that the nulls have along the
-term and the base (`estimate.corrected_maximum`); one that lost its way starts once more from near
-nothing. What no probe sees is tried from its own starts (`screening.grid_trials`). Scores are
-those of `selection.select`: 2 Δℓ_c/κ less the price of a term's numbers.
+The fits maximise the bias-corrected log-likelihood ℓ_c (`estimate.corrected_maximum`). With the
+nulls' variance inflation κ, score = 2 Δℓ_c/κ − price (`selection.parameter_price`). A screened term
+starts at its probe with the highest score, and once more near zero if that fit ends below the
+current one. A term without a score starts from its grid (`screening.grid_trials`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,12 @@ import numpy as np
 
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.corrected_maximum import ScoreBias, maximise_corrected
-from heli3dof.diagnosis.screening.grid_trials import GridTrial, beginning, rings, widened
+from heli3dof.diagnosis.screening.grid_trials import (
+    GridTrial,
+    fit_start,
+    is_last_resort,
+    widened,
+)
 from heli3dof.diagnosis.screening.nulls import Nulls
 from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult, with_term
 from heli3dof.diagnosis.selection.parameter_price import price
@@ -24,120 +29,127 @@ from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
 from heli3dof.parallel import parallel_map
 
-NEARER = 0.1
-"""Of the way from nothing to where the screen saw a term: the start of a second attempt."""
-OVERTAKES = 30.0
-"""A full fit's score may be that many times its Z², where noise swelled to cover the cause."""
+SECOND_START = 0.1
+"""Start of a second fit, as a share of the probe's value. Chosen; not derived."""
+MAX_SCORE_PER_Z2 = 30.0
+"""Largest score/Z², above 1 if the base attributes the cause to noise. Chosen; not derived."""
 
 
 @dataclass(frozen=True, eq=False)
 class CandidateFit:
-    """One term beside those found already, fully fitted."""
+    """The full fit of one candidate, added to the current fit."""
 
     term: Term
     problem: Likelihood
     optimum: Optimum
     score: float
-    """2 Δℓ_c/κ less the price of its numbers (`selection.parameter_price`)"""
+    """2 Δℓ_c/κ − price"""
     Z2: float
     probe: int | None
-    """The screen's that saw it best; None for a term that no probe sees"""
+    """Index of the term's probe with the highest score; None for a term without a score"""
 
 
 def fit_candidates(
-    found: CorrectedFit, screen: Screen, seen: ScreenResult, nulls: Nulls, bias: np.ndarray,
+    current: CorrectedFit, screen: Screen, result: ScreenResult, nulls: Nulls, bias: np.ndarray,
     ranked: Sequence[tuple[Term, float, int]], tried: Sequence[GridTrial] = (),
 ) -> list[CandidateFit]:  # fmt: skip
-    """The terms beside ``found``, fitted, best first; those that diverged or ran into a bound left
-    out."""
+    """Return full fits of ``ranked`` and ``tried`` terms, best first.
+
+    ``bias`` (n,): mean scores of the nulls. Fits that diverge or end at a bound are omitted.
+    """
     if not ranked and not tried:
         return []
-    o, problem = found.optimum, found.problem
-    none = np.zeros(3) if found.noise_bias is None else found.noise_bias
+    o, problem = current.optimum, current.problem
+    none = np.zeros(3) if current.noise_bias is None else current.noise_bias
     level = maximise_corrected(problem, o.theta, o.noise, ScoreBias(bias, none, o.theta, o.noise))
-    played = {t.name for t in problem.structure.terms if t.effect.starts}
+    backlash = {t.name for t in problem.structure.terms if t.effect.starts}
 
     def scored(
         term: Term, ext: Likelihood, fit: Optimum, kappa: float = nulls.inflation
     ) -> float | None:
-        """None for a fit that diverged or ran into a bound."""
+        """Return the score; None for a fit that diverged or ended at a bound."""
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
         won = 2 * (fit.loglik - level.loglik) / kappa
-        # What a simpler base leaves out has no number to be bought: its share is believed to be 1.
+        # A part of the body's equations costs nothing: its share has a tight prior.
         return float(won - (0.0 if term.effect.of_base else price(ext, fit, term.name, kappa)))
 
     def one(k: int) -> CandidateFit | None:
         term, Z2, i = ranked[k]
-        wide, _ = with_term(problem.structure, found.values, term)
+        wide, _ = with_term(problem.structure, current.values, term)
         ext = replace(problem, structure=wide)
-        start = beginning_of(
-            ext, found, seen, i, 1 - nulls.mean[i] / seen.z[i] if seen.z[i] else 1.0
+        start = start_at_probe(
+            ext, current, result, i, 1 - nulls.mean[i] / result.z[i] if result.z[i] else 1.0
         )
         new = wide.free[len(o.theta) :]
         slope, theta_0 = np.zeros(len(new)), start[len(o.theta) :].copy()
         if i < len(screen.plain) and screen.plain[i].grows and np.isfinite(screen.v[i]):
             raw = nulls.mean[i] * np.sqrt(screen.v[i]) + screen.solved[:, i] @ bias
             per = raw / screen.plain[i].size
-            if new[0].log:  # as if it grew in proportion to the parameter, from nothing
+            if new[0].log:  # slope along the logarithm of an effect that grows linearly from zero
                 slope[0] = per * new[0].outward(theta_0[0])
                 theta_0[0] -= 1.0
             else:
                 slope[0] = per * new[0].typical
                 theta_0[0] = new[0].inward(new[0].null)
-        tilt = ScoreBias(np.append(bias, slope), none, np.append(o.theta, theta_0), o.noise)
-        # The likelihood along a play that was found is jagged: what is beside it is climbed alone.
-        jagged = np.array([f.term in played for f in wide.free])
+        score_bias = ScoreBias(np.append(bias, slope), none, np.append(o.theta, theta_0), o.noise)
+        # The likelihood is jagged along a backlash width, so that width is held.
+        jagged = np.array([f.term in backlash for f in wide.free])
         begin = np.append(level.theta, start[len(o.theta) :])
-        fit = maximise_corrected(ext, begin, level.noise, tilt, hold=jagged)
-        shape = fit.at_bound.copy()
-        shape[: len(o.theta) + 1] = False
-        if shape.any():
-            # What shape it has the recordings do not tell: that stays as it is believed to be.
-            fit = maximise_corrected(ext, begin, level.noise, tilt, hold=jagged | shape)
+        fit = maximise_corrected(ext, begin, level.noise, score_bias, hold=jagged)
+        undetermined = fit.at_bound.copy()
+        undetermined[: len(o.theta) + 1] = False
+        if undetermined.any():
+            # The recordings do not determine these parameters: hold them at their start.
+            fit = maximise_corrected(
+                ext, begin, level.noise, score_bias, hold=jagged | undetermined
+            )
         if not fit.loglik > level.loglik and not new[0].log:
-            # It lost its way: absent it does as well as the level, so from near there it must win.
-            near, at = begin.copy(), len(o.theta)
+            # Near zero the likelihood is that of the current fit, so an ascent from there gains.
+            again, at = begin.copy(), len(o.theta)
             absent = new[0].inward(new[0].null)
-            near[at] = absent + NEARER * (near[at] - absent)
-            fit = maximise_corrected(ext, near, level.noise, tilt, rounds=28, hold=jagged)
+            again[at] = absent + SECOND_START * (again[at] - absent)
+            fit = maximise_corrected(ext, again, level.noise, score_bias, rounds=28, hold=jagged)
         score = scored(term, ext, fit)
         return None if score is None else CandidateFit(term, ext, fit, score, Z2, i)
 
     def trial(k: int) -> CandidateFit | None:
         term = tried[k].term
         ext = widened(problem, o.theta, term)
-        start, noise = beginning(ext, level.theta, level.noise, term)
+        start, noise = fit_start(ext, level.theta, level.noise, term)
         new = ext.structure.free[len(o.theta) :]
         no_slope = np.append(bias, np.zeros(len(new)))
-        tilt = ScoreBias(no_slope, none, np.append(o.theta, start[len(o.theta) :]), o.noise)
-        fit = maximise_corrected(ext, start, noise, tilt)
-        # Where noise hides a ringing loop the nulls' slopes say nothing of how likelihoods scatter.
+        score_bias = ScoreBias(no_slope, none, np.append(o.theta, start[len(o.theta) :]), o.noise)
+        fit = maximise_corrected(ext, start, noise, score_bias)
+        # If noise hides an oscillating loop, the nulls' κ does not describe the likelihood.
         score = scored(
-            term, ext, fit, max(found.inflation, 1.0) if rings(term) else nulls.inflation
+            term,
+            ext,
+            fit,
+            max(current.inflation, 1.0) if is_last_resort(term) else nulls.inflation,
         )
         return None if score is None else CandidateFit(term, ext, fit, score, score, None)
 
     fits = [f for f in parallel_map(trial, len(tried), what="fits") if f is not None]
-    most = max((f.score for f in fits), default=0.0)
-    ranked = [r for r in ranked if OVERTAKES * r[1] > most]
+    best = max((f.score for f in fits), default=0.0)
+    ranked = [r for r in ranked if MAX_SCORE_PER_Z2 * r[1] > best]
     fits += [f for f in parallel_map(one, len(ranked), what="fits") if f is not None]
     return sorted(fits, key=lambda f: -f.score)
 
 
-def beginning_of(
-    ext: Likelihood, found: CorrectedFit, seen: ScreenResult, i: int, true: float
+def start_at_probe(
+    ext: Likelihood, current: CorrectedFit, result: ScreenResult, i: int, unbiased: float
 ) -> np.ndarray:
-    """(n,) coordinates: the estimate, and the new term where the screen saw it.
+    """Return start coordinates (n,): the current fit, and the new term at probe i.
 
-    ``true``: the share of the probe's score that its nulls do not have too.
+    ``unbiased``: share of the probe's score that exceeds the nulls' mean.
     """
-    probe = seen.probes[i]
-    new = ext.structure.free[len(found.free) :]
+    probe = result.probes[i]
+    new = ext.structure.free[len(current.free) :]
     guess = list(probe.values)
     first = new[0]
     if not first.log and first.low < first.null < first.high:
-        guess[0] = first.null + float(np.clip(true, 0.0, 1.5) * seen.amplitude[i])
+        guess[0] = first.null + float(np.clip(unbiased, 0.0, 1.5) * result.amplitude[i])
     inside = []
     for v, f in zip(guess, new, strict=True):
         if f.log:
@@ -145,4 +157,4 @@ def beginning_of(
         else:
             room = min(0.01 * (f.high - f.low), 0.05 * f.typical)
             inside.append(f.inward(min(max(v, f.low + room), f.high - room)))
-    return np.concatenate([found.optimum.theta, inside])
+    return np.concatenate([current.optimum.theta, inside])

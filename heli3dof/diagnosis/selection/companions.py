@@ -1,23 +1,17 @@
-"""Which of causes that are tied: the one that explains most with one more beside it.
+"""Choose among confounded causes the one that explains most together with a further cause.
 
-Alone a curve of the rotors explains a curved thrust as well as that itself does, and which of the
-two wins is chance. But with the supply's sag beside it one explains the flight, and the other takes
-the sag's place and leaves nothing of it: chosen first, it hides the second cause. So each of the
-tied j, freed of its bias in its turn, is asked what else is then there. With S_j its score and
-S_u|j that of the likeliest further term beside it (both BIC's, `selection.select`)
+A rotor curve and a thrust curve explain a curved thrust equally well. If the supply also sags, the
+wrong one of them absorbs the sag and so hides it. Therefore each confounded cause j is added to the
+base, and further terms u are screened and fitted. With BIC scores S (`selection.select`),
 
-    J_j = S_j + max(0, max_u S_u|j)
+    J_j = S_j + max(0, max_u S_{u|j})
 
-and another than the one chosen is taken where its J is larger by more than `TIE`. Both are asked
-alike, so what is wrong with a formula counts for each. A term u counts that the screen beside j
-sees beyond the nulls' threshold; those nulls were seen beside neither, and are little changed by
-one cause more. Where they are large (`selection.rivals`) scores compare nothing, and the
-choice stands.
-
-Two causes may also be one cause's stand-in: a dry friction and a quadratic drag follow a viscous
-one, and where the yaw's encoder chatters their likelihood is too high by tens. So a pair has to
-beat a tied cause that needs no companion in flights of each (`selection.rivals`), by
-`DECIDED`; otherwise that one is taken, the simplest.
+1. Cause j replaces the chosen cause if its J is higher by more than `TIE`.
+2. A term u counts only if its Z² reaches the threshold of the step's nulls, which are reused.
+3. If the score bias is large (`selection.rivals`), scores cannot be compared: nothing changes.
+4. A pair (j, u) may imitate one single cause. So its W of `selection.rivals` must reach
+   `MIN_PAIR_W` against each confounded cause without a companion. Otherwise the most likely of
+   these is taken.
 """
 
 from __future__ import annotations
@@ -31,65 +25,72 @@ from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, correct
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening.nulls import Nulls
 from heli3dof.diagnosis.screening.score_test import Screen
-from heli3dof.diagnosis.selection.alternatives import TURNS, instead
+from heli3dof.diagnosis.selection.alternatives import MAX_ALTERNATIVES, instead
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, fit_candidates
-from heli3dof.diagnosis.selection.rivals import FALSE, ROUNDS, false_slopes, likelihoods, odds
+from heli3dof.diagnosis.selection.rivals import (
+    LARGE_BIAS,
+    ROUNDS,
+    likelihoods,
+    odds,
+    relative_bias,
+)
 from heli3dof.diagnosis.selection.select import TIE, Choice, candidates_to_fit, ranked_candidates
 from heli3dof.diagnosis.selection.steps import Step, extended, screened
 
-ASKED = 4
-"""Further terms that are fitted beside each"""
-DECIDED = 12.0
-"""Of W: twice `TIE`, since the pair was picked from many"""
+MAX_COMPANIONS = 4
+"""Most further terms fitted with each confounded cause. Chosen; not derived."""
+MIN_PAIR_W = 12.0
+"""Least W of a pair over a single cause: 2 `TIE`, since the pair is the best of many. Chosen."""
 
 
-def tied(step: Step) -> list[CandidateFit]:
-    """The contenders of a step that may be it: the one chosen, and those tied with it; just that
-    one where their scores do not compare."""
+def comparable(step: Step) -> list[CandidateFit]:
+    """Return the chosen cause and those confounded with it, if their scores are comparable.
+
+    Otherwise return the chosen cause only. This is the case if a bias is large, if a score is
+    missing, or if the chosen cause is a part of the full equations that the base lacks.
+    """
     choice = step.choice
     assert choice is not None
     best = choice.contenders[0]
-    near = [c for c in choice.contenders[1:] if c.term.name in choice.tied_with][: TURNS - 1]
-    each = [best, *near]
-    slopes = false_slopes(step.nulls, each)
-    plain = len(slopes) == len(each) and not best.term.effect.within
-    return each if plain and max(slopes) <= FALSE else each[:1]
+    confounded = [c for c in choice.contenders[1:] if c.term.name in choice.tied_with]
+    each = [best, *confounded[: MAX_ALTERNATIVES - 1]]
+    bias = relative_bias(step.nulls, each)
+    screened_only = len(bias) == len(each) and not best.term.effect.within
+    return each if screened_only and max(bias) <= LARGE_BIAS else each[:1]
 
 
-def companion(step: Step, bench: Setup, found: CorrectedFit) -> CandidateFit | None:
-    """The likeliest further term beside a fit of the step's base and one more; None where none is
-    seen."""
-    screen, seen = screened(bench, found)
-    nulls = nulls_of(step, screen)
-    ranked = candidates_to_fit(ranked_candidates(seen, nulls), screen, nulls, ASKED)
-    bias = np.zeros(len(found.theta)) if found.bias is None else found.bias
-    fits = fit_candidates(found, screen, seen, nulls, bias, ranked)
+def companion(step: Step, bench: Setup, fit: CorrectedFit) -> CandidateFit | None:
+    """Return the most likely further term of ``fit`` beyond the threshold, if any."""
+    screen, result = screened(bench, fit)
+    nulls = nulls_for(step, screen)
+    ranked = candidates_to_fit(ranked_candidates(result, nulls), screen, nulls, MAX_COMPANIONS)
+    bias = np.zeros(len(fit.theta)) if fit.bias is None else fit.bias
+    fits = fit_candidates(fit, screen, result, nulls, bias, ranked)
     return next((f for f in fits if nulls.threshold <= f.Z2), None)
 
 
-def simplest(
-    bench: Setup, pair: CandidateFit, alone: Sequence[tuple[CandidateFit, CorrectedFit]]
+def single_cause(
+    bench: Setup, pair: CandidateFit, single: Sequence[tuple[CandidateFit, CorrectedFit]]
 ) -> CandidateFit | None:
-    """The likeliest of the causes ``alone`` (each with its fit) that a ``pair`` (a cause beside
-    another) does not surely beat; None where it beats them all."""
-    if not alone:
+    """Return the most likely ``single`` cause that the pair does not beat, if any."""
+    if not single:
         return None
     both = correct(
         pair.problem, pair.optimum.theta, pair.optimum.noise, bench.recordings,
         seed=bench.seed, pilots=bench.pilots, rounds=ROUNDS,
     )  # fmt: skip
-    W = odds(*likelihoods([both, *(f for _, f in alone)], bench.recordings, seed=bench.seed))
-    stand = [k for k in range(1, len(W)) if W[0, k] < DECIDED]
-    return alone[min(stand, key=lambda k: W[0, k]) - 1][0] if stand else None
+    W = odds(*likelihoods([both, *(f for _, f in single)], bench.recordings, seed=bench.seed))
+    unbeaten = [k for k in range(1, len(W)) if W[0, k] < MIN_PAIR_W]
+    return single[min(unbeaten, key=lambda k: W[0, k]) - 1][0] if unbeaten else None
 
 
-def nulls_of(step: Step, screen: Screen) -> Nulls:
-    """The step's nulls, in the order of another screen's probes."""
-    own = {(p.name, p.values): i for i, p in enumerate(step.screen.plain)}
+def nulls_for(step: Step, screen: Screen) -> Nulls:
+    """Return the step's nulls in the order of another screen's probes; N(0, κ) for new probes."""
+    index = {(p.name, p.values): i for i, p in enumerate(step.screen.plain)}
     first = len(step.screen.plain)
-    own |= {(s.term.name, ()): first + k for k, s in enumerate(step.screen.scans)}
-    asked = [(p.name, p.values) for p in screen.plain] + [(s.term.name, ()) for s in screen.scans]
-    at = [own.get(k) for k in asked]
+    index |= {(s.term.name, ()): first + k for k, s in enumerate(step.screen.scans)}
+    keys = [(p.name, p.values) for p in screen.plain] + [(s.term.name, ()) for s in screen.scans]
+    at = [index.get(k) for k in keys]
     n = step.nulls
     root = float(np.sqrt(n.inflation))
     mean = np.array([0.0 if i is None else n.mean[i] for i in at])
@@ -98,25 +99,24 @@ def nulls_of(step: Step, screen: Screen) -> Nulls:
 
 
 def best_with_companion(bench: Setup, step: Step) -> tuple[Choice, dict[str, CorrectedFit]]:
-    """The step's choice, or the one of those tied with it that explains more with a companion; and
-    the fits with each of them that were made, by name."""
+    """Return the choice by the module's rules, and all fits made on the way, by cause."""
     choice = step.choice
     assert choice is not None
-    each, made = tied(step), dict[str, CorrectedFit]()
+    each, made = comparable(step), dict[str, CorrectedFit]()
     if len(each) < 2:
         return choice, made
-    J, others = [], list[CandidateFit | None]()
+    J, companions = [], list[CandidateFit | None]()
     for one in each:
-        found = made[one.term.name] = extended(bench, replace(choice, contenders=(one,)))
-        other = None if found.scatter is None else companion(step, bench, found)
+        fit = made[one.term.name] = extended(bench, replace(choice, contenders=(one,)))
+        other = None if fit.scatter is None else companion(step, bench, fit)
         other = other if other is not None and other.score > 0 else None
-        others.append(other)
+        companions.append(other)
         J.append(one.score + (0.0 if other is None else other.score))
     k = int(np.argmax(J))
     k = k if J[k] > J[0] + TIE else 0
-    best, other = each[k], others[k]
+    best, other = each[k], companions[k]
     if other is not None:
-        fits = [(c, made[c.term.name]) for c, o in zip(each, others, strict=True) if o is None]
-        flown = [(c, f) for c, f in fits if f.scatter is not None]
-        best = simplest(bench, other, flown) or best
+        fits = [(c, made[c.term.name]) for c, o in zip(each, companions, strict=True) if o is None]
+        flyable = [(c, f) for c, f in fits if f.scatter is not None]
+        best = single_cause(bench, other, flyable) or best
     return (choice if best is each[0] else instead(choice, best)), made

@@ -1,21 +1,14 @@
-"""What an inertia that is off may have swallowed: a full fit where the screen sees too little.
+"""Find effects that an inertia has absorbed, by full fits of candidates with small scores.
 
-A slow torque drives a short step flight much as another inertia would. The base takes that inertia
-and more noise, and beside both the screen's linear look at the torque shows little: it looks from
-where the base has moved as far as it can. The full fit knows better: with the torque in it, the
-inertia comes back. So where nothing was found, but inertias are surely off
-(`estimate.base_parameters`), every term of which the screen saw
+A slow torque moves a short step flight much as a wrong inertia does. The base absorbs the torque in
+the inertia J_j; a full fit with the torque returns J_j to nominal. If no effect is a cause, but an
+inertia is significantly off nominal (`estimate.base_parameters`):
 
-    Z² > `SEEN`
-
-is fitted in full (at most `FITTED`), and one with which each of those inertias is within the
-profile's tolerance ε,
-
-    ln(1 − ε) ≤ ln J_j/J_j,nominal ≤ ln(1 + ε)
-
-is the cause where its score is `SURELY` times the nulls' threshold, which is one of slopes: the
-likeliest of several full fits scatters more. It is tied with the inertia where it is no more than
-`TIE` below nothing: neither explains the flight better then.
+1. Terms with Z² > `MIN_Z2` are fitted in full, at most `MAX_FITS`.
+2. A term is confounded with the inertias if its score exceeds −`TIE` and its fit puts all of them
+   within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal) ≤ ln(1 + ε).
+3. It is the cause if its score reaches `THRESHOLD_FACTOR` times the nulls' threshold, which is for
+   scores; the best of several full fits varies more.
 """
 
 from __future__ import annotations
@@ -45,46 +38,52 @@ from heli3dof.diagnosis.selection.select import (
 )
 from heli3dof.identification.greybox.estimate import Estimate
 
-SEEN = 4.0
-FITTED = 6
-SURELY = 3.0
+MIN_Z2 = 4.0
+"""Least Z² for a full fit: two standard deviations. Chosen; not derived."""
+MAX_FITS = 6
+"""Chosen; not derived."""
+THRESHOLD_FACTOR = 3.0
+"""Least score of a cause, relative to the nulls' threshold. Chosen; not derived."""
 
 
 def instead_of_inertia(
-    found: CorrectedFit, screen: Screen, seen: ScreenResult, nulls: Nulls, bias: np.ndarray
+    fit: CorrectedFit, screen: Screen, result: ScreenResult, nulls: Nulls, bias: np.ndarray
 ) -> list[CandidateFit]:
-    """The terms with which the inertias that are surely off in ``found`` are not, best first."""
-    off = [o.term.name for o in off_nominal(found, std_inflation=std_inflation(found))]
+    """Return the terms whose fit returns all significantly wrong inertias to nominal."""
+    off = [o.term.name for o in off_nominal(fit, std_inflation=std_inflation(fit))]
     inertias = {n for n in off if n.startswith("inertia")}
     if not inertias:
         return []
     hidden = unidentifiable(screen, nulls)
-    every = [r for r in ranked_candidates(seen, nulls) if r[1] > SEEN and r[0].name not in hidden]
-    plain = [r for r in every if not r[0].effect.formal][:FITTED]
-    fits = fit_candidates(found, screen, seen, nulls, bias, plain)
+    every = [
+        r for r in ranked_candidates(result, nulls) if r[1] > MIN_Z2 and r[0].name not in hidden
+    ]
+    physical = [r for r in every if not r[0].effect.formal][:MAX_FITS]
+    fits = fit_candidates(fit, screen, result, nulls, bias, physical)
     back = [f for f in fits if within(Estimate(f.problem, f.optimum), inertias)]
-    # What the screen saw of it is too little: the full fit is what was seen.
+    # Z² is too small after the base has absorbed the effect, so the score replaces it.
     return [replace(f, Z2=f.score) for f in back if f.score > -TIE]
 
 
-def within(found: Estimate, names: set[str]) -> bool:
-    """Whether each of the base's numbers with one of these findings' names is within tolerance."""
-    tolerance = found.structure.profile.tolerance
-    asked = [c for c in base_parameters(found) if finding_of(c.name) in names]
-    return all(c.beyond(tolerance) <= 0 for c in asked)
+def within(fit: Estimate, names: set[str]) -> bool:
+    """Return True if all base parameters of the findings ``names`` are within tolerance."""
+    tolerance = fit.structure.profile.tolerance
+    named = [c for c in base_parameters(fit) if finding_of(c.name) in names]
+    return all(c.beyond(tolerance) <= 0 for c in named)
 
 
 def cause_hidden_in_inertia(
     fits: Sequence[CandidateFit], screen: Screen, nulls: Nulls
 ) -> Choice | None:
-    """The cause among `instead_of_inertia`, where its full fit is surely beyond the threshold."""
-    if not fits or fits[0].score < SURELY * nulls.threshold:
+    """Return the cause among the fits of `instead_of_inertia`; None if no score suffices."""
+    if not fits or fits[0].score < THRESHOLD_FACTOR * nulls.threshold:
         return None
     best, *rest = fits
-    tied = tuple(
+    confounded = tuple(
         f.term.name for f in rest if best.score - f.score < tie_margin(screen, nulls, best, f)
     )
-    sure = certainty([best.score, *[f.score for f in rest[:1]], 0.0])
+    probability = certainty([best.score, *[f.score for f in rest[:1]], 0.0])
     return Choice(
-        best.term, best.score, best.Z2, sure, tied, tuple(fits), threshold=nulls.threshold
-    )
+        best.term, best.score, best.Z2, probability, confounded, tuple(fits),
+        threshold=nulls.threshold,
+    )  # fmt: skip

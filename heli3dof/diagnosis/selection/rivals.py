@@ -1,23 +1,19 @@
-"""Two causes whose likelihoods are both biased: each one's flights say what to expect of the other.
+"""Compare two causes by flights simulated from each: Cox's test of separate hypotheses (1961).
 
-Where encoders chatter in the loop the false slopes are large (z̄ of ten), and taken off along a
-straight line (`estimate.corrected_maximum`) they decide by themselves which of two terms wins: on a
-plain step a lag of 30 ms was called a delay by a score of 600. Cox's test of hypotheses that do
-not hold each other (1961), by simulation, needs no line. Every rival k is freed of its bias
-(`estimate.bias_correction`), and with the fits held, for the recordings and for B flights of
-each rival
+Encoders on a limit cycle make the score bias large, and its linear correction
+(`estimate.corrected_maximum`) too inaccurate to rank causes. This test needs no such correction.
+Each rival k is fitted (`estimate.bias_correction`). The recordings, and B flights simulated from
+each rival, give differences of log-likelihoods d_jk = ℓ_j − ℓ_k. Under rival k they have mean m_k
+and standard deviation s_k. With Student's density t of B − 1 degrees of freedom,
 
-    d_jk = ℓ_j − ℓ_k
+    f_k(d) = t_{B−1}((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
-Under rival k it has mean m_k and standard deviation s_k, and with B − 1 degrees of freedom
-
-    f_k(d) = t_{B−1}((d − m_k)/s_k √(1 + 1/B)) / s_k,        W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
-
-The rival whose least W is largest is the cause; those with W below `TIE` are tied with it, and its
-certainty is `certainty` of the least W over the rivals that are not tied with it. Where the false
-slopes are small but the score is too (below `MODEST`: a plain step tells little), the scores name
-the cause and this is a second opinion: whom it prefers, or cannot tell from that one, is tied with
-it.
+1. **Large score bias** (|z̄|/√κ > `LARGE_BIAS`): the rival with the largest min_j W_kj is the cause.
+   Rivals with W < `TIE` are confounded with it. `certainty` of the smallest other W is its
+   probability.
+2. **Small score bias, score below `SUFFICIENT_SCORE`**: the scores choose the cause. The rival that
+   this test prefers is confounded with it, and so are those confounded with that rival.
+3. **Otherwise** the scores decide and nothing is simulated.
 """
 
 from __future__ import annotations
@@ -40,40 +36,43 @@ from heli3dof.diagnosis.selection.select import TIE, Choice, certainty
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
-FALSE = 3.0
-"""|z̄|, in the nulls' own scatter, from which a slope is no longer taken off along a line."""
-NEAR = 0.3
-"""Of the largest Z²: below it a term is no rival."""
-MODEST = 500.0
-CLOSE = 0.25
-"""Of the score: below it a term is no rival of one whose false slopes are small."""
-MOST = 3
-FLIGHTS = 12
-ROUNDS = 6
-LEAST = 1.0
-"""Of s"""
+LARGE_BIAS = 3.0
+"""|z̄|/√κ above which the linear bias correction is not trusted. Chosen; not derived."""
+MIN_RELATIVE_Z2 = 0.3
+"""Least Z² of a rival, relative to the largest, if the bias is large. Chosen; not derived."""
+SUFFICIENT_SCORE = 500.0
+"""Score from which on a small bias needs no comparison. Chosen; not derived."""
+MIN_RELATIVE_SCORE = 0.25
+"""Least score of a rival, relative to the best, if the bias is small. Chosen; not derived."""
+MAX_RIVALS = 3
+"""Rivals compared, the chosen cause included. Chosen; not derived."""
+FLIGHTS, ROUNDS = 12, 6
+"""B, flights simulated from each rival; rounds of its bias correction. Chosen; not derived."""
+MIN_STD = 1.0
+"""Least s_k. Chosen; not derived."""
 
 
 def rivals(choice: Choice, nulls: Nulls) -> tuple[list[CandidateFit], bool]:
-    """The choice and those that may be it as well, and whether their false slopes are large.
+    """Return the rivals, the chosen cause first, and True if their score bias is large.
 
-    None where the scores decide. Only terms that the screen sees: what is only tried has no slope,
-    so no false one.
+    No rivals: the scores decide. Terms without a score have no score bias, so they are none.
     """
     best = choice.contenders[0]
-    seen = [c for c in choice.contenders[1:] if c.probe is not None]
-    if best.probe is None or not seen:
+    others = [c for c in choice.contenders[1:] if c.probe is not None]
+    if best.probe is None or not others:
         return [], False
-    top = max(c.Z2 for c in [best, *seen])
-    near = sorted((c for c in seen if NEAR * top < c.Z2), key=lambda c: -c.Z2)[: MOST - 1]
-    if near and max(false_slopes(nulls, [best, *near])) > FALSE:
-        return [best, *near], True
-    close = [c for c in seen if c.score > CLOSE * best.score][: MOST - 1]
-    return ([best, *close] if close and best.score < MODEST else []), False
+    top = max(c.Z2 for c in [best, *others])
+    by_Z2 = sorted((c for c in others if MIN_RELATIVE_Z2 * top < c.Z2), key=lambda c: -c.Z2)[
+        : MAX_RIVALS - 1
+    ]
+    if by_Z2 and max(relative_bias(nulls, [best, *by_Z2])) > LARGE_BIAS:
+        return [best, *by_Z2], True
+    by_score = [c for c in others if c.score > MIN_RELATIVE_SCORE * best.score][: MAX_RIVALS - 1]
+    return ([best, *by_score] if by_score and best.score < SUFFICIENT_SCORE else []), False
 
 
-def false_slopes(nulls: Nulls, contenders: Sequence[CandidateFit]) -> list[float]:
-    """|z̄|, in the nulls' own scatter, of each that the screen sees."""
+def relative_bias(nulls: Nulls, contenders: Sequence[CandidateFit]) -> list[float]:
+    """Return |z̄|/√κ of each candidate that has a score."""
     at = [c.probe for c in contenders if c.probe is not None]
     return [float(abs(nulls.mean[i]) / np.sqrt(nulls.inflation)) for i in at]
 
@@ -82,63 +81,60 @@ def compared_by_simulation(
     choice: Choice, nulls: Nulls, recordings: Sequence[Recording], *, seed: int, pilots: int,
     opinions: bool = True,
 ) -> Choice:  # fmt: skip
-    """The choice made again among its rivals by their own flights; as it was where it has none.
-
-    Without ``opinions`` only where the scores cannot decide.
-    """
-    near, decides = rivals(choice, nulls)
-    if not near or not (decides or opinions):
+    """Return the choice after the comparison; ``opinions``: also if the bias is small (rule 2)."""
+    compared, decides = rivals(choice, nulls)
+    if not compared or not (decides or opinions):
         return choice
     fits = [
         correct(c.problem, c.optimum.theta, c.optimum.noise, recordings, seed=seed, pilots=pilots,
                 rounds=ROUNDS)
-        for c in near
+        for c in compared
     ]  # fmt: skip
     W = odds(*likelihoods(fits, recordings, seed=seed))
-    k = int(np.argmax(least(W)))
-    named = {c.term.name for c in near}
-    open_ = [c.term.name for j, c in enumerate(near) if j == k or W[k, j] < TIE]
-    if k == 0 or not decides:  # what was tied with it and is no rival still is
-        open_ += [n for n in choice.tied_with if n not in named or not decides]
-    best = replace(near[k], optimum=fits[k].optimum)
-    apart = [W[k, j] for j, c in enumerate(near) if c.term.name not in open_]
-    sure = certainty([float(min(apart)), 0.0]) if apart else 1.0
+    k = int(np.argmax(least_odds(W)))
+    names = {c.term.name for c in compared}
+    confounded = [c.term.name for j, c in enumerate(compared) if j == k or W[k, j] < TIE]
+    if k == 0 or not decides:  # causes that were confounded with it but not compared still are
+        confounded += [n for n in choice.tied_with if n not in names or not decides]
+    best = replace(compared[k], optimum=fits[k].optimum)
+    refuted = [W[k, j] for j, c in enumerate(compared) if c.term.name not in confounded]
+    probability = certainty([float(min(refuted)), 0.0]) if refuted else 1.0
     if decides:
-        bought = price(best.problem, best.optimum, best.term.name, nulls.inflation)
-        best = replace(best, score=best.Z2 - bought)
+        cost = price(best.problem, best.optimum, best.term.name, nulls.inflation)
+        best = replace(best, score=best.Z2 - cost)
     elif k:
-        best, sure = near[0], 1.0
+        best, probability = compared[0], 1.0
     others = [c for c in choice.contenders if c.term.name != best.term.name]
-    sure = min(nulls.confidence(best.Z2), sure, 1.0 if decides else choice.confidence)
-    tied = tuple(n for n in dict.fromkeys(open_) if n != best.term.name)
+    probability = min(nulls.confidence(best.Z2), probability, 1.0 if decides else choice.confidence)
+    tied = tuple(n for n in dict.fromkeys(confounded) if n != best.term.name)
     return Choice(
-        best.term, best.score, best.Z2, sure, tied, (best, *others), choice.weak, choice.threshold,
-        decides,
+        best.term, best.score, best.Z2, probability, tied, (best, *others), choice.weak,
+        choice.threshold, decides,
     )  # fmt: skip
 
 
 def likelihoods(
     fits: Sequence[CorrectedFit], recordings: Sequence[Recording], *, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(K,) ℓ of the recordings under each fit, (K, B, K) of the flights of each under each."""
+    """Return ℓ of the recordings (K,), and of flights of each fit under each (K, B, K)."""
     models = [model_at(f.problem, f.theta, f.optimum.noise) for f in fits]
     data = fits[0].problem.data
 
-    def all_of(b: int) -> np.ndarray:
-        here = data
+    def all_fits(b: int) -> np.ndarray:
+        d = data
         if b >= 0:
-            here = simulate_again(models[b // FLIGHTS], recordings, data, (seed, 13, b % FLIGHTS))
+            d = simulate_again(models[b // FLIGHTS], recordings, data, (seed, 13, b % FLIGHTS))
         return np.array([
-            float(replace(f.problem, data=here).run(f.theta, f.optimum.noise, keep=0).loglik.sum())
+            float(replace(f.problem, data=d).run(f.theta, f.optimum.noise, keep=0).loglik.sum())
             for f in fits
         ])  # fmt: skip
 
-    flown = parallel_map(all_of, len(fits) * FLIGHTS, what="flights of rivals")
-    return all_of(-1), np.array(flown).reshape(len(fits), FLIGHTS, len(fits))
+    flown = parallel_map(all_fits, len(fits) * FLIGHTS, what="flights of rivals")
+    return all_fits(-1), np.array(flown).reshape(len(fits), FLIGHTS, len(fits))
 
 
-def odds(here: np.ndarray, flown: np.ndarray) -> np.ndarray:
-    """(K, K) W_kj from ℓ of the recordings (K,) and of B flights of each rival (K, B, K).
+def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
+    """Return W_kj (K, K) from the two results of `likelihoods`.
 
     >>> flown = np.zeros((2, 4, 2))
     >>> flown[0, :, 0], flown[1, :, 1] = [9, 10, 10, 11], [9, 10, 10, 11]
@@ -151,17 +147,17 @@ def odds(here: np.ndarray, flown: np.ndarray) -> np.ndarray:
     W = np.zeros((K, K))
     for k in range(K):
         for j in range(k):
-            d = here[j] - here[k]
+            d = recorded[j] - recorded[k]
             log_f = []
             for i in (k, j):
                 D = flown[i, :, j] - flown[i, :, k]
-                s = max(float(D.std(ddof=1)), LEAST) * np.sqrt(1 + 1 / B)
+                s = max(float(D.std(ddof=1)), MIN_STD) * np.sqrt(1 + 1 / B)
                 log_f.append(float(t.logpdf((d - D.mean()) / s, B - 1)) - np.log(s))
             W[k, j] = 2 * (log_f[0] - log_f[1])
             W[j, k] = -W[k, j]
     return W
 
 
-def least(W: np.ndarray) -> np.ndarray:
-    """(K,) the least of W_kj over j ≠ k"""
+def least_odds(W: np.ndarray) -> np.ndarray:
+    """Return the smallest W_kj over j ≠ k, for each k (K,)."""
     return np.asarray(np.where(np.eye(len(W), dtype=bool), np.inf, W).min(axis=1))

@@ -1,6 +1,9 @@
-"""The steps of a diagnosis: fit the base, look at it, take a cause in, try without.
+"""Perform the steps of a diagnosis: screen, choose a cause, extend the model, eliminate causes.
 
-Each takes what the one before made; none knows how many there are.
+1. `screening_step` runs the score test on the recordings and their nulls.
+2. `Step.chosen` chooses the next cause by full fits (`selection.select`).
+3. `extended` returns the bias-corrected fit with that cause.
+4. `backward_elimination` removes causes that later ones made superfluous.
 """
 
 from __future__ import annotations
@@ -24,8 +27,8 @@ from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.screening.grid_trials import (
     GridTrial,
-    ringing,
-    standing_out,
+    exceeds_nulls,
+    last_resort_terms,
     trials,
     tried_terms,
     widened,
@@ -51,39 +54,40 @@ from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.parallel import parallel_map
 
 TRIAL_FLIGHTS = 12
-"""With which what can only be tried is compared."""
-FAR, ROUGHER = 30.0, 1.0
-"""Standard deviations of a parameter, and steps of a log noise intensity, beyond which false slopes
-are no longer those that were seen: play that is left out is swollen noise, of another slope."""
-MUCH_QUIETER = 0.25
-"""What an extension that does not fly is fitted again from, twice, of its noise"""
+"""Nulls for terms without a score. Chosen; not derived."""
+MAX_SHIFT, MAX_NOISE_SHIFT = 30.0, 1.0
+"""Range of a bias correction, in standard deviations of θ and in ln(noise intensity). Chosen."""
+LOW_NOISE = 0.25
+"""Factor of the noise in `fit_from_low_noise`; its square is tried too. Chosen; not derived."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One look at what is left: the screen of the recordings and of the nulls, and the choice."""
+    """One screen of the current fit: scores of the recordings, nulls, and the choice."""
 
     found: CorrectedFit
+    """The current fit: the base with all causes of earlier steps"""
     screen: Screen
     seen: ScreenResult
+    """Scores of the recordings"""
     nulls: Nulls
     bias: np.ndarray
-    """(n,) mean scores of the nulls"""
+    """(n,) mean scores of the nulls along θ"""
     unseen: tuple[str, ...]
-    """Terms of which these recordings could not tell even a large size"""
+    """Terms that these recordings could not reveal even at a large size"""
     choice: Choice | None = None
     _fits: dict[str, list[CandidateFit]] = field(default_factory=dict)
-    """Of `selection.inertia_alternatives`, made once"""
+    """Cache of `instead_of_inertia`"""
 
     @property
     def largest(self) -> list[tuple[str, float]]:
-        """The three terms that stand out most, with their Z²."""
+        """Return the three terms with the largest Z², and Z²."""
         return [(t.name, z) for t, z, _ in ranked_candidates(self.seen, self.nulls)[:3]]
 
-    def tried(self, bench: Setup, asked: Sequence[Term]) -> list[GridTrial]:
-        """Those that are worth a fit, and more so than in flights of the estimate."""
+    def significant_trials(self, bench: Setup, untested: Sequence[Term]) -> list[GridTrial]:
+        """Return the terms whose Δℓ meets both conditions of `screening.grid_trials`."""
         o, problem = self.found.optimum, self.found.problem
-        tried = trials(problem, o.theta, o.noise, asked)
+        tried = trials(problem, o.theta, o.noise, untested)
         if not tried or self.found.scatter is None:
             return tried
         model = model_at(problem, o.theta, o.noise)
@@ -91,11 +95,11 @@ class Step:
             simulate_again(model, bench.recordings, problem.data, (bench.seed, 3, b))
             for b in range(TRIAL_FLIGHTS)
         ]
-        return [t for t in tried if standing_out(t, problem, o.theta, o.noise, flown)]
+        return [t for t in tried if exceeds_nulls(t, problem, o.theta, o.noise, flown)]
 
     @property
     def instead_of_inertia(self) -> list[CandidateFit]:
-        """Terms with which the inertias that are surely off are not."""
+        """Return the candidates that an inertia may have absorbed; computed once."""
         if "inertia" not in self._fits:
             self._fits["inertia"] = instead_of_inertia(
                 self.found, self.screen, self.seen, self.nulls, self.bias
@@ -103,116 +107,121 @@ class Step:
         return self._fits["inertia"]
 
     def chosen(self, bench: Setup, first_score: float | None) -> Step:
-        """The same with its choice made."""
+        """Return the step with its choice.
+
+        Without a cause by scores: terms of last resort, then causes absorbed by an inertia.
+        """
         present = [t.name for t in self.found.problem.structure.terms]
 
-        def made_of(tried: Sequence[GridTrial]) -> Choice | None:
+        def choice_with(tried: Sequence[GridTrial]) -> Choice | None:
             return choose(
                 self.found, self.screen, self.seen, self.nulls, self.bias, first_score, tried
             )
 
-        made = made_of(self.tried(bench, tried_terms(present, bench.axes)))
+        choice = choice_with(self.significant_trials(bench, tried_terms(present, bench.axes)))
         if (
-            made is None
+            choice is None
             and bench.controller_is_known
-            and (rings := self.tried(bench, ringing(present)))
+            and (tried := self.significant_trials(bench, last_resort_terms(present)))
         ):
-            made = made_of(rings)
-        if made is None and bench.controller_is_known:
-            made = cause_hidden_in_inertia(self.instead_of_inertia, self.screen, self.nulls)
-        if made is not None and bench.controller_is_known:
-            made = compared_by_simulation(
-                made, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots,
-                opinions=bench.opinions and not made.term.effect.formal,  # its ties are not told
+            choice = choice_with(tried)
+        if choice is None and bench.controller_is_known:
+            choice = cause_hidden_in_inertia(self.instead_of_inertia, self.screen, self.nulls)
+        if choice is not None and bench.controller_is_known:
+            choice = compared_by_simulation(
+                choice, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots,
+                # The report does not state what a formal effect is confounded with.
+                opinions=bench.opinions and not choice.term.effect.formal,
             )  # fmt: skip
-        return replace(self, choice=made)
+        return replace(self, choice=choice)
 
 
-def screened(bench: Setup, found: CorrectedFit) -> tuple[Screen, ScreenResult]:
-    """Every candidate beside ``found``, and what the recordings show of each."""
-    problem, o = found.problem, found.optimum
-    here = evaluate(problem, o.theta, o.noise, whole=False)
+def screened(bench: Setup, fit: CorrectedFit) -> tuple[Screen, ScreenResult]:
+    """Return the screen of all candidates for ``fit``, and the recordings' scores."""
+    problem, o = fit.problem, fit.optimum
+    recorded = evaluate(problem, o.theta, o.noise, whole=False)
     terms = candidates([t.name for t in problem.structure.terms], bench.axes)
     plain = [p for t in terms for p in probes(t, problem.data.V)]
-    screen = Screen(problem, o.theta, here, plain, scans(terms))
-    return screen, screen.see(here, prior=True)
+    screen = Screen(problem, o.theta, recorded, plain, scans(terms))
+    return screen, screen.score(recorded, prior=True)
 
 
-def screening_step(bench: Setup, found: CorrectedFit, flights: int) -> Step:
-    """The screen of every candidate beside ``found``, and its nulls."""
-    screen, seen = screened(bench, found)
-    bias = np.zeros(len(found.theta))
-    if found.scatter is not None:
+def screening_step(bench: Setup, fit: CorrectedFit, flights: int) -> Step:
+    """Return the step after ``fit``: scores, nulls from ``flights`` simulations, no choice yet."""
+    screen, result = screened(bench, fit)
+    bias = np.zeros(len(fit.theta))
+    if fit.scatter is not None:
         nulls, scores = simulated_nulls(
-            found, bench.recordings, screen, flights=flights, seed=bench.seed
+            fit, bench.recordings, screen, flights=flights, seed=bench.seed
         )
         bias = scores.mean(axis=0)
     else:
-        nulls = formula_nulls(found, screen)
-    return Step(found, screen, seen, nulls, bias, unidentifiable(screen, nulls))
+        nulls = formula_nulls(fit, screen)
+    return Step(fit, screen, result, nulls, bias, unidentifiable(screen, nulls))
 
 
 def extended(bench: Setup, choice: Choice) -> CorrectedFit:
-    """The base with the term taken, freed of its bias in its turn."""
+    """Return the bias-corrected fit with the chosen term and further formal ones (`with_forms`)."""
     best = choice.contenders[0]
-    problem, at = best.problem, best.optimum
+    problem, optimum = best.problem, best.optimum
     if isinstance(problem, ProfileLikelihood):
         problem = replace(problem, doubt=1.0)
     if best.term.effect.formal:
-        also = [c for c in choice.contenders[1:] if surely(c, choice)]
-        problem, at = as_well(problem, at, also)
-    found = bias_corrected(bench, problem, at)
-    if found.scatter is None and bench.controller_is_known:
-        return fit_from_low_noise(bench, found)
-    return found
+        also = [c for c in choice.contenders[1:] if is_significant_form(c, choice)]
+        problem, optimum = with_forms(problem, optimum, also)
+    fit = bias_corrected(bench, problem, optimum)
+    if fit.scatter is None and bench.controller_is_known:
+        return fit_from_low_noise(bench, fit)
+    return fit
 
 
-def surely(other: CandidateFit, choice: Choice) -> bool:
-    """Whether another way of writing the body's equations was seen as plainly as the one taken."""
+def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
+    """Return True for a formal effect whose Z² and score reach the choice's threshold."""
     return other.term.effect.formal and min(other.Z2, other.score) >= choice.threshold
 
 
-def as_well(
-    problem: Likelihood, at: Optimum, others: Sequence[CandidateFit]
+def with_forms(
+    problem: Likelihood, optimum: Optimum, others: Sequence[CandidateFit]
 ) -> tuple[Likelihood, Optimum]:
-    """With those taken too, which stands for steps of their own: they hardly share a trace."""
-    theta = at.theta
+    """Return problem and optimum with all ``others`` added at once: they hardly share a trace."""
+    theta = optimum.theta
     for c in others:
         problem = widened(problem, theta, c.term)
         theta = np.append(theta, c.optimum.theta[-1])
-    return problem, maximise_corrected(problem, theta, at.noise, None) if others else at
+    if not others:
+        return problem, optimum
+    return problem, maximise_corrected(problem, theta, optimum.noise, None)
 
 
-def fit_from_low_noise(bench: Setup, found: CorrectedFit) -> CorrectedFit:
-    """The likeliest fit from much less noise and the profile's inertias, settled; ``found`` where
-    that is no likelier, or could not have been flown either and no stop is to blame.
+def fit_from_low_noise(bench: Setup, fit: CorrectedFit) -> CorrectedFit:
+    """Return the likeliest fit started at much less noise and the profile's inertias.
 
-    Noise that the base needed to cover a cause is a summit of its own: the climb that takes the
-    cause in starts on it and does not come down, and a rig so rough does not stay in the air.
+    A base attributes a cause to noise; a fit with the cause may stay at that local maximum.
+    Returns ``fit`` if no start is likelier, or if flights diverge and no end stop held the arm.
     """
-    problem, o = found.problem, found.optimum
+    problem, o = fit.problem, fit.optimum
     theta = o.theta.copy()
     theta[1:4] = problem.prior_mean[1:4]
     axes = np.append(problem.free_noise, False)
     fits = [
         maximise_corrected(problem, theta, np.where(axes, o.noise * share, o.noise), None)
-        for share in (MUCH_QUIETER, MUCH_QUIETER**2)
+        for share in (LOW_NOISE, LOW_NOISE**2)
     ]
     best = max(fits, key=lambda f: f.loglik)
     if not best.loglik > o.loglik:
-        return found
+        return fit
     quiet = bias_corrected(bench, problem, best)
-    return found if quiet.scatter is None and not bench.touches_stops else quiet
+    return fit if quiet.scatter is None and not bench.touches_stops else quiet
 
 
-def bias_corrected(bench: Setup, problem: Likelihood, at: Optimum) -> CorrectedFit:
-    """The estimating equation's solution near an optimum; the optimum where no loop is known."""
+def bias_corrected(bench: Setup, problem: Likelihood, optimum: Optimum) -> CorrectedFit:
+    """Return the bias-corrected fit near an optimum; the optimum if the controller is unknown."""
     if not bench.controller_is_known:
-        return CorrectedFit(problem, at)
+        return CorrectedFit(problem, optimum)
     return correct(
         problem,
-        at.theta,
-        at.noise,
+        optimum.theta,
+        optimum.noise,
         bench.recordings,
         seed=bench.seed,
         pilots=bench.pilots,
@@ -220,90 +229,87 @@ def bias_corrected(bench: Setup, problem: Likelihood, at: Optimum) -> CorrectedF
     )
 
 
-def bias_corrected_again(bench: Setup, found: CorrectedFit) -> CorrectedFit:
-    """The same structure, freed of its bias anew; the base's own fit where no term is left."""
-    return bias_corrected(bench, found.problem, found.optimum)
+def bias_corrected_again(bench: Setup, fit: CorrectedFit) -> CorrectedFit:
+    """Return the same structure, bias-corrected from the optimum of ``fit``."""
+    return bias_corrected(bench, fit.problem, fit.optimum)
 
 
-def without(found: CorrectedFit, term: Term) -> CorrectedFit:
-    """The same fit without one of its terms: for backward elimination and for gains; made once.
+def without(fit: CorrectedFit, term: Term) -> CorrectedFit:
+    """Return the fit without one of its terms, refitted; cached.
 
-    Freed of the same false slopes where it lies near; by likelihood alone, its ``bias`` zero, where
-    it has `strayed` and they, taken off along a line, would be worth more than the cause itself.
+    If the refit is `out_of_range` of the bias correction, it has none, and ``bias`` is zero.
     """
-    return _without(found, term.name)
+    return _without(fit, term.name)
 
 
 @lru_cache(maxsize=8)
-def _without(found: CorrectedFit, name: str) -> CorrectedFit:
-    keep = np.array([f.term != name for f in found.free])
+def _without(fit: CorrectedFit, name: str) -> CorrectedFit:
+    keep = np.array([f.term != name for f in fit.free])
     structure = Structure(
-        found.structure.profile, tuple(t for t in found.structure.terms if t.name != name)
+        fit.structure.profile, tuple(t for t in fit.structure.terms if t.name != name)
     )
-    problem = replace(found.problem, structure=structure)
-    theta = found.optimum.theta[keep]
-    bias = np.zeros(len(theta)) if found.bias is None else found.bias[keep]
-    none = np.zeros(3) if found.noise_bias is None else found.noise_bias
-    fit = maximise_corrected(
-        problem, theta, found.optimum.noise, ScoreBias(bias, none, theta, found.optimum.noise)
-    )
-    if strayed(found, keep, fit):
-        bias, none = np.zeros(len(theta)), np.zeros(3)
-        fit = maximise_corrected(problem, theta, found.optimum.noise, None)
-    scatter = None if found.scatter is None else found.scatter[np.ix_(keep, keep)]
-    return CorrectedFit(problem, fit, scatter, bias, none, found.flights)
+    problem = replace(fit.problem, structure=structure)
+    theta, noise = fit.optimum.theta[keep], fit.optimum.noise
+    bias = np.zeros(len(theta)) if fit.bias is None else fit.bias[keep]
+    noise_bias = np.zeros(3) if fit.noise_bias is None else fit.noise_bias
+    refit = maximise_corrected(problem, theta, noise, ScoreBias(bias, noise_bias, theta, noise))
+    if out_of_range(fit, keep, refit):
+        bias, noise_bias = np.zeros(len(theta)), np.zeros(3)
+        refit = maximise_corrected(problem, theta, noise, None)
+    scatter = None if fit.scatter is None else fit.scatter[np.ix_(keep, keep)]
+    return CorrectedFit(problem, refit, scatter, bias, noise_bias, fit.flights)
 
 
-def as_written(base: CorrectedFit, found: CorrectedFit) -> CorrectedFit:
-    """The base simulation with its body's equations written as ``found`` has them: refitted."""
-    if not found.structure.formal:
+def as_written(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
+    """Return the base simulation refitted with the form of the body's equations of ``fit``."""
+    if not fit.structure.formal:
         return base
-    own = {t.name for t in base.structure.terms}
-    for t in found.structure.terms:
-        if t.name not in own and not t.effect.formal:
-            found = without(found, t)
-    return found
+    base_terms = {t.name for t in base.structure.terms}
+    for t in fit.structure.terms:
+        if t.name not in base_terms and not t.effect.formal:
+            fit = without(fit, t)
+    return fit
 
 
-def strayed(found: CorrectedFit, keep: np.ndarray, fit: Optimum) -> bool:
-    """Whether a fit of the coordinates ``keep`` ((n,) bool) of ``found`` lies far from there."""
-    o = found.optimum
-    A = o.information + np.diag(found.problem.prior_precision)
+def out_of_range(fit: CorrectedFit, keep: np.ndarray, refit: Optimum) -> bool:
+    """Return True if a refit of the coordinates ``keep`` ((n,) bool) is too far from ``fit``."""
+    o = fit.optimum
+    A = o.information + np.diag(fit.problem.prior_precision)
     sd = np.sqrt(np.diag(np.linalg.inv(A)))[keep]
-    rougher = np.abs(np.log(fit.noise[:3] / o.noise[:3]))[found.problem.data.axes]
-    moved = np.abs(fit.theta - o.theta[keep]) / sd
-    return bool(moved.max() > FAR or rougher.max(initial=0.0) > ROUGHER)
+    noise_shift = np.abs(np.log(refit.noise[:3] / o.noise[:3]))[fit.problem.data.axes]
+    shift = np.abs(refit.theta - o.theta[keep]) / sd
+    return bool(shift.max() > MAX_SHIFT or noise_shift.max(initial=0.0) > MAX_NOISE_SHIFT)
 
 
 @lru_cache(maxsize=2)
-def full(found: CorrectedFit, freed: bool) -> Optimum:
-    """The same fit by likelihood, ``freed`` of its false slopes or not."""
-    o, tilt = found.optimum, None
-    if freed and found.bias is not None and found.noise_bias is not None:
-        tilt = ScoreBias(found.bias, found.noise_bias, o.theta, o.noise)
-    return maximise_corrected(found.problem, o.theta, o.noise, tilt)
+def refitted(fit: CorrectedFit, corrected: bool) -> Optimum:
+    """Return the maximum of the same structure, with or without bias correction; cached."""
+    o, score_bias = fit.optimum, None
+    if corrected and fit.bias is not None and fit.noise_bias is not None:
+        score_bias = ScoreBias(fit.bias, fit.noise_bias, o.theta, o.noise)
+    return maximise_corrected(fit.problem, o.theta, o.noise, score_bias)
 
 
 def backward_elimination(
-    bench: Setup, found: CorrectedFit, steps: Sequence[Step]
+    bench: Setup, fit: CorrectedFit, steps: Sequence[Step]
 ) -> tuple[CorrectedFit, list[Step]]:
-    """Backward: a cause that later ones made superfluous goes."""
+    """Return fit and steps without each cause whose 2 Δℓ_c/κ is less than its price."""
     kept = list(steps)
     taken = [s for s in steps if s.choice is not None]
-    if len(taken) > 1:  # beside each other; what is without each is asked for again (`measured`)
+    if len(taken) > 1:  # fill the caches of `without` and `refitted` in parallel
         terms = [s.choice.term for s in taken if s.choice is not None]
         parallel_map(
-            lambda i: without(found, terms[i]) if i < len(terms) else full(found, True),
+            lambda i: without(fit, terms[i]) if i < len(terms) else refitted(fit, True),
             len(terms) + 1,
         )
     for s in taken[:-1]:
         assert s.choice is not None
         term = s.choice.term
-        less = without(found, term)
-        # Both on the same likelihood: freed of false slopes, or neither.
-        whole = full(found, less.bias is not None and bool(less.bias.any()))
-        won = 2 * (whole.loglik - less.optimum.loglik) / s.nulls.inflation
-        if won < price(found.problem, found.optimum, term.name, s.nulls.inflation):
-            found = bias_corrected(bench, less.problem, less.optimum)
+        less = without(fit, term)
+        # Both likelihoods with bias correction, or both without.
+        whole = refitted(fit, less.bias is not None and bool(less.bias.any()))
+        gain = 2 * (whole.loglik - less.optimum.loglik) / s.nulls.inflation
+        if gain < price(fit.problem, fit.optimum, term.name, s.nulls.inflation):
+            fit = bias_corrected(bench, less.problem, less.optimum)
             kept = [k for k in kept if k is not s]
-    return found, kept
+    return fit, kept

@@ -32,7 +32,7 @@ from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, forward, hats
 from heli3dof.diagnosis.sensitivity.perturbation import forward as traces_of
 from heli3dof.diagnosis.sensitivity.perturbation import path
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
-from heli3dof.diagnosis.unmodelled.torque_evidence import Held, told
+from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, informative_directions
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.model.effects.empirical import PREFIX, factors
 
@@ -66,7 +66,7 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     """Return terms for ``torque``, best first: the formula if it holds as well as the curve, and
     the curve if it is a function of a product of quantities."""
     flight = trail(fit)
-    held = Held.base(fit, flight, None)
+    held = Nuisance.base(fit, flight, None)
     bias = np.zeros(len(held.g)) if fit.bias is None else fit.bias
     g = held.g - bias
     axis = AXES.index(torque.axis)
@@ -113,7 +113,7 @@ def value(flight: Trail, product: str) -> np.ndarray:
 
 
 def projected(
-    flight: Trail, held: Held, g: np.ndarray, D: np.ndarray
+    flight: Trail, held: Nuisance, g: np.ndarray, D: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return u (K,) and v (K, K) of traces D (K, E), without what the fit's coordinates explain."""
     weighted = D * flight.at.w
@@ -123,7 +123,7 @@ def projected(
 
 
 def spline_score(
-    flight: Trail, held: Held, g: np.ndarray, axis: int, variable: str
+    flight: Trail, held: Nuisance, g: np.ndarray, axis: int, variable: str
 ) -> tuple[float, int]:
     """Return S of the piecewise linear torque of ``variable`` and its rank; zero if it is still."""
     library = hats(flight, np.array([axis]))
@@ -132,7 +132,7 @@ def spline_score(
     columns = np.arange(KNOTS) + KNOTS * library.variables.index(variable)
     D = forward(library, flight, held.tangents, columns).traces
     u, v = projected(flight, held, g, D)
-    E = told(v, (D * flight.at.w) @ D.T)
+    E = informative_directions(v, (D * flight.at.w) @ D.T)
     if not E.shape[1]:
         return 0.0, 1
     return float(u @ E @ np.linalg.solve(E.T @ v @ E, E.T @ u)), E.shape[1]

@@ -35,7 +35,7 @@ def step(absorbed: float, v: float, Z: float, ratio: float = 1.4) -> Any:
     screen = SimpleNamespace(
         plain=(probe,), solved=np.array([[0.0], [absorbed], [0.0], [0.0]]), v=np.array([v])
     )
-    nulls = SimpleNamespace(std=np.ones(1), judged=lambda seen: np.array([Z]))
+    nulls = SimpleNamespace(std=np.ones(1), standardised=lambda seen: np.array([Z]))
     return cast(
         Any,
         SimpleNamespace(found=fit, screen=screen, nulls=nulls, seen=None, instead_of_inertia=[]),
@@ -79,7 +79,7 @@ def scaled_base(share: float, v: float, Z: float) -> Any:
         structure=SimpleNamespace(profile=default_profile(), terms=()),
     )  # fmt: skip
     screen = SimpleNamespace(plain=(probe,), solved=np.full((4, 1), share), v=np.array([v]))
-    nulls = SimpleNamespace(std=np.ones(1), judged=lambda seen: np.array([Z]))
+    nulls = SimpleNamespace(std=np.ones(1), standardised=lambda seen: np.array([Z]))
     return cast(Any, SimpleNamespace(found=fit, screen=screen, nulls=nulls, seen=None))
 
 

@@ -1,4 +1,4 @@
-"""Encoder backlash is tried where it is present and not where it is absent; its size is right."""
+"""Encoder backlash is a candidate only if it is present, and its fitted width is correct."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from heli3dof.diagnosis.estimate.bias_correction import ProfileLikelihood
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening.grid_trials import (
-    beginning,
-    ringing,
+    fit_start,
+    last_resort_terms,
     trials,
     tried_terms,
     widened,
@@ -42,7 +42,7 @@ def candidates(fitted: Estimate) -> list[str]:
     return [t.term.name for t in trials(fitted.problem, o.theta, o.noise, tried_terms((), AXES))]
 
 
-def test_effects_without_a_score_are_tried_by_a_fit() -> None:
+def test_present_terms_and_unmeasured_axes_are_not_tried() -> None:
     names = [t.name for t in tried_terms(["encoder.backlash.roll"], ("roll", "pitch"))]
     assert names == ["encoder.backlash.pitch"]
 
@@ -52,7 +52,7 @@ def test_backlash_is_a_candidate_on_its_own_axis_only() -> None:
 
 
 @pytest.mark.parametrize("hide", ["", "friction.coulomb.pitch:0.012"])
-def test_no_backlash_is_a_candidate_where_there_is_none(hide: str) -> None:
+def test_no_backlash_is_a_candidate_if_there_is_none(hide: str) -> None:
     assert candidates(base(hide, 1151)) == []
 
 
@@ -61,16 +61,16 @@ def test_a_fit_started_from_the_trial_finds_the_backlash_width() -> None:
     o = fitted.optimum
     term = tried_terms((), ("pitch",))[0]
     ext = widened(fitted.problem, o.theta, term)
-    start, noise = beginning(ext, o.theta, o.noise, term)
-    assert noise[1] < 0.3 * o.noise[1]  # formerly attributed to random torques
+    start, noise = fit_start(ext, o.theta, o.noise, term)
+    assert noise[1] < 0.3 * o.noise[1]  # the base attributed the backlash to random torques
     fit = maximise_corrected(ext, start, noise, None)
     assert ext.values(fit.theta)[-1] == pytest.approx(0.4, abs=0.03)
     assert np.isfinite(fit.loglik)
 
 
 def test_a_loop_oscillating_with_a_lag_is_not_attributed_to_noise() -> None:
-    """With an additional torque the base doubles J_pitch under four times the noise, and possibly
-    no score is significant; a threshold above all scores represents that. A fit shows the lag."""
+    """With an additional torque, the base fit doubles J_pitch and quadruples the noise. Possibly no
+    score is significant then; a threshold above all scores represents that. A trial finds it."""
     device = "mock:?speed=max&seed=1043&hide=motor.lag:0.08,bias.torque.pitch:0.025"
     flight = fly_plan(load_plan("rich"), device=device, seed=1043).recording.between(0.0, 40.0)
     bench = Setup((flight,), 0, 4)
@@ -86,4 +86,4 @@ def test_a_loop_oscillating_with_a_lag_is_not_attributed_to_noise() -> None:
 def test_without_a_lag_no_trial_wins() -> None:
     fitted = base("", 1151)
     o = fitted.optimum
-    assert trials(fitted.problem, o.theta, o.noise, ringing(())) == []
+    assert trials(fitted.problem, o.theta, o.noise, last_resort_terms(())) == []

@@ -1,11 +1,11 @@
-"""Null simulations: thresholds keep their false-alarm rate on numbers from the assumed law."""
+"""Thresholds from nulls keep their false-alarm rate if the scores are normally distributed."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.screening.nulls import judged_by
+from heli3dof.diagnosis.screening.nulls import nulls_from_scores
 
 PROBES = 45
 
@@ -13,7 +13,7 @@ PROBES = 45
 def largest(rng: np.random.Generator, flights: int, sigma: np.ndarray) -> tuple[float, float]:
     """(the recording's largest Z², the threshold) where the recording is one more null."""
     z = rng.standard_normal((flights + 1, PROBES)) * sigma
-    nulls = judged_by(z[:-1])
+    nulls = nulls_from_scores(z[:-1])
     return float((((z[-1] - nulls.mean) / nulls.std) ** 2).max()), nulls.threshold
 
 
@@ -27,15 +27,15 @@ def test_one_more_null_rarely_exceeds_the_threshold(flights: int) -> None:
 
 def test_the_threshold_is_higher_for_few_flights() -> None:
     rng = np.random.default_rng(1001)
-    few, many = (judged_by(rng.standard_normal((n, PROBES))) for n in (12, 200))
+    few, many = (nulls_from_scores(rng.standard_normal((n, PROBES))) for n in (12, 200))
     assert few.threshold > many.threshold > 15
 
 
-def test_a_bias_common_to_all_nulls_is_not_a_finding() -> None:
+def test_a_bias_widens_the_standard_deviation_of_its_probe_only() -> None:
     rng = np.random.default_rng(1002)
     z = rng.standard_normal((16, PROBES))
     z[:, 7] += 80.0
-    nulls = judged_by(z)
+    nulls = nulls_from_scores(z)
     assert abs(nulls.mean[7] - 80) < 1
     assert nulls.std[7] > 19 > 2 > nulls.std[6]
     assert nulls.confidence(4.0) < 0.5

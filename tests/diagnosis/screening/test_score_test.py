@@ -1,4 +1,4 @@
-"""The screen of candidates on flights of the emulated rig, and its parts. Seeds from 1000."""
+"""Score test on flights of the emulated rig: size, frequency, false alarms, and its parts."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def fitted(recording: Recording) -> tuple[Estimate, Evaluation]:
     return fit, evaluate(fit.problem, o.theta, o.noise, whole=False)
 
 
-def screened(fit: Estimate, here: Evaluation) -> Screen:
+def screened(fit: Estimate, evaluation: Evaluation) -> Screen:
     terms = candidates()
     V = fit.problem.data.V
     plain = [p for t in terms for p in probes(t, V)]
-    return Screen(fit.problem, fit.optimum.theta, here, plain, scans(terms))
+    return Screen(fit.problem, fit.optimum.theta, evaluation, plain, scans(terms))
 
 
 @pytest.fixture(scope="module")
@@ -45,41 +45,41 @@ def unmodified() -> tuple[Estimate, Evaluation]:
     return fitted(rich(1003))
 
 
-def test_linearised_tangents_match_the_filter_s_differences(
+def test_linearised_tangents_match_finite_differences_of_the_filter(
     unmodified: tuple[Estimate, Evaluation],
 ) -> None:
-    fit, here = unmodified
-    own = fit.problem.tangents(fit.optimum.theta, here.at)
-    for a, b in zip(here.T, own, strict=True):
+    fit, evaluation = unmodified
+    differences = fit.problem.tangents(fit.optimum.theta, evaluation.at)
+    for a, b in zip(evaluation.T, differences, strict=True):
         assert np.corrcoef(a, b)[0, 1] > 0.999
         assert np.std(a) == pytest.approx(np.std(b), rel=0.01)
 
 
 def test_backward_is_the_adjoint_of_forward(unmodified: tuple[Estimate, Evaluation]) -> None:
-    fit, here = unmodified
+    fit, evaluation = unmodified
     wide, null = with_term(fit.structure, fit.values, term("friction.viscous.pitch"))
-    a = forcing(here.path, wide, [np.append(null[:-1], 0.02)], [False])
-    q = np.random.default_rng(1000).standard_normal((1, len(here.at.row)))
-    L, _, _ = backward(here.path, q)
-    assert (L[0] * a[0]).sum() == pytest.approx(float((q @ forward(here.path, a).T)[0, 0]))
+    a = forcing(evaluation.path, wide, [np.append(null[:-1], 0.02)], [False])
+    q = np.random.default_rng(1000).standard_normal((1, len(evaluation.at.row)))
+    L, _, _ = backward(evaluation.path, q)
+    assert (L[0] * a[0]).sum() == pytest.approx(float((q @ forward(evaluation.path, a).T)[0, 0]))
 
 
 def test_on_an_unmodified_rig_no_probe_stands_out(unmodified: tuple[Estimate, Evaluation]) -> None:
-    fit, here = unmodified
-    assert np.abs(screened(fit, here).see(here, prior=True).z).max() < 5.0
+    fit, evaluation = unmodified
+    assert np.abs(screened(fit, evaluation).score(evaluation, prior=True).z).max() < 5.0
 
 
 def test_a_cable_stiffness_in_yaw_stands_out_with_its_size() -> None:
-    fit, here = fitted(rich(1001, "stiffness.cable.yaw:0.05"))
-    seen = screened(fit, here).see(here, prior=True)
+    fit, evaluation = fitted(rich(1001, "stiffness.cable.yaw:0.05"))
+    seen = screened(fit, evaluation).score(evaluation, prior=True)
     best = int(np.argmax(seen.z**2))
     assert seen.probes[best].name == "stiffness.cable.yaw"
     assert seen.amplitude[best] == pytest.approx(0.05, rel=0.2)
 
 
 def test_a_periodic_torque_is_found_at_its_frequency() -> None:
-    fit, here = fitted(rich(1004, "disturbance.periodic.yaw:0.03@0.7"))
-    seen = screened(fit, here).see(here, prior=True)
+    fit, evaluation = fitted(rich(1004, "disturbance.periodic.yaw:0.03@0.7"))
+    seen = screened(fit, evaluation).score(evaluation, prior=True)
     probe = {p.name: p for p in seen.probes}["disturbance.periodic.yaw"]
     z = dict(zip([p.name for p in seen.probes], seen.z, strict=True))
     assert z["disturbance.periodic.yaw"] > 10
@@ -99,8 +99,8 @@ def test_base_parameters_and_existing_terms_are_not_candidates() -> None:
 
 
 def test_the_shared_part_of_a_cause_and_a_probe_excludes_the_base() -> None:
-    """By hand: information 1, shares of the probe 0.6 (base) and 0.48 (cause). The base leaves
-    1 − 0.36 = 0.64, of which the cause takes 0.48² = 0.2304, so ρ² = 0.36."""
+    """By hand: the probe has information 1. Its correlation is 0.6 with the base, 0.48 with the
+    cause. The base leaves 1 − 0.36 = 0.64, the cause absorbs 0.48² = 0.2304: ρ² = 0.36."""
     screen = object.__new__(Screen)
     screen.A, screen.cross = np.eye(2), np.array([[0.6], [0.48]])
     screen.full, screen.v = np.array([1.0]), np.array([0.4096])

@@ -8,11 +8,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.conclusion import adoption as measured
+from heli3dof.diagnosis.conclusion import adoption
 from heli3dof.diagnosis.conclusion.adoption import adopted
-from heli3dof.diagnosis.selection import alternatives as in_turn
+from heli3dof.diagnosis.selection import alternatives as module
 from heli3dof.diagnosis.selection import select
-from heli3dof.diagnosis.selection.alternatives import TURNS, first_that_flies, instead
+from heli3dof.diagnosis.selection.alternatives import MAX_ALTERNATIVES, first_that_flies, instead
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import TIE, Choice
 from heli3dof.diagnosis.validation.gain import Interval
@@ -47,13 +47,13 @@ def step_with(made: Choice) -> Any:
 
 @pytest.fixture
 def unflyable(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of causes whose model cannot be first_that_flies; tests fill it."""
+    """Names of causes whose model cannot be flown; tests fill it."""
     names: list[str] = []
 
     def extended(bench: object, made: Choice) -> Any:
         return SimpleNamespace(scatter=None if made.term.name in names else np.eye(1))
 
-    monkeypatch.setattr(in_turn, "extended", extended)
+    monkeypatch.setattr(module, "extended", extended)
     monkeypatch.setattr(select, "tie_margin", lambda *a: TIE)
     return names
 
@@ -75,17 +75,17 @@ def test_an_unflyable_cause_is_replaced_by_the_next_likeliest_and_not_confounded
     taken, _ = first_that_flies(FREE, step_with(choice(*FITS)), None)
     assert taken is not None
     assert taken.term.name == NAMES[1]
-    assert taken.tied_with == NAMES[2:3]  # 3 less, within TIE
+    assert taken.tied_with == NAMES[2:3]  # its score is 3 less, within TIE
     assert NAMES[0] not in [c.term.name for c in taken.contenders]
 
 
 def test_no_cause_is_taken_if_none_flies_or_the_rest_is_below_the_threshold(
     unflyable: list[str],
 ) -> None:
-    unflyable += NAMES[:TURNS]
+    unflyable += NAMES[:MAX_ALTERNATIVES]
     assert first_that_flies(FREE, step_with(choice(*FITS)), None) == (None, None)
-    unseen = contender(NAMES[3], 90.0, Z2=THRESHOLD - 1)
-    assert first_that_flies(FREE, step_with(choice(FITS[0], unseen)), None) == (None, None)
+    below = contender(NAMES[3], 90.0, Z2=THRESHOLD - 1)
+    assert first_that_flies(FREE, step_with(choice(FITS[0], below)), None) == (None, None)
 
 
 def test_with_an_unknown_controller_the_first_cause_is_kept(unflyable: list[str]) -> None:
@@ -122,26 +122,26 @@ def test_a_replacement_is_confounded_with_the_original_at_the_same_confidence() 
 @pytest.fixture
 def gains(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     """Held-out log-likelihood gain of each name; a fit is the set of its names."""
-    worth: dict[str, float] = {}
+    gains_by_name: dict[str, float] = {}
 
     def gain(before: frozenset[str], after: frozenset[str], *, seed: int) -> Any:
-        value = sum(worth[n] for n in after - before)
+        value = sum(gains_by_name[n] for n in after - before)
         return SimpleNamespace(
             log_likelihood=Interval(value, value - 1, value + 1), rmse_deg={"roll": None}
         )
 
-    monkeypatch.setattr(measured, "held_out", lambda fit, holdout: fit)
-    monkeypatch.setattr(measured, "without", lambda fit, term: fit - {term.name})
-    monkeypatch.setattr(measured, "gain", gain)
-    monkeypatch.setattr(measured, "_findings", lambda result, kept, less, gains: tuple(kept))
-    monkeypatch.setattr(measured, "pays", lambda g: g.log_likelihood.low > 0)
-    return worth
+    monkeypatch.setattr(adoption, "held_out", lambda fit, holdout: fit)
+    monkeypatch.setattr(adoption, "without", lambda fit, term: fit - {term.name})
+    monkeypatch.setattr(adoption, "gain", gain)
+    monkeypatch.setattr(adoption, "_findings", lambda result, kept, less, gains: tuple(kept))
+    monkeypatch.setattr(adoption, "pays", lambda g: g.log_likelihood.low > 0)
+    return gains_by_name
 
 
-def each_in_turn(less: Any, gone: Choice, tried: Any) -> Any:
-    for c in gone.contenders:
-        if c.term.name in gone.tied_with and c.term.name not in tried:
-            yield instead(gone, c), less | {c.term.name}
+def each_confounded(reduced: Any, dropped: Choice, tried: Any) -> Any:
+    for c in dropped.contenders:
+        if c.term.name in dropped.tied_with and c.term.name not in tried:
+            yield instead(dropped, c), reduced | {c.term.name}
 
 
 @pytest.mark.parametrize(
@@ -158,9 +158,9 @@ def test_a_confounded_cause_that_pays_replaces_one_that_does_not(
 ) -> None:
     gains.update({n: 20.0 if n == pays else -20.0 for n in NAMES})
     made = choice(*(contender(n, 50.0) for n in NAMES), tied=2)
-    result, kept, gone, _ = adopted(
-        cast(Any, frozenset(NAMES[:1])), [made], [], seed=0, instead=each_in_turn
+    result, kept, rejected, _ = adopted(
+        cast(Any, frozenset(NAMES[:1])), [made], [], seed=0, instead=each_confounded
     )
     assert result == ({named} if named else set())
     assert [c.term.name for c in cast(Any, kept)] == ([named] if named else [])
-    assert [d.name for d in gone] == dropped
+    assert [d.name for d in rejected] == dropped

@@ -1,4 +1,4 @@
-"""Of confounded causes, the one that explains more together with a second effect is chosen."""
+"""Of confounded causes, the one that explains more together with a second cause is chosen."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.selection import companions
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.companions import (
-    DECIDED,
+    MIN_PAIR_W,
     best_with_companion,
-    nulls_of,
-    simplest,
-    tied,
+    comparable,
+    nulls_for,
+    single_cause,
 )
-from heli3dof.diagnosis.selection.rivals import FALSE
+from heli3dof.diagnosis.selection.rivals import LARGE_BIAS
 from heli3dof.diagnosis.selection.select import TIE, Choice
 from heli3dof.diagnosis.selection.steps import extended, screening_step
 from heli3dof.experiment.fly import fly_plan
@@ -31,12 +31,12 @@ LEVEL = SimpleNamespace(theta=None, noise=None)
 NAMES = ("motor.supply_sag", "motor.thrust_curve", "motor.saturation")
 
 
-def step_with(tied_with: tuple[str, ...], false: float = 0.0) -> Any:
+def step_with(tied_with: tuple[str, ...], bias: float = 0.0) -> Any:
     fits = tuple(
         CandidateFit(t, NONE, NONE, s, 50.0, i)
         for i, (t, s) in enumerate(zip(terms(NAMES), (120.0, 118.0, 20.0), strict=True))
     )
-    nulls = SimpleNamespace(mean=np.array([false, 0.0, 0.0]), inflation=1.0)
+    nulls = SimpleNamespace(mean=np.array([bias, 0.0, 0.0]), inflation=1.0)
     made = Choice(fits[0].term, 120.0, 50.0, 0.7, tied_with, fits)
     return SimpleNamespace(choice=made, nulls=nulls)
 
@@ -46,15 +46,15 @@ def companion_scores(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     """Score of the likeliest second term with each name; tests fill it. Nothing is fitted."""
     scores: dict[str, float] = {}
 
-    def widened(bench: object, choice: Choice) -> Any:
+    def fake_extended(bench: object, choice: Choice) -> Any:
         return SimpleNamespace(scatter=np.eye(1), name=choice.contenders[0].term.name)
 
     def companion(step: object, bench: object, pair: Any) -> Any:
         score = scores.get(pair.name)
         return None if score is None else SimpleNamespace(score=score, problem=None, optimum=LEVEL)
 
-    monkeypatch.setattr(companions, "simplest", lambda bench, pair, alone: None)
-    monkeypatch.setattr(companions, "extended", widened)
+    monkeypatch.setattr(companions, "single_cause", lambda bench, pair, alone: None)
+    monkeypatch.setattr(companions, "extended", fake_extended)
     monkeypatch.setattr(companions, "companion", companion)
     return scores
 
@@ -81,11 +81,13 @@ def test_the_second_term_decides_between_confounded_causes(
     assert set(made) == set(NAMES[:2])
 
 
-@pytest.mark.parametrize(("W", "taken"), [(DECIDED + 0.1, NAMES[1]), (DECIDED - 0.1, NAMES[0])])
+@pytest.mark.parametrize(
+    ("W", "taken"), [(MIN_PAIR_W + 0.1, NAMES[1]), (MIN_PAIR_W - 0.1, NAMES[0])]
+)
 def test_a_pair_replaces_a_single_cause_only_if_clearly_likelier(
     monkeypatch: pytest.MonkeyPatch, companion_scores: dict[str, float], W: float, taken: str
 ) -> None:
-    monkeypatch.setattr(companions, "simplest", simplest)
+    monkeypatch.setattr(companions, "single_cause", single_cause)
     monkeypatch.setattr(companions, "correct", lambda *fit, **how: None)
     monkeypatch.setattr(companions, "likelihoods", lambda fits, flown, *, seed: (fits, flown))
     monkeypatch.setattr(companions, "odds", lambda *_: np.array([[0.0, W], [-W, 0.0]]))
@@ -103,8 +105,8 @@ def test_a_cause_that_is_not_confounded_needs_no_fit(companion_scores: dict[str,
 
 
 def test_scores_with_large_bias_are_not_compared() -> None:
-    assert len(tied(step_with(NAMES[1:2], false=FALSE - 0.1))) == 2
-    assert len(tied(step_with(NAMES[1:2], false=FALSE + 0.1))) == 1
+    assert len(comparable(step_with(NAMES[1:2], bias=LARGE_BIAS - 0.1))) == 2
+    assert len(comparable(step_with(NAMES[1:2], bias=LARGE_BIAS + 0.1))) == 1
 
 
 def test_a_dead_zone_is_found_together_with_the_supply_sag() -> None:
@@ -113,7 +115,7 @@ def test_a_dead_zone_is_found_together_with_the_supply_sag() -> None:
     flown = fly_plan(load_plan("rich"), device=device, seed=1203).recording
     bench = Setup((flown,), 0, 4)
     step = screening_step(bench, fit_base(bench), 10)
-    assert nulls_of(step, step.screen).mean == pytest.approx(step.nulls.mean)
+    assert nulls_for(step, step.screen).mean == pytest.approx(step.nulls.mean)
     step = step.chosen(Setup((flown,), 0, 4, "rigid", False), None)
     assert step.choice is not None
     one = next(c for c in step.choice.contenders if c.term.name == "motor.supply_sag")

@@ -1,4 +1,4 @@
-"""An inertia that absorbed a slow torque returns to nominal in a full fit; a true one stays."""
+"""An inertia that absorbed a slow torque returns to nominal in a full fit; a wrong one stays."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ HEAVY = "inertia.roll:1.6"
 
 
 @cache
-def look(hide: str, seed: int) -> tuple[Setup, Step]:
-    """First score evaluation of a 10° step in roll."""
+def first_step(hide: str, seed: int) -> tuple[Setup, Step]:
+    """Return the screen of a 10° step in roll."""
     device = f"mock:?speed=max&seed={seed}&hide={hide}"
     flown = fly_plan(step_plan((10.0, None, None)), device=device, seed=seed).recording
     bench = Setup((flown,), seed, 6, opinions=False)
@@ -30,14 +30,14 @@ def look(hide: str, seed: int) -> tuple[Setup, Step]:
 
 
 @pytest.mark.parametrize("hide", [SLOW, HEAVY])
-def test_both_effects_put_the_roll_inertia_off_nominal(hide: str) -> None:
-    _, step = look(hide, 1202)
+def test_a_slow_torque_and_a_wrong_inertia_both_move_the_roll_inertia(hide: str) -> None:
+    _, step = first_step(hide, 1202)
     off = off_nominal(step.found, std_inflation=std_inflation(step.found))
     assert [o.term.name for o in off] == ["inertia.roll"]
 
 
 def test_a_slow_torque_below_the_screen_threshold_is_the_cause() -> None:
-    bench, step = look(SLOW, 1202)
+    bench, step = first_step(SLOW, 1202)
     assert step.largest[0][1] < step.nulls.threshold
     choice = step.chosen(bench, None).choice
     assert choice is not None
@@ -49,12 +49,12 @@ def test_a_slow_torque_below_the_screen_threshold_is_the_cause() -> None:
 
 
 def test_no_effect_restores_an_inertia_that_is_truly_off() -> None:
-    _, step = look(HEAVY, 1202)
+    _, step = first_step(HEAVY, 1202)
     assert step.instead_of_inertia == []
 
 
 def test_an_effect_that_explains_no_more_is_confounded_with_the_inertia() -> None:
-    _, step = look(SLOW, 1202)
+    _, step = first_step(SLOW, 1202)
     other = step.instead_of_inertia[0]
     assert cause_hidden_in_inertia([other], step.screen, step.nulls) is not None
     step._fits["inertia"] = [modest := replace(other, score=2 * step.nulls.threshold)]
@@ -64,6 +64,6 @@ def test_an_effect_that_explains_no_more_is_confounded_with_the_inertia() -> Non
 
 
 def test_only_the_requested_parameter_counts() -> None:
-    _, step = look(HEAVY, 1202)
+    _, step = first_step(HEAVY, 1202)
     assert not within(step.found, {"inertia.roll"})
     assert within(step.found, {"inertia.yaw"})

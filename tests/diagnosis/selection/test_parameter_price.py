@@ -1,4 +1,4 @@
-"""The cost of a parameter: ln N if the data determine it, nothing if only its prior does."""
+"""A parameter costs ln N if the data determine it, and nothing if only its prior does."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ INFLOW, LAG = "aero.inflow", "motor.lag"
 
 
 def at(prior: list[float], information: list[float], *names: str) -> tuple[Any, Any]:
-    """Two uncorrelated parameters of the inflow, or those of ``names``."""
+    """Return a problem and a fit with two parameters of the inflow, or those of ``names``."""
     problem = SimpleNamespace(
         structure=SimpleNamespace(free=[SimpleNamespace(term=t) for t in names or [INFLOW] * 2]),
         prior_precision=np.array(prior),
@@ -24,7 +24,7 @@ def at(prior: list[float], information: list[float], *names: str) -> tuple[Any, 
     return problem, fit
 
 
-def test_a_size_costs_ln_n() -> None:
+def test_a_first_parameter_costs_ln_n() -> None:
     assert price(*at([1e-4], [50.0], LAG), "motor.lag") == pytest.approx(np.log(N))
 
 
@@ -38,8 +38,7 @@ def test_a_second_parameter_costs_the_shrinkage_of_its_prior() -> None:
     assert cost - np.log(N) == pytest.approx(2.197, abs=1e-3)
 
 
-def test_a_likelihood_of_half_the_weight_has_half_the_information() -> None:
-    """κ = 2 of an information of 64 is 32."""
+def test_an_inflation_of_two_halves_the_information() -> None:
     once = price(*at([1e-4, 4.0], [50.0, 32.0]), "aero.inflow")
     assert price(*at([1e-4, 4.0], [100.0, 64.0]), "aero.inflow", 2.0) == pytest.approx(once)
 

@@ -1,4 +1,4 @@
-"""With large score bias, simulated flights of each rival decide which one fits the recording."""
+"""If the score bias is large, flights simulated from each rival decide between them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.stats import t
 
 from heli3dof.diagnosis.estimate.base_fit import fit_base
 from heli3dof.diagnosis.estimate.setup import Setup
-from heli3dof.diagnosis.selection.rivals import least, odds, rivals
+from heli3dof.diagnosis.selection.rivals import least_odds, odds, rivals
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.selection.steps import screening_step
 from heli3dof.experiment.fly import fly_plan
@@ -19,7 +19,7 @@ from heli3dof.experiment.plan import step_plan
 
 
 def flown(m0: float, m1: float, s: float) -> np.ndarray:
-    """(2, 4, 2): ℓ of flights of each of two rivals, ℓ_1 − ℓ_0 about m0 and m1, scatter s."""
+    """Return ℓ (2, 4, 2) of two rivals' flights; ℓ_1 − ℓ_0 has means m0, m1 and deviation s."""
     out = np.zeros((2, 4, 2))
     out[0, :, 1] = m0 + s * np.array([-1, -1, 1, 1]) * np.sqrt(3) / 2
     out[1, :, 1] = m1 + s * np.array([-1, -1, 1, 1]) * np.sqrt(3) / 2
@@ -27,16 +27,16 @@ def flown(m0: float, m1: float, s: float) -> np.ndarray:
 
 
 def test_the_rival_whose_flights_match_the_recording_is_likelier() -> None:
-    # By hand: s = 5 √(5/4); the recording's 10 is the second's mean, 30 above the first's.
+    # By hand: s = 5 √(5/4); the recording's 10 is the second rival's mean, 30 above the first's.
     W = odds(np.array([0.0, 10.0]), flown(-20.0, 10.0, 5.0))
     by_hand = 2 * (t.logpdf(0, 3) - t.logpdf(30 / (5 * np.sqrt(1.25)), 3))
     assert W[1, 0] == pytest.approx(by_hand)
     assert W[0, 1] == -W[1, 0]
-    assert list(np.sign(least(W))) == [-1, 1]
+    assert list(np.sign(least_odds(W))) == [-1, 1]
 
 
 def test_a_larger_likelihood_decides_nothing_if_both_rivals_predict_it() -> None:
-    # Both rivals' flights are likelier under the second by 50: so is the recording.
+    # Flights of both rivals are likelier under the second by 50, and so is the recording.
     W = odds(np.array([0.0, 50.0]), flown(50.0, 50.0, 5.0))
     assert W[1, 0] == pytest.approx(0.0)
 
@@ -53,19 +53,19 @@ def nulls(*mean: float) -> Any:
     return cast(Any, SimpleNamespace(mean=np.array(mean), inflation=1.0))
 
 
-def test_large_bias_makes_rivals_that_decide() -> None:
+def test_a_large_bias_lets_the_comparison_decide() -> None:
     a, b, far = contender("a", 70.0, 0), contender("b", 60.0, 1), contender("far", 5.0, 2)
     tried = contender("tried", 90.0, None)
-    near, decides = rivals(choice(a, b, far, tried), nulls(-10.0, 1.0, 0.0))
-    assert ([c.term.name for c in near], decides) == (["a", "b"], True)
+    compared, decides = rivals(choice(a, b, far, tried), nulls(-10.0, 1.0, 0.0))
+    assert ([c.term.name for c in compared], decides) == (["a", "b"], True)
     assert rivals(choice(a, b, far), nulls(-1.0, 1.0, 20.0)) == ([], False)
     assert rivals(choice(tried, a, b), nulls(-10.0, 1.0, 0.0)) == ([], False)
 
 
 def test_a_modest_score_requests_a_comparison_of_close_rivals() -> None:
     a, b, far = contender("a", 40.0, 0), contender("b", 30.0, 1), contender("far", 5.0, 2)
-    near, decides = rivals(choice(a, b, far), nulls(-1.0, 1.0, 0.0))
-    assert ([c.term.name for c in near], decides) == (["a", "b"], False)
+    compared, decides = rivals(choice(a, b, far), nulls(-1.0, 1.0, 0.0))
+    assert ([c.term.name for c in compared], decides) == (["a", "b"], False)
     assert rivals(choice(a, far), nulls(-1.0, 1.0, 0.0)) == ([], False)
 
 

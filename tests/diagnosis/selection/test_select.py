@@ -1,4 +1,4 @@
-"""Selection of the cause: the likelier formula wins; indistinguishable causes are confounded."""
+"""The likeliest cause is chosen; causes that the recording cannot separate are confounded."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ def test_dry_friction_is_not_taken_for_viscous() -> None:
 def test_an_adopted_cause_leaves_the_candidates_and_can_be_removed_again() -> None:
     bench, step, choice = coulomb()
     fitted = extended(bench, choice)
-    left = screening_step(bench, fitted, 10)
-    assert "friction.coulomb.roll" not in left.screen.names
-    assert max(z for _, z in left.largest) < step.nulls.threshold
+    after = screening_step(bench, fitted, 10)
+    assert "friction.coulomb.roll" not in after.screen.names
+    assert max(z for _, z in after.largest) < step.nulls.threshold
     less = without(fitted, choice.term)
     assert less.structure.terms == ()
 
@@ -85,8 +85,8 @@ def test_a_second_cause_that_resembles_the_first_is_weak() -> None:
 
 
 def test_backlash_in_roll_is_not_compensated_by_its_score_bias() -> None:
-    """Without the backlash the noise grows fifty-fold. A bias correction measured with the backlash
-    and extrapolated that far would draw T_g to −8 N·m and remove the backlash."""
+    """Without the backlash, the fitted noise is fifty times larger. The bias correction is invalid
+    there: it would move T_g to −8 N·m and remove the backlash."""
     backlash = term("encoder.backlash.roll")
     device = "mock:?speed=max&seed=1031&hide=encoder.backlash.roll:1.0"
     flown = fly_plan(load_plan("rich"), device=device, seed=1031).recording.between(0.0, 20.0)
@@ -94,8 +94,8 @@ def test_backlash_in_roll_is_not_compensated_by_its_score_bias() -> None:
     problem = ProfileLikelihood(data_of([flown], usable_runs(flown, 0)), structure)
     start = problem.coordinates(np.array([f.start for f in structure.free[:-1]] + [1.0]))
     fit = maximise_corrected(problem, start, np.array([0.003, 0.014, 0.0025, 0.0]), None)
-    slopes = np.array([1235.0, -92.0, -148.0, -79.0, -14.0])  # of hidden case rich-pair-40020
-    fitted = CorrectedFit(problem, fit, np.eye(5), slopes, np.array([692.0, 10.0, -32.0]), 12)
+    bias = np.array([1235.0, -92.0, -148.0, -79.0, -14.0])  # of hidden case rich-pair-40020
+    fitted = CorrectedFit(problem, fit, np.eye(5), bias, np.array([692.0, 10.0, -32.0]), 12)
     less = without(fitted, backlash)
     assert less.values[0] == pytest.approx(fitted.values[0], rel=0.05)  # T_g
     assert less.optimum.loglik < fitted.optimum.loglik - 100
@@ -109,8 +109,8 @@ def test_backlash_in_roll_is_not_compensated_by_its_score_bias() -> None:
 
 
 def test_a_ground_effect_of_unknown_height_keeps_its_prior_height() -> None:
-    """Above 0.3 m a low h₀ with a large share equals a high h₀ with a small share and another T_g.
-    Without its prior h₀ moves to its bound of 1 m and the cause is lost."""
+    """Above 0.3 m, a low h₀ with a large share equals a high h₀ with a small share and another T_g.
+    Without its prior, h₀ moves to its bound of 1 m, and the fit is discarded."""
     _, step = step_of(load_plan("steps"), "aero.ground_effect:0.2@0.111", 1043)
     assert step.choice is not None
     contenders = {c.term.name: c for c in step.choice.contenders}
@@ -127,19 +127,19 @@ def test_in_a_single_step_a_delay_is_named_or_confounded() -> None:
     assert "motor.delay" in {step.choice.term.name, *step.choice.tied_with}
 
 
-@pytest.mark.parametrize(("own", "named"), [(29.0, True), (14.3, False)])
+@pytest.mark.parametrize(("Z2", "named"), [(29.0, True), (14.3, False)])
 def test_a_cause_below_the_screen_threshold_is_not_named(
-    monkeypatch: pytest.MonkeyPatch, own: float, named: bool
+    monkeypatch: pytest.MonkeyPatch, Z2: float, named: bool
 ) -> None:
-    seen, likeliest = term("motor.saturation"), term("motor.thrust_curve")
+    screened, likeliest = term("motor.saturation"), term("motor.thrust_curve")
     fits = [
-        CandidateFit(likeliest, NONE, NONE, 60.0, own, 0),
-        CandidateFit(seen, NONE, NONE, 8.0, 34.7, 1),
+        CandidateFit(likeliest, NONE, NONE, 60.0, Z2, 0),
+        CandidateFit(screened, NONE, NONE, 8.0, 34.7, 1),
     ]
     monkeypatch.setattr(select, "unidentifiable", lambda screen, nulls: ())
-    monkeypatch.setattr(select, "ranked_candidates", lambda seen_, nulls: [(seen, 34.7, 1)])
+    monkeypatch.setattr(select, "ranked_candidates", lambda result, nulls: [(screened, 34.7, 1)])
     monkeypatch.setattr(select, "fit_candidates", lambda *a: fits)
-    monkeypatch.setattr(select, "surest_first", lambda screen, nulls, fits: fits)
+    monkeypatch.setattr(select, "missing_parts_first", lambda screen, nulls, fits: fits)
     monkeypatch.setattr(select, "tie_margin", lambda *a: TIE)
     nulls = cast(
         Any, SimpleNamespace(threshold=28.2, least=lambda t: 28.2, confidence=lambda z: 1.0)
@@ -167,8 +167,8 @@ def test_a_periodic_torque_has_a_positive_amplitude() -> None:
 def test_a_screened_cause_is_taken_over_a_likelier_one_below_the_threshold(
     monkeypatch: pytest.MonkeyPatch, score: float, named: bool
 ) -> None:
-    # Doublets with `aero.inflow` 0.11: a periodic torque, fitted at its best
-    # frequency, scores 68 with a Z² of 7.5; the true cause 56, with 44.
+    # Measured on doublets with `aero.inflow` 0.11: a periodic torque at its best frequency has the
+    # score 68 and Z² 7.5, the true cause 56 and 44.
     fits = [
         CandidateFit(term("disturbance.periodic.roll"), NONE, NONE, 60.0, 7.5, 0),
         CandidateFit(term("aero.inflow"), NONE, NONE, score, 44.0, 1),
@@ -183,4 +183,4 @@ def test_a_screened_cause_is_taken_over_a_likelier_one_below_the_threshold(
     if choice is not None:
         assert choice.term.name == "aero.inflow"
         assert choice.tied_with == ("disturbance.periodic.roll", "friction.viscous.roll")
-        assert choice.confidence > 0.99  # that it is one of the three
+        assert choice.confidence > 0.99  # the cause is one of the three

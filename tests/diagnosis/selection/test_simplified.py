@@ -1,4 +1,4 @@
-"""A rig simulated by simplified equations has no finding; the report states the equations."""
+"""A rig simulated by simplified equations has no finding; the document states the equations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from heli3dof.diagnosis.screening.catalogue import candidates
 from heli3dof.diagnosis.screening.nulls import Nulls
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import best_choice
-from heli3dof.diagnosis.selection.steps import surely
+from heli3dof.diagnosis.selection.steps import is_significant_form
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.model.effects import term
@@ -29,7 +29,7 @@ WRITTEN = ("simplified.couplings", "simplified.yaw_inertia")
 
 
 def flown(*terms: str, seed: int, **values: float) -> Recording:
-    """The rich plan simulated by our own equations with a third of the mock's noise."""
+    """Return the rich plan, simulated by these equations with a third of the mock's noise."""
     mock = fly_plan(load_plan("rich"), device=f"mock:?speed=max&seed={seed}", seed=seed)
     model = nominal(mock.recording.profile, terms, **values)
     model = replace(model, noise=np.array([0.004, 0.01, 0.003]))
@@ -99,7 +99,7 @@ def contender(name: str, score: float, Z2: float) -> CandidateFit:
     return CandidateFit(term(name), cast(Any, None), cast(Any, None), score, Z2, None)
 
 
-def chosen(*fits: CandidateFit, first_score: float | None) -> str | None:
+def chosen_name(*fits: CandidateFit, first_score: float | None) -> str | None:
     nulls = Nulls(np.zeros(1), np.ones(1), 1.0, 20.0, 23.0, 16, "simulated")
     result = SimpleNamespace(free=())
     choice = best_choice(cast(Any, result), cast(Any, None), nulls, fits, first_score)
@@ -108,25 +108,25 @@ def chosen(*fits: CandidateFit, first_score: float | None) -> str | None:
 
 def test_a_form_of_the_equations_needs_no_minimum_score_as_a_further_term() -> None:
     couplings = contender("simplified.couplings", 60.0, 70.0)
-    assert chosen(couplings, first_score=5000.0) == "simplified.couplings"
+    assert chosen_name(couplings, first_score=5000.0) == "simplified.couplings"
     drag = contender("drag.quadratic.yaw", 70.0, 80.0)
-    assert chosen(drag, first_score=5000.0) is None
-    assert chosen(drag, couplings, first_score=5000.0) == "simplified.couplings"
-    assert chosen(drag, couplings, first_score=None) == "drag.quadratic.yaw"
+    assert chosen_name(drag, first_score=5000.0) is None
+    assert chosen_name(drag, couplings, first_score=5000.0) == "simplified.couplings"
+    assert chosen_name(drag, couplings, first_score=None) == "drag.quadratic.yaw"
 
 
 def test_the_threshold_is_lower_than_for_a_cause() -> None:
-    # t_23 exceeds 3.60 in a share 0.003/4 to one side: 3.60² (1 + 1/16) = 13.8; a cause
-    # among all candidates needs the threshold of the null simulations
+    # t_23 exceeds 3.60 with probability 0.003/4: 3.60² (1 + 1/16) = 13.8. A cause needs the nulls'
+    # threshold, because it is one of many candidates.
     nulls = Nulls(np.zeros(1), np.ones(1), 1.0, 20.0, 23.0, 16, "simulated")
     assert nulls.least(term("simplified.couplings")) == pytest.approx(13.8, abs=0.05)
     assert nulls.least(term("drag.quadratic.yaw")) == 20.0
-    assert chosen(contender("simplified.couplings", 10.0, 15.0), first_score=None) is not None
-    assert chosen(contender("drag.quadratic.yaw", 10.0, 15.0), first_score=None) is None
+    assert chosen_name(contender("simplified.couplings", 10.0, 15.0), first_score=None) is not None
+    assert chosen_name(contender("drag.quadratic.yaw", 10.0, 15.0), first_score=None) is None
 
 
 def test_the_other_simplification_is_added_if_equally_clear() -> None:
     choice = cast(Any, SimpleNamespace(threshold=20.0))
-    assert surely(contender("simplified.yaw_inertia", 25.0, 30.0), choice)
-    assert not surely(contender("simplified.yaw_inertia", 15.0, 30.0), choice)
-    assert not surely(contender("drag.quadratic.yaw", 250.0, 300.0), choice)
+    assert is_significant_form(contender("simplified.yaw_inertia", 25.0, 30.0), choice)
+    assert not is_significant_form(contender("simplified.yaw_inertia", 15.0, 30.0), choice)
+    assert not is_significant_form(contender("drag.quadratic.yaw", 250.0, 300.0), choice)
