@@ -15,7 +15,7 @@ from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.free_run.elimination import eliminate
 from heli3dof.diagnosis.free_run.explanations import settles_at
-from heli3dof.diagnosis.free_run.refits import STAGE_S, moved, restructured
+from heli3dof.diagnosis.free_run.refits import STAGE_S, carried_over, restructured
 from heli3dof.identification.greybox.freeflight import (
     fit_freeflight,
     free_rows,
@@ -209,7 +209,7 @@ def folds(trial: Trial) -> list[Figure]:
         result = eliminate(full.problem, full)
         gone = [r.term for r in result.gone]
         less = restructured(result.fit.problem, [r.term for r in result.kept])
-        z, _ = moved(result.fit, less)
+        z, _ = carried_over(result.fit, less)
         scarce = search(less, z, result.fit.noise, stages_s=(STAGE_S,), fixed=result.fit.scale)
         errors = [error_deg(model_of(f, train, ""), flown, 3.0) for f in (result.fit, scarce)]
         out.append(

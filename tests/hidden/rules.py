@@ -192,8 +192,12 @@ RULES = (
         _always(0.0),
     ),
     Rule("free run: both halves must show it", "free_run.naming:contradicted", _always("")),
-    Rule("free run: confounded causes", "free_run.elimination:tied", _argument(1)),
-    Rule("free run: the size must be significant", "free_run.naming:apart", _always(1.0)),
+    Rule("free run: confounded causes", "free_run.elimination:with_confounded_terms", _argument(1)),
+    Rule(
+        "free run: the size must be significant",
+        "free_run.naming:probability_nonzero",
+        _always(1.0),
+    ),
 )
 BY_NAME = {rule.name: rule for rule in RULES}
 

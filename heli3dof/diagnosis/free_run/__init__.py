@@ -1,1 +1,1 @@
-"""The diagnosis of logs without a likelihood, by free-run predictions."""
+"""Diagnose logs without a usable likelihood, by free-run predictions."""

@@ -1,17 +1,16 @@
-"""The base's own numbers that are off the profile, where no likelihood was fitted.
+"""Find base parameters outside the profile's tolerance, for logs without a usable likelihood.
 
-T_g + τ̄ (`mass.imbalance` differs by recording; what is off in all of them stands in T_g) and the
-inertias, in units of the profile's K_f. With x = ln X/X_nominal, σ its deviation, ε the profile's
-``tolerance`` and e = ln(1 ± ε) its edge on x's side, X is a finding where
+The base parameters X are the three inertias and T_g + τ̄, in units of the profile's K_f. τ̄ is the
+mean of `mass.imbalance` over the recordings. Let x = ln X/X_nominal, σ its standard deviation,
+ε the profile's ``tolerance`` and e = ln(1 ± ε) on x's side. X is a finding if all of these hold:
 
-    |x| − |e| > `SURE` σ                  the whole fit's interval lies beyond the edge
-    |x_h| > |e|,  |x_h| > `SEEN` σ_h      each half h of the flights shows it, on the same side,
-    |x_1 − x_2| ≤ `APART` √(σ_1² + σ_2²)  and of one size
+    |x| − |e| > `SURE` σ                         whole fit: 95 % interval beyond the tolerance
+    |x_h| > |e|,  |x_h| ≥ `SIGNIFICANT` σ_h      each half h of the flights (`free_run.halves`)
+    |x_1 − x_2| ≤ `CONSISTENT` √(σ_1² + σ_2²)    both halves: one size, on x's side
 
-(`free_run.halves`; without halves nothing is off). The prior is in x: it pulls
-towards nominal, so what is found beyond the edge is there in spite of it. Three inertias that are
-off by one factor are as well one K_f that is off by its inverse, with T_g off by the same: no
-flight tells the two apart, so they are tied with `motor.thrust_gain`.
+The prior pulls x towards zero, so it cannot cause a finding. A common factor of the inertias is
+indistinguishable from its inverse as a factor of K_f. If one factor explains all three, they are
+confounded with `motor.thrust_gain`; T_g is not compared.
 """
 
 from __future__ import annotations
@@ -23,19 +22,20 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.conclusion.encoder_scales import SCALE
 from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
-from heli3dof.diagnosis.free_run.halves import APART, SEEN
+from heli3dof.diagnosis.free_run.halves import CONSISTENT, SIGNIFICANT
 from heli3dof.diagnosis.result import Finding
 from heli3dof.identification.greybox.freeflight import WEIGHT
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.model.effects import term
 
 SURE = 1.96
+"""Two-sided 95 % quantile of the normal distribution"""
 BASE = 4
-"""T_g and the inertias come first among a structure's numbers."""
+"""Number of base parameters (T_g, three inertias); they come first in a structure."""
 
 
-def numbers(fit: MultiStepFit) -> tuple[BaseParameter, ...]:
-    """T_g with what every recording's weight adds, and the inertias."""
+def fitted_base(fit: MultiStepFit) -> tuple[BaseParameter, ...]:
+    """Return T_g + τ̄ and the inertias, with their standard deviations."""
     out = []
     names, C = fit.structure.names, fit.covariance
     for j, f in enumerate(fit.structure.free[:BASE]):
@@ -52,14 +52,14 @@ def numbers(fit: MultiStepFit) -> tuple[BaseParameter, ...]:
 def off_profile(
     whole: MultiStepFit, halves: tuple[MultiStepFit, ...], tolerance: float
 ) -> tuple[OffNominal, ...]:
-    """What is surely off by more than the tolerance, the surest first."""
+    """Return the base parameters outside the tolerance, by falling score."""
     if len(halves) < 2:
         return ()
-    each = [numbers(h) for h in halves]
+    each = [fitted_base(h) for h in halves]
     off = [
         _off(c)
-        for j, c in enumerate(numbers(whole))
-        if sure(c, tolerance) and shown([h[j] for h in each], c.x, tolerance)
+        for j, c in enumerate(fitted_base(whole))
+        if beyond_tolerance(c, tolerance) and halves_confirm([h[j] for h in each], c.x, tolerance)
     ]
     inertias = [o for o in off if o.term.effect.name == "inertia"]
     if len(inertias) == len(AXES) and one_factor(inertias):
@@ -70,7 +70,7 @@ def off_profile(
 def merged(
     findings: tuple[Finding, ...], off: tuple[OffNominal, ...]
 ) -> tuple[tuple[Finding, ...], tuple[OffNominal, ...]]:
-    """One finding of each name: a weight that differs by recording, and is off in all, is one."""
+    """Return both lists without duplicates; a finding that is also in ``off`` takes its value."""
     by_name = {o.term.name: o for o in off}
     out = []
     for f in findings:
@@ -80,25 +80,25 @@ def merged(
     return tuple(out), tuple(o for o in off if o.term.name in by_name)
 
 
-def sure(c: BaseParameter, tolerance: float) -> bool:
-    """Whether the interval lies beyond the edge."""
+def beyond_tolerance(c: BaseParameter, tolerance: float) -> bool:
+    """Return whether the 95 % interval of x lies beyond the limit."""
     return bool(np.isfinite(c.x)) and c.beyond(tolerance) > SURE * c.told
 
 
-def shown(halves: list[BaseParameter], x: float, tolerance: float) -> bool:
-    """Whether each half has it beyond the edge on x's side, surely there, and all of one size."""
+def halves_confirm(halves: list[BaseParameter], x: float, tolerance: float) -> bool:
+    """Return whether each half is significant and beyond the limit on x's side, with one size."""
     for h in halves:
-        if not h.x * x > 0 or h.beyond(tolerance) <= 0 or abs(h.x) < SEEN * h.told:
+        if not h.x * x > 0 or h.beyond(tolerance) <= 0 or abs(h.x) < SIGNIFICANT * h.told:
             return False
     a, b = halves[0], halves[-1]
-    return abs(a.x - b.x) <= APART * float(np.hypot(a.told, b.told))
+    return abs(a.x - b.x) <= CONSISTENT * float(np.hypot(a.told, b.told))
 
 
 def one_factor(inertias: list[OffNominal]) -> bool:
-    """Whether one number explains all three, each within its deviation."""
+    """Return whether one factor explains all inertias, each within `SURE` standard deviations."""
     x = np.log([o.value for o in inertias])
-    told = np.array([o.std / o.value for o in inertias])
-    return bool((np.abs(x - x.mean()) <= SURE * told).all())
+    std = np.array([o.std / o.value for o in inertias])
+    return bool((np.abs(x - x.mean()) <= SURE * std).all())
 
 
 def _off(c: BaseParameter) -> OffNominal:

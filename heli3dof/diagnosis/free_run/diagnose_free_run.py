@@ -1,14 +1,15 @@
-"""The diagnosis of a log whose loop is unknown and which bears no likelihood, either for its clock
-lies or for its motion one step ahead is no noise (`identification.greybox.noise_check`).
+"""Diagnose logs without a usable likelihood, by a multi-step fit and backward elimination.
 
-So nothing here rests on a likelihood: models are compared by free flights from re-estimated states
-(`free_run.free_run_gain`) on the hold-out recordings, or on blocks left out where none is
-given. What a single cause gains is measured there too, everything else refitted. An
-extension that does not pay is not adopted, and the model is the base. The base is the rigid body
-(or the hover model) refitted in the same way. There is no noise floor. The extended model is the
-full one; which of its terms are causes, `free_run.naming` says, and what is still
-hidden `free_run.unexplained`. Recordings in which not all three angles were read are not
-fitted, for what the others did then is unknown, but held beside it.
+The controller is unknown, and the log has sampling jitter or unmodelled fast motion
+(`identification.greybox.noise_check`).
+
+1. The full model (all terms) and the base simulation are fitted to predictions of up to 3 s.
+2. `free_run.elimination` tests which terms held-out blocks need; `free_run.naming` selects causes.
+3. `free_run.free_run_gain` compares the base simulation with the full model on held-out recordings,
+   or on blocks left out. In the same way it compares the full model with and without each cause.
+4. The full model is adopted if it predicts better. Otherwise the result is the base simulation.
+5. `free_run.unexplained` reports effects that remain. It also uses recordings that lack an angle,
+   which are not fitted.
 """
 
 from __future__ import annotations
@@ -24,18 +25,31 @@ from heli3dof.diagnosis.estimate.base_parameters import BaseParameter
 from heli3dof.diagnosis.free_run.base_off import merged, off_profile
 from heli3dof.diagnosis.free_run.elimination import (
     Elimination,
-    Removal,
+    TermResult,
     Trial,
     eliminate,
     known_beforehand,
-    swapped,
-    tied,
+    result_by_adding,
+    with_confounded_terms,
     without_elimination,
 )
 from heli3dof.diagnosis.free_run.explanations import explains
-from heli3dof.diagnosis.free_run.free_run_gain import FreeRun, fly, gain, left_out, pays
-from heli3dof.diagnosis.free_run.naming import certainty, left_open, named, sizes, unseen, within
-from heli3dof.diagnosis.free_run.recordings_agree import unsure
+from heli3dof.diagnosis.free_run.free_run_gain import (
+    FreeRun,
+    cross_validated,
+    free_run_errors,
+    gain,
+    pays,
+)
+from heli3dof.diagnosis.free_run.naming import (
+    confidence,
+    kept_terms,
+    not_identifiable,
+    open_terms,
+    select_causes,
+    sizes,
+)
+from heli3dof.diagnosis.free_run.recordings_agree import marked_like
 from heli3dof.diagnosis.free_run.refits import folds_of, refit
 from heli3dof.diagnosis.free_run.unexplained import unexplained_effects
 from heli3dof.diagnosis.free_run.weak_form import residual_torques
@@ -85,8 +99,8 @@ Says = Callable[[str], None]
 
 
 def no_likelihood(recordings: Sequence[Recording]) -> str:
-    """Why these logs have to be diagnosed this way; empty where they need not."""
-    whole = _whole(recordings)
+    """Return why the likelihood is unusable; empty if it is usable or a controller is known."""
+    whole = _all_angles(recordings)
     if not whole or any(r.profile.controller is not None for r in whole):
         return ""
     return likelihood_obstacle(whole)
@@ -103,150 +117,155 @@ def diagnose_real(
     seed: int = 0,
     says: Says = lambda sentence: None,
 ) -> Diagnosis:
-    """As `heli3dof.diagnosis.diagnose.diagnose`, of recordings whose integrity was checked.
+    """Return the diagnosis of recordings that passed the integrity checks, with their ``faults``.
 
-    ``why`` is what `no_likelihood` said, ``base`` as there: with "hover" the rigid body is one more
-    cause, needed or not as the others are, and taken whole. ``quick`` leaves no blocks out: names
-    rest on their size alone and are "…-like", and the gain is that on what was fitted.
+    Arguments as in `heli3dof.diagnosis.diagnose.diagnose`; ``why`` is from `no_likelihood`. With
+    the base "hover", the rigid body is a candidate (`geometry`). ``quick`` omits cross-validation:
+    size alone decides, causes are "…-like", and without held-out data the gain is on training data.
     """
-    whole, runs = _whole(train), _rest([*train, *held])
+    whole, partial = _all_angles(train), _lacking_angles([*train, *held])
     flights = [r for r in whole if len(flight_of(r).starts) >= LEAST_STARTS]
-    kept_back = _whole(held)
-    seen, on = (kept_back, "holdout") if kept_back else (whole, "the recordings themselves")
+    held_out = _all_angles(held)
+    tested, on = (held_out, "holdout") if held_out else (whole, "the recordings themselves")
     says(FITTING)
     full = fit_freeflight(whole, say=lambda round_: says(f"{FITTING} {round_}"))
-    found = (
+    result = (
         without_elimination(full) if quick else eliminate(full.problem, full, seed=seed, says=says)
     )
     says("Fitting the base simulation …")
     simpler = BASES[base]
-    least = fit_freeflight(whole, simpler)
+    base_fit = fit_freeflight(whole, simpler)
     says("Measuring the gain …")
-    model = model_of(found.fit, whole, "extended")
-    simple = model_of(least, whole, "base")
-    after, before = FreeRun.of(model, seen), FreeRun.of(simple, seen)
+    model = model_of(result.fit, whole, "extended")
+    base_model = model_of(base_fit, whole, "base")
+    after, before = FreeRun.of(model, tested), FreeRun.of(base_model, tested)
     against = on
-    if not kept_back and not quick:
+    if not held_out and not quick:
         against = BLOCKS
-        after = left_out([model_of(f, whole, "") for f in found.halves], whole)
-        folds = folds_of(least)
-        before = left_out([model_of(f, whole, "") for f, _ in folds], whole)
-    causes, only_kept = named(found)
-    causes = tied(found, causes, seed=seed, says=says)
+        after = cross_validated([model_of(f, whole, "") for f in result.halves], whole)
+        folds = folds_of(base_fit)
+        before = cross_validated([model_of(f, whole, "") for f, _ in folds], whole)
+    causes, only_kept = select_causes(result)
+    causes = with_confounded_terms(result, causes, seed=seed, says=says)
     if base == "hover" and not quick:
-        r = swapped(found, "base.hover", "geometry", seed=seed)
-        causes += [r] * r.worse.kept
-        causes.sort(key=lambda r: -r.worse.value)
+        r = result_by_adding(result, "base.hover", "geometry", seed=seed)
+        causes += [r] * r.increase.significant
+        causes.sort(key=lambda r: -r.increase.value)
     says(EACH)
-    alone = _without(found, causes, whole, kept_back)
-    findings = tuple(_finding(found, r, gain(*alone[r.term], against, seed)) for r in causes)
+    pairs = _without_each(result, causes, whole, held_out)
+    findings = tuple(_finding(result, r, gain(*pairs[r.term], against, seed)) for r in causes)
     poor = not pays(before, after)
-    adopted = least if poor else found.fit
+    adopted = base_fit if poor else result.fit
     dropped = tuple(Dropped(f.choice.term.name, f.gain) for f in findings) if poor else ()
-    as_profile = FreeRun.of(nominal(whole[0].profile, simpler), seen)
-    unfitted = gain(as_profile, FreeRun.of(simple, seen), on, seed)
+    as_profile = FreeRun.of(nominal(whole[0].profile, simpler), tested)
+    unfitted = gain(as_profile, FreeRun.of(base_model, tested), on, seed)
     fitted = Fitted(
-        None, None, simple if poor else model,
+        None, None, base_model if poor else model,
         gain(before, before if poor else after, against, seed), None, None,
-        _wrong(seen, simpler), dict.fromkeys(AXES), unfitted,
-        _calibrated(adopted),
-        None if poor else left_open(found, model, causes, only_kept),
+        _profile_error(tested, simpler), dict.fromkeys(AXES), unfitted,
+        _base_parameters(adopted),
+        None if poor else open_terms(result, model, causes, only_kept),
     )  # fmt: skip
     findings = () if poor else findings
     tolerance = whole[0].profile.tolerance
-    off = () if poor else off_profile(found.begun, found.halves, tolerance)
+    off = () if poor else off_profile(result.begun, result.halves, tolerance)
     findings, off = merged(findings, off)
     if quick:
-        findings = tuple(unsure(f) for f in findings)
-    left = residual_torques(adopted)
+        findings = tuple(marked_like(f) for f in findings)
+    residual = residual_torques(adopted)
     about = {
         "method": "multi-step predictions of the full physical model, backward elimination",
         "why": (QUICK if quick else WHY).format(why),
         "gain_measured_on": against,
         "adopted": not poor,
-        "not_fitted": [r.name for r in runs],
+        "not_fitted": [r.name for r in partial],
         "over_3_s": {"before": before.over_deg(), "after": after.over_deg()},
-        "without": {name: less.over_deg() for name, (less, _) in alone.items()},
+        "without": {name: less.over_deg() for name, (less, _) in pairs.items()},
         "by_recording": {
             name: dict(zip([r.name for r in flights], values.tolist(), strict=True))
-            for name, values in found.fit.by_recording.items()
+            for name, values in result.fit.by_recording.items()
         },
-        "known_beforehand": sorted(known_beforehand(found.fit.problem)),
-        "kept_within_what_is_known": within(found, only_kept),
+        "known_beforehand": sorted(known_beforehand(result.fit.problem)),
+        "kept_within_what_is_known": kept_terms(result, only_kept),
         "explains": explains(adopted, flights, {f.choice.term.name for f in findings}),
-        "still_hidden": unexplained_effects(adopted, flights, runs),
+        "still_hidden": unexplained_effects(adopted, flights, partial),
         "seed": seed,
     }  # fmt: skip
     each = in_order((), findings, off)
     rest_rad = float(whole[0].profile.encoder.rest_rad[0])
-    dark = undetectable_scales(tied_in(each), AXES, rest_rad=rest_rad, tolerance=tolerance)
+    undetectable = undetectable_scales(tied_in(each), AXES, rest_rad=rest_rad, tolerance=tolerance)
     return Diagnosis(
         tuple(r.name for r in train), tuple(r.name for r in held),
-        verdict_of(each, left, unfitted, unsure=quick), faults, fitted,
-        findings, off, dropped, left, (),
-        (*unseen(found.fit, causes), *dark), about,
+        verdict_of(each, residual, unfitted, unsure=quick), faults, fitted,
+        findings, off, dropped, residual, (),
+        (*not_identifiable(result.fit, causes), *undetectable), about,
     )  # fmt: skip
 
 
-def _without(
-    found: Elimination, causes: Sequence[Removal], whole: Sequence[Recording],
+def _without_each(
+    result: Elimination, causes: Sequence[TermResult], whole: Sequence[Recording],
     held: Sequence[Recording],
 ) -> dict[str, tuple[FreeRun, FreeRun]]:  # fmt: skip
-    """By term: everything but that cause, refitted, and everything, flown along what was not seen:
-    recordings held out, or blocks left out (by the folds' own fits)."""
+    """Return {cause: predictions (without, with it)}, on held-out data or else blocks left out."""
 
-    swap = {"geometry": ("", "base.hover")}
-    more = None if found.last is not None and not held else _flown(found.fit, whole, held)
+    removal = {"geometry": ("", "base.hover")}
+    full = None if result.last is not None and not held else _predicted(result.fit, whole, held)
 
     def one(i: int) -> tuple[FreeRun, FreeRun]:
         r = causes[i]
-        if more is not None:
-            return _flown(refit(found.begun, *swap.get(r.term, (r.term,))), whole, held), more
-        assert found.last is not None
-        at = r.trial or Trial(r.worse)
-        beside = at.beside or tuple(fit for fit, _ in found.last.folds)
-        less = at.fits or [refit(f, r.term) for f in beside]
-        a, b = (left_out([model_of(f, whole, "") for f in fits], whole) for fits in (less, beside))
+        if full is not None:
+            less = refit(result.begun, *removal.get(r.term, (r.term,)))
+            return _predicted(less, whole, held), full
+        assert result.last is not None
+        trial = r.trial or Trial(r.increase)
+        fits_with = trial.fits_with or tuple(fit for fit, _ in result.last.folds)
+        fits_without = trial.fits_without or [refit(f, r.term) for f in fits_with]
+        a, b = (
+            cross_validated([model_of(f, whole, "") for f in fits], whole)
+            for fits in (fits_without, fits_with)
+        )
         return a, b
 
     return dict(zip([r.term for r in causes], parallel_map(one, len(causes)), strict=True))
 
 
-def _flown(fit: Fit, whole: Sequence[Recording], held: Sequence[Recording]) -> FreeRun:
+def _predicted(fit: Fit, whole: Sequence[Recording], held: Sequence[Recording]) -> FreeRun:
     return FreeRun.of(model_of(fit, whole, ""), held or whole)
 
 
-def _whole(recordings: Sequence[Recording]) -> list[Recording]:
+def _all_angles(recordings: Sequence[Recording]) -> list[Recording]:
     return [r for r in recordings if len(r.axes) == len(AXES)]
 
 
-def _rest(recordings: Sequence[Recording]) -> list[Recording]:
+def _lacking_angles(recordings: Sequence[Recording]) -> list[Recording]:
     return [r for r in recordings if len(r.axes) < len(AXES)]
 
 
-def _finding(found: Elimination, r: Removal, won: Gain) -> Finding:
-    fit, w = found.fit, r.worse
+def _finding(result: Elimination, r: TermResult, gained: Gain) -> Finding:
+    fit, w = result.fit, r.increase
     (term,) = terms([r.term])
     values = {n: (float(x["value"]), float(x["std"])) for n, x in sizes(fit, r.term).items()}
     score = (w.value / w.std) ** 2 if w.std > 0 else 0.0
-    choice = Choice(term, score, score, certainty(found, r), r.tied_with, ())
-    return Finding(choice, values, won, fit.noise)
+    choice = Choice(term, score, score, confidence(result, r), r.tied_with, ())
+    return Finding(choice, values, gained, fit.noise)
 
 
-def _wrong(recordings: Sequence[Recording], simpler: tuple[str, ...] = ()) -> SimulationError:
-    """The simulation as the profile has it."""
+def _profile_error(
+    recordings: Sequence[Recording], simpler: tuple[str, ...] = ()
+) -> SimulationError:
+    """Return the prediction errors of the simulation with the profile's values."""
     model = nominal(recordings[0].profile, simpler)
     e = []
     for r in recordings:
-        e.append(fly(model, r, np.array([max(1, round(h / r.dt)) for h in HORIZONS_S])))
+        e.append(free_run_errors(model, r, np.array([max(1, round(h / r.dt)) for h in HORIZONS_S])))
     rmse = np.degrees(np.sqrt(np.nanmean(np.concatenate(e) ** 2, axis=0)))
     return SimulationError(
         tuple(HORIZONS_S), rmse, np.full_like(rmse, np.nan), "nothing: unknown", ()
     )
 
 
-def _calibrated(fit: Fit) -> tuple[BaseParameter, ...]:
-    """T_g and the inertias, in units of the profile's K_f."""
+def _base_parameters(fit: Fit) -> tuple[BaseParameter, ...]:
+    """Return T_g and the inertias, in units of the profile's K_f."""
     return tuple(
         BaseParameter(f.name, f.start, float(v), float(s), f.unit)
         for f, v, s in zip(fit.structure.free[:4], fit.values, fit.std, strict=False)

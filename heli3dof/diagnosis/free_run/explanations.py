@@ -1,11 +1,14 @@
-"""What a fitted rig explains of what people see on it, in sentences, beside the recordings.
+"""Explain known properties of a rig by its fitted model, in sentences with measured numbers.
 
-In steady level flight, both motors at V, thrust F = 2 K_f V_o (V/V_o)^n (`motor.rotor_curve`):
+In steady level flight, both motors at voltage V give the thrust F (N, `motor.rotor_curve`):
 
-    L_a cos p · F = (T_g + τ) cos r + k_r sin r              the hover voltage at each roll angle
-    F(V)/F(V_hover) = (V/V_hover)^n                           what one motor gives at low voltage
+    F = 2 K_f V_o (V/V_o)^n
+    L_a cos p · F = Γ(r) = (T_g + τ) cos r + k_r sin r       gives the hover voltage at each roll r
+    F(V)/F(V_hover) = (V/V_hover)^n                          gives one motor's thrust at low voltage
 
-Measured beside it: rows in which roll has stood still (`STILL_DEG_PER_S`) for `STILL_S`.
+T_g, τ and k_r (N·m) are trim torque, `mass.imbalance` and pendulum torque; p is pitch. L_a (m) is
+the arm's length, K_f (N/V) the thrust gain, V_o (V) the operating voltage. Rows are in steady
+flight if the mean roll rate over `STILL_S` is below `STILL_DEG_PER_S`.
 """
 
 from __future__ import annotations
@@ -21,18 +24,19 @@ from heli3dof.recording.recording import Recording
 
 STILL_S = 0.5
 STILL_DEG_PER_S = 3.0
+"""Chosen; not derived."""
 LOW_V = (2.0, 3.5)
-"""Between these, one motor alone is said not to lift."""
+"""V: voltages in the dead zone of one motor, as users observe it"""
 LEAST_HOVER = 2.0
-"""Times the upper of these: a rig that hovers below flies there, and has no such zone."""
-ALIKE = 2.0
-"""Slopes that differ by more are not one and the same."""
+"""Least hover voltage of a rig with a dead zone, over the upper limit of the zone. Chosen."""
+SLOPE_RATIO = 2.0
+"""Largest ratio of two slopes that agree. Chosen; not derived."""
 PENDULUM = "stiffness.pendulum.roll.torque_Nm"
 EXPONENT = "motor.rotor_curve.exponent"
 
 
 def arm_torque(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
-    """N·m that lift has to hold there, Γ(r) = (T_g + τ) cos r + k_r sin r."""
+    """Return the torque Γ(r) in N·m that the lift balances at this roll angle."""
     at = dict(zip(fit.structure.names, fit.values, strict=True))
     r = np.radians(roll_deg)
     torque = (at["T_g"] + at.get("mass.imbalance.torque_Nm", 0.0)) * np.cos(r)
@@ -42,7 +46,7 @@ def arm_torque(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
 def hover_voltage(
     fit: MultiStepFit | GreyBoxModel, roll_deg: float, pitch_deg: float = 0.0
 ) -> float:
-    """V per motor that holds the arm there."""
+    """Return the voltage of each motor (V) that holds the arm at these angles."""
     at = dict(zip(fit.structure.names, fit.values, strict=True))
     p = fit.structure.profile
     lift = arm_torque(fit, roll_deg) / (p.geometry.L_a * np.cos(np.radians(pitch_deg)))
@@ -51,20 +55,20 @@ def hover_voltage(
 
 
 def settles_at(fit: MultiStepFit | GreyBoxModel, voltage_V: float) -> float:
-    """Degrees at which the level arm stands with that voltage on both motors, table or no table."""
+    """Return the roll (°) of equilibrium with this voltage on both motors; the table is ignored."""
     angles = np.linspace(-60, 60, 1201)
     needed = np.array([hover_voltage(fit, a) for a in angles])
     return float(angles[int(np.argmin(np.abs(needed - voltage_V)))])
 
 
-def steady(recording: Recording) -> np.ndarray:
-    """(n, 3): roll and pitch in degrees and mean voltage of rows in steady flight."""
+def steady_rows(recording: Recording) -> np.ndarray:
+    """Return roll (°), pitch (°) and mean voltage (V), (n, 3), of the rows in steady flight."""
     r = recording
     n = round(STILL_S / r.dt)
     roll = np.degrees(r.angle[:, 0])
-    moved = np.full(len(r), np.inf)
-    moved[n // 2 : len(r) - n + n // 2] = np.abs(roll[n:] - roll[:-n])
-    rows = (moved < STILL_DEG_PER_S * STILL_S) & free_rows(r)
+    change = np.full(len(r), np.inf)
+    change[n // 2 : len(r) - n + n // 2] = np.abs(roll[n:] - roll[:-n])
+    rows = (change < STILL_DEG_PER_S * STILL_S) & free_rows(r)
     kernel = np.ones(n) / n
     V = np.convolve(r.voltage.mean(axis=1), kernel, "same")
     return np.asarray(np.column_stack([roll, np.degrees(r.angle[:, 1]), V])[rows])
@@ -73,46 +77,48 @@ def steady(recording: Recording) -> np.ndarray:
 def explains(
     fit: MultiStepFit, recordings: Sequence[Recording], causes: Container[str]
 ) -> list[str]:
-    """One sentence for each thing that is seen, as far as its cause was named."""
-    said = []
-    seen = [steady(r) for r in recordings]
+    """Return a sentence for each property that one of the ``causes`` explains."""
+    sentences = []
+    rows_by_recording = [steady_rows(r) for r in recordings]
     if OFFSET in fit.by_recording and "encoder.offset.pitch" in causes:
-        each = zip(recordings, fit.by_recording[OFFSET], seen, strict=False)
+        each = zip(recordings, fit.by_recording[OFFSET], rows_by_recording, strict=False)
         words = "; ".join(
             f"{r.name}: offset {v:.1f}°, mean pitch in steady flight {s[:, 1].mean():.1f}°"
             for r, v, s in each
             if len(s)
         )
-        said.append(
+        sentences.append(
             f"Pitch in steady flight is the encoder's zero offset (encoder.offset.pitch): {words}."
         )
-    rows = np.concatenate(seen)
+    rows = np.concatenate(rows_by_recording)
     if "stiffness.pendulum.roll" in causes and len(rows) > 10:
         slope, level = np.polyfit(rows[:, 0], rows[:, 2], 1)
         low, high = (hover_voltage(fit, a) for a in (-10, 10))
-        said += pendulum(level - 10 * slope, level + 10 * slope, low, high)
+        sentences += pendulum_sentence(level - 10 * slope, level + 10 * slope, low, high)
     if "motor.rotor_curve" in causes and hover_voltage(fit, 0.0) > LEAST_HOVER * LOW_V[1]:
         n = fit.values[fit.structure.names.index(EXPONENT)]
         hover = hover_voltage(fit, 0.0)
         parts = [f"{100 * (v / hover) ** n:.0f} % at {v:g} V" for v in LOW_V]
-        said.append(
+        sentences.append(
             "The dead zone of one motor is the low end of the thrust curve (motor.rotor_curve, "
             f"n = {n:.2f}): its thrust, relative to level hover ({hover:.1f} V), is "
             f"{' and '.join(parts)}, and zero for negative voltages."
         )
-    return said
+    return sentences
 
 
-def pendulum(at_minus_10: float, at_10: float, model_minus_10: float, model_10: float) -> list[str]:
+def pendulum_sentence(
+    at_minus_10: float, at_10: float, model_minus_10: float, model_10: float
+) -> list[str]:
     """Return the sentence that a pendulum changes the hover voltage with roll; empty if it cannot.
 
     Voltages in V at −10° and +10° of roll: on a line through the recordings, and the model's. If
     the two change in opposite directions, a pendulum does not explain the recordings.
     """
-    times = (model_10 - model_minus_10) / (at_10 - at_minus_10)
-    if not times > 0:
+    ratio = (model_10 - model_minus_10) / (at_10 - at_minus_10)
+    if not ratio > 0:
         return []
-    also = "" if 1 / ALIKE < times < ALIKE else ", unlike the measurement"
+    also = "" if 1 / SLOPE_RATIO < ratio < SLOPE_RATIO else ", unlike the measurement"
     changes = "rises" if at_10 > at_minus_10 else "falls"
     return [
         f"The hover voltage {changes} with roll because the arm is a pendulum "

@@ -1,12 +1,12 @@
-"""Models judged by free flights from re-estimated states, where no likelihood is trusted.
+"""Compare models by free-run predictions from estimated states, for logs without a likelihood.
 
-With e_k(h) the error of flight k after h s,
+With e_k,i(h) the error (rad) of prediction k on axis i after h seconds,
 
     RMSE_i(h) = √(mean_k e_k,i(h)²),      over 3 s: √(1/3 ∫₀³ RMSE_i(h)² dh)
 
-on recordings that were held out, or on blocks left out: each half of the blocks by the model fitted
-to the other. An extension pays where Σ_i (RMSE_i,after/RMSE_i,before)² over 3 s is below the number
-of axes. Intervals draw cells of `free_run.elimination.CELL_S`, for windows overlap.
+on held-out recordings, or on each fold's test blocks by the model fitted to the other folds. An
+extension is adopted if Σ_i (RMSE_i,after/RMSE_i,before)² over 3 s is below the number of axes.
+The bootstrap resamples cells of `free_run.elimination.CELL_S`, because windows overlap.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.free_run.elimination import CELL_S
-from heli3dof.diagnosis.free_run.refits import halves
+from heli3dof.diagnosis.free_run.refits import split_windows
 from heli3dof.diagnosis.validation.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
 from heli3dof.identification.greybox.freeflight import flight_of
 from heli3dof.model.greybox.model import GreyBoxModel
@@ -27,65 +27,66 @@ from heli3dof.recording.recording import Recording
 
 OVER_S = 3.0
 STEP_S = 0.25
+"""s: longest horizon, interval of the horizons"""
 FAR = 10 * np.pi
-"""rad: no flight is further off than that."""
+"""rad: larger or infinite prediction errors are replaced by this value."""
 
 
 class FreeRun:
-    """Free flights of a model along recordings: errors, and the cell that each belongs to."""
+    """A model's free-run prediction errors on recordings, and the cell of each prediction."""
 
     def __init__(self, e: np.ndarray, cell: np.ndarray) -> None:
         self.e = e
-        """(S, M, 3) rad, every `STEP_S` to `OVER_S`"""
+        """(S, M, 3) rad: errors of S predictions at M horizons, every `STEP_S` up to `OVER_S`"""
         self.cell = cell
-        """(S,)"""
+        """(S,) number of each prediction's cell"""
 
     @classmethod
     def of(cls, model: GreyBoxModel, recordings: Sequence[Recording]) -> FreeRun:
-        every, cells, last = [], [], 0
+        each, cells, last = [], [], 0
         for r in recordings:
             flight = flight_of(r)
             ahead = np.array([round(h / r.dt) for h in np.arange(1, 13) * STEP_S])
-            every.append(fly(model, r, ahead))
+            each.append(free_run_errors(model, r, ahead))
             cell = np.floor(flight.t[flight.starts] / CELL_S).astype(int) + last
             cells.append(cell)
             last = int(cell.max(initial=last)) + 1
-        return cls(np.concatenate(every), np.concatenate(cells))
+        return cls(np.concatenate(each), np.concatenate(cells))
 
-    def only(self, rows: np.ndarray) -> FreeRun:
-        """(S,) bool"""
+    def select(self, rows: np.ndarray) -> FreeRun:
+        """Return the predictions that ``rows`` (S,) bool selects."""
         return FreeRun(self.e[rows], self.cell[rows])
 
     def rmse_deg(self, horizon_s: float, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """(3,) degrees at that horizon"""
+        """Return the RMSE (3,) in degrees at this horizon."""
         e = self.e[rows, round(horizon_s / STEP_S) - 1]
         return np.asarray(np.degrees(np.sqrt(np.nanmean(e**2, axis=0))))
 
     def over_deg(self) -> dict[str, float]:
-        """By axis over `OVER_S`."""
+        """Return {axis: RMSE over `OVER_S`} in degrees."""
         squares = np.vstack([np.zeros((1, 3)), np.nanmean(self.e**2, axis=0)])
         mean = np.trapezoid(squares, dx=STEP_S, axis=0) / OVER_S
         return dict(zip(AXES, np.degrees(np.sqrt(mean)).tolist(), strict=True))
 
 
-def left_out(models: Sequence[GreyBoxModel], recordings: Sequence[Recording]) -> FreeRun:
-    """Each fold's test windows, flown by the model that was fitted to the other folds."""
+def cross_validated(models: Sequence[GreyBoxModel], recordings: Sequence[Recording]) -> FreeRun:
+    """Return the errors of each fold's model on the fold's test windows."""
     parts = []
     for fold, model in enumerate(models):
         flights = [flight_of(r) for r in recordings]
-        test = [np.isin(f.starts, halves(f, fold)[1].starts) for f in flights]
-        parts.append(FreeRun.of(model, recordings).only(np.concatenate(test)))
+        test = [np.isin(f.starts, split_windows(f, fold)[1].starts) for f in flights]
+        parts.append(FreeRun.of(model, recordings).select(np.concatenate(test)))
     return FreeRun(np.concatenate([p.e for p in parts]), np.concatenate([p.cell for p in parts]))
 
 
 def pays(before: FreeRun, after: FreeRun) -> bool:
-    """Whether the extension predicts better over 3 s, every axis counting alike."""
+    """Return whether ``after`` predicts better over 3 s, with equal weights of the axes."""
     b, a = (np.array(list(x.over_deg().values())) for x in (before, after))
     return bool(np.nansum((a / b) ** 2) < np.isfinite(a / b).sum())
 
 
-def fly(model: GreyBoxModel, recording: Recording, ahead: np.ndarray) -> np.ndarray:
-    """(S, M, 3) rad: errors ``ahead`` (M,) rows after each start of `flight_of`."""
+def free_run_errors(model: GreyBoxModel, recording: Recording, ahead: np.ndarray) -> np.ndarray:
+    """Return errors (S, M, 3) rad ``ahead`` (M,) rows after each start row; NaN if not measured."""
     flight = flight_of(recording)
     states = filtered(model, recording)[3]
     with np.errstate(all="ignore"):
@@ -96,13 +97,13 @@ def fly(model: GreyBoxModel, recording: Recording, ahead: np.ndarray) -> np.ndar
 
 
 def gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
-    """On the same flights, 1 s ahead; cells are drawn for the intervals."""
+    """Return the decrease of the RMSE at 1 s of the same predictions, with bootstrap intervals."""
     two = [dict(zip(AXES, x.rmse_deg(HORIZON_S).tolist(), strict=True)) for x in (before, after)]
     rng = np.random.default_rng([seed, 5])
     k = round(HORIZON_S / STEP_S) - 1
     names = np.unique(before.cell)
-    there = np.isfinite(before.e[:, k])
-    count = np.array([there[before.cell == c].sum(axis=0) for c in names])
+    finite = np.isfinite(before.e[:, k])
+    count = np.array([finite[before.cell == c].sum(axis=0) for c in names])
     sums = [
         np.array([np.nansum(x.e[before.cell == c, k] ** 2, axis=0) for c in names])
         for x in (before, after)

@@ -1,16 +1,16 @@
-"""Whether both halves of the flights show a cause: what only one of them shows is no name.
+"""Compare the estimates of a term in both halves of the flights (split-half consistency).
 
-A fit's σ knows the noise, not what the model lacks; that moves a number from one half of the
-flights to the other. So the blocks of each fold (`free_run.refits.halves`) are fitted
-alone, and of a term's first number, with θ_h ± σ_h of half h and θ_0 its absence,
+A fit's σ contains noise, but not errors of the model's form, which shift an estimate from one half
+of the flights to the other. So each fold's training blocks (`free_run.refits`) are fitted alone.
+θ_h ± σ_h is the estimate of a term's first parameter in half h. θ_0 is its null value, at which the
+term has no effect.
 
-    u_h = (θ_h − θ_0)/σ_h           seen by both:  min_h |u_h| ≥ `SEEN`, all on one side
-    δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)            of one size:  δ ≤ `APART`
+    u_h = (θ_h − θ_0)/σ_h                      significant in both: min_h |u_h| ≥ `SIGNIFICANT`,
+                                               all u_h of one sign, no σ_h > `PRIOR_SHARE` σ_prior
+    δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of one size: δ ≤ `CONSISTENT`
 
-A number that differs by recording has as many values as there are recordings: u² is their χ²,
-turned into as many deviations as are as rare. Both halves have the prior, which therefore pulls
-both to one size: where it alone holds a number away from its absence (σ_h above `LITTLE` of the
-prior's), that half has not seen it.
+Both fits share the prior, which pulls both halves to one size; hence the limit of σ_h. If the
+parameter varies by recording, χ² of its values is converted to a normal deviate u_h, and δ is 0.
 """
 
 from __future__ import annotations
@@ -20,85 +20,87 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.free_run.refits import own
+from heli3dof.diagnosis.free_run.refits import recording_indices
 from heli3dof.identification.greybox.multistep import MultiStepFit
 
-SEEN = 1.645
-"""95 % on one side, in each half"""
-APART = 3.0
-LITTLE = 0.7
+SIGNIFICANT = 1.645
+"""Least |u| in each half: the one-sided 95 % quantile of the normal distribution"""
+CONSISTENT = 3.0
+"""Largest δ of two estimates of one size. Chosen; not derived."""
+PRIOR_SHARE = 0.7
+"""σ over the prior's σ above which the estimate rests mostly on the prior. Chosen; not derived."""
 
 
 @dataclass(frozen=True)
-class Seen:
-    """Of one term: how many deviations each half puts it from its absence, with the side."""
+class HalvesComparison:
+    """The estimates of one term in the halves of the flights."""
 
     u: tuple[float, ...]
-    apart: float
-    """δ, of the two halves that are furthest apart; 0 for what differs by recording"""
+    discrepancy: float
+    """δ of the first and the last half"""
     by_prior: bool
-    """Some half has it from the prior"""
+    """Some σ_h > `PRIOR_SHARE` σ_prior"""
 
     @property
-    def by_both(self) -> bool:
-        one_side = len({math.copysign(1.0, u) for u in self.u}) == 1
-        return one_side and not self.by_prior and min(abs(u) for u in self.u) >= SEEN
+    def significant_in_both(self) -> bool:
+        one_sign = len({math.copysign(1.0, u) for u in self.u}) == 1
+        return one_sign and not self.by_prior and min(abs(u) for u in self.u) >= SIGNIFICANT
 
     @property
     def one_size(self) -> bool:
-        return self.apart <= APART
+        return self.discrepancy <= CONSISTENT
 
 
-def seen(halves: tuple[MultiStepFit, ...], name: str) -> Seen | None:
-    """None where there are no halves, or the term has no size (its absence is no number)."""
-    values = [deviations(h, name) for h in halves]
+def compare_halves(halves: tuple[MultiStepFit, ...], name: str) -> HalvesComparison | None:
+    """Return the comparison for a term; None without two halves, or if the term has no number."""
+    values = [null_distance(h, name) for h in halves]
     if len(values) < 2 or any(v is None for v in values):
         return None
-    told = [v for v in values if v is not None]
-    u = tuple(x[0] for x in told)
-    by_prior = any(x[3] for x in told)
-    (_, a, s, _), (_, b, t, _) = told[0], told[-1]
-    apart = abs(a - b) / math.hypot(s, t) if s > 0 and t > 0 else 0.0
-    return Seen(u, apart, by_prior)
+    known = [v for v in values if v is not None]
+    u = tuple(x[0] for x in known)
+    by_prior = any(x[3] for x in known)
+    (_, a, s, _), (_, b, t, _) = known[0], known[-1]
+    discrepancy = abs(a - b) / math.hypot(s, t) if s > 0 and t > 0 else 0.0
+    return HalvesComparison(u, discrepancy, by_prior)
 
 
-def deviations(fit: MultiStepFit, name: str) -> tuple[float, float, float, bool] | None:
-    """(u, θ, σ, whether the prior alone says so) of a term's first number in one fit.
+def null_distance(fit: MultiStepFit, name: str) -> tuple[float, float, float, bool] | None:
+    """Return (u, θ, σ, whether σ > `PRIOR_SHARE` σ_prior) of a term's first parameter.
 
-    θ and σ are 0 for what differs by recording, and logarithms of what cannot be zero.
+    On a logarithmic scale u is infinite, and θ, σ are coordinates. None without a parameter or σ.
     """
     p = fit.problem
     for j, f in enumerate(fit.structure.free):
         if f.term != name:
             continue
-        if f.log:  # its absence is infinitely far
+        if f.log:
             return math.inf, *_in_coordinates(fit, j)
         if f.name in p.varying:
-            return rarity(*chi2_of(fit, j)), 0.0, 0.0, False
+            return equivalent_deviation(*chi_squared(fit, j)), 0.0, 0.0, False
         value, std = float(fit.values[j]), float(fit.std[j])
         if not std > 0:
             return None
-        return (value - f.null) / std, value, std, std > LITTLE * float(fit.prior_std[j])
+        return (value - f.null) / std, value, std, std > PRIOR_SHARE * float(fit.prior_std[j])
     return None
 
 
 def _in_coordinates(fit: MultiStepFit, j: int) -> tuple[float, float, bool]:
     p = fit.problem
     C, before = (np.linalg.inv(H)[j, j] for H in (fit.tangents @ fit.tangents.T + p.prior, p.prior))
-    return float(fit.z[j]), float(np.sqrt(C)), bool(LITTLE**2 * before < C)
+    return float(fit.z[j]), float(np.sqrt(C)), bool(PRIOR_SHARE**2 * before < C)
 
 
-def chi2_of(fit: MultiStepFit, j: int) -> tuple[float, int]:
-    """(χ², its freedom) of the recordings' own values of parameter j from its absence."""
+def chi_squared(fit: MultiStepFit, j: int) -> tuple[float, int]:
+    """Return χ² of parameter j's values by recording about the null value, and their number."""
     p = fit.problem
-    at, f = own(p, j), fit.structure.free[j]
+    at, f = recording_indices(p, j), fit.structure.free[j]
     C = np.linalg.inv(fit.tangents @ fit.tangents.T + p.prior)[np.ix_(at, at)]
     d = fit.z[at] - f.inward(f.null)
     return float(d @ np.linalg.solve(C, d)), len(at)
 
 
-def rarity(chi2: float, freedom: int) -> float:
-    """Deviations of a normal number that are as rare, two-sided, as that χ²."""
+def equivalent_deviation(chi2: float, freedom: int) -> float:
+    """Return the normal deviate with the two-sided tail probability of a χ² of ``freedom``."""
     from scipy.stats import chi2 as law
     from scipy.stats import norm
 

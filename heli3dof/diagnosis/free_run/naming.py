@@ -1,16 +1,19 @@
-"""Which terms of a rig that was fitted whole are *named* as causes, and which are only kept.
+"""Decide which terms of the full model are causes, and which are only kept in the model.
 
-With θ̂ ± σ the first number of a term and θ_0 its absence, the chance that the size is no zero is
+Let θ̂ ± σ be the estimate of a term's first parameter and θ_0 its null value, at which the term has
+no effect. The probability that the parameter differs from θ_0 is
 
-    P = erf(|θ̂ − θ_0| / (σ √2))
+    P = erf(|θ̂ − θ_0| / (σ √2)),      for a parameter that varies by recording from χ² of its values
 
-and for a number that differs by recording that of the χ² of all its values. A term is a named cause
-where blocks left out need it (`free_run.elimination`, or it is known beforehand to be
-there), P is at least `SURE`, σ is at most `LITTLE` of the prior's, and both halves of the flights
-show it, of one size (`free_run.halves`; what is known beforehand must be of one size
-only). The others stay in the extended model, within what is known of such rigs: dry friction of
-some size is in every joint, and a term at exactly zero predicts worse, on flights that move what
-these did not, than one at a size that is likely.
+A term is a cause if all of these hold:
+
+- Held-out blocks need it, or it is known beforehand (`free_run.elimination`).
+- P ≥ `SIGNIFICANT`, and σ ≤ `PRIOR_SHARE` σ_prior.
+- Both halves of the flights give it one size, significant in each (`free_run.halves`). A term known
+  beforehand needs only one size.
+
+All other terms stay in the model with their priors. Every joint has some dry friction; a term set
+to zero predicts new motion worse than a term of likely size.
 """
 
 from __future__ import annotations
@@ -19,109 +22,109 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from heli3dof.diagnosis.free_run.elimination import Elimination, Removal, known_beforehand, traded
-from heli3dof.diagnosis.free_run.halves import deviations, seen
+from heli3dof.diagnosis.free_run.elimination import (
+    Elimination,
+    TermResult,
+    correlated_terms,
+    known_beforehand,
+)
+from heli3dof.diagnosis.free_run.halves import PRIOR_SHARE, compare_halves, null_distance
 from heli3dof.diagnosis.outlook import Open
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.model.greybox.model import GreyBoxModel
 
-SURE = 0.95
-LITTLE = 0.7
-"""σ over the prior's: from there on the recordings have said little."""
+SIGNIFICANT = 0.95
+"""Least probability P of a cause: the conventional 95 %"""
 MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly that of the prior"
 
 
-def apart(fit: MultiStepFit, name: str) -> float:
-    """P of the term's first number; 1 where it has no absence."""
-    found = deviations(fit, name)
-    return 1.0 if found is None else math.erf(abs(found[0]) / math.sqrt(2))
+def probability_nonzero(fit: MultiStepFit, name: str) -> float:
+    """Return P of the term's first parameter; 1 if it has no null value."""
+    distance = null_distance(fit, name)
+    return 1.0 if distance is None else math.erf(abs(distance[0]) / math.sqrt(2))
 
 
-def named(found: Elimination) -> tuple[list[Removal], list[Removal]]:
-    """(causes, what is only kept), each in its order."""
-    sure = [
-        r for r in found.kept if apart(found.fit, r.term) >= SURE and not contradicted(found, r)
+def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResult]]:
+    """Return (causes, terms that are only kept), each in the order of the elimination."""
+    causes = [
+        r
+        for r in result.kept
+        if probability_nonzero(result.fit, r.term) >= SIGNIFICANT and not contradicted(result, r)
     ]
-    return sure, [*(r for r in found.kept if r not in sure), *found.gone]
+    return causes, [*(r for r in result.kept if r not in causes), *result.gone]
 
 
 def mostly_prior(fit: MultiStepFit, name: str) -> bool:
-    """Return whether the recordings said little of the term's first number: σ > `LITTLE` σ_prior.
-
-    A prior whose mean is far from the term's absence would name it whatever was recorded.
-    """
+    """Return whether σ > `PRIOR_SHARE` σ_prior; False for a parameter that varies by recording."""
     free = fit.structure.free
     j = next((j for j, f in enumerate(free) if f.term == name), None)
     if j is None or free[j].name in fit.problem.varying:
         return False
-    return bool(fit.std[j] > LITTLE * fit.prior_std[j])
+    return bool(fit.std[j] > PRIOR_SHARE * fit.prior_std[j])
 
 
-def contradicted(found: Elimination, r: Removal) -> str:
-    """Why the recordings do not bear that name; empty where they do."""
-    if mostly_prior(found.fit, r.term):
+def contradicted(result: Elimination, r: TermResult) -> str:
+    """Return why the recordings do not support the cause; empty if they do."""
+    if mostly_prior(result.fit, r.term):
         return MOSTLY_PRIOR
-    halves = seen(found.halves, r.term)
+    halves = compare_halves(result.halves, r.term)
     if halves is None:
         return ""
     if not halves.one_size:
         return "the two halves of the data give it different sizes"
-    if halves.by_both or r.term in known_beforehand(found.fit.problem):
+    if halves.significant_in_both or r.term in known_beforehand(result.fit.problem):
         return ""
     return "it is not significant in each half of the data"
 
 
-def certainty(found: Elimination, r: Removal) -> float:
-    """That a named cause is there: the lesser of P and the share of draws in which blocks need it.
-
-    What is known beforehand to be there rests on P alone.
-    """
-    size = apart(found.fit, r.term)
-    return size if r.term in known_beforehand(found.fit.problem) else min(r.worse.positive, size)
+def confidence(result: Elimination, r: TermResult) -> float:
+    """Return P; unless known beforehand, at most the share of draws in which blocks need it."""
+    P = probability_nonzero(result.fit, r.term)
+    known = r.term in known_beforehand(result.fit.problem)
+    return P if known else min(r.increase.positive, P)
 
 
-def left_open(
-    found: Elimination, model: GreyBoxModel, causes: list[Removal], only_kept: list[Removal]
+def open_terms(
+    result: Elimination, model: GreyBoxModel, causes: list[TermResult], only_kept: list[TermResult]
 ) -> Open:
-    """What a further flight should settle: the first tie; else what blocks need whose size, or
-    whose place in both halves, is not sure; else what was not seen at all."""
+    """Return what a further flight should decide: confounded, else needed, else unseen terms."""
     for r in causes:
         if r.tied_with:
-            return Open(found.fit, model, (r.term, *r.tied_with), tied=True)
-    needed = [r.term for r in only_kept if r not in found.gone]
-    return Open(found.fit, model, tuple(needed or unseen(found.fit, causes)))
+            return Open(result.fit, model, (r.term, *r.tied_with), tied=True)
+    needed = [r.term for r in only_kept if r not in result.gone]
+    return Open(result.fit, model, tuple(needed or not_identifiable(result.fit, causes)))
 
 
-def within(found: Elimination, only_kept: list[Removal]) -> list[dict[str, Any]]:
-    """JSON-able: each such term, its size beside what was known of it, and why it is no cause."""
-    varying = {v.rsplit(".", 1)[0] for v in found.fit.problem.varying}
+def kept_terms(result: Elimination, only_kept: list[TermResult]) -> list[dict[str, Any]]:
+    """Return each term as a JSON object, with its size, its prior, and why it is not a cause."""
+    varying = {v.rsplit(".", 1)[0] for v in result.fit.problem.varying}
     as_what = "with one value per recording: "
     return [
         {
             "term": r.term,
-            "parameters": sizes(found.fit, r.term),
-            "why": as_what * (r.term in varying) + _why(found, r),
+            "parameters": sizes(result.fit, r.term),
+            "why": as_what * (r.term in varying) + _why(result, r),
         }
         for r in only_kept
     ]
 
 
-def _why(found: Elimination, r: Removal) -> str:
-    if mostly_prior(found.fit, r.term):
+def _why(result: Elimination, r: TermResult) -> str:
+    if mostly_prior(result.fit, r.term):
         return MOSTLY_PRIOR
-    if not found.halves:
+    if not result.halves:
         return "its size is not significant, and no blocks were left out"
-    if r in found.gone:
+    if r in result.gone:
         return "left-out blocks do not need it"
-    if apart(found.fit, r.term) >= SURE and (why := contradicted(found, r)):
+    if probability_nonzero(result.fit, r.term) >= SIGNIFICANT and (why := contradicted(result, r)):
         return f"left-out blocks need it, but {why}"
-    alike = ", ".join(traded(found.fit, r.term))
+    alike = ", ".join(correlated_terms(result.fit, r.term))
     other = f" or a similar term ({alike})" if alike else ""
     return f"left-out blocks need it{other}, but its size is not significant"
 
 
 def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
-    """Parameter → value and deviation, before (mean, deviation) and after, in ``unit``."""
+    """Return {parameter: value and σ, prior mean and σ, unit} of the term."""
     p = fit.problem
     out: dict[str, dict[str, float | str]] = {}
     prior = p.start[: p.n]
@@ -137,14 +140,14 @@ def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
     return out
 
 
-def unseen(fit: MultiStepFit, causes: list[Removal]) -> Iterator[str]:
-    """Terms without a name of which the recordings said little: what they cannot show."""
-    here = {r.term for r in causes}
+def not_identifiable(fit: MultiStepFit, causes: list[TermResult]) -> Iterator[str]:
+    """Yield the terms that are no causes and whose every σ exceeds `PRIOR_SHARE` σ_prior."""
+    cause_names = {r.term for r in causes}
     for t in fit.structure.terms:
-        mine = [
-            s > LITTLE * p
+        vague = [
+            s > PRIOR_SHARE * p
             for f, s, p in zip(fit.structure.free, fit.std, fit.prior_std, strict=True)
             if f.term == t.name and f.name not in fit.problem.varying
         ]
-        if mine and all(mine) and t.name not in here:
+        if vague and all(vague) and t.name not in cause_names:
             yield t.name

@@ -1,21 +1,18 @@
-"""Names that a log of unknown loop cannot bear: no flight says what a model error would look like.
+"""Mark findings that recordings with an unknown controller cannot confirm as "…-like".
 
-A periodic torque of frequency f: whatever the model gets wrong of a motion that was commanded with
-a period comes back with that period. With x the references (the angles, where none was logged) and
+Without the controller there are no null simulations, so nothing shows what a model error looks
+like. These findings are marked, with a confidence of `MOST_CONFIDENCE` at most:
 
-    share(f) = 2 |mean (x − x̄) e^{−2πi f t}|² / var x
+1. `disturbance.periodic` at a frequency f of the commanded motion, because the model's errors in
+   that motion have the same period. x(t) are the references (the angles, if none were logged). The
+   share of x's variance in the spectral line at f reaches `LEAST_SHARE` on an axis:
 
-the part of its variance in a line at f (8/π²k² for the k-th harmonic of a square wave), such a
-torque is not told from the model's own error where share(f) is `LINE` or more on some axis.
+       share(f) = 2 |mean (x − x̄) e^{−2πi f t}|² / var x     (8/π²k²: k-th harmonic, square wave)
 
-A mass change has one time after a recording's first sample. Recordings of different flights that
-share it share a drift (of motors that get warm), or its formula. And at one constant voltage a
-weight and a thrust are one and the same torque, whenever it changes.
-
-And what no recording shows by itself, but only their comparison
-(`free_run.single_recordings`).
-
-Such a finding keeps its place and its fit, as "…-like", with a certainty of `EVEN` at most.
+2. `mass.change` with more than one recording, or at a constant voltage. A change at the same time
+   after the first sample of each flight is a drift, for example of warming motors. At a constant
+   voltage, a weight and a thrust are the same torque.
+3. A cause that no recording confirms on its own (`free_run.single_recordings`).
 """
 
 from __future__ import annotations
@@ -25,54 +22,56 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.free_run.single_recordings import only_compared
+from heli3dof.diagnosis.free_run.single_recordings import not_confirmed
 from heli3dof.diagnosis.free_run.unexplained import constant_voltage
 from heli3dof.diagnosis.result import Finding
 from heli3dof.recording.recording import Recording
 
-LINE = 0.02
-EVEN = 0.5
+LEAST_SHARE = 0.02
+"""Share of the variance from which on a frequency belongs to the motion. Chosen; not derived."""
+MOST_CONFIDENCE = 0.5
+"""As likely as not"""
 
 
 def marked_unsure(
     findings: Sequence[Finding], recordings: Sequence[Recording]
 ) -> tuple[Finding, ...]:
-    """The findings, those that such logs cannot bear as "…-like"."""
-    compared = only_compared([f.choice.term.name for f in findings], recordings)
+    """Return the findings, with those that the recordings cannot confirm marked as "…-like"."""
+    unconfirmed = not_confirmed([f.choice.term.name for f in findings], recordings)
     return tuple(
-        unsure(f) if f.choice.term.name in compared or _unborne(f, recordings) else f
+        marked_like(f) if f.choice.term.name in unconfirmed or _is_doubtful(f, recordings) else f
         for f in findings
     )
 
 
-def unsure(f: Finding) -> Finding:
-    """The same as "…-like"."""
-    sure = min(f.choice.confidence, EVEN)
-    return replace(f, like=True, choice=replace(f.choice, confidence=sure))
+def marked_like(f: Finding) -> Finding:
+    """Return the finding marked as "…-like"."""
+    confidence = min(f.choice.confidence, MOST_CONFIDENCE)
+    return replace(f, like=True, choice=replace(f.choice, confidence=confidence))
 
 
-def _unborne(f: Finding, recordings: Sequence[Recording]) -> bool:
+def _is_doubtful(f: Finding, recordings: Sequence[Recording]) -> bool:
     name = f.choice.term.effect.name
     if name == "mass.change":
         return len(recordings) > 1 or any(constant_voltage(r) for r in recordings)
     if name == "disturbance.periodic":
-        return any(in_the_motion(r, f.values["frequency_Hz"][0]) for r in recordings)
+        return any(is_in_motion(r, f.values["frequency_Hz"][0]) for r in recordings)
     return False
 
 
-def in_the_motion(recording: Recording, frequency_Hz: float) -> bool:
-    """Whether what was commanded (or moved, where no reference was logged) has a line there."""
+def is_in_motion(recording: Recording, frequency_Hz: float) -> bool:
+    """Return whether the references (or the angles, if none) have a spectral line there."""
     r = recording
     x = r.reference if np.isfinite(r.reference).any() else r.angle
-    return any(line_share(r.t, x[:, i], frequency_Hz) >= LINE for i in range(x.shape[1]))
+    return any(line_share(r.t, x[:, i], frequency_Hz) >= LEAST_SHARE for i in range(x.shape[1]))
 
 
 def line_share(t: np.ndarray, x: np.ndarray, frequency_Hz: float) -> float:
-    """(N,) s, (N,) any unit: the share of x's variance at that frequency, 0 where it stands."""
-    there = np.isfinite(x)
-    if there.sum() < 2:
+    """Return the share of the variance of x (N,) at this frequency, t (N,) in s; 0 if constant."""
+    finite = np.isfinite(x)
+    if finite.sum() < 2:
         return 0.0
-    t, x = t[there], x[there] - x[there].mean()
+    t, x = t[finite], x[finite] - x[finite].mean()
     power = float(x @ x) / len(x)
     if power <= 1e-12:
         return 0.0

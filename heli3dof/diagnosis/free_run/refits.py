@@ -1,8 +1,8 @@
-"""Fits next to a fit: without a term, with another, of some windows or recordings alone.
+"""Refit a multi-step fit without a term, with another term, or to some windows or recordings.
 
-Each starts where the whole fit stands, with its tangents: of the rows and columns that both have
-they are nearly the same, and `heli3dof.identification.greybox.levenberg_marquardt.follow_on` mends
-them as it goes. All are weighed by the whole's own scales, so that costs compare.
+Each refit starts at the given fit, with its coordinates z and its tangents D = ∂r/∂z (r: weighted
+residuals). `heli3dof.identification.greybox.levenberg_marquardt.follow_on` then updates D
+(Broyden). All refits keep the given fit's error scales s, so that their costs Q are comparable.
 """
 
 from __future__ import annotations
@@ -28,122 +28,123 @@ from heli3dof.parallel import parallel_map
 STAGE_S = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 BLOCK_S = 6.0
 WINDOW_S = 3.0
+"""s: prediction horizons, length of a fold's blocks and of a prediction window. Chosen."""
 FOLDS = 2
-ANEW = 1
-"""How often a refit without a term may take its tangents anew: a tenth of Q is nothing there."""
-ASTRAY = 3.0
-"""Times the cost: a refit that is worse may have lost its way."""
+RECOMPUTATIONS = 1
+"""Number of times that a refit may recompute its tangents. An error of 0.1 in Q is acceptable."""
+DIVERGED = 3.0
+"""Ratio of costs from which on a refit may have diverged. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
-class Stand:
-    """A fit, the same to each fold's blocks beside that fold's own windows, and (made when asked
-    for) the same to all recordings but one."""
+class FitWithFolds:
+    """A fit to all windows, and the fits that cross-validation needs."""
 
     fit: MultiStepFit
     folds: tuple[tuple[MultiStepFit, MultiStep], ...]
-    _others: dict[int, MultiStepFit] = field(default_factory=dict)
+    """For each fold: the fit to the other folds' windows, and the problem of its test windows"""
+    _without_recording: dict[int, MultiStepFit] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, fit: MultiStepFit) -> Stand:
+    def of(cls, fit: MultiStepFit) -> FitWithFolds:
         return cls(fit, tuple(folds_of(fit)))
 
-    def but(self, i: int) -> MultiStepFit:
-        """To all recordings but that one."""
-        if i not in self._others:
+    def without_recording(self, i: int) -> MultiStepFit:
+        """Return the fit to all recordings except number i."""
+        if i not in self._without_recording:
             kept = [j for j in range(len(self.fit.problem.flights)) if j != i]
-            self._others[i] = only(kept, self.fit)
-        return self._others[i]
+            self._without_recording[i] = fit_to_recordings(kept, self.fit)
+        return self._without_recording[i]
 
-    def without(self, name: str, fits: Sequence[MultiStepFit] = ()) -> Stand:
-        """All of it without that term; ``fits``: the folds' own, where they were made before."""
+    def without_term(self, name: str, fits: Sequence[MultiStepFit] = ()) -> FitWithFolds:
+        """Return all fits without that term; ``fits`` are those of the folds, if they exist."""
         each = list(fits) or parallel_map(lambda k: refit(self.folds[k][0], name), len(self.folds))
         tests = [test for _, test in self.folds]
         whole = refit(self.fit, name)
-        return Stand(whole, tuple(zip(each, tests, strict=True)))
+        return FitWithFolds(whole, tuple(zip(each, tests, strict=True)))
 
 
-def refit(found: MultiStepFit, name: str, instead: str | None = None) -> MultiStepFit:
-    """The fit with that term left out, ``instead`` in its place."""
-    names = [t.name for t in found.structure.terms if t.name != name]
+def refit(full: MultiStepFit, name: str, instead: str | None = None) -> MultiStepFit:
+    """Return the fit ``full`` refitted without term ``name``, with term ``instead`` if given."""
+    names = [t.name for t in full.structure.terms if t.name != name]
     if instead is not None:
         names.append(instead)
-    new = restructured(found.problem, names)
-    z, D = moved(found, new)
-    fit = warm(found, new, z, D, ANEW)
-    if fit.cost < ASTRAY * found.cost:
+    new = restructured(full.problem, names)
+    z, D = carried_over(full, new)
+    fit = warm_fit(full, new, z, D, RECOMPUTATIONS)
+    if fit.cost < DIVERGED * full.cost:
         return fit
-    # Flights that run away have no slope to follow; the weak form lets none fly.
-    other = warm(found, new, weak_start(new, z), None)
+    # A diverged simulation has no useful gradient. The weak form simulates nothing.
+    other = warm_fit(full, new, weak_start(new, z), None)
     return min(fit, other, key=lambda f: f.cost)
 
 
-def warm(
-    found: MultiStepFit, new: MultiStep, z: np.ndarray, D: np.ndarray | None, fresh: int = FRESH
+def warm_fit(
+    full: MultiStepFit, new: MultiStep, z: np.ndarray, D: np.ndarray | None, fresh: int = FRESH
 ) -> MultiStepFit:
-    """The minimum of ``new`` next to ``z`` (dim,), whose tangents are about D (dim, R)."""
-    v = least_squares_problem(new, found.noise, STAGE_S, found.scale)
+    """Return the fit of ``new`` from z (dim,) and tangents D (dim, R), with full's scales."""
+    v = least_squares_problem(new, full.noise, STAGE_S, full.scale)
     r = follow_on(v, z, D, settled=SETTLED, fresh=fresh)
-    return MultiStepFit(new, r.z, found.noise, found.scale, r.cost, r.tangents, r.rounds, r.settled)
+    return MultiStepFit(new, r.z, full.noise, full.scale, r.cost, r.tangents, r.rounds, r.settled)
 
 
 def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
-    """The same flights with other terms."""
+    """Return the problem p with the terms ``names`` instead of its own."""
     structure = Structure(p.structure.profile, terms(names))
-    here = set(structure.names)
+    parameters = set(structure.names)
     return replace(
         p,
         structure=structure,
-        varying={k: v for k, v in p.varying.items() if k in here},
+        varying={k: v for k, v in p.varying.items() if k in parameters},
     )
 
 
-def moved(found: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.ndarray]:
-    """(dim,) of ``new``: what both have stays, what is new stands at its prior; and the tangents
-    (dim, R), NaN for what is new."""
-    old, z = found.problem, new.start.copy()
-    D = np.full((new.dim, found.tangents.shape[1]), np.nan)
+def carried_over(full: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.ndarray]:
+    """Return (z, D) of ``full`` for ``new``; its new parameters get their prior mean and NaN."""
+    old, z = full.problem, new.start.copy()
+    D = np.full((new.dim, full.tangents.shape[1]), np.nan)
     at = {n: j for j, n in enumerate(old.structure.names)}
     for j, n in enumerate(new.structure.names):
         if n in at:
-            z[j], D[j] = found.z[at[n]], found.tangents[at[n]]
+            z[j], D[j] = full.z[at[n]], full.tangents[at[n]]
             if n in new.varying:
-                here, there = own(new, j), own(old, at[n])
-                z[here], D[here] = found.z[there], found.tangents[there]
+                to, source = recording_indices(new, j), recording_indices(old, at[n])
+                z[to], D[to] = full.z[source], full.tangents[source]
     return z, D
 
 
-def own(problem: MultiStep, j: int) -> list[int]:
-    """Where the recordings' own numbers of parameter j stand."""
+def recording_indices(problem: MultiStep, j: int) -> list[int]:
+    """Return the indices in z of parameter j's values by recording (j is in ``problem.own``)."""
     b = list(problem.own).index(j)
     return [problem.n + i * len(problem.own) + b for i in range(len(problem.flights))]
 
 
-def folds_of(found: MultiStepFit) -> list[tuple[MultiStepFit, MultiStep]]:
-    """For each fold: the fit to the others' blocks, with tangents anew, and its own windows."""
-    p = found.problem
+def folds_of(full: MultiStepFit) -> list[tuple[MultiStepFit, MultiStep]]:
+    """Return for each fold the fit to the other folds' windows, and its test windows."""
+    p = full.problem
 
     def one(fold: int) -> tuple[MultiStepFit, MultiStep]:
-        split = [halves(f, fold) for f in p.flights]
+        split = [split_windows(f, fold) for f in p.flights]
         train = replace(p, flights=tuple(a for a, _ in split))
         test = replace(p, flights=tuple(b for _, b in split))
         kept = [np.isin(f.starts, a.starts) for f, (a, _) in zip(p.flights, split, strict=True)]
-        fit = warm(found, train, found.z, of_windows(found, np.concatenate(kept)))
-        v = least_squares_problem(train, found.noise, STAGE_S, found.scale)
-        D = v.tangents(fit.z, v.residuals(fit.z))  # many fits and a σ will rest on them
-        return warm(found, train, fit.z, D), test
+        fit = warm_fit(full, train, full.z, window_tangents(full, np.concatenate(kept)))
+        v = least_squares_problem(train, full.noise, STAGE_S, full.scale)
+        # Many refits and the standard deviations use these tangents, so they are recomputed.
+        D = v.tangents(fit.z, v.residuals(fit.z))
+        return warm_fit(full, train, fit.z, D), test
 
     return parallel_map(one, FOLDS)
 
 
-def of_windows(found: MultiStepFit, kept: np.ndarray) -> np.ndarray:
-    """(dim, R') the tangents of those windows (S,) bool."""
-    each = found.tangents.reshape(len(found.z), len(kept), -1)
-    return np.asarray(each[:, kept].reshape(len(found.z), -1))
+def window_tangents(full: MultiStepFit, kept: np.ndarray) -> np.ndarray:
+    """Return the tangents (dim, R') of the windows that ``kept`` (S,) bool selects."""
+    each = full.tangents.reshape(len(full.z), len(kept), -1)
+    return np.asarray(each[:, kept].reshape(len(full.z), -1))
 
 
-def halves(flight: Flight, fold: int) -> tuple[Flight, Flight]:
-    """(to fit, to test): windows inside a block of `BLOCK_S` of the fold's, and those outside."""
+def split_windows(flight: Flight, fold: int) -> tuple[Flight, Flight]:
+    """Return (training, test): windows outside and inside the fold's blocks, none across two."""
     start = flight.t[flight.starts]
     stop = start + WINDOW_S
     block = np.floor(start / BLOCK_S).astype(int)
@@ -153,9 +154,9 @@ def halves(flight: Flight, fold: int) -> tuple[Flight, Flight]:
     return replace(flight, starts=flight.starts[train]), replace(flight, starts=flight.starts[test])
 
 
-def only(which: Sequence[int], found: MultiStepFit) -> MultiStepFit:
-    """The fit to these recordings of the problem alone."""
-    p = found.problem
+def fit_to_recordings(which: Sequence[int], full: MultiStepFit) -> MultiStepFit:
+    """Return the fit to the recordings with the indices ``which`` alone."""
+    p = full.problem
     part = replace(
         p,
         flights=tuple(p.flights[i] for i in which),
@@ -163,7 +164,7 @@ def only(which: Sequence[int], found: MultiStepFit) -> MultiStepFit:
         rows=tuple(p.rows[i] for i in which),
     )
     b = len(p.own)
-    here = np.concatenate([np.arange(p.n), *(p.n + i * b + np.arange(b) for i in which)])
-    whose = np.repeat(np.arange(len(p.flights)), [len(f.starts) for f in p.flights])
-    D = of_windows(found, np.isin(whose, which))
-    return warm(found, part, found.z[here], D[here])
+    at = np.concatenate([np.arange(p.n), *(p.n + i * b + np.arange(b) for i in which)])
+    recording = np.repeat(np.arange(len(p.flights)), [len(f.starts) for f in p.flights])
+    D = window_tangents(full, np.isin(recording, which))
+    return warm_fit(full, part, full.z[at], D[at])

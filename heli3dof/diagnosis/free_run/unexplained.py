@@ -1,20 +1,19 @@
-"""What a fitted rig does not explain of its recordings: told beside the causes, with numbers.
+"""Report what the fitted model does not explain: the take-off, and creep at a constant voltage.
 
-Take-off, of which nothing is fitted. From the last row on the table roll runs free to the end of
-the climb, once with rotors at rest in the file's first row and once at the speed that its voltages
-would keep: what they did before the file begins decides between. From `SPUN_UP_S` after lift-off
-they have forgotten it. From there on the mean of p̈, by the weak form
-(`heli3dof.identification.greybox.weak_form`), is held beside the mean of what the model says along
-the measured path, with the deviation that the parameters' covariance gives it; it is told where
-they are more than `SURELY` deviations apart.
+**Take-off.** The fit does not use it. Roll is simulated from the last row on the table to the end
+of the climb, with rotors initially at rest and at steady speed. The true initial speed depends on
+voltages before the recording. After `SPUN_UP_S` the difference is negligible. From there, the
+measured mean of p̈ (pitch, rad/s²) is compared with the model's along the measured path, in weak
+form. The take-off is reported if they differ by `SIGNIFICANT` standard deviations of the model's
+mean (from the parameters' covariance) or more.
 
-A constant voltage V on both motors, read on roll alone: where the arm stands early and late
-(`EARLY_S`, `LATE_S`) and where the model says it stands at once,
+**Creep.** Both motors have one constant voltage V. Mean roll early and late (`EARLY_S`, `LATE_S`)
+is compared with the model's equilibrium. L_a is the arm's length (m), F the thrust (N):
 
     L_a F(V) = (T_g + τ) cos r + k_r sin r = Γ(r),       F_late/F_early = Γ(r_late)/Γ(r_early)
 
-Thrust that grows by that factor, at one voltage, would do the same; or as much more voltage as
-the thrust curve asks for it. Whether one such number is what several runs show, is told too.
+Creep is equivalent to thrust that grows by this factor, or to the increase of voltage that gives it
+on the thrust curve. `compare_runs` tests whether one growth explains several runs.
 """
 
 from __future__ import annotations
@@ -35,48 +34,49 @@ from heli3dof.model.physics.integrator import readings
 from heli3dof.recording.recording import Recording
 
 SPUN_UP_S = 0.35
-SURELY = 2.0
+SIGNIFICANT = 2.0
 LONGEST_S = 5.0
-"""A climb that takes longer is none."""
+"""Take-off: see the module; longest climb (s). Chosen; not derived."""
 EARLY_S = (8.0, 18.0)
-"""s after the voltage came: the swing that its onset makes has its mean by then"""
+"""s after the voltage step: interval that averages its oscillation. Chosen."""
 LATE_S = 10.0
 LEAST_S = 30.0
+"""s: averaging time at the end of a run, and least duration of a run. Chosen."""
 ON_TABLE_DEG = 2.0
-CREPT_DEG = 1.0
-OFF_DEG = 2.0
-"""Less than that is not told."""
-ONE_SIZE = 2.0
-"""Growths that differ by more are not one and the same."""
+LEAST_CREEP_DEG = 1.0
+LEAST_ERROR_DEG = 2.0
+"""°: least height above the table; least creep or model error that is reported. Chosen."""
+LARGEST_RATIO = 2.0
+"""Growths with a larger ratio are of different size. Chosen."""
 
 
 def unexplained_effects(
     fit: MultiStepFit, flights: Sequence[Recording], runs: Sequence[Recording] = ()
 ) -> list[dict[str, Any]]:
-    """JSON-able, each with its ``sentence``; ``flights`` are the fit's, ``runs`` are not."""
+    """Return JSON objects with a ``sentence`` each; the fit used ``flights``, but not ``runs``."""
     out = [x for i, r in enumerate(flights) for x in take_off(fit, i, r)]
     out += [x for r in runs for x in creep(fit, r)]
-    return out + list(together([c for r in runs if (c := crept(fit, r)) is not None]))
+    return out + list(compare_runs([c for r in runs if (c := measure_creep(fit, r)) is not None]))
 
 
 def take_off(fit: MultiStepFit, i: int, recording: Recording) -> Iterator[dict[str, Any]]:
-    """How the climb of the fit's recording i goes, and how the model says it should."""
+    """Yield the climb of the fit's recording i, if its pitch acceleration is not the model's."""
     p, flight = fit.problem, fit.problem.flights[i]
-    off = np.flatnonzero(~table_of(recording)[1])
-    if not flight.still or not len(off) or off[0] == 0:
+    airborne = np.flatnonzero(~table_of(recording)[1])
+    if not flight.still or not len(airborne) or airborne[0] == 0:
         return
-    k, roll = int(off[0]) - 1, flight.y[:, 0]
+    k, roll = int(airborne[0]) - 1, flight.y[:, 0]
     n = climb_rows(roll[k + 1 :], flight.low, flight.dt)
     if not 2 * SPUN_UP_S < n * flight.dt < LONGEST_S:
         return
     values = p.values(fit.z, i)
     X = np.full((len(roll), 6), np.nan)
-    X[k] = _at_rest(p.structure, values, flight.y[k])
-    measured, model, std = _pitch(fit, i, k, n)
-    if abs(measured - model) < SURELY * std:
+    X[k] = _state_at_rest(p.structure, values, flight.y[k])
+    measured, model, std = _pitch_acceleration(fit, i, k, n)
+    if abs(measured - model) < SIGNIFICANT * std:
         return
     rises = float(np.degrees(roll[k + n] - roll[k]))
-    rest, speed = (
+    at_rest, at_speed = (
         rises - np.degrees(errors(p.structure, values, one, X, np.array([n]))[0, 0, 0])
         for still in (True, False)
         for one in (replace(flight, starts=np.array([k]), still=still),)
@@ -85,21 +85,21 @@ def take_off(fit: MultiStepFit, i: int, recording: Recording) -> Iterator[dict[s
     yield {
         "what": "take_off", "recording": recording.name, "seconds": seconds,
         "roll_deg": {
-            "measured": rises, "model_rotors_at_rest": rest, "model_rotors_at_speed": speed,
+            "measured": rises, "model_rotors_at_rest": at_rest, "model_rotors_at_speed": at_speed,
         },
         "pitch_acceleration_rad_per_s2": {
             "measured": measured, "model": model, "model_std": std,
         },
         "sentence": f"The take-off of {recording.name} was not fitted. In its {seconds:.1f} s roll "
-        f"rises by {_deg(rises)}; the model predicts {_deg(rest)} with rotors initially at rest "
-        f"and {_deg(speed)} with rotors at steady speed. From {SPUN_UP_S:g} s after lift-off, when "
-        f"this no longer matters, pitch accelerates by {_number(measured)} rad/s² on average; the "
-        f"thrusts that fit the flight give {_number(model)} ± {_number(std)}.",
+        f"rises by {_deg(rises)}; the model predicts {_deg(at_rest)} with rotors initially at rest "
+        f"and {_deg(at_speed)} with rotors at steady speed. From {SPUN_UP_S:g} s after lift-off, "
+        f"when this no longer matters, pitch accelerates by {_number(measured)} rad/s² on average; "
+        f"the thrusts that fit the flight give {_number(model)} ± {_number(std)}.",
     }  # fmt: skip
 
 
-def _pitch(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[float, float, float]:
-    """Mean p̈ over the climb, rows k + spun up … k + n: measured, the model's, its deviation."""
+def _pitch_acceleration(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[float, float, float]:
+    """Return (measured, modelled, σ) of the mean p̈ (rad/s²), rows k + `SPUN_UP_S` to k + n."""
     p = fit.problem
     flight = p.flights[i]
     first = k + round(SPUN_UP_S / flight.dt)
@@ -107,21 +107,21 @@ def _pitch(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[float, float, flo
     log = log_of(climb, max((k + n - first) * flight.dt, SPANS_S[0] + 2 * flight.dt))
     alone = replace(p, flights=(climb,), data=(p.data[i],), rows=(p.rows[i],))
     b = len(p.own)
-    here = np.r_[: p.n, p.n + i * b : p.n + (i + 1) * b]
+    at = np.r_[: p.n, p.n + i * b : p.n + (i + 1) * b]
     measured = float(log.spans[0].integrals(log.y, np.zeros_like(log.y))[:, 1].mean())
 
     def model(z: np.ndarray) -> float:
         return measured - float(residuals(alone, [log], z)[0][:, 1].mean())
 
-    z = fit.z[here]
-    at = model(z)
-    slope = np.array([model(z + d) - at for d in DIFFERENCE * np.eye(len(z))]) / DIFFERENCE
-    C = np.linalg.inv(fit.tangents @ fit.tangents.T + p.prior)[np.ix_(here, here)]
-    return measured, at, float(np.sqrt(slope @ C @ slope))
+    z = fit.z[at]
+    modelled = model(z)
+    slope = np.array([model(z + d) - modelled for d in DIFFERENCE * np.eye(len(z))]) / DIFFERENCE
+    C = np.linalg.inv(fit.tangents @ fit.tangents.T + p.prior)[np.ix_(at, at)]
+    return measured, modelled, float(np.sqrt(slope @ C @ slope))
 
 
-def _at_rest(structure: Any, values: np.ndarray, reading: np.ndarray) -> np.ndarray:
-    """(6,) the state that reads so, at rest."""
+def _state_at_rest(structure: Any, values: np.ndarray, reading: np.ndarray) -> np.ndarray:
+    """Return the state (6,) at rest whose encoders read ``reading`` (3,) rad."""
     x = np.concatenate([reading, np.zeros(3)])
     hooks = structure.hooks
     s, par = structure.arrays(values)
@@ -132,8 +132,8 @@ def _at_rest(structure: Any, values: np.ndarray, reading: np.ndarray) -> np.ndar
 
 
 @dataclass(frozen=True)
-class Crept:
-    """Where the arm stands at one constant voltage, early and late, and where the model says."""
+class CreepRun:
+    """Roll at a constant voltage: measured early and late in the run, and the model's."""
 
     recording: str
     voltage_V: float
@@ -142,16 +142,16 @@ class Crept:
     model_deg: float
     thrust_late_over_early: float
     as_if_V: float
-    """By how much more voltage would give as much more thrust"""
+    """V: voltage increase equivalent to the growth of thrust"""
     seconds: float
 
     @property
     def creeps(self) -> bool:
-        return abs(self.late_deg - self.early_deg) > CREPT_DEG
+        return abs(self.late_deg - self.early_deg) > LEAST_CREEP_DEG
 
 
 def constant_voltage(recording: Recording) -> tuple[int, int] | None:
-    """First and last row of the one voltage that both motors had throughout; None where not so."""
+    """Return the first and last row with voltage; None unless it is constant, the same on both."""
     V = recording.voltage
     on = np.flatnonzero((V > 0).all(axis=1))
     if not len(on) or np.ptp(V[on]) > 1e-9 or on[-1] - on[0] + 1 != len(on):
@@ -159,8 +159,8 @@ def constant_voltage(recording: Recording) -> tuple[int, int] | None:
     return int(on[0]), int(on[-1])
 
 
-def crept(fit: MultiStepFit, recording: Recording) -> Crept | None:
-    """None where no constant voltage held the arm off the table long enough."""
+def measure_creep(fit: MultiStepFit, recording: Recording) -> CreepRun | None:
+    """Return the run's creep; None unless a constant voltage holds the arm off the table."""
     r, on = recording, constant_voltage(recording)
     if on is None:
         return None
@@ -174,16 +174,16 @@ def crept(fit: MultiStepFit, recording: Recording) -> Crept | None:
         return None
     volts = float(r.voltage[on[0], 0])
     factor = arm_torque(fit, late) / arm_torque(fit, early)
-    more = hover_voltage(fit, late) / hover_voltage(fit, early)
-    return Crept(
-        r.name, volts, early, late, settles_at(fit, volts), factor, volts * (more - 1), end
+    ratio = hover_voltage(fit, late) / hover_voltage(fit, early)
+    return CreepRun(
+        r.name, volts, early, late, settles_at(fit, volts), factor, volts * (ratio - 1), end
     )
 
 
 def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
-    """Whether the arm keeps moving at a constant voltage, and where the model says it stands."""
-    c = crept(fit, recording)
-    if c is None or (not c.creeps and abs(c.model_deg - c.early_deg) < OFF_DEG):
+    """Yield the run's creep, if the arm creeps or is not where the model predicts."""
+    c = measure_creep(fit, recording)
+    if c is None or (not c.creeps and abs(c.model_deg - c.early_deg) < LEAST_ERROR_DEG):
         return
     sentence = (
         f"At {c.voltage_V:g} V on both motors ({c.recording}, not fitted) the arm is at "
@@ -200,15 +200,15 @@ def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
     yield {"what": "creep", **asdict(c), "sentence": sentence}
 
 
-def together(runs: Sequence[Crept]) -> Iterator[dict[str, Any]]:
-    """Whether one growth of thrust, or one of voltage, is what all of the runs show."""
+def compare_runs(runs: Sequence[CreepRun]) -> Iterator[dict[str, Any]]:
+    """Yield whether one growth of thrust, or one of voltage, explains all runs."""
     if len({c.voltage_V for c in runs}) < 2 or not any(c.creeps for c in runs):
         return
-    each = {
+    growth = {
         "thrust": [c.thrust_late_over_early - 1 for c in runs],
         "voltage": [c.as_if_V for c in runs],
     }
-    one = {k: min(v) > 0 and max(v) < ONE_SIZE * min(v) for k, v in each.items()}
+    one = {k: min(v) > 0 and max(v) < LARGEST_RATIO * min(v) for k, v in growth.items()}
     each_run = "; ".join(
         f"{c.voltage_V:g} V: {100 * (c.thrust_late_over_early - 1):.0f} % of thrust, or "
         f"{c.as_if_V:.2f} V".replace("-", "−")

@@ -1,15 +1,16 @@
-"""What a fit to free flights leaves over, by the weak form: a torque that follows something.
+"""Find a residual torque that depends on a variable, from a multi-step fit's errors in weak form.
 
-The fit's errors in the weak form (`heli3dof.identification.greybox.weak_form`) over spans of
-`SPAN_S` that do not overlap are mean residual accelerations; times J they are torques, one per span
-and axis. Against the span's mean of each variable they are fitted by `KNOTS` hat functions on every
-other block of `BLOCK_S`, and judged on the rest, both ways:
+The errors in weak form (`heli3dof.identification.greybox.weak_form`) are mean residual
+accelerations over spans of `SPAN_S`. Times the inertia J they are torques τ, one per span and axis.
+τ̂ is a sum of `KNOTS` hat functions of a variable's mean over the span. Ridge regression fits it to
+every other block of `BLOCK_S`. It is tested on the remaining blocks; then they change roles.
 
-    share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²          on spans that the curve has not seen
+    share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²      over the test spans, mean of the training spans
 
-A share above `LEAST` whose 95 % bootstrap interval over blocks lies above zero is told. The best
-variable of an axis is named, those nearly as good stand under ``also``. Coloured residuals and the
-choice among variables make false ones likelier than 5 %: it is a lead to follow, not a cause.
+Each axis reports the variable with the largest share, if share ≥ `LEAST` and its 95 % bootstrap
+interval over blocks lies above zero. ``also`` lists those above `NEARLY` times this share. Coloured
+residuals and the choice of the best variable raise the false-alarm rate above 5 %: the result is a
+hint, not a cause.
 """
 
 from __future__ import annotations
@@ -28,10 +29,11 @@ RIDGE = 1.0
 LEAST = 0.10
 NEARLY = 0.8
 DRAWS = 500
+"""Chosen; not derived: blocks (s), knots, ridge penalty, limits of the share, bootstrap draws"""
 
 
 def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
-    """At most one for each axis, the largest share first."""
+    """Return one residual torque per axis at most, by falling share."""
     logs = [log_of(f) for f in fit.problem.flights]
     e = residuals(fit.problem, logs, fit.z)[0]
     rows, t, x = _spans(logs)
@@ -39,31 +41,31 @@ def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
     found = []
     for i, axis in enumerate(AXES):
         torque = e[rows, i] * J[i]
-        tried = {name: _judged(torque, z, t) for name, z in x.items()}
-        best = max(tried, key=lambda n: tried[n][0])
-        share, low, sure = tried[best]
+        shares = {name: _cross_validated_share(torque, z, t) for name, z in x.items()}
+        best = max(shares, key=lambda n: shares[n][0])
+        share, low, confidence = shares[best]
         if share < LEAST or low <= 0:
             continue
         also = sorted(
-            (n for n in tried if n != best and tried[n][0] > NEARLY * share),
-            key=lambda n: -tried[n][0],
+            (n for n in shares if n != best and shares[n][0] > NEARLY * share),
+            key=lambda n: -shares[n][0],
         )
         knots, curve, std = _curve(torque, x[best])
         found.append(
             ResidualTorque(
                 axis, best, share, tuple(zip(knots.tolist(), curve.tolist(), strict=True)),
-                tuple(std.tolist()), float(share * len(torque)), sure, tuple(also),
+                tuple(std.tolist()), float(share * len(torque)), confidence, tuple(also),
             )
         )  # fmt: skip
     return tuple(sorted(found, key=lambda f: -f.share))
 
 
 def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Rows of `residuals` that do not overlap, their time (recordings apart), the variables."""
+    """Return rows of `residuals` without overlap, times (10⁴ s between recordings), variables."""
     rows, t, at = [], [], 0
     x: dict[str, list[np.ndarray]] = {}
     for n, log in enumerate(logs):
-        first, L, f = log.spans[0].rows, len(log.spans[0].phi), log.flight
+        first, L, flight = log.spans[0].rows, len(log.spans[0].phi), log.flight
         keep, free = [], -1
         for i, k in enumerate(first):
             if k >= free:
@@ -75,24 +77,23 @@ def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str
             total = np.concatenate([[0.0], np.cumsum(v)])
             return np.asarray((total[where + L] - total[where]) / L)
 
-        V = f.V
-        sides = {a: mean(log.y_smooth[:, i]) for i, a in enumerate(AXES)}
-        sides |= {f"{a}_rate": mean(log.y_dot[:, i]) for i, a in enumerate(AXES)}
-        sides |= {
+        V = flight.V
+        variables = {a: mean(log.y_smooth[:, i]) for i, a in enumerate(AXES)}
+        variables |= {f"{a}_rate": mean(log.y_dot[:, i]) for i, a in enumerate(AXES)}
+        variables |= {
             "voltage_sum": mean(V.sum(axis=1)),
             "voltage_difference": mean(V[:, 0] - V[:, 1]),
-            "time": mean(f.t) + 0.0,
+            "time": mean(flight.t) + 0.0,
         }
-        for name, z in sides.items():
+        for name, z in variables.items():
             x.setdefault(name, []).append(z)
         rows.append(np.array(keep) + at)
-        t.append(mean(f.t) + 1e4 * n)
+        t.append(mean(flight.t) + 1e4 * n)
         at += len(first)
     return np.concatenate(rows), np.concatenate(t), {k: np.concatenate(v) for k, v in x.items()}
 
 
 def _hats(z: np.ndarray, knots: np.ndarray) -> np.ndarray:
-    """(n, K) hat functions, constant beyond the ends."""
     return np.array([np.interp(z, knots, e) for e in np.eye(len(knots))]).T
 
 
@@ -106,30 +107,32 @@ def _solve(A: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.linalg.solve(H, A.T @ y), np.linalg.inv(H)
 
 
-def _judged(y: np.ndarray, z: np.ndarray, t: np.ndarray) -> tuple[float, float, float]:
-    """(share on unseen spans, its lower end, share of draws above zero)."""
+def _cross_validated_share(
+    y: np.ndarray, z: np.ndarray, t: np.ndarray
+) -> tuple[float, float, float]:
+    """Return (share on test spans, lower end of its interval, share of draws above zero)."""
     block = np.floor(t / BLOCK_S).astype(int)
     knots = _knots(z)
     A = _hats(z, knots)
-    won, all_ = np.zeros(len(y)), np.zeros(len(y))
+    explained, total = np.zeros(len(y)), np.zeros(len(y))
     for side in (0, 1):
         test = block % 2 == side
         if test.all() or not test.any():
             return 0.0, 0.0, 0.0
         mean = y[~test].mean()
         c, _ = _solve(A[~test], y[~test] - mean)
-        all_[test] = (y[test] - mean) ** 2
-        won[test] = all_[test] - (y[test] - mean - A[test] @ c) ** 2
+        total[test] = (y[test] - mean) ** 2
+        explained[test] = total[test] - (y[test] - mean - A[test] @ c) ** 2
     names = np.unique(block)
-    W = np.array([won[block == b].sum() for b in names])
-    T = np.array([all_[block == b].sum() for b in names])
+    W = np.array([explained[block == b].sum() for b in names])
+    T = np.array([total[block == b].sum() for b in names])
     drawn = np.random.default_rng(3).integers(0, len(names), (DRAWS, len(names)))
     draws = W[drawn].sum(axis=1) / T[drawn].sum(axis=1)
     return float(W.sum() / T.sum()), float(np.percentile(draws, 2.5)), float((draws > 0).mean())
 
 
 def _curve(y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(knots, torque there, its standard deviation)."""
+    """Return (knots, torque at the knots, its standard deviation)."""
     knots = _knots(z)
     A = _hats(z, knots)
     c, C = _solve(A, y - y.mean())

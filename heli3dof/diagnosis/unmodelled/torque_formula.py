@@ -27,7 +27,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
-from heli3dof.diagnosis.selection.select import FORM, TIE
+from heli3dof.diagnosis.selection.select import FORMULA_ERROR, TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, forward, hats
 from heli3dof.diagnosis.sensitivity.perturbation import forward as traces_of
 from heli3dof.diagnosis.sensitivity.perturbation import path
@@ -66,19 +66,23 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     """Return terms for ``torque``, best first: the formula if it holds as well as the curve, and
     the curve if it is a function of a product of quantities."""
     flight = trail(fit)
-    held = Nuisance.base(fit, flight, None)
-    bias = np.zeros(len(held.g)) if fit.bias is None else fit.bias
-    g = held.g - bias
+    nuisance = Nuisance.of_fit(fit, flight, None)
+    bias = np.zeros(len(nuisance.g)) if fit.bias is None else fit.bias
+    g = nuisance.g - bias
     axis = AXES.index(torque.axis)
     kappa = max(fit.inflation, 1.0)
-    u, v = projected(flight, held, g, product_traces(fit, flight, axis))
+    u, v = projected(flight, nuisance, g, product_traces(fit, flight, axis))
     v = np.diag(v)
     S = np.where(v > 0, u**2 / np.maximum(v, 1e-300), 0.0)
     best = float(S.max())
-    near = [int(k) for k in np.argsort(-S) if best - S[k] < kappa * max(TIE, FORM * best / kappa)]
+    near = [
+        int(k)
+        for k in np.argsort(-S)
+        if best - S[k] < kappa * max(TIE, FORMULA_ERROR * best / kappa)
+    ]
     near.sort(key=lambda k: len(factors(PRODUCTS[k])))
     first, *others = near
-    spline, rank = spline_score(flight, held, g, axis, torque.depends_on)
+    spline, rank = spline_score(flight, nuisance, g, axis, torque.depends_on)
     price = kappa * (rank - 1) * float(np.log(max(len(flight.at.row), 2)))
     out = []
     if spline - S[first] < price:
@@ -113,25 +117,25 @@ def value(flight: Trail, product: str) -> np.ndarray:
 
 
 def projected(
-    flight: Trail, held: Nuisance, g: np.ndarray, D: np.ndarray
+    flight: Trail, nuisance: Nuisance, g: np.ndarray, D: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return u (K,) and v (K, K) of traces D (K, E), without what the fit's coordinates explain."""
     weighted = D * flight.at.w
-    cross = weighted @ held.tangents.T
-    solved = np.linalg.solve(held.A, cross.T)
+    cross = weighted @ nuisance.tangents.T
+    solved = np.linalg.solve(nuisance.A, cross.T)
     return D @ flight.at.g - solved.T @ g, weighted @ D.T - cross @ solved
 
 
 def spline_score(
-    flight: Trail, held: Nuisance, g: np.ndarray, axis: int, variable: str
+    flight: Trail, nuisance: Nuisance, g: np.ndarray, axis: int, variable: str
 ) -> tuple[float, int]:
     """Return S of the piecewise linear torque of ``variable`` and its rank; zero if it is still."""
     library = hats(flight, np.array([axis]))
     if variable not in library.variables:
         return 0.0, 1
     columns = np.arange(KNOTS) + KNOTS * library.variables.index(variable)
-    D = forward(library, flight, held.tangents, columns).traces
-    u, v = projected(flight, held, g, D)
+    D = forward(library, flight, nuisance.tangents, columns).traces
+    u, v = projected(flight, nuisance, g, D)
     E = informative_directions(v, (D * flight.at.w) @ D.T)
     if not E.shape[1]:
         return 0.0, 1

@@ -1,4 +1,4 @@
-"""Base parameters outside the profile's tolerance: the rules, on values made by hand."""
+"""Base parameters outside the profile's tolerance: the rules, on synthetic values."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
-from heli3dof.diagnosis.free_run.base_off import numbers, off_profile, one_factor, shown, sure
+from heli3dof.diagnosis.free_run.base_off import (
+    beyond_tolerance,
+    fitted_base,
+    halves_confirm,
+    off_profile,
+    one_factor,
+)
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.model.effects import term
@@ -17,20 +23,20 @@ from tests.identification.known_flights import fly
 TOLERANCE = 0.15
 
 
-def number(ratio: float, std: float) -> BaseParameter:
+def parameter(ratio: float, std: float) -> BaseParameter:
     return BaseParameter("J_yaw", 1.0, ratio, std * ratio, "kg·m²", std)
 
 
 @pytest.fixture(scope="module")
 def known() -> MultiStepFit:
-    """Every parameter at its prior mean, determined by the data to 2 % of its scale."""
+    """Return a fit at the prior means, with σ = 0.02 in each coordinate."""
     p = problem_of([fly(1022).recording.between(0, 25)], REAL_TERMS)
     D = np.eye(p.dim) / 0.02
     return MultiStepFit(p, p.start.copy(), np.ones(4), np.ones((7, 3)), 0.0, D, 0, True)
 
 
-def times(fit: MultiStepFit, **ratios: float) -> MultiStepFit:
-    """That fit with base parameters multiplied by these ratios."""
+def scaled(fit: MultiStepFit, **ratios: float) -> MultiStepFit:
+    """Return the fit with base parameters multiplied by these ratios."""
     z = fit.z.copy()
     for name, ratio in ratios.items():
         j = fit.structure.names.index(name)
@@ -41,23 +47,23 @@ def times(fit: MultiStepFit, **ratios: float) -> MultiStepFit:
 
 def test_an_interval_must_lie_outside_the_tolerance() -> None:
     """ln 1.45 − ln 1.15 = 0.232: 1.96 σ of 0.118."""
-    assert sure(number(1.45, 0.117), TOLERANCE)
-    assert not sure(number(1.45, 0.119), TOLERANCE)
-    assert not sure(number(1.14, 0.001), TOLERANCE)
+    assert beyond_tolerance(parameter(1.45, 0.117), TOLERANCE)
+    assert not beyond_tolerance(parameter(1.45, 0.119), TOLERANCE)
+    assert not beyond_tolerance(parameter(1.14, 0.001), TOLERANCE)
 
 
 def test_both_halves_must_show_the_same_deviation() -> None:
-    off, x = number(0.7, 0.05), float(np.log(0.7))
-    assert shown([off, number(0.75, 0.05)], x, TOLERANCE)
-    assert not shown([off, number(0.9, 0.02)], x, TOLERANCE)
-    assert not shown([off, number(1.4, 0.05)], x, TOLERANCE)
-    assert not shown([number(0.7, 0.01), number(0.75, 0.01)], x, TOLERANCE)
+    off, x = parameter(0.7, 0.05), float(np.log(0.7))
+    assert halves_confirm([off, parameter(0.75, 0.05)], x, TOLERANCE)
+    assert not halves_confirm([off, parameter(0.9, 0.02)], x, TOLERANCE)
+    assert not halves_confirm([off, parameter(1.4, 0.05)], x, TOLERANCE)
+    assert not halves_confirm([parameter(0.7, 0.01), parameter(0.75, 0.01)], x, TOLERANCE)
 
 
 def test_three_inertias_off_by_one_factor_are_confounded_with_the_thrust_gain(
     known: MultiStepFit,
 ) -> None:
-    fit = times(known, J_roll=0.7, J_pitch=0.7, J_yaw=0.7)
+    fit = scaled(known, J_roll=0.7, J_pitch=0.7, J_yaw=0.7)
     off = off_profile(fit, (fit, fit), TOLERANCE)
     assert {o.term.name for o in off} == {"inertia.roll", "inertia.pitch", "inertia.yaw"}
     assert all(o.tied_with == ("motor.thrust_gain",) for o in off)
@@ -65,7 +71,7 @@ def test_three_inertias_off_by_one_factor_are_confounded_with_the_thrust_gain(
 
 
 def test_an_excess_trim_torque_is_a_mass_imbalance(known: MultiStepFit) -> None:
-    fit = times(known, T_g=1.45)
+    fit = scaled(known, T_g=1.45)
     (off,) = off_profile(fit, (fit, fit), TOLERANCE)
     nominal = fit.structure.free[0].start
     assert off.term.name == "mass.imbalance"
@@ -77,13 +83,13 @@ def test_a_weight_common_to_all_recordings_counts_with_the_trim_torque(known: Mu
     j = known.structure.names.index("mass.imbalance.torque_Nm")
     p, z = known.problem, known.z.copy()
     z[p.n + list(p.own).index(j)] += known.structure.free[j].inward(0.1)
-    more = numbers(replace(known, z=z))[0].value - numbers(known)[0].value
+    more = fitted_base(replace(known, z=z))[0].value - fitted_base(known)[0].value
     assert more == pytest.approx(0.1)
 
 
 def test_a_rig_within_its_profile_or_without_halves_has_no_finding(known: MultiStepFit) -> None:
     assert off_profile(known, (known, known), TOLERANCE) == ()
-    fit = times(known, T_g=1.45)
+    fit = scaled(known, T_g=1.45)
     assert off_profile(fit, (), TOLERANCE) == ()
     assert off_profile(fit, (fit, known), TOLERANCE) == ()
 

@@ -1,4 +1,4 @@
-"""Diagnosis of logs with sampling jitter: results for a real rig from a quick fit."""
+"""Diagnosis of logs with sampling jitter: parts of it, on a quick fit of a real rig."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.free_run.diagnose_free_run import no_likelihood
-from heli3dof.diagnosis.free_run.explanations import explains, hover_voltage, steady
+from heli3dof.diagnosis.free_run.explanations import explains, hover_voltage, steady_rows
 from heli3dof.diagnosis.free_run.free_run_gain import FreeRun, gain, pays
-from heli3dof.diagnosis.free_run.weak_form import _judged
+from heli3dof.diagnosis.free_run.weak_form import _cross_validated_share
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.recording.recording import Recording
 from tests.diagnosis import rig_a
@@ -39,13 +39,13 @@ def test_a_roll_only_run_does_not_change_the_method(real: Recording) -> None:
 
 
 def test_a_higher_arm_needs_more_voltage(quick: MultiStepFit) -> None:
-    """rig-a: about 9.6 V at +10° and 8.5 V at −10°, by its owners."""
+    """The owners of rig-a report about 9.6 V at +10° and 8.5 V at −10°."""
     low, high = hover_voltage(quick, -10), hover_voltage(quick, 10)
     assert 6.5 < low < 9.0 < high < 11.0
 
 
 def test_steady_rows_are_in_flight_and_off_the_table(real: Recording) -> None:
-    rows = steady(real)
+    rows = steady_rows(real)
     assert len(rows) > 500
     assert rows[:, 0].min() > -20
     assert 6 < rows[:, 2].mean() < 12
@@ -63,7 +63,7 @@ def test_without_causes_there_is_no_explanation(quick: MultiStepFit, real: Recor
 
 
 def test_a_gain_is_the_difference_of_two_rms_errors() -> None:
-    """Half the error everywhere: 2° less 1°, and the interval is a point."""
+    """All errors fall from 2° to 1°, so each draw of the bootstrap gives 1°."""
     e = np.full((40, 12, 3), np.radians(2.0))
     cell = np.arange(40) // 4
     g = gain(FreeRun(e, cell), FreeRun(e / 2, cell), "holdout", 0)
@@ -78,14 +78,14 @@ def test_structure_is_detected_on_held_out_spans_and_noise_is_not() -> None:
     rng = np.random.default_rng(1001)
     z, t = rng.standard_normal(300), np.arange(300) * 0.4
     noise = rng.standard_normal(300)
-    share, low, _ = _judged(2 * np.abs(z) + noise, z, t)
+    share, low, _ = _cross_validated_share(2 * np.abs(z) + noise, z, t)
     assert share > 0.3
     assert low > 0
-    assert _judged(noise, z, t)[0] < 0.1
+    assert _cross_validated_share(noise, z, t)[0] < 0.1
 
 
 def test_an_extension_pays_if_it_predicts_better_with_equal_axis_weights() -> None:
-    """Half on two axes, 1.5 times on one: 1/4 + 1/4 + 2.25 < 3; twice as bad: 4.5 > 3."""
+    """Ratios ½, ½, 1.5: ¼ + ¼ + 2.25 < 3. Ratios ½, ½, 2: ¼ + ¼ + 4 > 3."""
     e, cell = np.full((40, 12, 3), np.radians(2.0)), np.arange(40) // 4
     before = FreeRun(e, cell)
     assert pays(before, FreeRun(e * [0.5, 0.5, 1.5], cell))

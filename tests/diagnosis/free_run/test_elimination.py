@@ -1,4 +1,4 @@
-"""Backward elimination: arithmetic of blocks, cells and intervals."""
+"""Backward elimination: blocks, cells and bootstrap intervals."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import pytest
 
 from heli3dof.diagnosis.free_run import elimination as module
 from heli3dof.diagnosis.free_run.elimination import (
-    from_climbs_end,
-    interval,
+    bootstrap,
     known_beforehand,
+    split_at_climb_end,
     without_elimination,
 )
-from heli3dof.diagnosis.free_run.refits import BLOCK_S, STAGE_S, WINDOW_S, halves, refit
+from heli3dof.diagnosis.free_run.refits import BLOCK_S, STAGE_S, WINDOW_S, refit, split_windows
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.identification.greybox.multistep import search
 from heli3dof.identification.greybox.weak_form import weak_start
@@ -31,7 +31,7 @@ def flight(seconds: float, dt: float = 0.01) -> Flight:
 
 def test_training_and_test_windows_share_no_sample() -> None:
     f = flight(30.0)
-    train, test = halves(f, 0)
+    train, test = split_windows(f, 0)
 
     def rows(g: Flight) -> set[int]:
         n = round(WINDOW_S / g.dt)
@@ -44,9 +44,9 @@ def test_training_and_test_windows_share_no_sample() -> None:
 
 
 def test_a_term_is_kept_if_all_cells_agree_and_removed_if_they_disagree() -> None:
-    assert interval(np.array([1.0, 2.0, 1.5, 0.5, 1.2]), 1).kept
-    mixed = interval(np.array([3.0, -3.0, 2.0, -2.0, 0.1]), 1)
-    assert not mixed.kept
+    assert bootstrap(np.array([1.0, 2.0, 1.5, 0.5, 1.2]), 1).significant
+    mixed = bootstrap(np.array([3.0, -3.0, 2.0, -2.0, 0.1]), 1)
+    assert not mixed.significant
     assert mixed.value == pytest.approx(0.02)
     assert mixed.low < 0 < mixed.high
 
@@ -61,23 +61,25 @@ def test_the_filter_restarts_at_the_end_of_the_climb() -> None:
     recording = fly(1022).recording.between(0, 25)
     data = problem_of([recording], REAL_TERMS).data[0]
     lead, start, stop = data.blocks[0]
-    split = from_climbs_end(data, int(start) + 100)
+    split = split_at_climb_end(data, int(start) + 100)
     assert split.blocks[:2].tolist() == [[lead, start, start + 100], [lead, start + 100, stop]]
     assert len(split.free) == len(split.blocks)
-    assert from_climbs_end(data, int(start)).blocks.tolist() == data.blocks.tolist()
+    assert split_at_climb_end(data, int(start)).blocks.tolist() == data.blocks.tolist()
 
 
 def test_blocks_decide_the_causes_and_the_model_keeps_all_terms(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The blocks do not need the yaw torque, but the model is still the fit that contains it."""
+    """The blocks do not need the yaw torque, but the model keeps it."""
     names = ("stiffness.pendulum.roll", "bias.torque.yaw", "motor.lag")
     problem = problem_of([fly(1022).recording.between(0, 25)], names)
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=1)
-    intervals = {n: interval(np.full(9, 1.0), 1) for n in names}
-    intervals["bias.torque.yaw"] = interval(np.linspace(-1, 1, 9), 1)
+    intervals = {n: bootstrap(np.full(9, 1.0), 1) for n in names}
+    intervals["bias.torque.yaw"] = bootstrap(np.linspace(-1, 1, 9), 1)
     monkeypatch.setattr(
-        module, "removed", lambda stand, name, *, seed, instead=None: module.Trial(intervals[name])
+        module,
+        "without_term",
+        lambda current, name, *, seed, instead=None: module.Trial(intervals[name]),
     )
     result = module.eliminate(problem, full)
     assert result.fit is full
@@ -92,11 +94,11 @@ def test_a_refit_without_a_term_keeps_the_scale_and_reaches_the_optimum() -> Non
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,))
     less = refit(full, "bias.torque.yaw")
     assert (less.scale == full.scale).all()
-    there = search(less.problem, less.z, full.noise, stages_s=(STAGE_S,), fixed=full.scale)
-    assert less.cost == pytest.approx(there.cost, abs=0.1)
+    optimum = search(less.problem, less.z, full.noise, stages_s=(STAGE_S,), fixed=full.scale)
+    assert less.cost == pytest.approx(optimum.cost, abs=0.1)
 
 
-def test_a_glance_judges_each_term_by_its_size_and_reports_no_halves() -> None:
+def test_without_elimination_terms_are_kept_by_size_and_there_are_no_halves() -> None:
     problem = problem_of([fly(1022).recording.between(0, 25)], ("motor.lag", "bias.torque.yaw"))
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,))
     result = without_elimination(full)

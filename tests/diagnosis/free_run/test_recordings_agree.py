@@ -1,4 +1,4 @@
-"""Commanded periods: the share of a motion's power at a frequency."""
+"""Frequencies in the commanded motion: the share of a signal's variance in a line."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.free_run.recordings_agree import in_the_motion, line_share
+from heli3dof.diagnosis.free_run.recordings_agree import is_in_motion, line_share
 from tests.identification.known_flights import fly
 
 T = np.arange(0, 60, 0.002)
@@ -19,7 +19,7 @@ def test_a_square_waves_lines_hold_8_over_pi_squared_k_squared(harmonic: int, sh
     assert line_share(T, SQUARE, harmonic * 0.1) == pytest.approx(share, rel=0.01)
 
 
-def test_between_its_lines_and_at_rest_the_share_is_zero() -> None:
+def test_the_share_is_zero_between_lines_and_for_a_constant_signal() -> None:
     assert line_share(T, SQUARE, 0.25) < 0.001
     assert line_share(T, np.full(len(T), 3.0), 0.1) == 0.0
     assert line_share(T, np.full(len(T), np.nan), 0.1) == 0.0
@@ -30,7 +30,7 @@ def test_without_a_logged_reference_the_angles_give_the_commanded_motion() -> No
     t = r.t - r.t[0]
     swings = np.stack([0.0 * t, 0.2 * np.sin(2 * np.pi * 0.2 * t), 0.0 * t], axis=1)
     nothing = np.full_like(swings, np.nan)
-    assert in_the_motion(replace(r, reference=nothing, angle=swings), 0.2)
-    assert not in_the_motion(replace(r, reference=nothing, angle=swings), 1.3)
-    assert in_the_motion(replace(r, reference=swings, angle=np.zeros_like(swings)), 0.2)
-    assert not in_the_motion(replace(r, reference=np.zeros_like(swings), angle=swings), 0.2)
+    assert is_in_motion(replace(r, reference=nothing, angle=swings), 0.2)
+    assert not is_in_motion(replace(r, reference=nothing, angle=swings), 1.3)
+    assert is_in_motion(replace(r, reference=swings, angle=np.zeros_like(swings)), 0.2)
+    assert not is_in_motion(replace(r, reference=np.zeros_like(swings), angle=swings), 0.2)

@@ -1,4 +1,4 @@
-"""A decimated log gives no finding on an unmodified rig. Seeds from 1140."""
+"""Diagnosis of decimated logs of the emulated rig. Seeds from 1140."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from heli3dof.recording.recording import Recording
 
 
 def decimated(hide: str, every: int) -> Recording:
-    """The rich plan flown at 500 Hz; only every ``every``-th row is logged."""
+    """Return a flight of the rich plan at 500 Hz with every ``every``-th row."""
     device = f"mock:?speed=max&hide={hide}&seed=1140&spread=0.07"
     flown = fly_plan(load_plan("rich"), device=device, seed=1140).recording
     return replace(flown.rows(slice(None, None, every)), channels={})

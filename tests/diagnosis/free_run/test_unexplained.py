@@ -9,11 +9,11 @@ import pytest
 
 from heli3dof.diagnosis.free_run.explanations import arm_torque, hover_voltage, settles_at
 from heli3dof.diagnosis.free_run.unexplained import (
-    Crept,
+    CreepRun,
+    compare_runs,
     constant_voltage,
     creep,
     take_off,
-    together,
 )
 from tests.diagnosis.rig_a import quick, recording
 
@@ -33,10 +33,10 @@ def test_twice_the_torque_needs_two_to_the_one_over_n_times_the_voltage() -> Non
 
 
 def test_a_take_off_in_which_pitch_moves_against_the_thrusts_is_reported() -> None:
-    """closed-1a: roll climbs 21.8° in 1.1 s; pitch falls while the front motor pulls harder."""
+    """closed-1a: roll rises by 21.8° in 1.1 s; pitch falls, but the front motor has more thrust."""
     real, fit = recording("closed-1a"), quick()
-    sure = replace(fit, tangents=1e3 * fit.tangents)  # as if every parameter were certain
-    (note,) = take_off(sure, 0, real)
+    certain = replace(fit, tangents=1e3 * fit.tangents)  # very small standard deviations
+    (note,) = take_off(certain, 0, real)
     assert note["roll_deg"]["measured"] == pytest.approx(21.8, abs=0.1)
     assert note["roll_deg"]["model_rotors_at_rest"] < note["roll_deg"]["model_rotors_at_speed"]
     p = note["pitch_acceleration_rad_per_s2"]
@@ -47,8 +47,8 @@ def test_a_take_off_in_which_pitch_moves_against_the_thrusts_is_reported() -> No
 
 def test_a_take_off_with_an_uncertain_model_is_not_reported() -> None:
     fit = quick()
-    open_ = replace(fit, tangents=1e-3 * fit.tangents)
-    assert not list(take_off(open_, 0, recording("closed-1a")))
+    uncertain = replace(fit, tangents=1e-3 * fit.tangents)
+    assert not list(take_off(uncertain, 0, recording("closed-1a")))
 
 
 def test_creep_of_the_arm_under_constant_voltage_is_reported() -> None:
@@ -72,21 +72,21 @@ def test_a_closed_loop_flight_has_no_creep() -> None:
     assert not list(creep(quick(), recording("closed-1a")))
 
 
-def run_of(voltage: float, factor: float, as_if: float) -> Crept:
-    return Crept(f"open-{voltage:g}V", voltage, -20.0, -15.0, -20.0, factor, as_if, 90.0)
+def run_of(voltage: float, factor: float, as_if: float) -> CreepRun:
+    return CreepRun(f"open-{voltage:g}V", voltage, -20.0, -15.0, -20.0, factor, as_if, 90.0)
 
 
 def test_runs_that_creep_by_the_same_voltage_are_reported() -> None:
-    """5 and 7 V, 0.9 V more each: 36 % and 15 % of thrust differ by more than twice."""
-    (note,) = together([run_of(5, 1.36, 0.9), run_of(7, 1.15, 0.9)])
+    """The voltage grows by 0.9 V in both runs, the thrust by 36 % and 15 % (ratio above 2)."""
+    (note,) = compare_runs([run_of(5, 1.36, 0.9), run_of(7, 1.15, 0.9)])
     assert note["one_size"] == {"thrust": False, "voltage": True}
     assert "One growth of voltage explains all of them" in note["sentence"]
 
 
 def test_a_run_without_creep_contradicts_both_sizes() -> None:
-    (note,) = together([run_of(5, 1.36, 0.9), run_of(9, 1.01, 0.05)])
+    (note,) = compare_runs([run_of(5, 1.36, 0.9), run_of(9, 1.01, 0.05)])
     assert not any(note["one_size"].values())
-    assert not list(together([run_of(5, 1.36, 0.9)]))
+    assert not list(compare_runs([run_of(5, 1.36, 0.9)]))
 
 
 def test_only_an_open_loop_run_has_a_constant_voltage() -> None:
