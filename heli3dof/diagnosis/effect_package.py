@@ -34,7 +34,7 @@ so that a rig with ten times the effect can still be identified."""
 
 @dataclass(frozen=True)
 class Formula:
-    """A torque c · product on an axis; c in SI units."""
+    """A torque c · product on an axis; c in SI units. ``std`` is 0 if unknown."""
 
     axis: str
     product: str
@@ -99,7 +99,7 @@ def _of_model(data: dict[str, Any]) -> list[Formula]:
         effect, _, axis = term.rpartition(".")
         product = effect.removeprefix(PREFIX)
         if effect.startswith(PREFIX) and parameter == "coefficient" and factors(product):
-            out.append(Formula(axis, product, float(p["value"]), float(p["std"])))
+            out.append(Formula(axis, product, float(p["value"]), float(p["std"] or 0)))
     return out
 
 

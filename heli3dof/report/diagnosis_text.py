@@ -237,15 +237,16 @@ def turn_by_hand(scales: Sequence[str]) -> str:
 
 
 def adopted(document: Document) -> bool:
-    """Return True if the diagnosis added at least one cause to the model.
+    """Return True if the diagnosis added at least one cause or unmodelled torque to the model.
 
     The diagnosis also reports faults of a recording and wrong calibration values, but adds them to
     no model.
     """
-    return any(
+    causes = any(
         f["gain"]["holdout_log_likelihood"] is not None or "measured_on" in f["gain"]
         for f in document["findings"]
     )
+    return causes or any(rest.get("term") for rest in document["leftover"])
 
 
 def measured_on(document: Document) -> str:
@@ -271,6 +272,22 @@ def unmodelled_effects(document: Document) -> Iterator[str]:
         if rest.get("like"):
             text += f"; it is {rest['like']}, but that cause is not confirmed"
         yield f"{text}."
+        yield _torque_term(rest, measured_on(document))
+
+
+def _torque_term(rest: Document, where: str) -> str:
+    """Return a sentence on the extended model's term for an unmodelled torque, and its gain."""
+    if not rest.get("term"):
+        return "The extended model does not contain this torque."
+    gain = f"Its contribution on {where}: {before_and_after(rest['gain'])}."
+    if not rest["formula"]:
+        return f"The extended model contains it as a curve; no formula fits as well. {gain}"
+    c = rest["formula_parameters"]["c"]
+    product = variable(rest["formula"].removeprefix("c * ").replace(" * ", "*"))
+    size = f"{significant(c['value'], c['std'])} ± {significant(c['std'], c['std'])} {c['unit']}"
+    others = listed([variable(p) for p in rest["formula_alternatives"]], "or")
+    instead = f" (as good: {others})" if others else ""
+    return f"The extended model contains it as c × {product}{instead}, c = {size}. {gain}"
 
 
 def not_adopted(document: Document) -> Iterator[str]:
@@ -348,6 +365,11 @@ def next_steps(document: Document) -> Iterator[str]:
             "only clear causes are reported. If you know the controller, add [controller] to the "
             "profile."
         )
+    if any(rest.get("formula") for rest in document["leftover"]) and document["model"]:
+        yield (
+            "To turn the formula of the unmodelled torque into an effect: heli3dof effect new "
+            f"--from {document['model']}"
+        )
     off = document["verdict"] == "off_calibration" or any(
         c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]
     )
@@ -356,7 +378,7 @@ def next_steps(document: Document) -> Iterator[str]:
             "To write a profile with the calibrated values: heli3dof profile update --from "
             f"{document['model']} --profile rig.toml -o rig2.toml"
         )
-    if document["leftover"]:
+    if any(not rest.get("formula") for rest in document["leftover"]):
         yield (
             "For the unmodelled effect: study its figure (--report FILE.html), find what on the "
             "rig could cause it, and add it as an effect (CONTRIBUTING.md)."

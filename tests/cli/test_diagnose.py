@@ -149,14 +149,13 @@ def test_base_hover_diagnoses_the_linear_model(
 def test_a_bad_recording_is_printed_and_exits_with_5(
     flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "QUICK_FLIGHTS", 2, raising=False)
+    monkeypatch.setattr(module, "QUICK_FLIGHTS", 2)
     whole = module.diagnose
 
     def at_fault(*args: Any, **options: Any) -> module.Diagnosis:
         return replace(whole(*args, **options), verdict="bad_data")
 
     monkeypatch.setattr(module, "diagnose", at_fault)
-    monkeypatch.setattr(module, "choose", lambda *a, **k: None, raising=False)
     bad = heli3dof("diagnose", flight, "--quick", "-o", tmp_path / "m.json", "--json")
     assert bad.code == 5
     assert bad.document["verdict"] == "bad_data"

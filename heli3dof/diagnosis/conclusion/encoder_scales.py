@@ -45,7 +45,7 @@ def with_scale_ties(
     rest_rad: float, tolerance: float,
 ) -> tuple[tuple[Finding, ...], tuple[OffNominal, ...]]:  # fmt: skip
     """Return both, each tied with its confounded scale errors; ``rest_rad``: roll at rest."""
-    x = {c.name: (c.x, c.told) for c in numbers}
+    x = {c.name: (c.x, c.noise_std) for c in numbers}
     T_g = next((c.value for c in numbers if c.name == "T_g"), math.nan)
     ties = {f"inertia.{axis}": of for axis, of in _inertia_ties(x, tolerance).items()}
     roll_findings = [

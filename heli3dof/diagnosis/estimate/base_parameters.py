@@ -45,7 +45,7 @@ class BaseParameter:
     value: float
     std: float
     unit: str
-    told: float = 0.0
+    noise_std: float = 0.0
     """σ, the relative standard deviation by the flights' noise"""
     scale: float = 0.0
     """σ_k, the standard deviation of ln K_f"""
@@ -127,12 +127,12 @@ def off_nominal(
     tolerance = fit.structure.profile.tolerance
     out = []
     for j, c in enumerate(base_parameters(fit), start=-1):
-        if not c.is_significant(c.beyond(tolerance), quantile(), std_inflation * c.told):
+        if not c.is_significant(c.beyond(tolerance), quantile(), std_inflation * c.noise_std):
             continue
         if with_residual is not None and j >= 0:
             x = c.x + float(with_residual[0][j])
             beyond = (abs(x) if x * c.x > 0 else 0.0) - abs(edge(c.x, tolerance))
-            std = float(np.hypot(c.told, with_residual[1][j]))
+            std = float(np.hypot(c.noise_std, with_residual[1][j]))
             if not c.is_significant(beyond, quantile(), std):
                 continue
         out.append(_off(c))
@@ -157,7 +157,7 @@ def finding_of(number: str) -> str:
 def _off(c: BaseParameter) -> OffNominal:
     ratio, ratio_std = c.value / c.nominal, c.std / abs(c.nominal)
     score = ((c.value - c.nominal) / c.std) ** 2
-    flight_score = float((c.x / c.told) ** 2) if c.told > 0 else 0.0
+    flight_score = float((c.x / c.noise_std) ** 2) if c.noise_std > 0 else 0.0
     cause = term(finding_of(c.name))
     if c.name == "T_g":
         return OffNominal(cause, c.value - c.nominal, c.std, score, flight_score)

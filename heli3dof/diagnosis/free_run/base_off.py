@@ -82,16 +82,16 @@ def merged(
 
 def beyond_tolerance(c: BaseParameter, tolerance: float) -> bool:
     """Return whether the 95 % interval of x lies beyond the limit."""
-    return bool(np.isfinite(c.x)) and c.beyond(tolerance) > SURE * c.told
+    return bool(np.isfinite(c.x)) and c.beyond(tolerance) > SURE * c.noise_std
 
 
 def halves_confirm(halves: list[BaseParameter], x: float, tolerance: float) -> bool:
     """Return whether each half is significant and beyond the limit on x's side, with one size."""
     for h in halves:
-        if not h.x * x > 0 or h.beyond(tolerance) <= 0 or abs(h.x) < SIGNIFICANT * h.told:
+        if not h.x * x > 0 or h.beyond(tolerance) <= 0 or abs(h.x) < SIGNIFICANT * h.noise_std:
             return False
     a, b = halves[0], halves[-1]
-    return abs(a.x - b.x) <= CONSISTENT * float(np.hypot(a.told, b.told))
+    return abs(a.x - b.x) <= CONSISTENT * float(np.hypot(a.noise_std, b.noise_std))
 
 
 def one_factor(inertias: list[OffNominal]) -> bool:
@@ -103,7 +103,7 @@ def one_factor(inertias: list[OffNominal]) -> bool:
 
 def _off(c: BaseParameter) -> OffNominal:
     score = ((c.value - c.nominal) / c.std) ** 2
-    flights = (c.x / c.told) ** 2
+    flights = (c.x / c.noise_std) ** 2
     if c.name == "T_g":
         return OffNominal(term("mass.imbalance"), c.value - c.nominal, c.std, score, flights)
     axis = c.name.removeprefix("J_")

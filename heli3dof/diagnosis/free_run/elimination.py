@@ -49,8 +49,6 @@ KNOWN = 3.0
 """Prior deviations between prior mean and null value of a term known beforehand. Chosen."""
 LEAST_COST = 9.0
 """Increase of the training cost Q: three standard deviations, squared"""
-CLEAR = 30.0
-"""Terms with a (θ/σ)² from this value on are tested last. Chosen; not derived."""
 CORRELATED = 0.5
 """|Correlation| above which a kept term may be confounded with a removed one. Chosen."""
 Says = Callable[[str], None]
@@ -124,10 +122,8 @@ def eliminate(
     known = known_beforehand(problem)
     while True:
         order = by_significance(current.fit)
-        weak = [t for t, z2 in order if t not in retained and z2 < CLEAR]
-        strong = [t for t, z2 in order if t not in retained and z2 >= CLEAR]
         out = None
-        for name in [*weak, *strong]:
+        for name in [t for t, _ in order if t not in retained]:
             says(f"Without {name} …")
             trial = without_term(current, name, seed=seed)
             if (

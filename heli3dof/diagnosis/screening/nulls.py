@@ -148,5 +148,5 @@ def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
     root = float(np.sqrt(max(fit.inflation, 1.0)))
     return Nulls(
         np.zeros(n), np.full(n, root), root**2, 2 * float(chi2.isf(FALSE_ALARMS / n, 1)), 1e6, 0,
-        "Bonferroni over the probes, doubled: the loop is unknown",
+        "Bonferroni over the probes, doubled: the controller is unknown",
     )  # fmt: skip

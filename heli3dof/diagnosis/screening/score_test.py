@@ -35,10 +35,8 @@ from heli3dof.diagnosis.sensitivity.perturbation import (
     forward,
     misreading,
 )
-from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.likelihood import Likelihood, Pass
+from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.effects import Term, term
-from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.state_layout import Stage
 
@@ -186,32 +184,3 @@ def with_term(structure: Structure, values: np.ndarray, t: Term) -> tuple[Struct
     wide = replace(structure, terms=(*structure.terms, t))
     # Absent is the null value (a lag of zero), not the lower bound.
     return wide, np.concatenate([values, [f.null for f in wide.free[len(values) :]]])
-
-
-def traces(fit: Estimate, probes: Sequence[Probe], data: Data, at: Pass) -> np.ndarray:
-    """Return the traces δc (P, E) of the probes, computed without linearisation."""
-    from heli3dof.model.estimation.ekf_quantised import follow
-
-    structure = fit.structure
-    held = {t.name for t in structure.terms}
-    wanted = {p.term.name: p.term for p in probes if p.term.name not in held}
-    wide = Structure(structure.profile, (*structure.terms, *wanted.values()))
-    null = np.concatenate([fit.values, [f.null for f in wide.free[len(fit.values) :]]])
-    where: dict[str, list[int]] = {}
-    for i, f in enumerate(wide.free):
-        if f.term is not None:
-            where.setdefault(f.term, []).append(i)
-    # Absent is the null value (a lag of zero), not the lower bound.
-    sets = [wide.arrays(null)]
-    for p in probes:
-        values = null.copy()
-        values[where[p.term.name]] = p.values
-        sets.append(wide.arrays(values))
-    hooks = wide.hooks
-    C = np.zeros((len(sets), len(at.row)))
-    follow(
-        np.array([s for s, _ in sets]), hooks.first, hooks.address,
-        np.array([p for _, p in sets]), wide.memory, data.blocks, data.free,
-        data.t, data.h, data.V, data.y, at.row, at.state, at.c, at.g, at.w, at.K, C,
-    )  # fmt: skip
-    return np.asarray(C[1:] - C[0])

@@ -177,16 +177,16 @@ def resembles_found_causes(current: CorrectedFit, screen: Screen, new: Candidate
 
 
 def certainty(scores: Sequence[float]) -> float:
-    """Return the posterior probability of the first score against the second, at equal priors.
+    """Return the posterior probability of the first score against the best other, at equal priors.
 
-    Scores are 2 ln L: it is 1/(1 + exp(−Δ/2)) with their difference Δ. Others are ignored.
+    Scores are 2 ln L: it is 1/(1 + exp(−Δ/2)) with their difference Δ.
 
     >>> round(certainty([20.0, 20.0]), 2), round(certainty([26.0, 20.0]), 2)
     (0.5, 0.95)
     """
     if len(scores) < 2:
         return 1.0
-    return float(1 / (1 + np.exp(-min(scores[0] - scores[1], 200.0) / 2)))
+    return float(1 / (1 + np.exp(-min(scores[0] - max(scores[1:]), 200.0) / 2)))
 
 
 def missing_parts_first(

@@ -20,13 +20,11 @@ factors is proposed; the others are alternatives.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.selection.select import FORMULA_ERROR, TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, forward, hats
 from heli3dof.diagnosis.sensitivity.perturbation import forward as traces_of
@@ -34,6 +32,7 @@ from heli3dof.diagnosis.sensitivity.perturbation import path
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
 from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, informative_directions
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects.empirical import PREFIX, factors
 
 SINGLE = (
@@ -62,13 +61,13 @@ class Proposal:
     """Products that explain as much"""
 
 
-def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
+def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
     """Return terms for ``torque``, best first: the formula if it holds as well as the curve, and
     the curve if it is a function of a product of quantities."""
     flight = trail(fit)
     nuisance = Nuisance.of_fit(fit, flight, None)
-    bias = np.zeros(len(nuisance.g)) if fit.bias is None else fit.bias
-    g = nuisance.g - bias
+    bias = getattr(fit, "bias", None)  # of a bias-corrected fit
+    g = nuisance.g if bias is None else nuisance.g - bias
     axis = AXES.index(torque.axis)
     kappa = max(fit.inflation, 1.0)
     u, v = projected(flight, nuisance, g, product_traces(fit, flight, axis))
@@ -97,7 +96,7 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     return out
 
 
-def product_traces(fit: CorrectedFit, flight: Trail, axis: int) -> np.ndarray:
+def product_traces(fit: Estimate, flight: Trail, axis: int) -> np.ndarray:
     """Return (P, E): the change of the innovations per unit coefficient of each of `PRODUCTS`."""
     problem = fit.problem
     p = path(problem.structure, problem.values(fit.optimum.theta), problem.data, flight.at)
@@ -140,8 +139,3 @@ def spline_score(
     if not E.shape[1]:
         return 0.0, 1
     return float(u @ E @ np.linalg.solve(E.T @ v @ E, E.T @ u)), E.shape[1]
-
-
-def names_of(products: Sequence[str]) -> str:
-    """Return products as text: ``pitch_rate or yaw_rate · roll_rate``."""
-    return " or ".join(p.replace("*", " · ") for p in products)

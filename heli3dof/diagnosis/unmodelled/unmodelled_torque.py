@@ -25,14 +25,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, Sums, forward
-from heli3dof.diagnosis.sensitivity.residual_torque import SI_UNITS, UNITS, Trail
+from heli3dof.diagnosis.sensitivity.residual_torque import Trail
 from heli3dof.diagnosis.unmodelled.similarity import LIKE, named_traces, similarity
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     RANK_TOLERANCE,
@@ -86,21 +85,6 @@ class ResidualTorque:
     nearest: str | None = None
     cosine: float = 0.0
     """The cause with the most similar trace, and the similarity (`unmodelled.similarity`)"""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry of the JSON document."""
-        return {
-            "axis": self.axis,
-            "depends_on": self.depends_on,
-            "share": self.share,
-            "table": [list(row) for row in self.table],
-            "table_std_Nm": list(self.std),
-            "unit": SI_UNITS[UNITS[self.depends_on]],
-            "score": self.score,
-            "confidence": self.confidence,
-            "or_depends_on": list(self.also),
-            "like": self.like,
-        }
 
 
 def residual_torques(

@@ -10,6 +10,7 @@ import pytest
 
 from heli3dof.diagnosis.conclusion import unnamed
 from heli3dof.diagnosis.diagnose import diagnose
+from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.estimate.base_fit import corrected_base, fit_base, inertia_is_implausible
 from heli3dof.diagnosis.estimate.bias_correction import ProfileLikelihood
 from heli3dof.diagnosis.estimate.setup import Setup
@@ -39,6 +40,14 @@ def test_an_unmodelled_torque_gets_no_asserted_name() -> None:
     named = {f.choice.term.name for f in result.findings} | {d.name for d in result.dropped}
     assert "motor.thrust_mismatch" in named
     assert not result.calibration_findings
+    (torque,) = diagnosis_document(result)["leftover"]
+    assert torque["formula"] == "c * voltage_front * voltage_back"
+    c = torque["formula_parameters"]["c"]
+    assert abs(c["value"] - 0.0006) < 3 * c["std"]
+    gain = diagnosis_document(result)["gain"]["holdout_rmse_deg"]
+    assert gain["after"]["pitch"] < 0.2 * gain["before"]["pitch"]
+    assert result.fitted is not None
+    assert torque["term"] in result.fitted.model.terms
 
 
 def test_a_base_that_cannot_be_simulated_is_screened_without_nulls() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +10,8 @@ import pytest
 from heli3dof.diagnosis.screening.gumbel import EULER
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, forward, hats
 from heli3dof.diagnosis.sensitivity.residual_torque import trail
+from heli3dof.diagnosis.unmodelled import torque_formula
+from heli3dof.diagnosis.unmodelled.torque_formula import proposals
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     FALSE_ALARMS,
     THRESHOLD_SCALES,
@@ -50,10 +51,22 @@ def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
     weight = 1 / np.array(first.std) ** 2
     slope = np.polyfit(z, torque, 1, w=np.sqrt(weight))[0]
     assert slope == pytest.approx(-0.1, rel=0.1)
-    written = json.loads(json.dumps(first.to_dict()))
-    assert written["unit"] == "rad/s"
-    assert written["table"] == [list(row) for row in first.table]
     assert first.like is None
+    best, *_ = proposals(fit, first)
+    assert best.term == "empirical.pitch_rate.yaw"
+    assert best.start[0] == pytest.approx(-0.1, rel=0.1)
+
+
+def test_without_a_formula_that_fits_as_well_the_curve_is_proposed(
+    coupled: tuple[Recording, Estimate], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording, fit = coupled
+    first, *_ = residual_torques(fit, [recording], flights=8, seed=0)
+    monkeypatch.setattr(torque_formula, "PRODUCTS", ("sin(roll)", "voltage_sum"))
+    (curve,) = proposals(fit, first)
+    assert not curve.is_formula
+    assert curve.term.startswith("empirical.spline(pitch_rate:")
+    assert curve.start == tuple(torque for _, torque in first.table)
 
 
 def test_an_unmodified_rig_has_no_residual_torque() -> None:
