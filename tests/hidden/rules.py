@@ -19,6 +19,8 @@ from typing import Any, cast
 
 import numpy as np
 
+from heli3dof.diagnosis.diagnose import diagnose  # with every module that uses a rule
+from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.estimate.base_parameters import OffNominal
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
@@ -295,8 +297,5 @@ def without(name: str, recording: Recording) -> dict[str, Any]:
 
 
 def _diagnosed(recording: Recording) -> dict[str, Any]:
-    from heli3dof.diagnosis.diagnose import diagnose
-    from heli3dof.diagnosis.document import diagnosis_document
-
     # Through JSON text, as another program would read it.
     return dict(json.loads(json.dumps(diagnosis_document(diagnose(recording)))))
