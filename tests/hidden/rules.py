@@ -158,8 +158,8 @@ RULES = (
     ),
     Rule("… and exceed one count", "conclusion.adoption:within_a_count", _always(False)),
     Rule(
-        "a residual torque competes with names",
-        "unmodelled.competition:winning_torque",
+        "a formula competes with causes",
+        "conclusion.formula_contest:replaced_by_formula",
         _always(None),
     ),
     Rule("a residual torque takes a name's place", "conclusion.stand_ins:stand_ins", _always(())),

@@ -1,7 +1,7 @@
 """Search for residual torques and remove their stand-ins from the fit, until neither changes.
 
-1. Each subset of the causes competes with each free-form torque (`unmodelled.competition`).
-2. If the causes win, causes that lose their size to residual torques are stand-ins (`stand_ins`).
+1. Causes that a formula explains better are stand-ins (`conclusion.formula_contest`).
+2. Without such causes, those that lose their size to residual torques are stand-ins (`stand_ins`).
 3. Without the stand-ins, the other causes are fitted and adopted again; step 1 follows.
 """
 
@@ -11,17 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from heli3dof.diagnosis.conclusion.adoption import adopted
+from heli3dof.diagnosis.conclusion.formula_contest import replaced_by_formula
 from heli3dof.diagnosis.conclusion.stand_ins import marked_unsure, stand_ins, with_resemblance
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
 from heli3dof.diagnosis.selection.steps import bias_corrected_again, without
-from heli3dof.diagnosis.unmodelled.competition import (
-    as_residual_torque,
-    nuisance_with_torque,
-    winning_torque,
-)
 from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, evidence
+from heli3dof.diagnosis.unmodelled.torque_formula import significant_formula
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque, significant_torques
 from heli3dof.diagnosis.validation.gain import HeldOut
 from heli3dof.recording.recording import Recording
@@ -49,17 +46,18 @@ def settle_unmodelled(
     if start.found.scatter is None:  # without a dropped cause, simulation may work
         again = bias_corrected_again(setup, start.found)
         start = start if again.scatter is None else _adopted_again(setup, start, again, (), holdout)
-    now, removed = start, list[str]()
+    now, removed, certain = start, list[str](), None
     first: tuple[tuple[ResidualTorque, ...], Nuisance] | None = None
     while True:
         scores = evidence(now.found, setup.recordings, flights=flights, seed=setup.seed)
-        best = winning_torque(scores, replaceable_causes(now.findings))
-        if best is None:
-            left, held = significant_torques(scores)
-            names = stand_ins(now.findings, now.found, left, held)
+        if scores.null is None and certain is None:
+            certain = significant_formula(now.found)
+        left, held = significant_torques(scores, certain)
+        contest = replaced_by_formula(now.found, replaceable_causes(now.findings))
+        if contest is not None:
+            names, certain = contest.causes, contest.place
         else:
-            left, held = (as_residual_torque(scores, best),), nuisance_with_torque(scores, best)
-            names = best.names
+            names = stand_ins(now.findings, now.found, left, held)
         if not names:
             break
         first = first or (left, held)

@@ -13,8 +13,15 @@ formula holds as well as the curve if the curve's further r − 1 parameters do 
 
     S_spline − S < κ (r − 1) ln N
 
-Of products whose S differs by less than the tie margin of `selection.select`, the one with fewest
-factors is proposed; the others are alternatives.
+Of products whose S is within `selection.select.TIE` κ of the largest, the one with fewest factors
+is proposed; the others are alternatives.
+
+If flights of the fit cannot be simulated, the formulas themselves show whether there is a torque.
+With s the sums of the score of φ over blocks of `estimate.coloured_noise.BLOCK_S`, the torque c φ
+taken off, and Var s their long-run variance (Newey and West), t² = u²/Var s is valid for coloured
+noise. The threshold is the squared quantile of Student's t at `FALSE_ALARMS`, divided by the number
+of formulas (Bonferroni), and doubled as in `screening.nulls`: without null simulations the bias of
+the filter's score is unknown.
 """
 
 from __future__ import annotations
@@ -25,13 +32,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.selection.select import FORMULA_ERROR, TIE
+from heli3dof.diagnosis.estimate.coloured_noise import BLOCK_S, MEMORY_S, freedom, long_run
+from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, forward, hats
 from heli3dof.diagnosis.sensitivity.perturbation import forward as traces_of
 from heli3dof.diagnosis.sensitivity.perturbation import path
-from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
+from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail, trail
 from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, informative_directions
-from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.diagnosis.unmodelled.torque_nulls import block_numbers
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import FALSE_ALARMS, Place, ResidualTorque
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects.empirical import PREFIX, factors
 
@@ -64,21 +73,12 @@ class Proposal:
 def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
     """Return terms for ``torque``, best first: the formula if it holds as well as the curve, and
     the curve if it is a function of a product of quantities."""
-    flight = trail(fit)
-    nuisance = Nuisance.of_fit(fit, flight, None)
-    bias = getattr(fit, "bias", None)  # of a bias-corrected fit
-    g = nuisance.g if bias is None else nuisance.g - bias
+    flight, nuisance, g = at_fit(fit)
     axis = AXES.index(torque.axis)
     kappa = max(fit.inflation, 1.0)
-    u, v = projected(flight, nuisance, g, product_traces(fit, flight, axis))
-    v = np.diag(v)
-    S = np.where(v > 0, u**2 / np.maximum(v, 1e-300), 0.0)
+    S, c = product_scores(fit, flight, nuisance, g, axis)
     best = float(S.max())
-    near = [
-        int(k)
-        for k in np.argsort(-S)
-        if best - S[k] < kappa * max(TIE, FORMULA_ERROR * best / kappa)
-    ]
+    near = [int(k) for k in np.argsort(-S) if best - S[k] < kappa * TIE]
     near.sort(key=lambda k: len(factors(PRODUCTS[k])))
     first, *others = near
     spline, rank = spline_score(flight, nuisance, g, axis, torque.depends_on)
@@ -88,12 +88,71 @@ def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
         product = PRODUCTS[first]
         alternatives = tuple(PRODUCTS[k] for k in others)
         name = f"{PREFIX}{product}.{torque.axis}"
-        out.append(Proposal(name, (float(u[first] / v[first]),), product, True, alternatives))
+        out.append(Proposal(name, (float(c[first]),), product, True, alternatives))
     if factors(torque.depends_on):
         knots, values = np.array(torque.table).T
         name = f"{PREFIX}spline({torque.depends_on}:{knots[0]:.6g}:{knots[-1]:.6g}).{torque.axis}"
         out.append(Proposal(name, tuple(map(float, values)), torque.depends_on, False))
     return out
+
+
+def significant_formula(fit: Estimate) -> Place | None:
+    """Return where the most significant formula acts; None if none is significant."""
+    flight, nuisance, g = at_fit(fit)
+    at = flight.at
+    block = block_numbers(flight.data, BLOCK_S)[at.row]
+    blocks, memory = int(block.max()) + 1, round(MEMORY_S / BLOCK_S)
+    if blocks < 2 * (memory + 1):
+        return None
+    best, place = 0.0, Place("", "")
+    axes = np.flatnonzero(fit.problem.data.axes)
+    for i in axes:
+        D = product_traces(fit, flight, int(i))
+        S, c = product_scores(fit, flight, nuisance, g, int(i))
+        k = int(S.argmax())
+        cross = (nuisance.tangents * at.w) @ D[k]
+        d = D[k] - np.linalg.solve(nuisance.A, cross) @ nuisance.tangents
+        s = np.bincount(block, d * (at.g - c[k] * at.w * d), blocks)
+        v = float((d * at.w) @ d)
+        variance = max(float(long_run(s[:, None], memory)[0, 0]), v * max(fit.inflation, 1.0))
+        t2 = (c[k] * v) ** 2 / variance if variance > 0 else 0.0
+        if t2 > best:
+            best, place = t2, Place(AXES[i], variable_of(PRODUCTS[k]))
+    from scipy.stats import t as student
+
+    p = FALSE_ALARMS / (2 * len(axes) * len(PRODUCTS))
+    threshold = 2 * float(student.isf(p, freedom(blocks, memory))) ** 2
+    return place if best > threshold else None
+
+
+def variable_of(product: str) -> str:
+    """Return the variable of `sensitivity.residual_torque.UNITS` that is nearest to a product.
+
+    >>> variable_of("voltage_front*voltage_back"), variable_of("abs(yaw_rate)*yaw_rate")
+    ('voltage_product', 'yaw_rate')
+    """
+    if product == "voltage_front*voltage_back":
+        return "voltage_product"
+    plain = [name.rstrip(")").rpartition("(")[2] for name in product.split("*")]
+    return "*".join(plain) if "*".join(plain) in UNITS else plain[0]
+
+
+def at_fit(fit: Estimate) -> tuple[Trail, Nuisance, np.ndarray]:
+    """Return the flight, the fit's tangents and information, and its score g (n,) without bias."""
+    flight = trail(fit)
+    nuisance = Nuisance.of_fit(fit, flight, None)
+    bias = getattr(fit, "bias", None)  # of a bias-corrected fit
+    return flight, nuisance, nuisance.g if bias is None else nuisance.g - bias
+
+
+def product_scores(
+    fit: Estimate, flight: Trail, nuisance: Nuisance, g: np.ndarray, axis: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return S and c, each (P,), of the products on an axis; S is 0 for one without information."""
+    u, v = projected(flight, nuisance, g, product_traces(fit, flight, axis))
+    v = np.diag(v)
+    known = v > 1e-300
+    return np.where(known, u**2 / np.where(known, v, 1.0), 0.0), u / np.where(known, v, np.inf)
 
 
 def product_traces(fit: Estimate, flight: Trail, axis: int) -> np.ndarray:

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,6 +62,13 @@ WINDOW_S = 0.1
 """s, over which torques are averaged. Chosen; not derived."""
 
 
+class Place(NamedTuple):
+    """The axis on which a torque acts, and the variable of which it is a function."""
+
+    axis: str
+    variable: str
+
+
 @dataclass(frozen=True, eq=False)
 class ResidualTorque:
     """A residual torque on ``axis`` as a function of ``depends_on``."""
@@ -94,8 +102,14 @@ def residual_torques(
     return significant_torques(evidence(fit, recordings, flights=flights, seed=seed))[0]
 
 
-def significant_torques(evidence: Evidence) -> tuple[tuple[ResidualTorque, ...], Nuisance]:
-    """Return the residual torques, and the nuisance parameters including them."""
+def significant_torques(
+    evidence: Evidence, certain: Place | None = None
+) -> tuple[tuple[ResidualTorque, ...], Nuisance]:
+    """Return the residual torques, and the nuisance parameters including them.
+
+    ``certain``: where another test has shown a torque (`unmodelled.torque_formula`). The first
+    torque is then of this axis and variable, without a threshold.
+    """
     fit, flight, library = evidence.fit, evidence.flight, evidence.library
     null, nuisance = evidence.null, evidence.nuisance
     named: tuple[list[str], np.ndarray] | None = None
@@ -106,14 +120,16 @@ def significant_torques(evidence: Evidence) -> tuple[tuple[ResidualTorque, ...],
         significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]
         candidates = ((q, _residual_torque(flight, library, tests, q)) for q in significant)
         large = ((q, d) for q, d in candidates if d.share > MIN_SHARE)
-        best, new, D = next(
-            (
-                t
-                for t in (_with_traces(evidence, nuisance, *s) for s in large)
-                if _exceeds_coloured_noise(evidence, nuisance, tests, *t)
-            ),
-            (-1, None, np.zeros(0)),
+        accepted = (
+            t
+            for t in (_with_traces(evidence, nuisance, *s) for s in large)
+            if _exceeds_coloured_noise(evidence, nuisance, tests, *t)
         )
+        if certain is not None and not out:
+            q = _group(library, tests, certain)
+            torque = _residual_torque(flight, library, tests, q)
+            accepted = (t for t in [_with_traces(evidence, nuisance, q, torque)])
+        best, new, D = next(accepted, (-1, None, np.zeros(0)))
         if new is None:
             break
         columns = np.arange(len(sums.u))[library.columns(best)]
@@ -125,6 +141,13 @@ def significant_torques(evidence: Evidence) -> tuple[tuple[ResidualTorque, ...],
         out.append(replace(new, like=like, nearest=name, cosine=cos))
         nuisance = nuisance.with_torque(flight, D, tests.directions[best], columns, null)
     return tuple(out), nuisance
+
+
+def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
+    """Return the group of that axis and variable; if the variable is still, the axis' best one."""
+    groups = [q for q, (i, _) in enumerate(library.groups) if AXES[i] == place.axis]
+    exact = [q for q in groups if library.groups[q][1] == place.variable]
+    return max(exact or groups, key=lambda q: float(tests.x[q]))
 
 
 def _with_traces(

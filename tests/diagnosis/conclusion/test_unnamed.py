@@ -88,8 +88,8 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
 
     monkeypatch.setattr(unnamed, "bias_corrected_again", settled_again)
     monkeypatch.setattr(unnamed, "adopted", adopted)
-    monkeypatch.setattr(unnamed, "evidence", lambda *a, **k: None)
-    monkeypatch.setattr(unnamed, "winning_torque", lambda *a: None)
+    monkeypatch.setattr(unnamed, "evidence", lambda *a, **k: SimpleNamespace(null=()))
+    monkeypatch.setattr(unnamed, "replaced_by_formula", lambda *a: None)
     monkeypatch.setattr(unnamed, "significant_torques", lambda *a: ((), None))
     monkeypatch.setattr(unnamed, "marked_unsure", lambda findings, *a: findings)
     fit, setup = SimpleNamespace(scatter=None), SimpleNamespace(recordings=(), seed=0)

@@ -11,7 +11,7 @@ from heli3dof.diagnosis.screening.gumbel import EULER
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, forward, hats
 from heli3dof.diagnosis.sensitivity.residual_torque import trail
 from heli3dof.diagnosis.unmodelled import torque_formula
-from heli3dof.diagnosis.unmodelled.torque_formula import proposals
+from heli3dof.diagnosis.unmodelled.torque_formula import proposals, significant_formula
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     FALSE_ALARMS,
     THRESHOLD_SCALES,
@@ -55,6 +55,17 @@ def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
     best, *_ = proposals(fit, first)
     assert best.term == "empirical.pitch_rate.yaw"
     assert best.start[0] == pytest.approx(-0.1, rel=0.1)
+
+
+def test_a_formula_shows_a_torque_where_nothing_can_be_simulated(
+    coupled: tuple[Recording, Estimate],
+) -> None:
+    _, fit = coupled
+    assert significant_formula(fit) == ("yaw", "pitch_rate")
+
+
+def test_an_unmodified_rig_has_no_significant_formula() -> None:
+    assert significant_formula(fit_greybox(flight(1202), ())) is None
 
 
 def test_without_a_formula_that_fits_as_well_the_curve_is_proposed(

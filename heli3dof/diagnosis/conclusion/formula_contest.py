@@ -1,0 +1,92 @@
+"""Test whether one formula explains the flight better than causes of the catalogue.
+
+Causes may imitate a torque outside the catalogue, alone or together. On pitch, k V_f V_b is, to
+first order about hover, a thrust mismatch and a constant torque. So each cause, each pair and all
+of them compete with the product of quantities that explains most without them, on any axis
+(`unmodelled.torque_formula`). With ℓ_s the log-likelihood with the causes (n_s parameters, N
+readings), ℓ_φ that with the formula in their place, K the number of formulas, and κ the inflation
+of the scores, the formula replaces the causes if
+
+    2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `selection.select.TIE`
+
+The second term is the BIC price of the causes' further parameters, the third the prior odds against
+one formula of K.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
+from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
+from heli3dof.diagnosis.screening.grid_trials import widened
+from heli3dof.diagnosis.selection.select import TIE
+from heli3dof.diagnosis.selection.steps import without
+from heli3dof.diagnosis.unmodelled.torque_formula import (
+    PRODUCTS,
+    at_fit,
+    product_scores,
+    variable_of,
+)
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import Place
+from heli3dof.model.effects import term, terms
+from heli3dof.model.effects.empirical import PREFIX
+
+
+@dataclass(frozen=True)
+class Contest:
+    """A set of causes, where the formula acts, and the condition's left side."""
+
+    causes: tuple[str, ...]
+    place: Place
+    margin: float
+
+
+def replaced_by_formula(fit: CorrectedFit, causes: Sequence[str]) -> Contest | None:
+    """Return the contest of the set of ``causes`` that a formula explains best; None: none does."""
+    if not causes:
+        return None
+    o = fit.optimum
+    ln_causes = maximise_corrected(fit.problem, o.theta, o.noise, None).loglik
+    sizes = {1, min(2, len(causes)), len(causes)}
+    sets = [some for n in sorted(sizes) for some in itertools.combinations(causes, n)]
+    contests = [contest(fit, ln_causes, some) for some in sets]
+    best = max(contests, key=lambda c: c.margin)
+    return best if best.margin > TIE else None
+
+
+def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Contest:
+    """Return the contest of a set of causes; its margin is −∞ if a fit fails.
+
+    ``ln_causes``: the log-likelihood of ``fit``, which contains the causes.
+    """
+    less = fit
+    for t in terms(causes):
+        less = without(less, t)
+    parameters = sum(f.term in causes for f in fit.free)
+    readings = max(len(fit.optimum.at.row), 2)
+    ln_formula, place = with_best_product(less)
+    gain = 2 * (ln_formula - ln_causes) / max(fit.inflation, 1.0)
+    formulas = len(AXES) * len(PRODUCTS)
+    price = (parameters - 1) * float(np.log(readings)) - 2 * float(np.log(formulas))
+    return Contest(causes, place, float(gain + price) if np.isfinite(ln_formula) else -np.inf)
+
+
+def with_best_product(fit: CorrectedFit) -> tuple[float, Place]:
+    """Return the log-likelihood of the fit with the best product, and where it acts."""
+    flight, nuisance, g = at_fit(fit)
+    axes = np.flatnonzero(fit.problem.data.axes)
+    scores = {int(i): product_scores(fit, flight, nuisance, g, int(i)) for i in axes}
+    i = max(scores, key=lambda i: float(scores[i][0].max()))
+    S, c = scores[i]
+    k = int(S.argmax())
+    o = fit.optimum
+    wide = widened(fit.problem, o.theta, term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}"))
+    start = wide.structure.free[-1].inward(float(c[k]))
+    best = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)
+    return best.loglik, Place(AXES[i], variable_of(PRODUCTS[k]))
