@@ -19,7 +19,7 @@ is approximate, so z is biased; `screening.nulls` standardises it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,6 +53,11 @@ class ScreenResult:
     """(P,) estimated distance of the first parameter from its null value, in its unit"""
 
 
+Changes = tuple[list[int], np.ndarray, np.ndarray | None, np.ndarray | None]
+"""The n plain probes of a term: their indices, accelerations (n, C, 3), and if the effect changes
+the readings, misreadings (n, E) and those at the start of each block (n, B, 3)"""
+
+
 class Screen:
     """The score test at one fit; the evaluation ``recorded`` of the recordings sets the scale v."""
 
@@ -65,10 +70,10 @@ class Screen:
         self.plain = tuple(probes)
         self.values = problem.values(theta)
         self.sets = self._sets()
-        self._recorded = recorded, self._changes(recorded)
-        a, m, m0 = self._recorded[1]
-        self.D = forward(recorded.path, a, m, m0)
+        self.D = np.zeros((len(self.plain), len(recorded.at.row)))
         """(P, E) traces of the plain probes"""
+        for rows, a, m, m0 in self._changes(recorded):
+            self.D[rows] = forward(recorded.path, a, m, m0)
         self.weight = recorded.at.w
         self.full = np.einsum("ij,j,ij->i", self.D, recorded.at.w, self.D)
         self.cross = cross = (recorded.T * recorded.at.w) @ self.D.T
@@ -119,10 +124,12 @@ class Screen:
         # q·δc is the efficient score of any trace δc.
         q = evaluation.at.g - evaluation.at.w * (newton_step @ evaluation.T)
         L, mu, z0 = backward(evaluation.path, q[None])
-        recorded, changes = self._recorded
-        a, m, m0 = changes if evaluation is recorded else self._changes(evaluation)
-        u = np.einsum("pci,ci->p", a, L[0])
-        u += m @ mu[0] - np.einsum("pbi,bi->p", m0, z0[0][:, :3] / evaluation.path.slope)
+        u = np.zeros(len(self.plain))
+        for rows, a, m, m0 in self._changes(evaluation):
+            u[rows] = np.einsum("pci,ci->p", a, L[0])
+            if m is not None and m0 is not None:
+                u[rows] += m @ mu[0]
+                u[rows] -= np.einsum("pbi,bi->p", m0, z0[0][:, :3] / evaluation.path.slope)
         root = np.sqrt(self.v)
         size = np.array([p.size for p in self.plain])
         z, amplitude = [*(u / root)], [*(u / self.v * size)]
@@ -151,19 +158,16 @@ class Screen:
             )  # fmt: skip
         return out
 
-    def _changes(self, evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return accelerations (P, C, 3) and misreadings (P, E), (P, B, 3) of plain probes."""
+    def _changes(self, evaluation: Evaluation) -> Iterator[Changes]:
+        """Yield the changes term by term: those of all terms together would fill the memory."""
         p = evaluation.path
-        out = np.zeros((len(self.plain), len(p.chunk), 3))
-        m = np.zeros((len(self.plain), len(p.at.row)))
-        m0 = np.zeros((len(self.plain), len(p.data.blocks), 3))
         for rows, wide, sets in self.sets:
             hooks = set(wide.terms[-1].effect.hooks)
+            a = np.zeros((len(rows), len(p.chunk), 3))
             if hooks - {Stage.MEASURE}:
-                out[rows] = forcing(p, wide, sets[1:], [bool(MOVES_THRUST & hooks)] * len(rows))
-            if Stage.MEASURE in hooks:
-                m[rows], m0[rows] = misreading(p, wide, sets)
-        return out, m, m0
+                a = forcing(p, wide, sets[1:], [bool(MOVES_THRUST & hooks)] * len(rows))
+            m, m0 = misreading(p, wide, sets) if Stage.MEASURE in hooks else (None, None)
+            yield rows, a, m, m0
 
     def _unit(self, evaluation: Evaluation, t: Term) -> np.ndarray:
         """Return the accelerations (C, 3), in rad/s², of a scan's unit torque."""
