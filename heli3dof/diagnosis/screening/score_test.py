@@ -53,6 +53,9 @@ class ScreenResult:
     """(P,) estimated distance of the first parameter from its null value, in its unit"""
 
 
+LEAST_INFORMATION = 1e-12
+"""Below it, a probe changes the readings by less than 1e-6 of their noise: only rounding is left,
+as of a wrong yaw zero, on which nothing depends"""
 Changes = tuple[list[int], np.ndarray, np.ndarray | None, np.ndarray | None]
 """The n plain probes of a term: their indices, accelerations (n, C, 3), and if the effect changes
 the readings, misreadings (n, E) and those at the start of each block (n, B, 3)"""
@@ -80,7 +83,7 @@ class Screen:
         self.A = A = recorded.H + np.diag(problem.prior_precision)
         self.solved = np.linalg.solve(A, cross)
         v = self.full - np.einsum("ij,ij->j", cross, self.solved)
-        testable = v > 1e-6 * np.maximum(self.full, 1e-30)
+        testable = v > 1e-6 * np.maximum(self.full, LEAST_INFORMATION)
         self.v = np.where(testable, v, np.inf)
         self.scan_informations = [
             s.information(recorded, self._unit(recorded, s.term), A) for s in self.scans
