@@ -95,7 +95,7 @@ def stand_ins(
     residuals: Sequence[ResidualTorque],
     nuisance: Nuisance,
 ) -> tuple[str, ...]:
-    """Return the names of the stand-ins among the findings; none without residual torques."""
+    """Return the causes that lose their size and evidence to the residual torques; () if none."""
     if not residuals:
         return ()
     named = {f.choice.term.name for f in findings if not f.choice.term.effect.of_base}

@@ -142,9 +142,11 @@ def correct(
     rounds: int = ROUNDS,
     log: Callable[[str], None] = lambda s: None,
 ) -> CorrectedFit:
-    """Return the solution of the estimating equation, searched from ``theta`` (n,), ``noise`` (4,).
+    """Return the parameters at which the recordings score as simulated flights do, on average.
 
-    ``pilots`` is B. If the search diverges, return the start without ``scatter`` and ``bias``.
+    The search starts at ``theta`` (n,) and ``noise`` (4,), simulates ``pilots`` flights per round
+    and takes at most ``rounds`` rounds. If it diverges, the start is returned, with ``scatter`` and
+    ``bias`` None.
     """
     start = theta, noise
     low, high = problem.bounds

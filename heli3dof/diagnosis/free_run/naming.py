@@ -78,7 +78,11 @@ def contradicted(result: Elimination, r: TermResult) -> str:
 
 
 def confidence(result: Elimination, r: TermResult) -> float:
-    """Return P; unless known beforehand, at most the share of draws in which blocks need it."""
+    """Return the probability that the term differs from zero.
+
+    For a term that not every rig has, it is at most the share of bootstrap draws of the held-out
+    blocks in which predictions without it are worse.
+    """
     P = probability_nonzero(result.fit, r.term)
     known = r.term in known_beforehand(result.fit.problem)
     return P if known else min(r.increase.positive, P)

@@ -97,7 +97,7 @@ class Frequencies:
 
 @dataclass(frozen=True)
 class Instants:
-    """A step change at any instant t_0 of the flight."""
+    """The scan for a torque that starts at any instant t_0 of the flight, as an added mass does."""
 
     term: Term
 

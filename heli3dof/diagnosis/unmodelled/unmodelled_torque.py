@@ -144,7 +144,10 @@ def significant_torques(
 
 
 def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
-    """Return the group of that axis and variable; if the variable is still, the axis' best one."""
+    """Return the group of hat functions of an axis and variable.
+
+    If the variable does not move in this flight: the group of the axis with the largest x.
+    """
     groups = [q for q, (i, _) in enumerate(library.groups) if AXES[i] == place.axis]
     exact = [q for q in groups if library.groups[q][1] == place.variable]
     return max(exact or groups, key=lambda q: float(tests.x[q]))

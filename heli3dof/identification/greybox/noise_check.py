@@ -68,7 +68,7 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return the errors (3,) in degrees that white process noise causes `HORIZON_S` ahead."""
+        """Return the RMSE (3,) in degrees of `HORIZON_S` predictions that white noise causes."""
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
