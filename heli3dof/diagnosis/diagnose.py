@@ -32,8 +32,8 @@ from heli3dof.diagnosis.estimate.base_parameters import (
 )
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
-from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_real, no_likelihood
-from heli3dof.diagnosis.free_run.recordings_agree import marked_unsure
+from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
+from heli3dof.diagnosis.free_run.recordings_agree import marked_if_recordings_disagree
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.result import (
     Diagnosis,
@@ -114,7 +114,7 @@ def _diagnosed(
             return Diagnosis(*names, stops, faults)
     train, held = [*map(sampling_times, train)], [*map(sampling_times, held)]
     if why := no_likelihood(train):
-        return diagnose_real(
+        return diagnose_without_likelihood(
             train, held, faults, why=why, base=base, quick=quick, seed=seed, says=clock.says
         )
     flights = QUICK_FLIGHTS if quick else FLIGHTS
@@ -138,19 +138,19 @@ def _diagnosed(
     settled = replace(settled, findings=with_segment_ties(settled.findings))
     if not setup.controller_is_known:
         clock.says("Fitting each recording separately …")
-        settled = replace(settled, findings=marked_unsure(settled.findings, train))
-    if settled.left:
+        settled = replace(settled, findings=marked_if_recordings_disagree(settled.findings, train))
+    if settled.residual_torques:
         clock.start("torque terms", "Extending the model by the unmodelled torque …")
-    extended = with_torques(setup, settled.found, settled.after, settled.left, held)
+    extended = with_torques(setup, settled.fit, settled.after, settled.residual_torques, held)
     clock.start("gain", "Measuring the gain on held-out data …")
-    base_fit = as_written(base_fit, settled.found)
-    result = fitted(base_fit, settled.found, extended.fit, extended.after, train, held, seed=seed)
+    base_fit = as_written(base_fit, settled.fit)
+    result = fitted(base_fit, settled.fit, extended.fit, extended.after, train, held, seed=seed)
     clock.start("off", "Comparing the calibration with the profile …")
-    off = base_off_nominal(settled) if settled.sure else ()
-    off = tuple(with_confounded_causes(o, step_with_same_causes(steps, settled.found)) for o in off)
+    off = base_off_nominal(settled) if settled.is_decided else ()
+    off = tuple(with_confounded_causes(o, step_with_same_causes(steps, settled.fit)) for o in off)
     profile = train[0].profile
     findings, off = with_scale_ties(
-        settled.findings, off, base_parameters(settled.found),
+        settled.findings, off, base_parameters(settled.fit),
         rest_rad=float(profile.encoder.rest_rad[0]), tolerance=profile.tolerance,
     )  # fmt: skip
     clock.stop()
@@ -158,7 +158,7 @@ def _diagnosed(
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
         "threshold": first.nulls.threshold, "largest": first.largest,
         "gain_measured_on": result.gain.on, "base": base, "seconds": clock.seconds,
-        "written": [t.effect.summary for t in settled.found.structure.formal],
+        "written": [t.effect.summary for t in settled.fit.structure.formal],
     }  # fmt: skip
     clock_faults = [f for f in faults if f.kind == Kind.FINDING]
     ordered = in_order(clock_faults, findings, off)
@@ -168,10 +168,11 @@ def _diagnosed(
     )  # fmt: skip
     first_is_like = any(isinstance(f, Finding) and f.like for f in physical(ordered)[:1])
     unsure = first_is_like and not setup.controller_is_known
+    verdict = verdict_of(ordered, settled.residual_torques, result.refit, unsure=unsure)
     return Diagnosis(
-        *names, verdict_of(ordered, settled.left, result.refit, unsure=unsure), faults, result,
-        findings, off, settled.dropped, settled.left, extended.terms,
-        (*(n for n in first.unseen if not term(n).effect.formal), *undetectable), about,
+        *names, verdict, faults, result,
+        findings, off, settled.dropped, settled.residual_torques, extended.terms,
+        (*(n for n in first.not_identifiable if not term(n).effect.formal), *undetectable), about,
     )  # fmt: skip
 
 
@@ -179,11 +180,11 @@ def base_off_nominal(settled: Settled) -> tuple[OffNominal, ...]:
     """Return the base parameters that are off nominal, also given the residual torques."""
     with_residual = (
         None
-        if settled.held is None or not settled.left
-        else base_with_residual(settled.found, settled.held)
+        if settled.nuisance is None or not settled.residual_torques
+        else base_with_residual(settled.fit, settled.nuisance)
     )
     return off_nominal(
-        settled.found, std_inflation=std_inflation(settled.found), with_residual=with_residual
+        settled.fit, std_inflation=std_inflation(settled.fit), with_residual=with_residual
     )
 
 
@@ -207,7 +208,7 @@ def forward_selection(
         if step.choice is None:
             break
         companion_fits: Mapping[str, CorrectedFit] = {}
-        if setup.opinions and setup.controller_is_known:
+        if setup.compare_small_scores and setup.controller_is_known:
             better, companion_fits = best_with_companion(setup, step)
             step = replace(step, choice=better)
         choice, wider_fit = first_that_flies(setup, step, score, companion_fits)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from heli3dof.diagnosis.result import Diagnosis
-from heli3dof.diagnosis.unmodelled.torque_curve import Evidence, evidence, residual_evidence
+from heli3dof.diagnosis.unmodelled.torque_curve import TorqueCurve, residual_evidence, torque_curve
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut
 from heli3dof.diagnosis.validation.replay import Replayed, replayed
@@ -26,10 +26,10 @@ class FigureData:
 
     wrong: SimulationError | None = None
     """The simulation error by horizon and axis"""
-    evidence: Sequence[Evidence] = ()
+    evidence: Sequence[TorqueCurve] = ()
     """Residual torque, averaged in bins, of each finding (reported cause) that acts as a torque"""
     leftovers: Sequence[ResidualTorque] = ()
-    leftover_evidence: Sequence[Evidence] = ()
+    leftover_evidence: Sequence[TorqueCurve] = ()
     gain: Gain | None = None
     before: HeldOut | None = None
     after: HeldOut | None = None
@@ -57,7 +57,7 @@ def figure_data(
     if found.findings:
         base = model_of(f.base, list(recordings), "base")
         flown = replayed(base, f.model, unseen)
-    seen = (evidence(f.final, x.choice.term, x.noise) for x in found.findings)
+    seen = (torque_curve(f.final, x.choice.term, x.noise) for x in found.findings)
     return FigureData(
         f.wrong,
         [e for e in seen if e is not None],

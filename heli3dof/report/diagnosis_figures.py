@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.unmodelled.torque_curve import Evidence
+from heli3dof.diagnosis.unmodelled.torque_curve import TorqueCurve
 from heli3dof.diagnosis.validation.gain import HORIZON_S, HeldOut, Worst
 from heli3dof.report.diagnosis_text import variable
 from heli3dof.report.figure_style import BLUE, GRID, INK, MEASURED, RC, SOFT, VERMILION, Line, plain
@@ -29,7 +29,7 @@ ROOM = 1.35
 """Ratio of a figure's vertical range to the range of its measured points (a convention)"""
 
 
-def evidence_figure(e: Evidence) -> Figure:
+def evidence_figure(e: TorqueCurve) -> Figure:
     """Draw measured residual torque ``e`` over the variable it depends on, and the fitted cause."""
     import matplotlib
     from matplotlib.figure import Figure

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.unmodelled.torque_curve import Evidence
+from heli3dof.diagnosis.unmodelled.torque_curve import TorqueCurve
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.replay import Replayed
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
@@ -138,5 +138,5 @@ def replayed_table(replayed: Sequence[Replayed]) -> Grid:
     return Grid("Table II before and after", heads, rows, notes, text_columns=2)
 
 
-def _alt(e: Evidence) -> str:
+def _alt(e: TorqueCurve) -> str:
     return f"Residual {e.axis} torque against {e.depends_on}, with {e.name} as fitted"

@@ -3,7 +3,7 @@
 A rule is a function of `heli3dof.diagnosis` that can be left out: a cause that it would refuse
 stays, an alternative that it would add is not added. `traced` runs a diagnosis and notes the rules
 that changed anything in it. `without` runs a diagnosis without one rule. Both are used by
-`tests.bench.bench_rules`: a rule that changes no answer, or makes as many wrong as right, can go.
+`tests.setup.bench_rules`: a rule that changes no answer, or makes as many wrong as right, can go.
 """
 
 from __future__ import annotations
@@ -68,12 +68,12 @@ def _bic(rule: Function, problem: Likelihood, fit: Optimum, name: str, *_: Any) 
 
 
 def _as_chosen(
-    rule: Function, bench: Setup, step: Step, first: float | None,
+    rule: Function, setup: Setup, step: Step, first: float | None,
     made: Mapping[str, CorrectedFit] | None = None,
 ) -> tuple[Choice | None, CorrectedFit | None]:  # fmt: skip
     if step.choice is None:
         return None, None
-    return step.choice, (made or {}).get(step.choice.term.name) or extended(bench, step.choice)
+    return step.choice, (made or {}).get(step.choice.term.name) or extended(setup, step.choice)
 
 
 RULES = (
@@ -132,7 +132,7 @@ RULES = (
     Rule(
         "of confounded causes, the one with the best companion",
         "selection.companions:best_with_companion",
-        lambda rule, bench, step: (step.choice, {}),
+        lambda rule, setup, step: (step.choice, {}),
     ),
     Rule(
         "a cause whose rig does not fly is refused",
@@ -148,7 +148,7 @@ RULES = (
     Rule(
         "backward elimination",
         "selection.steps:backward_elimination",
-        lambda rule, bench, found, steps: (found, list(steps)),
+        lambda rule, setup, found, steps: (found, list(steps)),
     ),
     Rule("a cause must gain on held-out data", "conclusion.adoption:pays_enough", _always(True)),
     Rule(
@@ -177,7 +177,11 @@ RULES = (
         lambda rule, left, names: tuple(left),
     ),
     Rule("pieces of the flight must agree", "conclusion.segments:with_segment_ties", _argument(0)),
-    Rule("recordings must agree", "free_run.recordings_agree:marked_unsure", _argument(0)),
+    Rule(
+        "recordings must agree",
+        "free_run.recordings_agree:marked_if_recordings_disagree",
+        _argument(0),
+    ),
     Rule(
         "causes confounded with an inertia",
         "conclusion.inertia_ties:with_confounded_causes",

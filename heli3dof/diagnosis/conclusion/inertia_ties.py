@@ -56,13 +56,13 @@ def with_confounded_causes(off: OffNominal, step: Step) -> OffNominal:
 def step_with_same_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:
     """Return the last step with the causes of ``fit``; the last of all if there is none."""
     names = {t.name for t in fit.structure.terms}
-    same = (s for s in reversed(steps) if {t.name for t in s.found.structure.terms} == names)
+    same = (s for s in reversed(steps) if {t.name for t in s.fit.structure.terms} == names)
     return next(same, steps[-1])
 
 
 def confounded_causes(step: Step, j: int) -> tuple[str, ...]:
     """Return the terms confounded with base parameter j."""
-    fit, screen = step.found, step.screen
+    fit, screen = step.fit, step.screen
     f, value = fit.free[j], float(fit.values[j]) * thrust_scale(fit).k
     if value / f.start <= 0:
         return ()
@@ -76,7 +76,7 @@ def confounded_causes(step: Step, j: int) -> tuple[str, ...]:
 
 def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     """Return the terms confounded with K_f."""
-    fit, screen = step.found, step.screen
+    fit, screen = step.fit, step.screen
     base, half = fit.free[:4], 0.5 * fit.structure.profile.tolerance
     nominal = np.array([f.start for f in base])
     std = fit.std[:4] / np.abs(nominal)
@@ -105,7 +105,7 @@ def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> 
 
     ``amounts``: (probe i, least α, most α).
     """
-    screen, Z = step.screen, step.nulls.standardised(step.seen)
+    screen, Z = step.screen, step.nulls.standardised(step.recorded)
 
     def is_plausible(i: int, least: float, most: float) -> bool:
         p = screen.plain[i]

@@ -28,14 +28,14 @@ from heli3dof.recording.recording import Recording
 class Settled:
     """The fit with the adopted causes, and the residual torques ``left``."""
 
-    found: CorrectedFit
+    fit: CorrectedFit
     findings: tuple[Finding, ...]
     dropped: tuple[Dropped, ...]
     after: HeldOut
-    left: tuple[ResidualTorque, ...] = ()
-    held: Nuisance | None = None
+    residual_torques: tuple[ResidualTorque, ...] = ()
+    nuisance: Nuisance | None = None
     """Nuisance parameters: the fit's and the residual torques"""
-    sure: bool = True
+    is_decided: bool = True
     """False if neither causes nor base parameters are certain"""
 
 
@@ -43,21 +43,21 @@ def settle_unmodelled(
     setup: Setup, start: Settled, holdout: Sequence[Recording], *, flights: int
 ) -> Settled:
     """Return the settled fit, from the adopted causes ``start``; ``flights`` nulls per search."""
-    if start.found.scatter is None:  # without a dropped cause, simulation may work
-        again = bias_corrected_again(setup, start.found)
+    if start.fit.scatter is None:  # without a dropped cause, simulation may work
+        again = bias_corrected_again(setup, start.fit)
         start = start if again.scatter is None else _adopted_again(setup, start, again, (), holdout)
     now, removed, certain = start, list[str](), None
     first: tuple[tuple[ResidualTorque, ...], Nuisance] | None = None
     while True:
-        scores = evidence(now.found, setup.recordings, flights=flights, seed=setup.seed)
+        scores = evidence(now.fit, setup.recordings, flights=flights, seed=setup.seed)
         if scores.null is None and certain is None:
-            certain = significant_formula(now.found)
+            certain = significant_formula(now.fit)
         left, held = significant_torques(scores, certain)
-        contest = replaced_by_formula(now.found, replaceable_causes(now.findings))
+        contest = replaced_by_formula(now.fit, replaceable_causes(now.findings))
         if contest is not None:
             names, certain = contest.causes, contest.place
         else:
-            names = stand_ins(now.findings, now.found, left, held)
+            names = stand_ins(now.findings, now.fit, left, held)
         if not names:
             break
         first = first or (left, held)
@@ -65,8 +65,10 @@ def settle_unmodelled(
         now = _without_stand_ins(setup, now, names, holdout)
     if first and not left:
         return _undecided(start, *first, removed)
-    findings = marked_unsure(now.findings, now.found, left, held)
-    return replace(now, findings=findings, left=with_resemblance(left, removed), held=held)
+    findings = marked_unsure(now.findings, now.fit, left, held)
+    return replace(
+        now, findings=findings, residual_torques=with_resemblance(left, removed), nuisance=held
+    )
 
 
 def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
@@ -83,7 +85,11 @@ def _undecided(
     """
     findings = tuple(replace(f, like=True) for f in start.findings)
     return replace(
-        start, findings=findings, left=with_resemblance(left, removed), held=held, sure=False
+        start,
+        findings=findings,
+        residual_torques=with_resemblance(left, removed),
+        nuisance=held,
+        is_decided=False,
     )
 
 
@@ -91,7 +97,7 @@ def _without_stand_ins(
     setup: Setup, now: Settled, names: Sequence[str], holdout: Sequence[Recording]
 ) -> Settled:
     """Return the fit without the causes ``names``; the other causes are adopted again."""
-    found = now.found
+    found = now.fit
     for f in now.findings:
         if f.choice.term.name in names:
             found = without(found, f.choice.term)

@@ -33,15 +33,15 @@ BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
 """Effects that each base simulation adds to the rigid body, by the base's name"""
 
 
-def fit_base(bench: Setup) -> CorrectedFit:
+def fit_base(setup: Setup) -> CorrectedFit:
     """Return the fitted base simulation. Raises RecordingError without usable rows."""
-    runs = [run for i, r in enumerate(bench.recordings) for run in usable_runs(r, i)]
-    structure = Structure(bench.recordings[0].profile, named(BASES[bench.base]))
-    problem = ProfileLikelihood(data_of(bench.recordings, runs), structure)
+    runs = [run for i, r in enumerate(setup.recordings) for run in usable_runs(r, i)]
+    structure = Structure(setup.recordings[0].profile, named(BASES[setup.base]))
+    problem = ProfileLikelihood(data_of(setup.recordings, runs), structure)
     compile_first(problem)
-    fit = corrected_base(bench, problem)
+    fit = corrected_base(setup, problem)
     return (
-        corrected_base(bench, replace(problem, doubt=TIGHT_PRIOR))
+        corrected_base(setup, replace(problem, doubt=TIGHT_PRIOR))
         if inertia_is_implausible(fit)
         else fit
     )
@@ -57,23 +57,23 @@ def inertia_is_implausible(fit: Estimate) -> bool:
     return bool(largest > np.log(MAX_INERTIA_RATIO))
 
 
-def corrected_base(bench: Setup, problem: ProfileLikelihood) -> CorrectedFit:
+def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:
     """Return the fit, bias-corrected if the controller is known."""
     plain = estimate(problem)
-    if not bench.controller_is_known:
+    if not setup.controller_is_known:
         return CorrectedFit(problem, plain.optimum)
     theta, noise = plain.optimum.theta, plain.optimum.noise
     cycling = on_limit_cycle(problem.data)
     if cycling.any():
         theta = theta.copy()
         theta[1:4] = problem.prior_mean[1:4]
-        noise = matched_noise(problem, theta, noise, cycling, bench.recordings, seed=bench.seed)
-    fit = correct(problem, theta, noise, bench.recordings, seed=bench.seed, pilots=bench.pilots)
+        noise = matched_noise(problem, theta, noise, cycling, setup.recordings, seed=setup.seed)
+    fit = correct(problem, theta, noise, setup.recordings, seed=setup.seed, pilots=setup.pilots)
     if fit.scatter is None:
         return CorrectedFit(problem, plain.optimum)
     if not cycling.any():
         return fit
-    fit = fit_with_edge_rates(problem, fit, bench.recordings, seed=bench.seed)
+    fit = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)
     # A later fit with a further effect by likelihood alone would increase the noise again.
     roll, pitch, yaw = (bool(axis) for axis in cycling)
     return replace(fit, problem=replace(problem, known_noise=(roll, pitch, yaw)))

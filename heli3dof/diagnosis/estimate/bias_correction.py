@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from heli3dof.diagnosis.estimate.coloured_noise import colour
-from heli3dof.diagnosis.estimate.evaluation import evaluate, held
+from heli3dof.diagnosis.estimate.evaluation import evaluate, fixed_parameters
 from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import (
@@ -176,7 +176,7 @@ def correct(
         H = 0.5 * (recorded.H + np.mean([f.H for f in flights], axis=0))
         A = H + np.diag(precision)
         step = np.zeros(n)
-        free = ~held(problem)
+        free = ~fixed_parameters(problem)
         step[free] = np.linalg.solve(A[np.ix_(free, free)], g[free])
         sd = np.sqrt(np.diag(np.linalg.inv(A)))
         if update:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.evaluation import Evaluation, evaluate, held
+from heli3dof.diagnosis.estimate.evaluation import Evaluation, evaluate, fixed_parameters
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW, Optimum
 
@@ -60,7 +60,7 @@ def maximise_corrected(
     theta, a = np.clip(start, low, high), noise.copy()
     precision = problem.prior_precision
     axes = problem.free_noise
-    fixed = held(problem) if hold is None else held(problem) | hold
+    fixed = fixed_parameters(problem) if hold is None else fixed_parameters(problem) | hold
     lam, noise_step, converged = 1e-3, 0.0 if hold_noise else np.inf, False
 
     def corrected(loglik: np.ndarray, theta: np.ndarray, a: np.ndarray) -> float:

@@ -81,7 +81,7 @@ def evaluate(
     return replace(result, slope=(up - down) / (2 * _PROBE), curvature=curvature)
 
 
-def held(problem: Likelihood) -> np.ndarray:
+def fixed_parameters(problem: Likelihood) -> np.ndarray:
     """Return (n,) bool: the parameters that no search changes (`HELD`)."""
     return np.array([f.name in HELD for f in problem.structure.free])
 

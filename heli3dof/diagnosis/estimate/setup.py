@@ -24,7 +24,7 @@ class Setup:
     """Flights simulated per iteration of the bias correction"""
     base: str = "rigid"
     """Name of the base simulation, a key of `estimate.base_fit.BASES`"""
-    opinions: bool = True
+    compare_small_scores: bool = True
     """Whether candidates with low scores are also compared by simulation (`selection.rivals`)"""
 
     @property

@@ -106,7 +106,7 @@ def no_likelihood(recordings: Sequence[Recording]) -> str:
     return likelihood_obstacle(whole)
 
 
-def diagnose_real(
+def diagnose_without_likelihood(
     train: Sequence[Recording],
     held: Sequence[Recording],
     faults: tuple[Fault, ...],

@@ -33,7 +33,7 @@ MOST_CONFIDENCE = 0.5
 """As likely as not"""
 
 
-def marked_unsure(
+def marked_if_recordings_disagree(
     findings: Sequence[Finding], recordings: Sequence[Recording]
 ) -> tuple[Finding, ...]:
     """Return the findings, with those that the recordings cannot confirm marked as "…-like"."""

@@ -27,7 +27,7 @@ MAX_ALTERNATIVES = 3
 
 
 def first_that_flies(
-    bench: Setup,
+    setup: Setup,
     step: Step,
     first_score: float | None,
     made: Mapping[str, CorrectedFit] | None = None,
@@ -41,11 +41,11 @@ def first_that_flies(
     for _ in range(MAX_ALTERNATIVES):
         if choice is None:
             break
-        wider = (made or {}).get(choice.term.name) or extended(bench, choice)
-        if wider.scatter is not None or step.found.scatter is None or bench.touches_stops:
+        wider = (made or {}).get(choice.term.name) or extended(setup, choice)
+        if wider.scatter is not None or step.fit.scatter is None or setup.touches_stops:
             return choice, wider
         fits = tuple(f for f in fits if f.term.name != choice.term.name)
-        choice = best_choice(step.found, step.screen, step.nulls, fits, first_score)
+        choice = best_choice(step.fit, step.screen, step.nulls, fits, first_score)
     return None, None
 
 
@@ -60,7 +60,7 @@ def instead(choice: Choice, other: CandidateFit) -> Choice:
 
 
 def alternatives(
-    bench: Setup, reduced: CorrectedFit, dropped: Choice, tried: Set[str]
+    setup: Setup, reduced: CorrectedFit, dropped: Choice, tried: Set[str]
 ) -> Iterator[tuple[Choice, CorrectedFit]]:
     """Yield causes confounded with ``dropped`` that can be flown, each with its fit.
 
@@ -68,15 +68,15 @@ def alternatives(
     """
     confounded = [c for c in dropped.contenders if c.term.name in dropped.tied_with]
     for other in [c for c in confounded if c.term.name not in tried][:MAX_ALTERNATIVES]:
-        wider = with_candidate(bench, reduced, other)
-        if wider.scatter is not None or not bench.controller_is_known:
+        wider = with_candidate(setup, reduced, other)
+        if wider.scatter is not None or not setup.controller_is_known:
             yield instead(dropped, other), wider
 
 
-def with_candidate(bench: Setup, reduced: CorrectedFit, other: CandidateFit) -> CorrectedFit:
+def with_candidate(setup: Setup, reduced: CorrectedFit, other: CandidateFit) -> CorrectedFit:
     """Return the bias-corrected fit with one more term, started at the candidate's own fit."""
     o = reduced.optimum
     ext = widened(reduced.problem, o.theta, other.term)
     new = other.optimum.theta[-len(other.term.effect.parameters) :]
     fit = maximise_corrected(ext, np.append(o.theta, new), o.noise, None)
-    return bias_corrected(bench, ext, fit)
+    return bias_corrected(setup, ext, fit)

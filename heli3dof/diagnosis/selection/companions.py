@@ -59,9 +59,9 @@ def comparable(step: Step) -> list[CandidateFit]:
     return each if screened_only and max(bias) <= LARGE_BIAS else each[:1]
 
 
-def companion(step: Step, bench: Setup, fit: CorrectedFit) -> CandidateFit | None:
+def companion(step: Step, setup: Setup, fit: CorrectedFit) -> CandidateFit | None:
     """Return the most likely further term of ``fit`` beyond the threshold, if any."""
-    screen, result = screened(bench, fit)
+    screen, result = screened(setup, fit)
     nulls = nulls_for(step, screen)
     ranked = candidates_to_fit(ranked_candidates(result, nulls), screen, nulls, MAX_COMPANIONS)
     bias = np.zeros(len(fit.theta)) if fit.bias is None else fit.bias
@@ -70,16 +70,16 @@ def companion(step: Step, bench: Setup, fit: CorrectedFit) -> CandidateFit | Non
 
 
 def single_cause(
-    bench: Setup, pair: CandidateFit, single: Sequence[tuple[CandidateFit, CorrectedFit]]
+    setup: Setup, pair: CandidateFit, single: Sequence[tuple[CandidateFit, CorrectedFit]]
 ) -> CandidateFit | None:
     """Return the most likely ``single`` cause that the pair does not beat, if any."""
     if not single:
         return None
     both = correct(
-        pair.problem, pair.optimum.theta, pair.optimum.noise, bench.recordings,
-        seed=bench.seed, pilots=bench.pilots, rounds=ROUNDS,
+        pair.problem, pair.optimum.theta, pair.optimum.noise, setup.recordings,
+        seed=setup.seed, pilots=setup.pilots, rounds=ROUNDS,
     )  # fmt: skip
-    W = odds(*likelihoods([both, *(f for _, f in single)], bench.recordings, seed=bench.seed))
+    W = odds(*likelihoods([both, *(f for _, f in single)], setup.recordings, seed=setup.seed))
     unbeaten = [k for k in range(1, len(W)) if W[0, k] < MIN_PAIR_W]
     return single[min(unbeaten, key=lambda k: W[0, k]) - 1][0] if unbeaten else None
 
@@ -98,7 +98,7 @@ def nulls_for(step: Step, screen: Screen) -> Nulls:
     return replace(n, mean=mean, std=std)
 
 
-def best_with_companion(bench: Setup, step: Step) -> tuple[Choice, dict[str, CorrectedFit]]:
+def best_with_companion(setup: Setup, step: Step) -> tuple[Choice, dict[str, CorrectedFit]]:
     """Return the choice by the module's rules, and all fits made on the way, by cause."""
     choice = step.choice
     assert choice is not None
@@ -107,8 +107,8 @@ def best_with_companion(bench: Setup, step: Step) -> tuple[Choice, dict[str, Cor
         return choice, made
     J, companions = [], list[CandidateFit | None]()
     for one in each:
-        fit = made[one.term.name] = extended(bench, replace(choice, contenders=(one,)))
-        other = None if fit.scatter is None else companion(step, bench, fit)
+        fit = made[one.term.name] = extended(setup, replace(choice, contenders=(one,)))
+        other = None if fit.scatter is None else companion(step, setup, fit)
         other = other if other is not None and other.score > 0 else None
         companions.append(other)
         J.append(one.score + (0.0 if other is None else other.score))
@@ -118,5 +118,5 @@ def best_with_companion(bench: Setup, step: Step) -> tuple[Choice, dict[str, Cor
     if other is not None:
         fits = [(c, made[c.term.name]) for c, o in zip(each, companions, strict=True) if o is None]
         flyable = [(c, f) for c, f in fits if f.scatter is not None]
-        best = single_cause(bench, other, flyable) or best
+        best = single_cause(setup, other, flyable) or best
     return (choice if best is each[0] else instead(choice, best)), made

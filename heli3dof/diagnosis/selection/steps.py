@@ -65,15 +65,15 @@ LOW_NOISE = 0.25
 class Step:
     """One screen of the current fit: scores of the recordings, nulls, and the choice."""
 
-    found: CorrectedFit
+    fit: CorrectedFit
     """The current fit: the base with all causes of earlier steps"""
     screen: Screen
-    seen: ScreenResult
+    recorded: ScreenResult
     """Scores of the recordings"""
     nulls: Nulls
     bias: np.ndarray
     """(n,) mean scores of the nulls along θ"""
-    unseen: tuple[str, ...]
+    not_identifiable: tuple[str, ...]
     """Terms that these recordings could not reveal even at a large size"""
     choice: Choice | None = None
     _fits: dict[str, list[CandidateFit]] = field(default_factory=dict)
@@ -82,17 +82,17 @@ class Step:
     @property
     def largest(self) -> list[tuple[str, float]]:
         """Return the three terms with the largest Z², and Z²."""
-        return [(t.name, z) for t, z, _ in ranked_candidates(self.seen, self.nulls)[:3]]
+        return [(t.name, z) for t, z, _ in ranked_candidates(self.recorded, self.nulls)[:3]]
 
-    def significant_trials(self, bench: Setup, untested: Sequence[Term]) -> list[GridTrial]:
+    def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
         """Return the terms whose Δℓ meets both conditions of `screening.grid_trials`."""
-        o, problem = self.found.optimum, self.found.problem
+        o, problem = self.fit.optimum, self.fit.problem
         tried = trials(problem, o.theta, o.noise, untested)
-        if not tried or self.found.scatter is None:
+        if not tried or self.fit.scatter is None:
             return tried
         model = model_at(problem, o.theta, o.noise)
         flown = [
-            simulate_again(model, bench.recordings, problem.data, (bench.seed, 3, b))
+            simulate_again(model, setup.recordings, problem.data, (setup.seed, 3, b))
             for b in range(TRIAL_FLIGHTS)
         ]
         return [t for t in tried if exceeds_nulls(t, problem, o.theta, o.noise, flown)]
@@ -102,57 +102,57 @@ class Step:
         """Return the candidates that an inertia may have absorbed; computed once."""
         if "inertia" not in self._fits:
             self._fits["inertia"] = instead_of_inertia(
-                self.found, self.screen, self.seen, self.nulls, self.bias
+                self.fit, self.screen, self.recorded, self.nulls, self.bias
             )
         return self._fits["inertia"]
 
-    def chosen(self, bench: Setup, first_score: float | None) -> Step:
+    def chosen(self, setup: Setup, first_score: float | None) -> Step:
         """Return the step with its choice.
 
         Without a cause by scores: terms of last resort, then causes absorbed by an inertia.
         """
-        present = [t.name for t in self.found.problem.structure.terms]
+        present = [t.name for t in self.fit.problem.structure.terms]
 
         def choice_with(tried: Sequence[GridTrial]) -> Choice | None:
             return choose(
-                self.found, self.screen, self.seen, self.nulls, self.bias, first_score, tried
+                self.fit, self.screen, self.recorded, self.nulls, self.bias, first_score, tried
             )
 
-        choice = choice_with(self.significant_trials(bench, tried_terms(present, bench.axes)))
+        choice = choice_with(self.significant_trials(setup, tried_terms(present, setup.axes)))
         if (
             choice is None
-            and bench.controller_is_known
-            and (tried := self.significant_trials(bench, last_resort_terms(present)))
+            and setup.controller_is_known
+            and (tried := self.significant_trials(setup, last_resort_terms(present)))
         ):
             choice = choice_with(tried)
-        if choice is None and bench.controller_is_known:
+        if choice is None and setup.controller_is_known:
             choice = cause_hidden_in_inertia(self.instead_of_inertia, self.screen, self.nulls)
-        if choice is not None and bench.controller_is_known:
+        if choice is not None and setup.controller_is_known:
             choice = compared_by_simulation(
-                choice, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots,
+                choice, self.nulls, setup.recordings, seed=setup.seed, pilots=setup.pilots,
                 # The report does not state what a formal effect is confounded with.
-                opinions=bench.opinions and not choice.term.effect.formal,
+                opinions=setup.compare_small_scores and not choice.term.effect.formal,
             )  # fmt: skip
         return replace(self, choice=choice)
 
 
-def screened(bench: Setup, fit: CorrectedFit) -> tuple[Screen, ScreenResult]:
+def screened(setup: Setup, fit: CorrectedFit) -> tuple[Screen, ScreenResult]:
     """Return the screen of all candidates for ``fit``, and the recordings' scores."""
     problem, o = fit.problem, fit.optimum
     recorded = evaluate(problem, o.theta, o.noise, whole=False)
-    terms = candidates([t.name for t in problem.structure.terms], bench.axes)
+    terms = candidates([t.name for t in problem.structure.terms], setup.axes)
     plain = [p for t in terms for p in probes(t, problem.data.V)]
     screen = Screen(problem, o.theta, recorded, plain, scans(terms))
     return screen, screen.score(recorded, prior=True)
 
 
-def screening_step(bench: Setup, fit: CorrectedFit, flights: int) -> Step:
+def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
     """Return the step after ``fit``: scores, nulls from ``flights`` simulations, no choice yet."""
-    screen, result = screened(bench, fit)
+    screen, result = screened(setup, fit)
     bias = np.zeros(len(fit.theta))
     if fit.scatter is not None:
         nulls, scores = simulated_nulls(
-            fit, bench.recordings, screen, flights=flights, seed=bench.seed
+            fit, setup.recordings, screen, flights=flights, seed=setup.seed
         )
         bias = scores.mean(axis=0)
     else:
@@ -160,7 +160,7 @@ def screening_step(bench: Setup, fit: CorrectedFit, flights: int) -> Step:
     return Step(fit, screen, result, nulls, bias, unidentifiable(screen, nulls))
 
 
-def extended(bench: Setup, choice: Choice) -> CorrectedFit:
+def extended(setup: Setup, choice: Choice) -> CorrectedFit:
     """Return the bias-corrected fit with the chosen term and further formal ones (`with_forms`)."""
     best = choice.contenders[0]
     problem, optimum = best.problem, best.optimum
@@ -169,9 +169,9 @@ def extended(bench: Setup, choice: Choice) -> CorrectedFit:
     if best.term.effect.formal:
         also = [c for c in choice.contenders[1:] if is_significant_form(c, choice)]
         problem, optimum = with_forms(problem, optimum, also)
-    fit = bias_corrected(bench, problem, optimum)
-    if fit.scatter is None and bench.controller_is_known:
-        return fit_from_low_noise(bench, fit)
+    fit = bias_corrected(setup, problem, optimum)
+    if fit.scatter is None and setup.controller_is_known:
+        return fit_from_low_noise(setup, fit)
     return fit
 
 
@@ -193,7 +193,7 @@ def with_forms(
     return problem, maximise_corrected(problem, theta, optimum.noise, None)
 
 
-def fit_from_low_noise(bench: Setup, fit: CorrectedFit) -> CorrectedFit:
+def fit_from_low_noise(setup: Setup, fit: CorrectedFit) -> CorrectedFit:
     """Return the likeliest fit started at much less noise and the profile's inertias.
 
     A base attributes a cause to noise; a fit with the cause may stay at that local maximum.
@@ -210,28 +210,28 @@ def fit_from_low_noise(bench: Setup, fit: CorrectedFit) -> CorrectedFit:
     best = max(fits, key=lambda f: f.loglik)
     if not best.loglik > o.loglik:
         return fit
-    quiet = bias_corrected(bench, problem, best)
-    return fit if quiet.scatter is None and not bench.touches_stops else quiet
+    quiet = bias_corrected(setup, problem, best)
+    return fit if quiet.scatter is None and not setup.touches_stops else quiet
 
 
-def bias_corrected(bench: Setup, problem: Likelihood, optimum: Optimum) -> CorrectedFit:
+def bias_corrected(setup: Setup, problem: Likelihood, optimum: Optimum) -> CorrectedFit:
     """Return the bias-corrected fit near an optimum; the optimum if the controller is unknown."""
-    if not bench.controller_is_known:
+    if not setup.controller_is_known:
         return CorrectedFit(problem, optimum)
     return correct(
         problem,
         optimum.theta,
         optimum.noise,
-        bench.recordings,
-        seed=bench.seed,
-        pilots=bench.pilots,
+        setup.recordings,
+        seed=setup.seed,
+        pilots=setup.pilots,
         rounds=4,
     )
 
 
-def bias_corrected_again(bench: Setup, fit: CorrectedFit) -> CorrectedFit:
+def bias_corrected_again(setup: Setup, fit: CorrectedFit) -> CorrectedFit:
     """Return the same structure, bias-corrected from the optimum of ``fit``."""
-    return bias_corrected(bench, fit.problem, fit.optimum)
+    return bias_corrected(setup, fit.problem, fit.optimum)
 
 
 def without(fit: CorrectedFit, term: Term) -> CorrectedFit:
@@ -291,7 +291,7 @@ def refitted(fit: CorrectedFit, corrected: bool) -> Optimum:
 
 
 def backward_elimination(
-    bench: Setup, fit: CorrectedFit, steps: Sequence[Step]
+    setup: Setup, fit: CorrectedFit, steps: Sequence[Step]
 ) -> tuple[CorrectedFit, list[Step]]:
     """Return fit and steps without each cause whose 2 Δℓ_c/κ is less than its price."""
     kept = list(steps)
@@ -310,6 +310,6 @@ def backward_elimination(
         whole = refitted(fit, less.bias is not None and bool(less.bias.any()))
         gain = 2 * (whole.loglik - less.optimum.loglik) / s.nulls.inflation
         if gain < price(fit.problem, fit.optimum, term.name, s.nulls.inflation):
-            fit = bias_corrected(bench, less.problem, less.optimum)
+            fit = bias_corrected(setup, less.problem, less.optimum)
             kept = [k for k in kept if k is not s]
     return fit, kept

@@ -94,7 +94,7 @@ class Sums:
     """(wanted, E) changes δc of the predictions by the wanted functions"""
 
 
-def forward(
+def sums_along(
     library: Hats, flight: Trail, tangents: np.ndarray, wanted: np.ndarray | None = None
 ) -> Sums:
     """Return the sums of all functions, given a fit's ``tangents`` (p, E); ``wanted``: columns."""

@@ -65,7 +65,7 @@ MIN_CLARITY_RATIO = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class TorqueCurve:
     """Residual torque on ``axis`` in m bins of a variable, and the curve of the fitted cause."""
 
     name: str
@@ -98,7 +98,7 @@ def variable_of(effect: Effect, axis: str | None) -> str | None:
     return name if name in UNITS else None
 
 
-def evidence(fit: Estimate, term: Term, noise: np.ndarray) -> Evidence | None:
+def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | None:
     """Return the figure of a term of ``fit``, or None; ``noise`` (4,): of the fit without it."""
     name = variable_of(term.effect, term.axis)
     if name is None:
@@ -128,13 +128,13 @@ def evidence(fit: Estimate, term: Term, noise: np.ndarray) -> Evidence | None:
     rows = flight.flown & np.isfinite(flight.torque[:, i])
     z = _in_unit(z, unit)[rows]
     curve_z, curve, _ = _binned(z, cause[rows, i], flight.data.h[rows], 3 * BINS)
-    return Evidence(
+    return TorqueCurve(
         term.name, AXES[i], name, unit,
         *_binned(z, flight.torque[rows, i], flight.data.h[rows], BINS), curve_z, curve,
     )  # fmt: skip
 
 
-def residual_evidence(fit: Estimate, residual: ResidualTorque) -> Evidence:
+def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
     """Return the figure of a residual torque of ``fit``."""
     flight = trail(fit)
     i = AXES.index(residual.axis)
@@ -144,7 +144,7 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> Evidence:
     knots, torque = np.array(residual.table).T
     slope = float(np.polyfit(_in_unit(knots, unit), torque, 1)[0])
     name = f"Unmodelled {residual.axis} torque, slope {slope:.3g} N·m/({unit}),".replace("-", "−")
-    return Evidence(
+    return TorqueCurve(
         name, residual.axis, residual.depends_on, unit,
         *_binned(z, flight.torque[rows, i], flight.data.h[rows], BINS),
         _in_unit(knots, unit), torque,

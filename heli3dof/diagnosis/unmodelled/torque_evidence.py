@@ -27,7 +27,7 @@ from heli3dof.diagnosis.estimate.coloured_noise import (
     significant_ratio,
 )
 from heli3dof.diagnosis.estimate.setup import controller_is_known
-from heli3dof.diagnosis.sensitivity.hat_functions import Hats, Sums, forward, hats
+from heli3dof.diagnosis.sensitivity.hat_functions import Hats, Sums, hats, sums_along
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
 from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, block_numbers, simulated_scores
 from heli3dof.identification.greybox.estimate import Estimate
@@ -115,7 +115,7 @@ def evidence(
         null = simulated_scores(fit, recordings, library, flights=flights, seed=seed)
     nuisance = Nuisance.of_fit(fit, flight, null)
     return Evidence(
-        fit, flight, library, null, nuisance, forward(library, flight, nuisance.tangents)
+        fit, flight, library, null, nuisance, sums_along(library, flight, nuisance.tangents)
     )
 
 

@@ -34,7 +34,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.estimate.coloured_noise import BLOCK_S, MEMORY_S, freedom, long_run
 from heli3dof.diagnosis.selection.select import TIE
-from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, forward, hats
+from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, hats, sums_along
 from heli3dof.diagnosis.sensitivity.perturbation import forward as traces_of
 from heli3dof.diagnosis.sensitivity.perturbation import path
 from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail, trail
@@ -192,7 +192,7 @@ def spline_score(
     if variable not in library.variables:
         return 0.0, 1
     columns = np.arange(KNOTS) + KNOTS * library.variables.index(variable)
-    D = forward(library, flight, nuisance.tangents, columns).traces
+    D = sums_along(library, flight, nuisance.tangents, columns).traces
     u, v = projected(flight, nuisance, g, D)
     E = informative_directions(v, (D * flight.at.w) @ D.T)
     if not E.shape[1]:

@@ -31,7 +31,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
-from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, Sums, forward
+from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, Sums, sums_along
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail
 from heli3dof.diagnosis.unmodelled.similarity import LIKE, named_traces, similarity
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
@@ -115,7 +115,7 @@ def significant_torques(
     named: tuple[list[str], np.ndarray] | None = None
     out: list[ResidualTorque] = []
     while len(out) < MAX_TORQUES:
-        sums = forward(library, flight, nuisance.tangents) if out else evidence.sums
+        sums = sums_along(library, flight, nuisance.tangents) if out else evidence.sums
         tests = score_tests(fit, flight, library, sums, nuisance, null)
         significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]
         candidates = ((q, _residual_torque(flight, library, tests, q)) for q in significant)
@@ -157,7 +157,7 @@ def _with_traces(
     evidence: Evidence, nuisance: Nuisance, q: int, new: ResidualTorque
 ) -> tuple[int, ResidualTorque, np.ndarray]:
     columns = np.arange(len(evidence.sums.u))[evidence.library.columns(q)]
-    return q, new, forward(evidence.library, evidence.flight, nuisance.tangents, columns).traces
+    return q, new, sums_along(evidence.library, evidence.flight, nuisance.tangents, columns).traces
 
 
 def _exceeds_coloured_noise(

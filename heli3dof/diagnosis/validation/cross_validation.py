@@ -29,7 +29,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.estimate.corrected_maximum import ScoreBias, maximise_corrected
-from heli3dof.diagnosis.estimate.evaluation import held
+from heli3dof.diagnosis.estimate.evaluation import fixed_parameters
 from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, HeldOut, Predictions
 from heli3dof.diagnosis.validation.prediction import prediction_errors, starts_of, with_blocks
 from heli3dof.identification.greybox.estimate import Estimate
@@ -150,7 +150,7 @@ def _estimate_without(
         precision = precision * np.maximum(1.0, share / np.maximum(np.diag(H), 1e-12))
         problem = _with_prior_precision(problem, precision)
     A = H + np.diag(precision)
-    step, free = np.zeros(len(theta)), ~held(problem)
+    step, free = np.zeros(len(theta)), ~fixed_parameters(problem)
     gradient = g - bias_of_rows - precision * (theta - problem.prior_mean)
     step[free] = np.linalg.solve(A[np.ix_(free, free)], gradient[free])
     updated = np.clip(theta + step, *problem.bounds)

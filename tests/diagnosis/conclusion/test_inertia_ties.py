@@ -38,7 +38,7 @@ def step(absorbed: float, v: float, Z: float, ratio: float = 1.4) -> Any:
     nulls = SimpleNamespace(std=np.ones(1), standardised=lambda seen: np.array([Z]))
     return cast(
         Any,
-        SimpleNamespace(found=fit, screen=screen, nulls=nulls, seen=None, instead_of_inertia=[]),
+        SimpleNamespace(fit=fit, screen=screen, nulls=nulls, recorded=None, instead_of_inertia=[]),
     )
 
 
@@ -80,7 +80,7 @@ def scaled_base(share: float, v: float, Z: float) -> Any:
     )  # fmt: skip
     screen = SimpleNamespace(plain=(probe,), solved=np.full((4, 1), share), v=np.array([v]))
     nulls = SimpleNamespace(std=np.ones(1), standardised=lambda seen: np.array([Z]))
-    return cast(Any, SimpleNamespace(found=fit, screen=screen, nulls=nulls, seen=None))
+    return cast(Any, SimpleNamespace(fit=fit, screen=screen, nulls=nulls, recorded=None))
 
 
 LOW = OffNominal(term("motor.thrust_gain"), 1 / 1.6, 0.03, 200.0)
@@ -114,8 +114,8 @@ def test_an_inertia_is_confounded_with_other_effects() -> None:
 def test_the_last_step_with_the_same_causes_is_used() -> None:
     def step_with(*names: str) -> Any:
         terms = tuple(term(n) for n in names)
-        return SimpleNamespace(found=SimpleNamespace(structure=SimpleNamespace(terms=terms)))
+        return SimpleNamespace(fit=SimpleNamespace(structure=SimpleNamespace(terms=terms)))
 
     steps = [step_with(), step_with("motor.lag"), step_with("motor.lag", "motor.dead_zone")]
-    assert step_with_same_causes(steps, step_with("motor.lag").found) is steps[1]
-    assert step_with_same_causes(steps, step_with("motor.delay").found) is steps[2]
+    assert step_with_same_causes(steps, step_with("motor.lag").fit) is steps[1]
+    assert step_with_same_causes(steps, step_with("motor.delay").fit) is steps[2]

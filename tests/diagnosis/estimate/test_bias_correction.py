@@ -116,15 +116,15 @@ def test_a_constant_pitch_torque_is_not_fitted_as_a_large_inertia() -> None:
     problem = ProfileLikelihood(
         data_of([recording], usable_runs(recording, 0)), Structure(profile, ())
     )
-    bench = Setup((recording,), seed=0, pilots=6, opinions=False)
-    assert inertia_is_implausible(corrected_base(bench, problem))
-    held = fit_base(bench)
+    setup = Setup((recording,), seed=0, pilots=6, compare_small_scores=False)
+    assert inertia_is_implausible(corrected_base(setup, problem))
+    held = fit_base(setup)
     np.testing.assert_allclose(held.theta[1:4], held.problem.prior_mean[1:4], atol=0.1)
-    step = screening_step(bench, held, 12).chosen(bench, None)
+    step = screening_step(setup, held, 12).chosen(setup, None)
     assert step.choice is not None
     names = {step.choice.term.name, *step.choice.tied_with}
     assert "bias.torque.pitch" in names
-    result = extended(bench, step.choice)
+    result = extended(setup, step.choice)
     assert not inertia_is_implausible(result)
     assert isinstance(result.problem, ProfileLikelihood)
     assert result.problem.doubt == 1.0

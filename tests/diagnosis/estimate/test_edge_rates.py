@@ -30,8 +30,8 @@ DEVICE = "mock:?speed=max&spread=0.07&seed=1022"
 @pytest.fixture(scope="module")
 def fitted() -> tuple[Setup, CorrectedFit]:
     flown = fly_plan(step_plan((10.0, None, None)), device=DEVICE, seed=1022).recording
-    bench = Setup((flown,), seed=0, pilots=6)
-    return bench, fit_base(bench)
+    setup = Setup((flown,), seed=0, pilots=6)
+    return setup, fit_base(setup)
 
 
 def test_the_edge_rate_is_the_share_of_samples_with_a_count_change(
@@ -61,12 +61,12 @@ def test_the_inertias_lie_within_their_intervals(fitted: tuple[Setup, CorrectedF
 def test_a_start_at_the_wrong_end_of_the_ridge_converges(
     fitted: tuple[Setup, CorrectedFit],
 ) -> None:
-    bench, fit = fitted
+    setup, fit = fitted
     theta, a = fit.theta.copy(), fit.optimum.noise.copy()
     theta[2] += np.log(0.5)
     a[1] *= 4
     wrong = replace(fit, optimum=replace(fit.optimum, theta=theta, noise=a))
-    back = fit_with_edge_rates(fit.problem, wrong, bench.recordings, seed=0, rounds=8)
+    back = fit_with_edge_rates(fit.problem, wrong, setup.recordings, seed=0, rounds=8)
     relative_std = fit.std[2] / fit.values[2]
     assert abs(np.log(back.values[2] / fit.values[2])) < 2 * relative_std
     assert back.optimum.noise[1] / fit.optimum.noise[1] == pytest.approx(1, rel=0.4)
@@ -76,13 +76,13 @@ def test_the_bias_is_that_of_simulated_flights_not_of_the_recording(
     fitted: tuple[Setup, CorrectedFit],
 ) -> None:
     """With a hidden cause the recordings' scores contain its trace and would bias the base."""
-    bench, fit = fitted
+    setup, fit = fitted
     o, problem = fit.optimum, fit.problem
     model = model_at(problem, o.theta, o.noise)
     flown = [
         evaluate(replace(problem, data=data), o.theta, o.noise)
         for data in (
-            simulate_again(model, bench.recordings, problem.data, (5, b)) for b in range(8)
+            simulate_again(model, setup.recordings, problem.data, (5, b)) for b in range(8)
         )
     ]
     g, slope = np.array([f.g for f in flown]), np.array([f.slope for f in flown])
@@ -96,12 +96,12 @@ def test_the_bias_is_that_of_simulated_flights_not_of_the_recording(
 def test_if_the_simulated_flights_diverge_the_fit_is_unchanged(
     fitted: tuple[Setup, CorrectedFit],
 ) -> None:
-    bench, fit = fitted
+    setup, fit = fitted
     theta = fit.theta.copy()
     theta[0] = np.nan
     diverging = replace(fit, optimum=replace(fit.optimum, theta=theta))
     with np.errstate(all="ignore"):
-        result = fit_with_edge_rates(fit.problem, diverging, bench.recordings, seed=0, flights=8)
+        result = fit_with_edge_rates(fit.problem, diverging, setup.recordings, seed=0, flights=8)
     assert result is diverging
 
 

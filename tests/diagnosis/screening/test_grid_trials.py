@@ -73,13 +73,13 @@ def test_a_loop_oscillating_with_a_lag_is_not_attributed_to_noise() -> None:
     score is significant then; a threshold above all scores represents that. A trial finds it."""
     device = "mock:?speed=max&seed=1043&hide=motor.lag:0.08,bias.torque.pitch:0.025"
     flight = fly_plan(load_plan("rich"), device=device, seed=1043).recording.between(0.0, 40.0)
-    bench = Setup((flight,), 0, 4)
-    step = screening_step(bench, fit_base(bench), 10)
+    setup = Setup((flight,), 0, 4)
+    step = screening_step(setup, fit_base(setup), 10)
     above = 1.01 * max(z for _, z in step.largest)
-    choice = replace(step, nulls=replace(step.nulls, threshold=above)).chosen(bench, None).choice
+    choice = replace(step, nulls=replace(step.nulls, threshold=above)).chosen(setup, None).choice
     assert choice is not None
     assert choice.term.name == "motor.lag"
-    fitted = extended(bench, choice)
+    fitted = extended(setup, choice)
     assert fitted.values[-1] == pytest.approx(0.08, rel=0.1)
 
 

@@ -41,7 +41,7 @@ def step_with(made: Choice) -> Any:
         threshold=THRESHOLD, confidence=lambda Z2: 1.0, least=lambda _: THRESHOLD
     )
     return SimpleNamespace(
-        choice=made, screen=NONE, nulls=nulls, found=SimpleNamespace(scatter=np.eye(1))
+        choice=made, screen=NONE, nulls=nulls, fit=SimpleNamespace(scatter=np.eye(1))
     )
 
 
@@ -50,7 +50,7 @@ def unflyable(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of causes whose model cannot be flown; tests fill it."""
     names: list[str] = []
 
-    def extended(bench: object, made: Choice) -> Any:
+    def extended(setup: object, made: Choice) -> Any:
         return SimpleNamespace(scatter=None if made.term.name in names else np.eye(1))
 
     monkeypatch.setattr(module, "extended", extended)
@@ -91,7 +91,7 @@ def test_no_cause_is_taken_if_none_flies_or_the_rest_is_below_the_threshold(
 def test_with_an_unknown_controller_the_first_cause_is_kept(unflyable: list[str]) -> None:
     unflyable += NAMES
     step = step_with(choice(*FITS))
-    step.found.scatter = None
+    step.fit.scatter = None
     taken, _ = first_that_flies(FREE, step, None)
     assert taken is step.choice
 

@@ -46,14 +46,14 @@ def companion_scores(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     """Score of the likeliest second term with each name; tests fill it. Nothing is fitted."""
     scores: dict[str, float] = {}
 
-    def fake_extended(bench: object, choice: Choice) -> Any:
+    def fake_extended(setup: object, choice: Choice) -> Any:
         return SimpleNamespace(scatter=np.eye(1), name=choice.contenders[0].term.name)
 
-    def companion(step: object, bench: object, pair: Any) -> Any:
+    def companion(step: object, setup: object, pair: Any) -> Any:
         score = scores.get(pair.name)
         return None if score is None else SimpleNamespace(score=score, problem=None, optimum=LEVEL)
 
-    monkeypatch.setattr(companions, "single_cause", lambda bench, pair, alone: None)
+    monkeypatch.setattr(companions, "single_cause", lambda setup, pair, alone: None)
     monkeypatch.setattr(companions, "extended", fake_extended)
     monkeypatch.setattr(companions, "companion", companion)
     return scores
@@ -113,14 +113,14 @@ def test_a_dead_zone_is_found_together_with_the_supply_sag() -> None:
     """A dead zone of 1.5 V removes a fifth of the thrust at 7.5 V (hover), the sag 9 %."""
     device = "mock:?speed=max&seed=1203&hide=motor.dead_zone:1.5,motor.supply_sag:0.006"
     flown = fly_plan(load_plan("rich"), device=device, seed=1203).recording
-    bench = Setup((flown,), 0, 4)
-    step = screening_step(bench, fit_base(bench), 10)
+    setup = Setup((flown,), 0, 4)
+    step = screening_step(setup, fit_base(setup), 10)
     assert nulls_for(step, step.screen).mean == pytest.approx(step.nulls.mean)
     step = step.chosen(Setup((flown,), 0, 4, "rigid", False), None)
     assert step.choice is not None
     one = next(c for c in step.choice.contenders if c.term.name == "motor.supply_sag")
-    alone = extended(bench, Choice(one.term, 0.0, 0.0, 0.0, (), (one,)))
-    other = companions.companion(step, bench, alone)
+    alone = extended(setup, Choice(one.term, 0.0, 0.0, 0.0, (), (one,)))
+    other = companions.companion(step, setup, alone)
     assert other is not None
     assert other.term.name == "motor.dead_zone"
     assert other.score > 20

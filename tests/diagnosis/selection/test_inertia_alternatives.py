@@ -25,21 +25,21 @@ def first_step(hide: str, seed: int) -> tuple[Setup, Step]:
     """Return the screen of a 10° step in roll."""
     device = f"mock:?speed=max&seed={seed}&hide={hide}"
     flown = fly_plan(step_plan((10.0, None, None)), device=device, seed=seed).recording
-    bench = Setup((flown,), seed, 6, opinions=False)
-    return bench, screening_step(bench, fit_base(bench), 16)
+    setup = Setup((flown,), seed, 6, compare_small_scores=False)
+    return setup, screening_step(setup, fit_base(setup), 16)
 
 
 @pytest.mark.parametrize("hide", [SLOW, HEAVY])
 def test_a_slow_torque_and_a_wrong_inertia_both_move_the_roll_inertia(hide: str) -> None:
     _, step = first_step(hide, 1202)
-    off = off_nominal(step.found, std_inflation=std_inflation(step.found))
+    off = off_nominal(step.fit, std_inflation=std_inflation(step.fit))
     assert [o.term.name for o in off] == ["inertia.roll"]
 
 
 def test_a_slow_torque_below_the_screen_threshold_is_the_cause() -> None:
-    bench, step = first_step(SLOW, 1202)
+    setup, step = first_step(SLOW, 1202)
     assert step.largest[0][1] < step.nulls.threshold
-    choice = step.chosen(bench, None).choice
+    choice = step.chosen(setup, None).choice
     assert choice is not None
     assert choice.term.name == "disturbance.periodic.roll"
     best = choice.contenders[0]
@@ -59,11 +59,11 @@ def test_an_effect_that_explains_no_more_is_confounded_with_the_inertia() -> Non
     assert cause_hidden_in_inertia([other], step.screen, step.nulls) is not None
     step._fits["inertia"] = [modest := replace(other, score=2 * step.nulls.threshold)]
     assert cause_hidden_in_inertia([modest], step.screen, step.nulls) is None
-    (off,) = off_nominal(step.found, std_inflation=std_inflation(step.found))
+    (off,) = off_nominal(step.fit, std_inflation=std_inflation(step.fit))
     assert "disturbance.periodic.roll" in with_confounded_causes(off, step).tied_with
 
 
 def test_only_the_requested_parameter_counts() -> None:
     _, step = first_step(HEAVY, 1202)
-    assert not within(step.found, {"inertia.roll"})
-    assert within(step.found, {"inertia.yaw"})
+    assert not within(step.fit, {"inertia.roll"})
+    assert within(step.fit, {"inertia.yaw"})

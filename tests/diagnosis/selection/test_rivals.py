@@ -72,7 +72,7 @@ def test_a_modest_score_requests_a_comparison_of_close_rivals() -> None:
 def test_in_a_single_step_a_lag_is_named_or_confounded() -> None:
     device = "mock:?speed=max&seed=8400&hide=motor.lag:0.03"
     flight = fly_plan(step_plan((10.0, None, None)), device=device, seed=8400).recording
-    bench = Setup((flight,), 0, 6)
-    made = screening_step(bench, fit_base(bench), 16).chosen(bench, None).choice
+    setup = Setup((flight,), 0, 6)
+    made = screening_step(setup, fit_base(setup), 16).chosen(setup, None).choice
     assert made is not None
     assert "motor.lag" in {made.term.name, *made.tied_with}

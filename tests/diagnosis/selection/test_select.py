@@ -36,15 +36,15 @@ NONE = cast(Any, None)
 
 def step_of(plan: Plan, hide: str, seed: int) -> tuple[Setup, Step]:
     device = f"mock:?speed=max&seed={seed}&hide={hide}"
-    bench = Setup((fly_plan(plan, device=device, seed=seed).recording.between(0.0, 40.0),), 0, 4)
-    return bench, screening_step(bench, fit_base(bench), 10).chosen(bench, None)
+    setup = Setup((fly_plan(plan, device=device, seed=seed).recording.between(0.0, 40.0),), 0, 4)
+    return setup, screening_step(setup, fit_base(setup), 10).chosen(setup, None)
 
 
 @cache
 def coulomb() -> tuple[Setup, Step, Choice]:
-    bench, step = step_of(load_plan("rich"), "friction.coulomb.roll:0.05", 1010)
+    setup, step = step_of(load_plan("rich"), "friction.coulomb.roll:0.05", 1010)
     assert step.choice is not None
-    return bench, step, step.choice
+    return setup, step, step.choice
 
 
 def test_dry_friction_is_not_taken_for_viscous() -> None:
@@ -55,9 +55,9 @@ def test_dry_friction_is_not_taken_for_viscous() -> None:
 
 
 def test_an_adopted_cause_leaves_the_candidates_and_can_be_removed_again() -> None:
-    bench, step, choice = coulomb()
-    fitted = extended(bench, choice)
-    after = screening_step(bench, fitted, 10)
+    setup, step, choice = coulomb()
+    fitted = extended(setup, choice)
+    after = screening_step(setup, fitted, 10)
     assert "friction.coulomb.roll" not in after.screen.names
     assert max(z for _, z in after.largest) < step.nulls.threshold
     less = without(fitted, choice.term)
@@ -68,18 +68,18 @@ def test_a_second_cause_that_resembles_the_first_is_weak() -> None:
     """κF hardly varies in flight, so κ resembles a constant torque: 0.015 N·m are 0.0083 m of κ
     at F = T_g/L_a = 1.8 N, and little separates the two."""
     hide = "bias.torque.yaw:0.015,aero.reaction_torque:0.012"
-    bench, step = step_of(load_plan("rich"), hide, 1041)
+    setup, step = step_of(load_plan("rich"), hide, 1041)
     assert step.choice is not None
     assert not step.choice.weak
-    fitted = extended(bench, step.choice)
-    second = screening_step(bench, fitted, 10)
-    again = second.chosen(bench, step.choice.score).choice
+    fitted = extended(setup, step.choice)
+    second = screening_step(setup, fitted, 10)
+    again = second.chosen(setup, step.choice.score).choice
     assert again is not None
     assert again.weak
     assert again.score < WEAK
     assert {step.choice.term.name, again.term.name} == {"bias.torque.yaw", "aero.reaction_torque"}
     # As a first cause it is not weak.
-    first = second.chosen(bench, None).choice
+    first = second.chosen(setup, None).choice
     assert first is not None
     assert not first.weak
 
@@ -102,8 +102,8 @@ def test_backlash_in_roll_is_not_compensated_by_its_score_bias() -> None:
     taken = SimpleNamespace(
         choice=SimpleNamespace(term=backlash), nulls=SimpleNamespace(inflation=1.0)
     )
-    bench = Setup((flown,), 0, 4)
-    kept, steps = backward_elimination(bench, fitted, [cast(Step, taken), cast(Step, taken)])
+    setup = Setup((flown,), 0, 4)
+    kept, steps = backward_elimination(setup, fitted, [cast(Step, taken), cast(Step, taken)])
     assert kept is fitted
     assert len(steps) == 2
 

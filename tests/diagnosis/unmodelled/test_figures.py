@@ -7,9 +7,9 @@ import pytest
 
 from heli3dof.diagnosis.sensitivity.residual_torque import UNITS
 from heli3dof.diagnosis.unmodelled.torque_curve import (
-    Evidence,
-    evidence,
+    TorqueCurve,
     residual_evidence,
+    torque_curve,
     variable_of,
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
@@ -49,13 +49,13 @@ def with_friction(recording: Recording) -> Estimate:
 
 
 @pytest.fixture(scope="module")
-def seen(base: Estimate, with_friction: Estimate) -> Evidence:
-    result = evidence(with_friction, term("friction.viscous.yaw"), base.optimum.noise)
+def seen(base: Estimate, with_friction: Estimate) -> TorqueCurve:
+    result = torque_curve(with_friction, term("friction.viscous.yaw"), base.optimum.noise)
     assert result is not None
     return result
 
 
-def test_viscous_friction_is_a_line_with_its_own_slope(seen: Evidence) -> None:
+def test_viscous_friction_is_a_line_with_its_own_slope(seen: TorqueCurve) -> None:
     """−0.1 N·m per rad/s is −0.0017 N·m per °/s, in the points as in the curve."""
     assert (seen.axis, seen.depends_on, seen.unit) == ("yaw", "yaw_rate", "°/s")
     per_degree = -DAMPING * np.pi / 180
@@ -69,7 +69,7 @@ def test_a_pitch_offset_appears_as_a_yaw_torque_proportional_to_thrust() -> None
     device = "mock:?speed=max&hide=encoder.offset.pitch:3"
     flight = fly_plan(load_plan("rich"), device=device, seed=1222).recording.between(0.0, 40.0)
     without_offset, with_offset = (fit_greybox(flight, n) for n in ((), ("encoder.offset.pitch",)))
-    e = evidence(with_offset, term("encoder.offset.pitch"), without_offset.optimum.noise)
+    e = torque_curve(with_offset, term("encoder.offset.pitch"), without_offset.optimum.noise)
     assert e is not None
     assert (e.axis, e.depends_on) == ("yaw", "voltage_sum")
     motor, arm = flight.profile.motor, flight.profile.geometry.L_a
@@ -78,7 +78,7 @@ def test_a_pitch_offset_appears_as_a_yaw_torque_proportional_to_thrust() -> None
     assert np.polyfit(e.z, e.torque, 1, w=1 / e.std)[0] == pytest.approx(per_volt, rel=0.2)
 
 
-def test_most_points_lie_within_three_standard_errors_of_the_curve(seen: Evidence) -> None:
+def test_most_points_lie_within_three_standard_errors_of_the_curve(seen: TorqueCurve) -> None:
     off = (seen.torque - np.interp(seen.z, seen.curve_z, seen.curve)) / seen.std
     assert np.mean(np.abs(off) < 3) > 0.8
 
@@ -103,7 +103,7 @@ def test_every_torque_effect_has_a_variable() -> None:
 
 
 def test_the_section_has_tables_and_figures_and_is_reproducible(
-    recording: Recording, base: Estimate, with_friction: Estimate, seen: Evidence
+    recording: Recording, base: Estimate, with_friction: Estimate, seen: TorqueCurve
 ) -> None:
     before, after = on_blocks(base, 2), on_blocks(with_friction, 2)
     g = gain(before, after)
@@ -113,7 +113,7 @@ def test_the_section_has_tables_and_figures_and_is_reproducible(
     )
     everything = FigureData(
         wrong=simulation_error(model, [recording], flights=1),
-        evidence=(seen,),
+        torque_curve=(seen,),
         leftovers=(rest,),
         gain=g,
         before=before,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.screening.gumbel import EULER
-from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, forward, hats
+from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, hats, sums_along
 from heli3dof.diagnosis.sensitivity.residual_torque import trail
 from heli3dof.diagnosis.unmodelled import torque_formula
 from heli3dof.diagnosis.unmodelled.torque_formula import proposals, significant_formula
@@ -113,7 +113,7 @@ def test_forward_and_backward_passes_give_the_same_scores(
     path = trail(coupled[1])
     library = hats(path, np.arange(3))
     u = library.scores(path)
-    assert forward(library, path, np.zeros((0, len(path.at.row)))).u == pytest.approx(
+    assert sums_along(library, path, np.zeros((0, len(path.at.row)))).u == pytest.approx(
         u, abs=1e-9 * np.abs(u).max()
     )
 
