@@ -36,7 +36,7 @@ demo: $(STAMP)
 	$(BIN)/heli3dof demo
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
+	$(BIN)/python -m pytest -n $(JOBS)
 
 # Debian's qemu and kernel, unpacked into build/, never installed; CASES: words of the cases to run.
 test-kernel-usb: $(STAMP)

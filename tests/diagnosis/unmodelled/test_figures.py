@@ -113,7 +113,7 @@ def test_the_section_has_tables_and_figures_and_is_reproducible(
     )
     everything = FigureData(
         wrong=simulation_error(model, [recording], flights=1),
-        torque_curve=(seen,),
+        evidence=(seen,),
         leftovers=(rest,),
         gain=g,
         before=before,
