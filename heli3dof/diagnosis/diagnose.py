@@ -32,6 +32,7 @@ from heli3dof.diagnosis.estimate.base_parameters import (
 )
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
+from heli3dof.diagnosis.estimate.voltage_replay import with_known_controller
 from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
 from heli3dof.diagnosis.free_run.recordings_agree import marked_if_recordings_disagree
 from heli3dof.diagnosis.integrity import Kind, integrity
@@ -112,7 +113,7 @@ def _diagnosed(
     for stops in (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE):
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
-    train, held = [*map(sampling_times, train)], [*map(sampling_times, held)]
+    train, held = ([with_known_controller(sampling_times(r)) for r in x] for x in (train, held))
     if why := no_likelihood(train):
         return diagnose_without_likelihood(
             train, held, faults, why=why, base=base, quick=quick, seed=seed, says=clock.says
@@ -160,7 +161,7 @@ def _diagnosed(
         "gain_measured_on": result.gain.on, "base": base, "seconds": clock.seconds,
         "written": [t.effect.summary for t in settled.fit.structure.formal],
     }  # fmt: skip
-    clock_faults = [f for f in faults if f.kind == Kind.FINDING]
+    clock_faults = [f for f in faults if f.kind == Kind.FINDING and f.effect]
     ordered = in_order(clock_faults, findings, off)
     undetectable = undetectable_scales(
         tied_in(ordered), setup.axes, rest_rad=float(profile.encoder.rest_rad[0]),

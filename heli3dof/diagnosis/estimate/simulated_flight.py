@@ -1,7 +1,8 @@
 """Simulate a recording's closed-loop flight on a fitted model with its process noise.
 
-The simulation has the recording's references, extra voltages, controller, sample times and encoder
-steps. In each step h (s) it adds random changes of the rates q̇ and angles q:
+The simulation has the recording's references, extra voltages, controller (and its delay, see
+`estimate.voltage_replay`), sample times and encoder steps. In each step h (s) it adds random
+changes of the rates q̇ and angles q:
 
     Δq̇ = a √h ξ,     Δq = h/2 Δq̇,     ξ ~ N(0, 1),     a: the fitted noise, rad/s²/√Hz
 
@@ -15,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from heli3dof.diagnosis.estimate.voltage_replay import is_late
 from heli3dof.model.compiled import compiled
 from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
 from heli3dof.model.estimation.decimated_log import with_loop_rows
@@ -29,10 +31,13 @@ _law = compiled(control_law, leaf=True)
 
 
 def _fly(  # type: ignore[no-untyped-def]
-    s, first, address, par, mem, free, x, F, low, p, c, reference, extra, grid0, grid, t, h, kick,
-    angle, voltage,
+    s, first, address, par, mem, free, x, F, low, p, c, reference, extra, late, grid0, grid, t, h,
+    kick, angle, voltage,
 ):  # fmt: skip
-    """Write ``angle`` (N, 3) rad, ``voltage`` (N, 2) V; ``kick`` (N, 3): Δq̇, ``low``: the table."""
+    """Write ``angle`` (N, 3) rad, ``voltage`` (N, 2) V.
+
+    ``kick`` (N, 3): Δq̇; ``low``: the table; ``late``: the voltage acts one period later.
+    """
     setup(s, first, address, par, mem)
     s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
     y, slope, out = np.empty(3), np.empty(3), np.empty(N_OUT)
@@ -46,7 +51,10 @@ def _fly(  # type: ignore[no-untyped-def]
                 y[i] = grid0[i] + np.rint((y[i] - grid0[i]) / grid[i]) * grid[i]
             angle[k, i] = y[i]
         _law(p, c, y, reference[k], extra[k], out)
-        voltage[k, 0], voltage[k, 1] = out[2], out[3]
+        if k == 0:
+            voltage[0, 0], voltage[0, 1] = out[2], out[3]
+        if k + late < N:
+            voltage[k + late, 0], voltage[k + late, 1] = out[2], out[3]
         fly_row(s, x, k, t, h, voltage, target, F, first, address, par, mem, free, w, decay)
         for i in range(3):
             x[3 + i] += kick[k, i]
@@ -94,6 +102,6 @@ def simulated_flight(
         np.array(state_at_rest(p, [float(a) for a in read0])),
         np.ascontiguousarray(np.nan_to_num(part.reference, nan=0.0)),
         np.ascontiguousarray(np.nan_to_num(part.voltage_extra, nan=0.0)),
-        read0, grid, t, h, kick, angle, voltage,
+        int(is_late(recording)), read0, grid, t, h, kick, angle, voltage,
     )  # fmt: skip
     return replace(logged, angle=angle[at], voltage=voltage[at])

@@ -1,8 +1,8 @@
 """Check recordings for faults of clock, columns, values and motion before they are diagnosed.
 
-Each module of this package with a tuple `CHECKS` adds checks. They run in four stages (`Stage`), in
-this order: clock, columns, values, motion. A stage that finds bad data is the last one to run. A
-check reports each fault as a `Fault` of one kind:
+Each module of this package with a tuple `CHECKS` adds checks. They run in five stages (`Stage`), in
+this order: clock, columns, values, motion, controller. A stage that finds bad data is the last one
+to run. A check reports each fault as a `Fault` of one kind:
 
 ``bad_data``          all later results would be wrong: the diagnosis stops
 ``not_identifiable``  the recording contains no motion to diagnose

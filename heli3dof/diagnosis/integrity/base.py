@@ -30,6 +30,7 @@ class Stage(enum.IntEnum):
     COLUMNS = 1
     VALUES = 2
     MOTION = 3
+    CONTROLLER = 4
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,199 @@
+"""Compute a profile's controller on a log's angles, and compare its voltages with the logged ones.
+
+    d[k] = clip(v_logged[k], ±v_max) − control_law(angle[0 … k], reference[0 … k], extra[k])
+
+d is zero if the profile's controller flew the recording. If the controller adds a constant to the
+angles (half a count), or if its integrals do not start at zero, d gets a constant and a slope; both
+are removed from each block of `BLOCK_S`. The **share** of a block is std(d)/std(v_logged), of the
+motor where it is larger. The recording's share is the upper quartile of the blocks, because a
+landing, a lost sample or a voltage limit makes single blocks differ. Rows at ±v_max do not count.
+
+If the share exceeds `REPRODUCED`, d shows the cause:
+
+* d vanishes for the previous row's voltage: the controller is one period late.
+* The log has no extra voltage, and d does not depend on the controller's signals (errors, rates,
+  integrals): an excitation was added and not logged. d is this excitation.
+* Otherwise another controller flew the recording.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from heli3dof.model.compiled import compiled
+from heli3dof.model.control.controller import (
+    N_OUT,
+    control_law,
+    derivative_filter,
+    parameters,
+    state_at_rest,
+)
+from heli3dof.model.control.loop_task import under_control, why_not_replayed
+from heli3dof.model.estimation.decimated_log import decimation
+from heli3dof.recording.recording import Recording
+
+BLOCK_S = 2.0
+"""s, chosen: several periods of the slowest integral fit a flight, a landing fills one or two."""
+LEAST_ROWS = 20
+"""Fewest rows of a block. Chosen."""
+LEAST_BLOCKS = 3
+"""Fewest blocks of a recording. Chosen."""
+REPRODUCED = 0.1
+"""Largest share of a controller that reproduces the voltages. Chosen: on 22 flights of drawn rigs
+the share was below 0.03 for the profile's controller, with half a count or other integrals too, and
+above 0.2 for other gains, another filter, one period's delay or an excitation."""
+EXPLAINED = 0.5
+"""Share of d's variance that the controller's signals explain, above which d is not an excitation.
+Chosen: it was below 0.15 for excitations and above 0.65 for other gains."""
+AT_LIMIT = 0.98
+"""Share of v_max from which a voltage counts as limited. Chosen."""
+
+DELAY_KEY = "controller_delay_periods"
+
+
+class Match(enum.Enum):
+    """How the profile's controller relates to the voltages of a recording."""
+
+    REPRODUCED = "reproduced"
+    LATE = "late"
+    """It is one period late."""
+    EXCITED = "excited"
+    """An extra voltage was added that the log does not contain."""
+    OTHER = "other"
+    """Another controller flew the recording."""
+
+
+@dataclass(frozen=True, eq=False)
+class VoltageReplay:
+    """The comparison of a profile's controller with the voltages of a recording."""
+
+    match: Match
+    share: float
+    """Upper quartile of the blocks"""
+    std_V: float
+    """The share times the standard deviation of the logged voltage"""
+    difference: np.ndarray
+    """(N, 2) V: d without constant and slope; zero in rows that do not count"""
+
+
+def voltage_replay(recording: Recording) -> VoltageReplay | None:
+    """Return the comparison, or None if it is not possible.
+
+    It needs a known controller, references, three axes, a row for every control period, and
+    `LEAST_BLOCKS` blocks of rows that count.
+    """
+    if why_not_replayed(recording) is not None or decimation(recording) != 1:
+        return None
+    r = under_control(recording)
+    v_max = r.profile.motor.v_max
+    if not np.isfinite(r.angle[0]).all():
+        return None
+    logged, voltage = np.clip(r.voltage, -v_max, v_max), _voltage(r)
+    late = np.vstack([voltage[:1], voltage[:-1]])
+    below = [(np.abs(v) < AT_LIMIT * v_max).all(axis=1) for v in (logged, voltage, late)]
+    rows = np.logical_and.reduce([*below, np.isfinite(r.angle).all(axis=1)])
+    d = logged - voltage
+    shares = _shares(r, rows, d, logged)
+    if len(shares) < LEAST_BLOCKS:
+        return None
+    share = _quartile(shares)
+    if share <= REPRODUCED:
+        match = Match.REPRODUCED
+    elif _quartile(_shares(r, rows, logged - late, logged)) <= REPRODUCED:
+        match = Match.LATE
+    elif np.isnan(recording.voltage_extra).all() and not _is_feedback(r, rows, d):
+        match = Match.EXCITED
+    else:
+        match = Match.OTHER
+    difference = np.zeros_like(recording.voltage)
+    first = int(np.searchsorted(recording.t, r.t[0]))
+    difference[first + np.flatnonzero(rows)] = _residual(_line(r.t)[rows], d[rows])
+    return VoltageReplay(match, share, share * float(logged[rows].std(axis=0).max()), difference)
+
+
+def with_known_controller(recording: Recording) -> Recording:
+    """Return the recording with a profile and extra voltages that reproduce its voltages.
+
+    An excitation that was not logged becomes the extra voltage. `is_late` holds for the result if
+    the controller is one period late. If another controller flew the recording, the profile has
+    none in the result.
+    """
+    result = voltage_replay(recording)
+    if result is None or result.match is Match.REPRODUCED:
+        return recording
+    if result.match is Match.LATE:
+        return replace(recording, meta={**recording.meta, DELAY_KEY: 1})
+    if result.match is Match.EXCITED:
+        return replace(recording, voltage_extra=result.difference)
+    return replace(recording, profile=recording.profile.model_copy(update={"controller": None}))
+
+
+def is_late(recording: Recording) -> bool:
+    """Return whether `with_known_controller` found the controller to be one period late."""
+    return bool(recording.meta.get(DELAY_KEY))
+
+
+def _voltage(r: Recording) -> np.ndarray:
+    """Return (N, 2) V: the controller's voltages after the limiter, from the logged angles."""
+    assert r.profile.controller is not None
+    p = parameters(r.profile.controller, r.profile.motor.V_o, r.profile.motor.v_max, r.profile.dt)
+    s, voltage = state_at_rest(p, [float(a) for a in r.angle[0]]), np.empty_like(r.voltage)
+    _replay_compiled(
+        np.array(p), np.array(s), *map(np.ascontiguousarray, (r.angle, r.reference)),
+        np.nan_to_num(r.voltage_extra), np.empty(N_OUT), voltage,
+    )  # fmt: skip
+    return voltage
+
+
+def _replay(p, s, angle, reference, extra, out, voltage):  # type: ignore[no-untyped-def]
+    for k in range(angle.shape[0]):
+        _law(p, s, angle[k], reference[k], extra[k], out)
+        voltage[k, 0], voltage[k, 1] = out[2], out[3]
+
+
+_law = compiled(control_law, leaf=True)
+_replay_compiled = compiled(_replay)
+
+
+def _shares(r: Recording, rows: np.ndarray, d: np.ndarray, logged: np.ndarray) -> list[float]:
+    """Return the share of each block; d and ``logged`` are (N, 2) V, ``rows`` (N,) bool count."""
+    block = ((r.t - r.t[0]) // BLOCK_S).astype(int)
+    shares = []
+    for b in range(block[-1] + 1):
+        own = rows & (block == b)
+        scale = logged[own].std(axis=0) if own.sum() >= LEAST_ROWS else np.zeros(2)
+        if (scale > 0).all():
+            shares.append(float((_residual(_line(r.t[own]), d[own]).std(axis=0) / scale).max()))
+    return shares
+
+
+def _quartile(shares: list[float]) -> float:
+    return float(np.quantile(shares, 0.75))
+
+
+def _line(t: np.ndarray) -> np.ndarray:
+    """Return the columns (n, 2) of a constant and a slope."""
+    return np.column_stack([np.ones(len(t)), t - t[0]])
+
+
+def _is_feedback(r: Recording, rows: np.ndarray, d: np.ndarray) -> bool:
+    """Return whether the controller's errors, rates and integrals explain d (N, 2) in ``rows``."""
+    from scipy.signal import lfilter
+
+    assert r.profile.controller is not None
+    b, a1, a2 = derivative_filter(r.profile.controller, r.profile.dt)
+    angle = np.nan_to_num(r.angle)
+    error = np.nan_to_num(r.reference) - angle
+    rates = lfilter([b, 0.0, -b], [1.0, a1, a2], angle - angle[0], axis=0)
+    signals = np.column_stack([error, rates, np.cumsum(error, axis=0)])[rows]
+    without_line = _residual(_line(r.t)[rows], d[rows])
+    rest = _residual(np.column_stack([_line(r.t)[rows], signals]), d[rows])
+    return bool((1 - rest.var(axis=0) / without_line.var(axis=0)).max() > EXPLAINED)
+
+
+def _residual(columns: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return d (n, 2) without its least-squares fit to the columns (n, m)."""
+    return np.asarray(d - columns @ np.linalg.lstsq(columns, d, rcond=None)[0])

@@ -1,0 +1,58 @@
+"""Check that the profile's controller flew the recording: whether it reproduces the voltages.
+
+The simulated nulls and the bias correction fly this controller (`estimate.voltage_replay`
+states the comparison and its limits). If another controller flew the recording, the diagnosis
+continues as for an unknown controller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from heli3dof.diagnosis.estimate.voltage_replay import Match, voltage_replay
+from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.diagnosis.integrity.view import View
+from heli3dof.recording.logs.sampling_clock import sampling_times
+
+KIND = {Match.LATE: Kind.NOTE, Match.EXCITED: Kind.NOTE, Match.OTHER: Kind.FINDING}
+CONSEQUENCE = {
+    Match.LATE: "The simulated flights have the same delay.",
+    Match.EXCITED: "The simulated flights get this difference as an extra voltage.",
+    Match.OTHER: "The diagnosis continues as for an unknown controller.",
+}
+CAUSE = {
+    Match.LATE: "it is that of the previous sample: the controller is one period late, or the log "
+    "pairs a sample with the voltage held until then.",
+    Match.EXCITED: "an excitation was added to the controller's output and not logged.",
+    Match.OTHER: "the controller has other gains or another filter, or the logged angles or "
+    "references are not those that it had.",
+}
+FIX = {
+    Match.LATE: "nothing to do",
+    Match.EXCITED: "log the excitation as v_front_extra_V, v_back_extra_V",
+    Match.OTHER: "correct [controller] in the profile, or remove it from the profile",
+}
+
+
+def controller(view: View) -> Iterable[Fault]:
+    """Yield a finding or a note if the controller's voltages differ from the logged ones."""
+    r = view.recording
+    result = voltage_replay(sampling_times(r))
+    if result is None or result.match is Match.REPRODUCED:
+        return
+    m = result.match
+    yield Fault(
+        "controller.voltage", KIND[m], r.name,
+        f"{r.name}: the profile's controller, computed on the logged angles, differs from the "
+        f"logged voltage by ±{result.std_V:.2g} V (standard deviation), "
+        f"{100 * result.share:.2g} % of the voltage's own. {CONSEQUENCE[m]}",
+        CAUSE[m], FIX[m],
+    )  # fmt: skip
+
+
+CHECKS = (
+    Check(
+        "controller.voltage", Stage.CONTROLLER, "voltages that the controller did not compute",
+        controller,
+    ),
+)  # fmt: skip
