@@ -20,12 +20,15 @@ from multiprocessing import get_context
 import numpy as np
 
 from tests.bench import Figure, Table
+from tests.hidden import outside
 from tests.hidden.cases import CLASSES, blind, draw, fly
 from tests.hidden.run import run, wanted
 from tests.hidden.tally import (
+    LEAST_STATEMENTS,
     Judged,
     confusions,
     judged,
+    largest_deviation,
     median_error,
     rates,
     summary,
@@ -71,7 +74,9 @@ def measure() -> list[Figure | Table]:
     return [
         Table("Hidden effect and reported effect (with counts where several)", HEAD,
               tuple(rows(ours))),
-        comparison(by_tool), *figures(ours), *timed(),
+        comparison(by_tool), *figures(ours),
+        *outside.figures([j for j in ours if j.group.endswith("-outside")], processes=JOBS),
+        *reliability_figures(ours), *timed(),
     ]  # fmt: skip
 
 
@@ -120,6 +125,19 @@ def figures(cases: list[Judged]) -> list[Figure]:
                "relative to the distance of the true value from no effect")
     )  # fmt: skip
     return out
+
+
+def reliability_figures(cases: list[Judged]) -> list[Figure]:
+    """Returns how far stated confidences are from the share of right statements."""
+    deviation, statements = largest_deviation(cases)
+    if np.isnan(deviation):
+        return []
+    return [
+        Figure("confidence of named causes: largest deviation from the share of right ones",
+               f"{deviation:.2f}", "≤ 0.05", deviation <= 0.05,
+               f"{statements} statements in bins of 0.1, of which bins with {LEAST_STATEMENTS} and "
+               "more count; right: hidden, or confounded with it")
+    ]  # fmt: skip
 
 
 def timed() -> list[Figure]:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from tests.bench import Figure, Table
-from tests.bench.bench_hidden import FIRST, JOBS, SHARE
+from tests.bench.bench_hidden import FIRST, JOBS, SHARE, reliability_figures
+from tests.hidden import outside
 from tests.hidden.rig_cases import RIG_CLASSES, draw_on_other_rig
 from tests.hidden.run import run, wanted
 from tests.hidden.tally import Judged, Rate, confusions, judged, summary, times_s
@@ -33,6 +34,8 @@ def measure() -> list[Figure | Table]:
     middle, slow = times_s(cases)
     return [
         *(Figure(r.what, r.text, r.asked, r.met, f"95 % interval {r.between}") for r in rates),
+        *outside.figures(of(cases, "rigs-outside"), processes=JOBS),
+        *reliability_figures(cases),
         Figure("flights that left the bounds (not diagnosed)", str(len(lines) - len(cases))),
         Figure(f"s for one diagnosis, {JOBS} at once: median, 95 % quantile",
                f"{middle:.1f}, {slow:.1f}"),
@@ -50,7 +53,7 @@ def of_all(cases: list[Judged]) -> list[Rate]:
         share(of(cases, "rigs-pair"), "both of two hidden causes",
               lambda j: j.verdict is not None and j.verdict.both),
         share(of(cases, "rigs-outside"), "outside the catalogue: right axis",
-              lambda j: j.verdict is not None and j.verdict.axis),
+              lambda j: j.verdict is not None and j.verdict.axis, 0.95),
         share(cases, "diagnoses that failed", lambda j: j.verdict is None, 0.0, at_most=True),
     ]  # fmt: skip
 

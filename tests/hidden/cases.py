@@ -8,7 +8,7 @@ rest of a case: size, sign, frequency, instant, noise, and the rig's parameters 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,6 +35,8 @@ class Class:
     sizes: tuple[str, ...]
     table: Mapping[str, Effect]
     count: int
+    coloured: bool = False
+    """The random torques are correlated over a time that each case draws from `NOISE_S`"""
 
 
 CLASSES = {
@@ -49,10 +51,17 @@ CLASSES = {
     "rich-nothing": Class("rich", 0, (), {}, 100),
     "steps-nothing": Class("steps", 0, (), {}, 100),
     "run-step-nothing": Class("run-step", 0, (), {}, 100),
+    "rich-three": Class("rich", 3, ("medium", "large"), EFFECTS, 30),
+    "run-step-coloured": Class("run-step", 1, ("medium", "large"), EFFECTS, 90, coloured=True),
+    "rich-coloured-nothing": Class("rich", 0, (), {}, 100, coloured=True),
+    "steps-coloured-nothing": Class("steps", 0, (), {}, 100, coloured=True),
+    "run-step-coloured-nothing": Class("run-step", 0, (), {}, 100, coloured=True),
 }
+NOISE_S = (0.01, 1.0)
+"""s, range of a drawn correlation time of the random torques; drawn log-uniformly"""
 
 NOT_IN_PAIRS = {*NEVER_SEEN, *UNRATED, "motor.thrust_gain"}
-"""Effects that cannot be judged by name together with a second hidden effect."""
+"""Effects that cannot be judged by name together with another hidden effect."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +85,8 @@ class Case:
     seed: int
     hidden: tuple[Hidden, ...]
     rig_seed: int
+    noise_s: float | None = field(default=None, kw_only=True)
+    """Correlation time of the random torques in s; None: the emulated rig's own"""
 
     @property
     def name(self) -> str:
@@ -93,6 +104,7 @@ class Case:
     def device(self) -> str:
         hide = ",".join(h.text for h in self.hidden)
         url = f"mock:?speed=max&spread={SPREAD:g}&seed={self.rig_seed}"
+        url += f"&noise_s={self.noise_s:.3g}" if self.noise_s is not None else ""
         return url + (f"&hide={hide}" if hide else "")
 
     def fly(self) -> Recording | str:
@@ -121,15 +133,17 @@ def draw(group: str, seed: int) -> Case:
         drawn_effect(wanted.table[name], str(rng.choice(wanted.sizes)), wanted.plan, rng)
         for name in drawn_names(wanted, number, seed, rng)
     )
-    return Case(group, seed, hidden, int(rng.integers(2**31)))
+    rig_seed = int(rng.integers(2**31))
+    noise_s = float(np.exp(rng.uniform(*np.log(NOISE_S)))) if wanted.coloured else None
+    return Case(group, seed, hidden, rig_seed, noise_s=noise_s)
 
 
 def drawn_names(wanted: Class, number: int, seed: int, rng: np.random.Generator) -> list[str]:
     """The names of the effects in the case of that seed."""
     names = sorted(wanted.table)
-    if wanted.effects == 2:
+    if wanted.effects > 1:
         allowed = [n for n in names if n not in NOT_IN_PAIRS]
-        return [str(n) for n in rng.choice(allowed, 2, replace=False)]
+        return [str(n) for n in rng.choice(allowed, wanted.effects, replace=False)]
     if not wanted.effects:
         return []
     deck = np.random.default_rng([20_261_122, number, seed // len(names)]).permutation(len(names))

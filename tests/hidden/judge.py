@@ -8,6 +8,7 @@ that is confounded with `encoder.scale` alone counts as asserted.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -111,10 +112,10 @@ def judge(document: Mapping[str, Any], truth: Truth) -> Verdict:
 def _matching(wanted: Sequence[str], alternatives: Sequence[set[str]]) -> dict[str, int]:
     """Hidden cause → index of its finding, each finding at most once.
 
-    A greedy matching is enough for one cause; for two, both orders are tried.
+    Each order of the hidden causes is tried, because a finding may match several of them.
     """
     best: dict[str, int] = {}
-    for order in (list(wanted), list(reversed(wanted))):
+    for order in itertools.permutations(wanted):
         taken: dict[str, int] = {}
         for name in order:
             for i, m in enumerate(alternatives):

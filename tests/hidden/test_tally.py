@@ -6,7 +6,16 @@ from typing import Any
 
 import pytest
 
-from tests.hidden.tally import Rate, confusions, judged, median_error, rates, summary
+from tests.hidden.tally import (
+    Rate,
+    confusions,
+    judged,
+    largest_deviation,
+    median_error,
+    rates,
+    statements,
+    summary,
+)
 from tests.hidden.test_judge import document, finding
 
 
@@ -82,3 +91,18 @@ def test_the_summary_contains_every_rate() -> None:
     text = summary(LINES)
     for r in rates(judged(LINES)):
         assert r.what in text
+
+
+def test_a_confidence_counts_as_right_for_a_cause_confounded_with_the_truth() -> None:
+    tied = document({**finding("motor.delay", None, "friction.coulomb.yaw"), "confidence": 0.9})
+    (j,) = judged([line("rich-large", "friction.coulomb.yaw", tied)])
+    assert statements(j) == [(0.9, True)]
+
+
+def test_nine_right_statements_of_ten_with_confidence_0_9_deviate_by_nothing() -> None:
+    said = {**finding("friction.coulomb", "yaw"), "confidence": 0.9}
+    right = line("rich-large", "friction.coulomb.yaw", document(said))
+    wrong = line("rich-nothing", "", document(said))
+    deviation, number = largest_deviation(judged(18 * [right] + 2 * [wrong]))
+    assert (deviation, number) == (pytest.approx(0.0), 20)
+    assert largest_deviation(judged(20 * [right]))[0] == pytest.approx(0.1)
