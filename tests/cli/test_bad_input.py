@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from mcap.writer import Writer
 
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
+from heli3dof.recording.recording import Recording
 from heli3dof.recording.write import write_recording
 from tests.cli.running import heli3dof
 
@@ -171,9 +173,14 @@ def test_a_file_that_is_not_a_model_exits_with_5(tmp_path: Path) -> None:
         assert hint in result.err
 
 
+@cache
+def flown_step() -> Recording:
+    return fly_plan(step_plan((5.0, None, None)), device="mock:?speed=max", seed=1300).recording
+
+
 def recording(path: Path, **geometry: float) -> Path:
     """Write a short flight of the mock rig, with a changed geometry in its profile."""
-    flown = fly_plan(step_plan((5.0, None, None)), device="mock:?speed=max", seed=1300).recording
+    flown = flown_step()
     body = flown.profile.geometry.model_copy(update=geometry)
     other = flown.profile.model_copy(update={"geometry": body})
     part = flown.between(0.0, 12.0 + len(geometry))

@@ -7,6 +7,7 @@ estimates.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ class Flight:
     noise: np.ndarray
 
 
+@cache
 def fly(
     seed: int,
     plan: str | Plan = "multisine",

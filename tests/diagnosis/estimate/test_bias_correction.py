@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,7 @@ from heli3dof.rig.profile import default_profile, profile_from_dict
 DEVICE = "mock:?speed=max&spread=0.07&seed=1002"
 
 
+@cache
 def steps() -> Recording:
     return fly_plan(load_plan("steps"), device=DEVICE, seed=1002).recording
 
