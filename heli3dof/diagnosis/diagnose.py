@@ -4,7 +4,7 @@
 2. Base fit: T_g and the inertias of the rigid body (or the paper's hover model) are estimated and
    bias-corrected (`estimate.bias_correction`).
 3. Forward selection (`selection.select`): a score test against simulated nulls, then full fits of
-   the best candidates; both are repeated after each cause. Then backward elimination.
+   the best candidates; both are repeated after each cause.
 4. Gain: causes that do not improve the prediction of held-out data are dropped.
 5. Residual torques: causes that only compensated for one are dropped (`conclusion.unnamed`).
 """
@@ -14,15 +14,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
 from heli3dof.diagnosis.conclusion.encoder_scales import LEVEL, undetectable_scales, with_scale_ties
 from heli3dof.diagnosis.conclusion.inertia_ties import step_with_same_causes, with_confounded_causes
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
-from heli3dof.diagnosis.conclusion.stand_ins import base_with_residual
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unnamed import Settled, settle_unmodelled
+from heli3dof.diagnosis.conclusion.unsure import base_with_residual
 from heli3dof.diagnosis.estimate.base_fit import BASES, fit_base
 from heli3dof.diagnosis.estimate.base_parameters import (
     OffNominal,
@@ -44,13 +43,12 @@ from heli3dof.diagnosis.result import (
     tied_in,
     verdict_of,
 )
-from heli3dof.diagnosis.selection.alternatives import alternatives, first_that_flies
+from heli3dof.diagnosis.selection.alternatives import first_that_flies
 from heli3dof.diagnosis.selection.companions import best_with_companion
 from heli3dof.diagnosis.selection.select import MAX_CAUSES, detectable_size
 from heli3dof.diagnosis.selection.steps import (
     Step,
     as_written,
-    backward_elimination,
     screening_step,
 )
 from heli3dof.errors import UsageError, did_you_mean
@@ -124,13 +122,9 @@ def _diagnosed(
     base_fit = fit_base(setup)
     steps, fit = forward_selection(setup, base_fit, flights, clock)
     first = steps[0]
-    clock.start("backward", "Refitting without each cause …")
-    fit, steps = backward_elimination(setup, fit, steps)
     clock.start("gain", "Measuring the gain on held-out data …")
     choices = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
-    fit, findings, dropped, after = adopted(
-        fit, choices, held, seed=seed, instead=partial(alternatives, setup)
-    )
+    fit, findings, dropped, after = adopted(fit, choices, held, seed=seed)
     clock.start("left", "Searching for unmodelled effects …")
     torque_flights = QUICK_TORQUE_FLIGHTS if quick else TORQUE_FLIGHTS
     settled = settle_unmodelled(

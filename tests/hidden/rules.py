@@ -120,11 +120,6 @@ RULES = (
     ),
     Rule("undetectable effects are no candidates", "selection.select:unidentifiable", _always(())),
     Rule(
-        "a torque may hide in an inertia",
-        "selection.inertia_alternatives:cause_hidden_in_inertia",
-        _always(None),
-    ),
-    Rule(
         "rivals are compared by their flights",
         "selection.rivals:compared_by_simulation",
         _argument(0),
@@ -139,17 +134,6 @@ RULES = (
         "selection.alternatives:first_that_flies",
         _as_chosen,
     ),
-    Rule(
-        "alternatives of a cause that does not pay",
-        "selection.alternatives:alternatives",
-        lambda rule, *_: iter(()),
-    ),
-    Rule("a fit from less noise", "selection.steps:fit_from_low_noise", _argument(1)),
-    Rule(
-        "backward elimination",
-        "selection.steps:backward_elimination",
-        lambda rule, setup, found, steps: (found, list(steps)),
-    ),
     Rule("a cause must gain on held-out data", "conclusion.adoption:pays_enough", _always(True)),
     Rule(
         "… and stand out of coloured noise",
@@ -162,18 +146,15 @@ RULES = (
         "conclusion.formula_contest:replaced_by_formula",
         _always(None),
     ),
-    Rule("a residual torque takes a name's place", "conclusion.stand_ins:stand_ins", _always(())),
-    Rule(
-        "a residual torque makes names unsure", "conclusion.stand_ins:marked_unsure", _argument(0)
-    ),
+    Rule("a residual torque makes names unsure", "conclusion.unsure:marked_unsure", _argument(0)),
     Rule(
         "a residual torque makes base parameters unsure",
-        "conclusion.stand_ins:base_with_residual",
+        "conclusion.unsure:base_with_residual",
         _always(None),
     ),
     Rule(
         "a residual torque is like a name",
-        "conclusion.stand_ins:with_resemblance",
+        "conclusion.unsure:with_resemblance",
         lambda rule, left, names: tuple(left),
     ),
     Rule("pieces of the flight must agree", "conclusion.segments:with_segment_ties", _argument(0)),
@@ -263,8 +244,6 @@ def noted(rule: Rule, changed: set[str]) -> Function:
         if rule.left_out is _as_chosen:  # without the second fit
             chosen = args[1].choice
             same = chosen is None or result[0] is chosen
-        elif isinstance(result, Iterator):
-            return _noting(result, rule.name, changed)
         else:
             same = outline(result) == outline(rule.left_out(function, *args, **keywords))
         if not same:
@@ -272,12 +251,6 @@ def noted(rule: Rule, changed: set[str]) -> Function:
         return result
 
     return watched
-
-
-def _noting(items: Iterator[Any], name: str, changed: set[str]) -> Iterator[Any]:
-    for item in items:
-        changed.add(name)
-        yield item
 
 
 def traced(recording: Recording) -> dict[str, Any]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 
 from heli3dof.diagnosis import diagnose
@@ -38,20 +36,6 @@ def test_a_rule_is_noted_if_its_outcome_differs_from_leaving_it_out() -> None:
     assert not changed
     with replaced(function, lambda *_: True):
         noted(rule, changed)(None, None)
-    assert changed == {rule.name}
-
-
-def test_a_rule_that_yields_alternatives_is_noted_at_the_first_one() -> None:
-    changed: set[str] = set()
-    rule = BY_NAME["alternatives of a cause that does not pay"]
-
-    def two(*_: object) -> Iterator[int]:
-        yield from (1, 2)
-
-    with replaced(rule.function, two):
-        items = noted(rule, changed)(None, None, None, set())
-    assert not changed
-    assert next(items) == 1
     assert changed == {rule.name}
 
 

@@ -19,14 +19,13 @@ In any case, a cause is dropped if
 - an encoder error of at most one count explains it as well.
 
 These causes are dropped first, then those with the smallest Δℓ. After each the others are measured
-again. Before a cause without gain is dropped, those confounded with it are tried in its place
-(`selection.alternatives`). Two adopted causes are not confounded with each other.
+again. Two adopted causes are not confounded with each other.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -52,8 +51,6 @@ from heli3dof.model.greybox.model import nominal
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
-Alternatives = Callable[[CorrectedFit, Choice, Set[str]], Iterable[tuple[Choice, CorrectedFit]]]
-"""(fit without a cause, that cause, names already tried) → alternatives, each with its fit"""
 OFFSET, BACKLASH = "encoder.offset", "encoder.backlash"
 MIN_GAIN = 3.0
 """Least gain in log-likelihood in condition 2: a likelihood ratio of e³ = 20. Chosen."""
@@ -63,15 +60,10 @@ data is at most 1, so Δℓ > 12 has a probability below e⁻¹² (Markov's ineq
 
 
 def adopted(
-    fit: CorrectedFit, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int,
-    instead: Alternatives | None = None,
-) -> tuple[CorrectedFit, tuple[Finding, ...], tuple[Dropped, ...], HeldOut]:  # fmt: skip
-    """Return the fit with the adopted causes, these, the dropped ones and the held-out evaluation.
-
-    ``instead`` yields alternatives to a cause without gain. The first one that gains replaces it.
-    """
+    fit: CorrectedFit, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int
+) -> tuple[CorrectedFit, tuple[Finding, ...], tuple[Dropped, ...], HeldOut]:
+    """Return the fit with the adopted causes, these, the dropped ones and the held-out results."""
     kept, dropped = list(choices), list[Dropped]()
-    tried = {c.term.name for c in choices}
     while True:
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term), len(kept))  # type: ignore[misc]
         after, *befores = each_held_out((fit, *reduced), holdout)
@@ -83,21 +75,12 @@ def adopted(
             return fit, _findings(fit, kept, reduced, gains), tuple(dropped), after
         worst = min(failing, key=lambda i: (min(margins[i], 1.0), log_likelihood_gain(gains[i])))
         cause = kept[worst]
+        why = DOES_NOT_PAY
         if margins[worst] < 1:
             why = WITHIN_A_COUNT if within_a_count(fit, cause) else COLOURED
-            candidates: Iterable[tuple[Choice, CorrectedFit]] = ()
-        else:
-            why, candidates = DOES_NOT_PAY, instead(reduced[worst], cause, tried) if instead else ()
-        for other, replacement in candidates:
-            tried.add(other.term.name)
-            g = gain(held_out(reduced[worst], holdout), held_out(replacement, holdout), seed=seed)
-            if pays_enough(other, g, first=worst == 0):
-                fit, kept[worst] = replacement, other
-                break
-        else:
-            dropped.append(Dropped(cause.term.name, gains[worst], why, choice=cause))
-            fit = reduced[worst]
-            del kept[worst]
+        dropped.append(Dropped(cause.term.name, gains[worst], why, choice=cause))
+        fit = reduced[worst]
+        del kept[worst]
 
 
 def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) -> list[HeldOut]:

@@ -1,8 +1,7 @@
 """Search for residual torques and remove their stand-ins from the fit, until neither changes.
 
-1. Causes that a formula explains better are stand-ins (`conclusion.formula_contest`).
-2. Without such causes, those that lose their size to residual torques are stand-ins (`stand_ins`).
-3. Without the stand-ins, the other causes are fitted and adopted again; step 1 follows.
+Causes that a formula explains better are stand-ins (`conclusion.formula_contest`). Without them,
+the other causes are fitted and adopted again, and the search is repeated.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from heli3dof.diagnosis.conclusion.adoption import adopted
 from heli3dof.diagnosis.conclusion.formula_contest import replaced_by_formula
-from heli3dof.diagnosis.conclusion.stand_ins import marked_unsure, stand_ins, with_resemblance
+from heli3dof.diagnosis.conclusion.unsure import marked_unsure, with_resemblance
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
@@ -54,12 +53,9 @@ def settle_unmodelled(
             certain = significant_formula(now.fit)
         left, held = significant_torques(scores, certain)
         contest = replaced_by_formula(now.fit, replaceable_causes(now.findings))
-        if contest is not None:
-            names, certain = contest.causes, contest.place
-        else:
-            names = stand_ins(now.findings, now.fit, left, held)
-        if not names:
+        if contest is None:
             break
+        names, certain = contest.causes, contest.place
         first = first or (left, held)
         removed += names
         now = _without_stand_ins(setup, now, names, holdout)

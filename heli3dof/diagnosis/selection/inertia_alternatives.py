@@ -1,19 +1,14 @@
 """Find effects that an inertia has absorbed, by full fits of candidates with small scores.
 
 A slow torque moves a short step flight much as a wrong inertia does. The base absorbs the torque in
-the inertia J_j; a full fit with the torque returns J_j to nominal. If no effect is a cause, but an
-inertia is significantly off nominal (`estimate.base_parameters`):
-
-1. Terms with Z² > `MIN_Z2` are fitted in full, at most `MAX_FITS`.
-2. A term is confounded with the inertias if its score exceeds −`TIE` and its fit puts all of them
-   within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal) ≤ ln(1 + ε).
-3. It is the cause if its score reaches `THRESHOLD_FACTOR` times the nulls' threshold, which is for
-   scores; the best of several full fits varies more.
+the inertia J_j; a full fit with the torque returns J_j to nominal. If an inertia is significantly
+off nominal (`estimate.base_parameters`), terms with Z² > `MIN_Z2` are fitted in full, at most
+`MAX_FITS`. A term is confounded with the inertias if its score exceeds −`TIE` and its fit puts all
+of them within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal) ≤ ln(1 + ε).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,22 +23,13 @@ from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.screening.nulls import Nulls
 from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, fit_candidates
-from heli3dof.diagnosis.selection.select import (
-    TIE,
-    Choice,
-    certainty,
-    ranked_candidates,
-    tie_margin,
-    unidentifiable,
-)
+from heli3dof.diagnosis.selection.select import TIE, ranked_candidates, unidentifiable
 from heli3dof.identification.greybox.estimate import Estimate
 
 MIN_Z2 = 4.0
 """Least Z² for a full fit: two standard deviations. Chosen; not derived."""
 MAX_FITS = 6
 """Chosen; not derived."""
-THRESHOLD_FACTOR = 3.0
-"""Least score of a cause, relative to the nulls' threshold. Chosen; not derived."""
 
 
 def instead_of_inertia(
@@ -70,20 +56,3 @@ def within(fit: Estimate, names: set[str]) -> bool:
     tolerance = fit.structure.profile.tolerance
     named = [c for c in base_parameters(fit) if finding_of(c.name) in names]
     return all(c.beyond(tolerance) <= 0 for c in named)
-
-
-def cause_hidden_in_inertia(
-    fits: Sequence[CandidateFit], screen: Screen, nulls: Nulls
-) -> Choice | None:
-    """Return the cause among the fits of `instead_of_inertia`; None if no score suffices."""
-    if not fits or fits[0].score < THRESHOLD_FACTOR * nulls.threshold:
-        return None
-    best, *rest = fits
-    confounded = tuple(
-        f.term.name for f in rest if best.score - f.score < tie_margin(screen, nulls, best, f)
-    )
-    probability = certainty([best.score, *[f.score for f in rest[:1]], 0.0])
-    return Choice(
-        best.term, best.score, best.Z2, probability, confounded, tuple(fits),
-        threshold=nulls.threshold,
-    )  # fmt: skip

@@ -1,9 +1,8 @@
-"""Perform the steps of a diagnosis: screen, choose a cause, extend the model, eliminate causes.
+"""Perform the steps of a diagnosis: screen, choose a cause, extend the model.
 
 1. `screening_step` runs the score test on the recordings and their nulls.
 2. `Step.chosen` chooses the next cause by full fits (`selection.select`).
 3. `extended` returns the bias-corrected fit with that cause.
-4. `backward_elimination` removes causes that later ones made superfluous.
 """
 
 from __future__ import annotations
@@ -40,25 +39,18 @@ from heli3dof.diagnosis.screening.nulls import (
 )
 from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.inertia_alternatives import (
-    cause_hidden_in_inertia,
-    instead_of_inertia,
-)
-from heli3dof.diagnosis.selection.parameter_price import price
+from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia
 from heli3dof.diagnosis.selection.rivals import compared_by_simulation
 from heli3dof.diagnosis.selection.select import Choice, choose, ranked_candidates, unidentifiable
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
 from heli3dof.model.physics.parametrisation import Structure
-from heli3dof.parallel import parallel_map
 
 TRIAL_FLIGHTS = 12
 """Nulls for terms without a score. Chosen; not derived."""
 MAX_SHIFT, MAX_NOISE_SHIFT = 30.0, 1.0
 """Range of a bias correction, in standard deviations of θ and in ln(noise intensity). Chosen."""
-LOW_NOISE = 0.25
-"""Factor of the noise in `fit_from_low_noise`; its square is tried too. Chosen; not derived."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +99,7 @@ class Step:
         return self._fits["inertia"]
 
     def chosen(self, setup: Setup, first_score: float | None) -> Step:
-        """Return the step with its choice.
-
-        Without a cause by scores: terms of last resort, then causes absorbed by an inertia.
-        """
+        """Return the step with its choice; without a cause by scores, a term of last resort."""
         present = [t.name for t in self.fit.problem.structure.terms]
 
         def choice_with(tried: Sequence[GridTrial]) -> Choice | None:
@@ -125,8 +114,6 @@ class Step:
             and (tried := self.significant_trials(setup, last_resort_terms(present)))
         ):
             choice = choice_with(tried)
-        if choice is None and setup.controller_is_known:
-            choice = cause_hidden_in_inertia(self.instead_of_inertia, self.screen, self.nulls)
         if choice is not None and setup.controller_is_known:
             choice = compared_by_simulation(
                 choice, self.nulls, setup.recordings, seed=setup.seed, pilots=setup.pilots,
@@ -169,10 +156,7 @@ def extended(setup: Setup, choice: Choice) -> CorrectedFit:
     if best.term.effect.formal:
         also = [c for c in choice.contenders[1:] if is_significant_form(c, choice)]
         problem, optimum = with_forms(problem, optimum, also)
-    fit = bias_corrected(setup, problem, optimum)
-    if fit.scatter is None and setup.controller_is_known:
-        return fit_from_low_noise(setup, fit)
-    return fit
+    return bias_corrected(setup, problem, optimum)
 
 
 def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
@@ -191,27 +175,6 @@ def with_forms(
     if not others:
         return problem, optimum
     return problem, maximise_corrected(problem, theta, optimum.noise, None)
-
-
-def fit_from_low_noise(setup: Setup, fit: CorrectedFit) -> CorrectedFit:
-    """Return the likeliest fit started at much less noise and the profile's inertias.
-
-    A base attributes a cause to noise; a fit with the cause may stay at that local maximum.
-    Returns ``fit`` if no start is likelier, or if flights diverge and no end stop held the arm.
-    """
-    problem, o = fit.problem, fit.optimum
-    theta = o.theta.copy()
-    theta[1:4] = problem.prior_mean[1:4]
-    axes = np.append(problem.free_noise, False)
-    fits = [
-        maximise_corrected(problem, theta, np.where(axes, o.noise * share, o.noise), None)
-        for share in (LOW_NOISE, LOW_NOISE**2)
-    ]
-    best = max(fits, key=lambda f: f.loglik)
-    if not best.loglik > o.loglik:
-        return fit
-    quiet = bias_corrected(setup, problem, best)
-    return fit if quiet.scatter is None and not setup.touches_stops else quiet
 
 
 def bias_corrected(setup: Setup, problem: Likelihood, optimum: Optimum) -> CorrectedFit:
@@ -279,37 +242,3 @@ def out_of_range(fit: CorrectedFit, keep: np.ndarray, refit: Optimum) -> bool:
     noise_shift = np.abs(np.log(refit.noise[:3] / o.noise[:3]))[fit.problem.data.axes]
     shift = np.abs(refit.theta - o.theta[keep]) / sd
     return bool(shift.max() > MAX_SHIFT or noise_shift.max(initial=0.0) > MAX_NOISE_SHIFT)
-
-
-@lru_cache(maxsize=2)
-def refitted(fit: CorrectedFit, corrected: bool) -> Optimum:
-    """Return the maximum of the same structure, with or without bias correction; cached."""
-    o, score_bias = fit.optimum, None
-    if corrected and fit.bias is not None and fit.noise_bias is not None:
-        score_bias = ScoreBias(fit.bias, fit.noise_bias, o.theta, o.noise)
-    return maximise_corrected(fit.problem, o.theta, o.noise, score_bias)
-
-
-def backward_elimination(
-    setup: Setup, fit: CorrectedFit, steps: Sequence[Step]
-) -> tuple[CorrectedFit, list[Step]]:
-    """Return fit and steps without each cause whose 2 Δℓ_c/κ is less than its price."""
-    kept = list(steps)
-    taken = [s for s in steps if s.choice is not None]
-    if len(taken) > 1:  # fill the caches of `without` and `refitted` in parallel
-        terms = [s.choice.term for s in taken if s.choice is not None]
-        parallel_map(
-            lambda i: without(fit, terms[i]) if i < len(terms) else refitted(fit, True),
-            len(terms) + 1,
-        )
-    for s in taken[:-1]:
-        assert s.choice is not None
-        term = s.choice.term
-        less = without(fit, term)
-        # Both likelihoods with bias correction, or both without.
-        whole = refitted(fit, less.bias is not None and bool(less.bias.any()))
-        gain = 2 * (whole.loglik - less.optimum.loglik) / s.nulls.inflation
-        if gain < price(fit.problem, fit.optimum, term.name, s.nulls.inflation):
-            fit = bias_corrected(setup, less.problem, less.optimum)
-            kept = [k for k in kept if k is not s]
-    return fit, kept

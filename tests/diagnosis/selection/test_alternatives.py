@@ -8,14 +8,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.conclusion import adoption
-from heli3dof.diagnosis.conclusion.adoption import adopted
 from heli3dof.diagnosis.selection import alternatives as module
 from heli3dof.diagnosis.selection import select
 from heli3dof.diagnosis.selection.alternatives import MAX_ALTERNATIVES, first_that_flies, instead
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import TIE, Choice
-from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.model.effects import terms
 
 NONE = cast(Any, None)
@@ -117,50 +114,3 @@ def test_a_replacement_is_confounded_with_the_original_at_the_same_confidence() 
     assert (new.term.name, new.tied_with) == (NAMES[1], (NAMES[0], NAMES[2]))
     assert new.confidence == before.confidence
     assert new.contenders[0] is close[1]
-
-
-@pytest.fixture
-def gains(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
-    """Held-out log-likelihood gain of each name; a fit is the set of its names."""
-    gains_by_name: dict[str, float] = {}
-
-    def gain(before: frozenset[str], after: frozenset[str], *, seed: int) -> Any:
-        value = sum(gains_by_name[n] for n in after - before)
-        return SimpleNamespace(
-            log_likelihood=Interval(value, value - 1, value + 1), rmse_deg={"roll": None}
-        )
-
-    monkeypatch.setattr(adoption, "held_out", lambda fit, holdout: fit)
-    monkeypatch.setattr(adoption, "without", lambda fit, term: fit - {term.name})
-    monkeypatch.setattr(adoption, "gain", gain)
-    monkeypatch.setattr(adoption, "_findings", lambda result, kept, less, gains: tuple(kept))
-    monkeypatch.setattr(adoption, "pays", lambda g: g.log_likelihood.low > 0)
-    return gains_by_name
-
-
-def each_confounded(reduced: Any, dropped: Choice, tried: Any) -> Any:
-    for c in dropped.contenders:
-        if c.term.name in dropped.tied_with and c.term.name not in tried:
-            yield instead(dropped, c), reduced | {c.term.name}
-
-
-@pytest.mark.parametrize(
-    ("pays", "named", "dropped"),
-    [
-        (NAMES[0], NAMES[0], []),
-        (NAMES[1], NAMES[1], []),
-        (NAMES[2], NAMES[2], []),
-        (NAMES[3], None, [NAMES[0]]),  # not confounded with the failed cause: not tried
-    ],
-)
-def test_a_confounded_cause_that_pays_replaces_one_that_does_not(
-    gains: dict[str, float], pays: str, named: str | None, dropped: list[str]
-) -> None:
-    gains.update({n: 20.0 if n == pays else -20.0 for n in NAMES})
-    made = choice(*(contender(n, 50.0) for n in NAMES), tied=2)
-    result, kept, rejected, _ = adopted(
-        cast(Any, frozenset(NAMES[:1])), [made], [], seed=0, instead=each_confounded
-    )
-    assert result == ({named} if named else set())
-    assert [c.term.name for c in cast(Any, kept)] == ([named] if named else [])
-    assert [d.name for d in rejected] == dropped

@@ -19,7 +19,6 @@ from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import TIE, WEAK, Choice, certainty
 from heli3dof.diagnosis.selection.steps import (
     Step,
-    backward_elimination,
     extended,
     screening_step,
     without,
@@ -99,13 +98,6 @@ def test_backlash_in_roll_is_not_compensated_by_its_score_bias() -> None:
     less = without(fitted, backlash)
     assert less.values[0] == pytest.approx(fitted.values[0], rel=0.05)  # T_g
     assert less.optimum.loglik < fitted.optimum.loglik - 100
-    taken = SimpleNamespace(
-        choice=SimpleNamespace(term=backlash), nulls=SimpleNamespace(inflation=1.0)
-    )
-    setup = Setup((flown,), 0, 4)
-    kept, steps = backward_elimination(setup, fitted, [cast(Step, taken), cast(Step, taken)])
-    assert kept is fitted
-    assert len(steps) == 2
 
 
 def test_a_ground_effect_of_unknown_height_keeps_its_prior_height() -> None:

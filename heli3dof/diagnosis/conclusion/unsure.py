@@ -1,21 +1,20 @@
-"""Find causes that only compensated for a residual torque: stand-ins.
+"""Mark causes that residual torques make unsure.
 
-A torque outside the catalogue first raises the score of the most similar cause. With residual
-torques (`unmodelled.unmodelled_torque`) in the fit as well, this stand-in loses its size in one
+A torque outside the catalogue raises the score of the most similar cause. With residual torques
+(`unmodelled.unmodelled_torque`) in the fit as well, such a cause loses its evidence in one
 Gauss–Newton step. With A and g the information and score of the fit's parameters and the residual
 torques, and ḡ the mean score in null simulations,
 
     δ = A⁻¹ (g − ḡ),       v' = v + δ_v,       Z'² = (v' − v_0)² / (A⁻¹)_vv
 
 v is the cause's first parameter, v_0 its value without the effect. The same step without residual
-torques gives the size v − v_0 and Z². A cause is unsure if Z'² < `MIN_EVIDENCE_SHARE` Z², and a
-stand-in if also v' − v_0 is less than `MIN_SIZE_SHARE` of the size.
+torques gives Z². A cause is unsure if Z'² < `MIN_EVIDENCE_SHARE` Z².
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,54 +26,35 @@ from heli3dof.identification.greybox.estimate import Estimate
 
 MIN_EVIDENCE_SHARE = 0.25
 """Of Z². Chosen; not derived."""
-MIN_SIZE_SHARE = 0.6
-"""Of the size. Chosen; not derived."""
 MIN_SIGMAS = 2.0
 """Standard deviations by which a size must differ from zero. Chosen; not derived."""
 MIN_RATIO = 0.01
 """Least ratio of T_g to its value in the fit, so that a step cannot change its sign. Chosen."""
 
 
-@dataclass(frozen=True)
-class WithResidual:
-    """Size and Z² of a cause, without and with the residual torques in the fit."""
+def evidence_with_residual(fit: Estimate, nuisance: Nuisance) -> dict[str, tuple[float, float]]:
+    """Return {term: (Z², Z'²)} for the terms of the fit with parameters.
 
-    name: str
-    size: float
-    Z2: float
-    size_with_residual: float
-    Z2_with_residual: float
-
-    @property
-    def stands_in(self) -> bool:
-        """Return True if the residual torques replace the cause."""
-        shrunk = self.size_with_residual * np.sign(self.size) < MIN_SIZE_SHARE * abs(self.size)
-        return bool(shrunk and self.unsure)
-
-    @property
-    def unsure(self) -> bool:
-        """Return True if the residual torques take most of the cause's evidence."""
-        return self.Z2_with_residual < MIN_EVIDENCE_SHARE * self.Z2
-
-
-def sizes_with_residual(fit: Estimate, nuisance: Nuisance) -> tuple[WithResidual, ...]:
-    """Return sizes of all terms of the fit; ``nuisance`` contains the residual torques."""
+    ``nuisance`` contains the residual torques.
+    """
     n = len(fit.optimum.theta)
     g = centred_score(nuisance)
     inverse = np.linalg.pinv(nuisance.A, hermitian=True)
     inverse_without = np.linalg.inv(nuisance.A[:n, :n])
     step, step_without = inverse @ g, inverse_without @ g[:n]
-    out = []
-    for t in fit.structure.terms:
-        j = next((i for i, f in enumerate(fit.free) if f.term == t.name), None)
-        if j is None:  # a term without parameters
-            continue
+    out = {}
+    for name, j in first_parameters(fit).items():
         f, v = fit.free[j], float(fit.values[j])
         slope = f.slope(v)
         size, size_with = (v + slope * float(d[j]) - f.null for d in (step_without, step))
         var, var_with = (slope**2 * float(m[j, j]) for m in (inverse_without, inverse))
-        out.append(WithResidual(t.name, size, size**2 / var, size_with, size_with**2 / var_with))
-    return tuple(out)
+        out[name] = size**2 / var, size_with**2 / var_with
+    return out
+
+
+def first_parameters(fit: Estimate) -> dict[str, int]:
+    """Return {term: index of its first parameter in ``fit.free``}."""
+    return {f.term: j for j, f in reversed(list(enumerate(fit.free))) if f.term is not None}
 
 
 def base_with_residual(fit: Estimate, nuisance: Nuisance) -> tuple[np.ndarray, np.ndarray]:
@@ -89,21 +69,6 @@ def base_with_residual(fit: Estimate, nuisance: Nuisance) -> tuple[np.ndarray, n
     )
 
 
-def stand_ins(
-    findings: Sequence[Finding],
-    fit: Estimate,
-    residuals: Sequence[ResidualTorque],
-    nuisance: Nuisance,
-) -> tuple[str, ...]:
-    """Return the causes that lose their size and evidence to the residual torques; () if none."""
-    if not residuals:
-        return ()
-    named = {f.choice.term.name for f in findings if not f.choice.term.effect.of_base}
-    return tuple(
-        b.name for b in sizes_with_residual(fit, nuisance) if b.stands_in and b.name in named
-    )
-
-
 def marked_unsure(
     findings: Sequence[Finding],
     fit: Estimate,
@@ -114,9 +79,10 @@ def marked_unsure(
 
     Also those with a gain whose interval contains zero, or a size below `MIN_SIGMAS` σ.
     """
-    unsure = (
-        {b.name for b in sizes_with_residual(fit, nuisance) if b.unsure} if residuals else set()
-    )
+    unsure = set[str]()
+    if residuals:
+        each = evidence_with_residual(fit, nuisance)
+        unsure = {n for n, (alone, held) in each.items() if held < MIN_EVIDENCE_SHARE * alone}
     unsure |= insignificant(fit)
     return tuple(
         replace(f, like=f.choice.weak or f.choice.term.name in unsure or not pays(f.gain))
@@ -126,10 +92,9 @@ def marked_unsure(
 
 def insignificant(fit: Estimate) -> set[str]:
     """Return the terms whose first parameter is not significantly different from absence."""
-    first = {f.term: j for j, f in reversed(list(enumerate(fit.free))) if f.term is not None}
     return {
         name
-        for name, j in first.items()
+        for name, j in first_parameters(fit).items()
         if not fit.free[j].log
         and abs(float(fit.values[j]) - fit.free[j].null) < MIN_SIGMAS * float(fit.std[j])
     }

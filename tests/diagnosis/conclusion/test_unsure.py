@@ -1,4 +1,4 @@
-"""A stand-in loses its size when fitted with the unmodelled effect; a true cause keeps it."""
+"""A cause that imitates a residual torque loses its evidence to it; a true cause keeps it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.conclusion.stand_ins import (
-    WithResidual,
+from heli3dof.diagnosis.conclusion.unsure import (
+    MIN_EVIDENCE_SHARE,
+    evidence_with_residual,
     insignificant,
     marked_unsure,
-    sizes_with_residual,
     with_resemblance,
 )
 from heli3dof.diagnosis.result import Finding
@@ -39,30 +39,23 @@ def nuisance(shared: float, u: float) -> Nuisance:
     return Nuisance(np.zeros((2, 0)), A, np.array([0.0, u]), np.zeros((0, 2)))
 
 
-def test_a_stand_in_loses_its_size_to_the_true_effect() -> None:
+def test_a_cause_loses_its_evidence_to_a_torque_of_its_shape() -> None:
     # By hand: A⁻¹ = [100, −80; −80, 100]/3600, so δ = −80 u/3600 = −1 with u = 45.
-    (b,) = sizes_with_residual(fit(1.0), nuisance(80.0, 45.0))
-    assert b.size_with_residual == pytest.approx(0.0, abs=1e-12)
-    assert pytest.approx(100.0) == b.Z2
-    assert b.stands_in
+    ((alone, held),) = evidence_with_residual(fit(1.0), nuisance(80.0, 45.0)).values()
+    assert alone == pytest.approx(100.0)
+    assert held == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_cause_keeps_its_size_against_a_torque_of_another_shape() -> None:
-    (b,) = sizes_with_residual(fit(1.0), nuisance(5.0, 45.0))
-    assert b.size_with_residual == pytest.approx(1 - 5 * 45 / 9975)
-    assert not b.stands_in
-    assert not b.unsure
+    ((alone, held),) = evidence_with_residual(fit(1.0), nuisance(5.0, 45.0)).values()
+    assert held == pytest.approx((1 - 5 * 45 / 9975) ** 2 / (100 / 9975))
+    assert held > MIN_EVIDENCE_SHARE * alone
 
 
-def test_an_indistinguishable_cause_is_only_unsure() -> None:
+def test_an_indistinguishable_cause_is_unsure() -> None:
     # Almost the same trace, but the residual torque's own score is zero.
-    (b,) = sizes_with_residual(fit(1.0), nuisance(95.0, 0.0))
-    assert not b.stands_in
-    assert b.unsure
-
-
-def test_a_cause_that_changes_sign_is_a_stand_in() -> None:
-    assert WithResidual("x", 1.0, 100.0, -1.0, 20.0).stands_in
+    ((alone, held),) = evidence_with_residual(fit(1.0), nuisance(95.0, 0.0)).values()
+    assert held < MIN_EVIDENCE_SHARE * alone
 
 
 def test_the_residual_torque_names_what_it_replaces_unless_it_resembles_another() -> None:
