@@ -6,6 +6,7 @@ import numpy as np
 
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.integrity.base import Fault
+from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.recording.recording import Recording
 from tests.diagnosis.integrity.flights import flight
 
@@ -28,6 +29,7 @@ def test_a_wrong_gain_in_the_profile_is_a_finding_with_the_way_out() -> None:
     assert found.effect is None
     assert "as for an unknown controller" in found.sentence
     assert "[controller]" in found.fix
+    assert Diagnosis(("flight",), (), "nothing_found", (found,)).in_order == ()
 
 
 def test_a_gain_that_is_right_to_a_percent_is_no_finding() -> None:
