@@ -164,7 +164,7 @@ def correct(
             lambda b, m=model, th=theta, a=noise, w=update: evaluate(  # type: ignore[misc]
                 replace(problem, data=simulate_again(m, recordings, problem.data, (seed, 7, b))),
                 th, a, whole=w,
-            ),
+            ).derivatives,
             pilots,
             what=f"flights, round {count}",
         )  # fmt: skip

@@ -34,19 +34,30 @@ COARSE = {"mass.change.time_s": 5e-3}
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
-    """The likelihood's derivatives at one point θ (n,), a (4,), from E readings."""
+class Derivatives:
+    """The likelihood's derivatives at one point θ (n,), a (4,)."""
 
-    at: Pass
-    path: Path
-    T: np.ndarray
-    """(n, E) tangents ∂c/∂θ"""
     g: np.ndarray
     H: np.ndarray
     """(n,) score and (n, n) information, without the prior"""
     slope: np.ndarray
     curvature: np.ndarray
     """(3,) first and second derivatives of ℓ by the log noise intensities"""
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation(Derivatives):
+    """The derivatives with the E readings that they are from: hundreds of bytes per reading."""
+
+    at: Pass
+    path: Path
+    T: np.ndarray
+    """(n, E) tangents ∂c/∂θ"""
+
+    @property
+    def derivatives(self) -> Derivatives:
+        """Return the derivatives alone, to keep those of many simulated flights."""
+        return Derivatives(self.g, self.H, self.slope, self.curvature)
 
 
 def evaluate(
@@ -63,7 +74,7 @@ def evaluate(
         p = path(problem.structure, problem.values(theta), problem.data, at)
         T = tangents(problem, theta, p)
         g, H = score_and_information(at, T)
-        return Evaluation(at, p, T, g, H, np.zeros(3), np.full(3, -1.0))
+        return Evaluation(g, H, np.zeros(3), np.full(3, -1.0), at, p, T)
 
     def part(i: int) -> Any:
         if i == 0:

@@ -27,6 +27,7 @@ the filter's score is unknown.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,8 +36,8 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.estimate.coloured_noise import BLOCK_S, MEMORY_S, freedom, long_run
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, hats, sums_along
+from heli3dof.diagnosis.sensitivity.perturbation import Path, path
 from heli3dof.diagnosis.sensitivity.perturbation import forward as traces_of
-from heli3dof.diagnosis.sensitivity.perturbation import path
 from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail, trail
 from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, informative_directions
 from heli3dof.diagnosis.unmodelled.torque_nulls import block_numbers
@@ -54,6 +55,8 @@ PRODUCTS = (
     *("*".join(pair) for pair in itertools.combinations_with_replacement(SINGLE, 2)),
     "voltage_front*voltage_back",
 )
+AT_ONCE = 8
+"""Products whose traces are in memory at the same time: 8 bytes per product and reading"""
 
 
 @dataclass(frozen=True)
@@ -107,11 +110,11 @@ def significant_formula(fit: Estimate) -> Place | None:
     best, place = 0.0, Place("", "")
     axes = np.flatnonzero(fit.problem.data.axes)
     for i in axes:
-        D = product_traces(fit, flight, int(i))
         S, c = product_scores(fit, flight, nuisance, g, int(i))
         k = int(S.argmax())
-        cross = (nuisance.tangents * at.w) @ D[k]
-        d = D[k] - np.linalg.solve(nuisance.A, cross) @ nuisance.tangents
+        (D,) = product_traces(path_of(fit, flight), flight, int(i), PRODUCTS[k : k + 1])
+        cross = (nuisance.tangents * at.w) @ D
+        d = D - np.linalg.solve(nuisance.A, cross) @ nuisance.tangents
         s = np.bincount(block, d * (at.g - c[k] * at.w * d), blocks)
         v = float((d * at.w) @ d)
         variance = max(float(long_run(s[:, None], memory)[0, 0]), v * max(fit.inflation, 1.0))
@@ -149,18 +152,26 @@ def product_scores(
     fit: Estimate, flight: Trail, nuisance: Nuisance, g: np.ndarray, axis: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return S and c, each (P,), of the products on an axis; S is 0 for one without information."""
-    u, v = projected(flight, nuisance, g, product_traces(fit, flight, axis))
-    v = np.diag(v)
+    p = path_of(fit, flight)
+    u, v = np.zeros(len(PRODUCTS)), np.zeros(len(PRODUCTS))
+    for k in range(0, len(PRODUCTS), AT_ONCE):
+        D = product_traces(p, flight, axis, PRODUCTS[k : k + AT_ONCE])
+        u[k : k + AT_ONCE], V = projected(flight, nuisance, g, D)
+        v[k : k + AT_ONCE] = np.diag(V)
     known = v > 1e-300
     return np.where(known, u**2 / np.where(known, v, 1.0), 0.0), u / np.where(known, v, np.inf)
 
 
-def product_traces(fit: Estimate, flight: Trail, axis: int) -> np.ndarray:
-    """Return (P, E): the change of the innovations per unit coefficient of each of `PRODUCTS`."""
+def path_of(fit: Estimate, flight: Trail) -> Path:
+    """Return the path of the fit, along which a torque's effect is followed."""
     problem = fit.problem
-    p = path(problem.structure, problem.values(fit.optimum.theta), problem.data, flight.at)
+    return path(problem.structure, problem.values(fit.optimum.theta), problem.data, flight.at)
+
+
+def product_traces(p: Path, flight: Trail, axis: int, products: Sequence[str]) -> np.ndarray:
+    """Return (P, E): the change of the innovations per unit coefficient of each product."""
     middle = (p.chunk[:, 0] + p.chunk[:, 1]) // 2
-    phi = np.array([value(flight, product)[middle] for product in PRODUCTS])
+    phi = np.array([value(flight, product)[middle] for product in products])
     return traces_of(p, phi[:, :, None] * flight.B[middle][None, :, :, axis])
 
 
