@@ -1,8 +1,9 @@
 """Scores of the free-form torques without a residual torque, from simulations or from blocks.
 
 If the controller is known, B flights of the fitted rig are simulated (`estimate.simulated_flight`).
-The same filter gives their scores of the J hat functions and of the fit's coordinates. If the
-controller is unknown, the scores of half-second blocks of the recorded flight take their place.
+The same filter gives their scores of the J hat functions and of the fit's coordinates, these without
+the prior: their mean is the filter's bias, as in `estimate.bias_correction`. If the controller is
+unknown, the scores of half-second blocks of the recorded flight take their place.
 """
 
 from __future__ import annotations
@@ -42,8 +43,7 @@ def simulated_scores(
         problem = replace(fit.problem, data=data)
         o = fit.optimum
         flight = trail_at(problem, o.theta, o.noise)
-        g = problem.tangents(o.theta, flight.at) @ flight.at.g
-        return library.scores(flight), g - problem.prior_precision * (o.theta - problem.prior_mean)
+        return library.scores(flight), problem.tangents(o.theta, flight.at) @ flight.at.g
 
     scores = parallel_map(one, flights, what="flights")
     return Scores(np.array([u for u, _ in scores]), np.array([g for _, g in scores]))
