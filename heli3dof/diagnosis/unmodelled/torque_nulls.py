@@ -1,9 +1,9 @@
 """Scores of the free-form torques without a residual torque, from simulations or from blocks.
 
 If the controller is known, B flights of the fitted rig are simulated (`estimate.simulated_flight`).
-The same filter gives their scores of the J hat functions and of the fit's coordinates, these without
-the prior: their mean is the filter's bias, as in `estimate.bias_correction`. If the controller is
-unknown, the scores of half-second blocks of the recorded flight take their place.
+The same filter gives their scores of the J hat functions and of the fit's coordinates. The latter
+are without the prior: their mean is the filter's bias, as in `estimate.bias_correction`. If the
+controller is unknown, the scores of half-second blocks of the recorded flight take their place.
 """
 
 from __future__ import annotations
