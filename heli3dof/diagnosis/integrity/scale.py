@@ -16,7 +16,8 @@ h, and k_ψ/k_p as yaw's k_i, the check compares each k with k = 1 by
   otherwise it may be friction, backlash or inertia.
 * The best k is reported if χ² ≤ `FITS` and all others are larger by `MARGIN` (half of it if the
   angle has only every k-th count).
-* k = 2 with all counts may also be half the inertia: a note, otherwise bad data.
+* k = 2 with all counts may also be half the inertia, and k = ½ twice the inertia: a note. Otherwise
+  it is bad data.
 
 **Amplifier.** If the motors get K times the logged voltages, every response is K and h = 1/K. It is
 bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does not. Smaller K
@@ -111,21 +112,21 @@ def counts(view: View) -> Iterable[Fault]:
     scale = _scale_of(axis, k, responses)
     # Without a response of pitch, k of yaw and 1/k of pitch are confounded: sin p drives yaw.
     confounded = axis == "yaw" and "pitch" in r.axes and "pitch" not in good
-    half_inertia = k == 2.0 and not coarser and not confounded
+    inertia = k in (0.5, 2.0) and not coarser and not confounded
     gains = ", ".join(f"{a} {x.gain:.2g}" for a, x in view.responses.items() if x.gain > 0)
     yield Fault(
-        "encoder.counts", Kind.NOTE if half_inertia else Kind.BAD_DATA, r.name,
+        "encoder.counts", Kind.NOTE if inertia else Kind.BAD_DATA, r.name,
         f"{r.name}: {axis} moves about {k:g} times as far as its voltages explain"
         + (f", in steps of {k:g} counts" if coarser else "")
         + f" (response over the profile's: {gains}).",
         f"the counts per revolution are wrong by a factor of {k:g} (one, two or four edges of each "
         + ("line are counted)" if confounded else "line are counted).")
-        + (" Or the axis has half its inertia." if half_inertia else "")
+        + (f" Or the axis has {'half' if k == 2 else 'twice'} its inertia." if inertia else "")
         + (f", or pitch's by {1 / k:g}, since the tilt drives yaw." if confounded else ""),
         f"set encoder.{axis} = {round(n * k)} in the profile if angles come from counts; else "
         f"divide the logged angle by {k:g}",
         effect="encoder.scale", axis=axis, parameters={"scale": scale},
-        confidence=0.5 if confounded or half_inertia else 0.99,
+        confidence=0.5 if confounded or inertia else 0.99,
     )  # fmt: skip
 
 

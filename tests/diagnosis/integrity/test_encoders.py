@@ -104,10 +104,16 @@ def test_a_hover_voltage_of_the_wrong_sign_in_the_profile_is_detected() -> None:
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("k", [0.25, 0.5, 2.0, 4.0])
 def test_counts_off_by_a_factor_are_named(plan: str, axis: int, k: float) -> None:
-    fault = only(scaled(axis, k)(flight(plan)))
-    assert (fault.check, fault.effect) == ("encoder.counts", "encoder.scale")
-    assert fault.axis == AXES[axis]
+    faults = integrity(scaled(axis, k)(flight(plan)))
+    (fault,) = (f for f in faults if f.check == "encoder.counts")
+    assert (fault.effect, fault.axis) == ("encoder.scale", AXES[axis])
     assert fault.parameters["scale"][0] == pytest.approx(k, rel=0.15)
+
+
+def test_half_the_counts_may_be_twice_the_inertia() -> None:
+    (fault,) = (f for f in integrity(scaled(0, 0.5)(flight())) if f.check == "encoder.counts")
+    assert fault.kind == Kind.NOTE
+    assert "twice its inertia" in fault.cause
 
 
 def test_a_coarser_encoder_with_the_right_angle_is_not_a_wrong_scale() -> None:
