@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from heli3dof.identification.greybox.method import fit_greybox
 TWO = ("motor.thrust_mismatch", "bias.torque.pitch")
 
 
+@cache
 def fitted(hide: str, causes: tuple[str, ...], seed: int) -> CorrectedFit:
     device = f"mock:?speed=max&hide={hide}"
     recording = fly_plan(load_plan("rich"), device=device, seed=seed).recording.between(0.0, 40.0)
@@ -45,7 +48,7 @@ def test_true_causes_are_not_replaced(hide: str, causes: tuple[str, ...]) -> Non
 def test_a_formula_pays_the_prior_odds_of_its_library(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the same likelihood, one parameter for one: −2 ln(3 axes · P products)."""
     causes = ("friction.viscous.yaw",)
-    fit = fitted("friction.viscous.yaw:0.1", causes, 1303)
+    fit = fitted("friction.viscous.yaw:0.1", causes, 1302)
     place = Place("yaw", "yaw_rate")
     monkeypatch.setattr(formula_contest, "with_best_product", lambda less: (7.0, place))
     odds = -2 * np.log(3 * len(formula_contest.PRODUCTS))
