@@ -37,7 +37,7 @@ def test_the_share_is_of_the_decrease_that_the_true_term_brings(
     ],
 )
 def test_a_formula_is_right_on_its_axis_only(axis: str, formula: str | None, right: bool) -> None:
-    truth = {"names": [NAME], "unseen": []}
+    truth = {"names": [NAME], "unseen": ["timing.jitter"]}
     document = {"leftover": [{"axis": axis, "formula": formula}]}
     assert proposes_true_formula(Judged({"truth": truth, "document": document}, None)) == right
 
