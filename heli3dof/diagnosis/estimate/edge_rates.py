@@ -76,7 +76,7 @@ def fit_with_edge_rates(
     problem: Likelihood, start: CorrectedFit, recordings: Sequence[Recording], *, seed: int,
     flights: int = FLIGHTS, rounds: int = ROUNDS,
 ) -> CorrectedFit:  # fmt: skip
-    """Return the fit searched from ``start``, or ``start`` if simulated flights diverge."""
+    """Return the fit searched from ``start``, or ``start`` if flights or the search diverge."""
     n = len(start.theta)
     jitter = start.optimum.noise[3:]
     y = np.concatenate([start.theta, np.log(start.optimum.noise[:3])])
@@ -111,6 +111,8 @@ def fit_with_edge_rates(
         count += 1
     theta, noise = y[:n], np.append(np.exp(y[n:]), jitter)
     optimum = optimum_at(problem, theta, noise, start.optimum.rounds + count, converged)
+    if not np.isfinite(optimum.loglik):
+        return start
     C = scatter_of(at.scores, optimum.information)
     return CorrectedFit(problem, optimum, C, at.scores.mean(axis=0), at.slopes, flights, V[:n, :n])
 

@@ -105,6 +105,16 @@ def test_if_the_simulated_flights_diverge_the_fit_is_unchanged(
     assert result is diverging
 
 
+def test_if_the_search_ends_where_the_filter_diverges_the_fit_is_unchanged(
+    fitted: tuple[Setup, CorrectedFit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    setup, fit = fitted
+    diverged = replace(fit.optimum, loglik=-np.inf)
+    monkeypatch.setattr(edge_rates, "optimum_at", lambda *_: diverged)
+    result = fit_with_edge_rates(fit.problem, fit, setup.recordings, seed=0, flights=8, rounds=1)
+    assert result is fit
+
+
 def test_without_a_limit_cycle_edge_rates_are_not_used() -> None:
     flown = fly_plan(load_plan("rich"), device=DEVICE, seed=1022).recording.between(6.0, 22.0)
     assert fit_base(Setup((flown,), seed=0, pilots=4)).spread is None
