@@ -24,6 +24,7 @@ from heli3dof.model.estimation.filter_data import Stretch, data_of
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile
 
+MODULE = "heli3dof.diagnosis.estimate.edge_rates"
 DEVICE = "mock:?speed=max&spread=0.07&seed=1022"
 
 
@@ -110,7 +111,7 @@ def test_if_the_search_ends_where_the_filter_diverges_the_fit_is_unchanged(
 ) -> None:
     setup, fit = fitted
     diverged = replace(fit.optimum, loglik=-np.inf)
-    monkeypatch.setattr(edge_rates, "optimum_at", lambda *_: diverged)
+    monkeypatch.setattr(f"{MODULE}.optimum_at", lambda *_: diverged)
     result = fit_with_edge_rates(fit.problem, fit, setup.recordings, seed=0, flights=8, rounds=1)
     assert result is fit
 
