@@ -48,6 +48,7 @@ from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.identification.greybox.method import model_of
 from heli3dof.model.greybox.model import nominal
+from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
@@ -95,7 +96,7 @@ def exceeds_coloured_noise(fit: CorrectedFit, choice: Choice) -> float:
     """
     if choice.threshold <= 0 or choice.term.effect.of_base:
         return math.inf
-    j = _first_index(fit, choice.term.name)
+    j = first_parameters(fit.free).get(choice.term.name)
     if j is None:
         return math.inf
     rho = float(fit.colour[j])
@@ -118,16 +119,11 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
         if not is_choice and c.term.name not in choice.tied_with:
             continue
         count_deg = 360.0 / abs(getattr(c.problem.structure.profile.encoder, axis))
-        j = _first_index(fit, c.term.name) if is_choice else None
+        j = first_parameters(fit.free).get(c.term.name) if is_choice else None
         size = c.problem.values(c.optimum.theta)[-1] if j is None else fit.values[j]
         if abs(size) <= count_deg:
             return True
     return False
-
-
-def _first_index(fit: CorrectedFit, name: str) -> int | None:
-    """Return the index of a term's first parameter in ``fit.free``; None if it has none."""
-    return next((j for j, f in enumerate(fit.free) if f.term == name), None)
 
 
 def pays_enough(choice: Choice, g: Gain, *, first: bool) -> bool:
@@ -195,7 +191,7 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
     """
     from scipy.stats import norm
 
-    j = _first_index(fit, name)
+    j = first_parameters(fit.free).get(name)
     if j is None or fit.free[j].log or not math.isfinite(fit.free[j].null):
         return 1.0
     return float(norm.cdf(abs(float(fit.values[j]) - fit.free[j].null) / float(fit.std[j])))

@@ -23,6 +23,7 @@ from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import pays
 from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.model.physics.parametrisation import first_parameters
 
 MIN_EVIDENCE_SHARE = 0.25
 """Of Z². Chosen; not derived."""
@@ -43,18 +44,13 @@ def evidence_with_residual(fit: Estimate, nuisance: Nuisance) -> dict[str, tuple
     inverse_without = np.linalg.inv(nuisance.A[:n, :n])
     step, step_without = inverse @ g, inverse_without @ g[:n]
     out = {}
-    for name, j in first_parameters(fit).items():
+    for name, j in first_parameters(fit.free).items():
         f, v = fit.free[j], float(fit.values[j])
         slope = f.slope(v)
         size, size_with = (v + slope * float(d[j]) - f.null for d in (step_without, step))
         var, var_with = (slope**2 * float(m[j, j]) for m in (inverse_without, inverse))
         out[name] = size**2 / var, size_with**2 / var_with
     return out
-
-
-def first_parameters(fit: Estimate) -> dict[str, int]:
-    """Return {term: index of its first parameter in ``fit.free``}."""
-    return {f.term: j for j, f in reversed(list(enumerate(fit.free))) if f.term is not None}
 
 
 def base_with_residual(fit: Estimate, nuisance: Nuisance) -> tuple[np.ndarray, np.ndarray]:
@@ -94,7 +90,7 @@ def insignificant(fit: Estimate) -> set[str]:
     """Return the terms whose first parameter is not significantly different from absence."""
     return {
         name
-        for name, j in first_parameters(fit).items()
+        for name, j in first_parameters(fit.free).items()
         if not fit.free[j].log
         and abs(float(fit.values[j]) - fit.free[j].null) < MIN_SIGMAS * float(fit.std[j])
     }

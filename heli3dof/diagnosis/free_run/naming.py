@@ -32,6 +32,7 @@ from heli3dof.diagnosis.free_run.halves import PRIOR_SHARE, compare_halves, null
 from heli3dof.diagnosis.outlook import Open
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.physics.parametrisation import first_parameters
 
 SIGNIFICANT = 0.95
 """Least probability P of a cause: the conventional 95 %"""
@@ -57,7 +58,7 @@ def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResul
 def mostly_prior(fit: MultiStepFit, name: str) -> bool:
     """Return whether σ > `PRIOR_SHARE` σ_prior; False for a parameter that varies by recording."""
     free = fit.structure.free
-    j = next((j for j, f in enumerate(free) if f.term == name), None)
+    j = first_parameters(free).get(name)
     if j is None or free[j].name in fit.problem.varying:
         return False
     return bool(fit.std[j] > PRIOR_SHARE * fit.prior_std[j])

@@ -21,6 +21,7 @@ from heli3dof.diagnosis.free_run.halves import CONSISTENT, SIGNIFICANT
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
+from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
@@ -56,7 +57,7 @@ def confirmed(sizes: Sequence[tuple[float, float]]) -> bool:
 
 def size(fit: Estimate, name: str) -> tuple[float, float]:
     """Return (θ − θ_0, σ) of a term's first parameter; θ_0 = 0 if its scale is logarithmic."""
-    j = next(i for i, f in enumerate(fit.free) if f.term == name)
+    j = first_parameters(fit.free)[name]
     f = fit.free[j]
     return float(fit.values[j]) - (0.0 if f.log else f.null), float(fit.std[j])
 

@@ -61,6 +61,11 @@ class Free:
         return value if self.log else self.typical
 
 
+def first_parameters(free: Sequence[Free]) -> dict[str, int]:
+    """Return {term: index of its first parameter in ``free``}."""
+    return {f.term: j for j, f in reversed(list(enumerate(free))) if f.term is not None}
+
+
 @dataclass(frozen=True)
 class Hooks:
     """Addresses of the H compiled functions of the effects, sorted by the stage of a time step."""
