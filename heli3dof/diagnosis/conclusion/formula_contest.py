@@ -29,7 +29,7 @@ from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.selection.steps import without
 from heli3dof.diagnosis.unmodelled.torque_formula import (
     PRODUCTS,
-    at_fit,
+    flown_fit,
     product_scores,
     variable_of,
 )
@@ -79,9 +79,9 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
 
 def with_best_product(fit: CorrectedFit) -> tuple[float, Place]:
     """Return the log-likelihood of the fit with the best product, and where it acts."""
-    flight, nuisance, g = at_fit(fit)
+    flown = flown_fit(fit)
     axes = np.flatnonzero(fit.problem.data.axes)
-    scores = {int(i): product_scores(fit, flight, nuisance, g, int(i)) for i in axes}
+    scores = {int(i): product_scores(flown, int(i)) for i in axes}
     i = max(scores, key=lambda i: float(scores[i][0].max()))
     S, c = scores[i]
     k = int(S.argmax())

@@ -76,16 +76,16 @@ class Proposal:
 def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
     """Return terms for ``torque``, best first: the formula if it holds as well as the curve, and
     the curve if it is a function of a product of quantities."""
-    flight, nuisance, g = at_fit(fit)
+    flown = flown_fit(fit)
     axis = AXES.index(torque.axis)
     kappa = max(fit.inflation, 1.0)
-    S, c = product_scores(fit, flight, nuisance, g, axis)
+    S, c = product_scores(flown, axis)
     best = float(S.max())
     near = [int(k) for k in np.argsort(-S) if best - S[k] < kappa * TIE]
     near.sort(key=lambda k: len(factors(PRODUCTS[k])))
     first, *others = near
-    spline, rank = spline_score(flight, nuisance, g, axis, torque.depends_on)
-    price = kappa * (rank - 1) * float(np.log(max(len(flight.at.row), 2)))
+    spline, rank = spline_score(flown, axis, torque.depends_on)
+    price = kappa * (rank - 1) * float(np.log(max(len(flown.flight.at.row), 2)))
     out = []
     if spline - S[first] < price:
         product = PRODUCTS[first]
@@ -101,8 +101,8 @@ def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
 
 def significant_formula(fit: Estimate) -> Place | None:
     """Return where the most significant formula acts; None if none is significant."""
-    flight, nuisance, g = at_fit(fit)
-    at = flight.at
+    flown = flown_fit(fit)
+    flight, nuisance, at = flown.flight, flown.nuisance, flown.flight.at
     block = block_numbers(flight.data, BLOCK_S)[at.row]
     blocks, memory = int(block.max()) + 1, round(MEMORY_S / BLOCK_S)
     if blocks < 2 * (memory + 1):
@@ -110,9 +110,9 @@ def significant_formula(fit: Estimate) -> Place | None:
     best, place = 0.0, Place("", "")
     axes = np.flatnonzero(fit.problem.data.axes)
     for i in axes:
-        S, c = product_scores(fit, flight, nuisance, g, int(i))
+        S, c = product_scores(flown, int(i))
         k = int(S.argmax())
-        (D,) = product_traces(path_of(fit, flight), flight, int(i), PRODUCTS[k : k + 1])
+        (D,) = product_traces(flown, int(i), PRODUCTS[k : k + 1])
         cross = (nuisance.tangents * at.w) @ D
         d = D - np.linalg.solve(nuisance.A, cross) @ nuisance.tangents
         s = np.bincount(block, d * (at.g - c[k] * at.w * d), blocks)
@@ -140,36 +140,43 @@ def variable_of(product: str) -> str:
     return "*".join(plain) if "*".join(plain) in UNITS else plain[0]
 
 
-def at_fit(fit: Estimate) -> tuple[Trail, Nuisance, np.ndarray]:
-    """Return the flight, the fit's tangents and information, and its score g (n,) without bias."""
-    flight = trail(fit)
+@dataclass(frozen=True, eq=False)
+class FlownFit:
+    """A fit along its flight: what every test of a torque needs."""
+
+    flight: Trail
+    path: Path
+    """The path along which a torque's effect on the innovations is followed"""
+    nuisance: Nuisance
+    """The fit's tangents and information"""
+    g: np.ndarray
+    """(n,) score of the fit's coordinates, without the filter's bias"""
+
+
+def flown_fit(fit: Estimate) -> FlownFit:
+    """Return the fit along the flight of its recordings."""
+    flight, problem = trail(fit), fit.problem
     nuisance = Nuisance.of_fit(fit, flight, None)
     bias = getattr(fit, "bias", None)  # of a bias-corrected fit
-    return flight, nuisance, nuisance.g if bias is None else nuisance.g - bias
+    g = nuisance.g if bias is None else nuisance.g - bias
+    p = path(problem.structure, problem.values(fit.optimum.theta), problem.data, flight.at)
+    return FlownFit(flight, p, nuisance, g)
 
 
-def product_scores(
-    fit: Estimate, flight: Trail, nuisance: Nuisance, g: np.ndarray, axis: int
-) -> tuple[np.ndarray, np.ndarray]:
+def product_scores(flown: FlownFit, axis: int) -> tuple[np.ndarray, np.ndarray]:
     """Return S and c, each (P,), of the products on an axis; S is 0 for one without information."""
-    p = path_of(fit, flight)
     u, v = np.zeros(len(PRODUCTS)), np.zeros(len(PRODUCTS))
     for k in range(0, len(PRODUCTS), AT_ONCE):
-        D = product_traces(p, flight, axis, PRODUCTS[k : k + AT_ONCE])
-        u[k : k + AT_ONCE], V = projected(flight, nuisance, g, D)
+        D = product_traces(flown, axis, PRODUCTS[k : k + AT_ONCE])
+        u[k : k + AT_ONCE], V = projected(flown, D)
         v[k : k + AT_ONCE] = np.diag(V)
     known = v > 1e-300
     return np.where(known, u**2 / np.where(known, v, 1.0), 0.0), u / np.where(known, v, np.inf)
 
 
-def path_of(fit: Estimate, flight: Trail) -> Path:
-    """Return the path of the fit, along which a torque's effect is followed."""
-    problem = fit.problem
-    return path(problem.structure, problem.values(fit.optimum.theta), problem.data, flight.at)
-
-
-def product_traces(p: Path, flight: Trail, axis: int, products: Sequence[str]) -> np.ndarray:
+def product_traces(flown: FlownFit, axis: int, products: Sequence[str]) -> np.ndarray:
     """Return (P, E): the change of the innovations per unit coefficient of each product."""
+    p, flight = flown.path, flown.flight
     middle = (p.chunk[:, 0] + p.chunk[:, 1]) // 2
     phi = np.array([value(flight, product)[middle] for product in products])
     return traces_of(p, phi[:, :, None] * flight.B[middle][None, :, :, axis])
@@ -185,26 +192,24 @@ def value(flight: Trail, product: str) -> np.ndarray:
     return np.nan_to_num(out)
 
 
-def projected(
-    flight: Trail, nuisance: Nuisance, g: np.ndarray, D: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def projected(flown: FlownFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return u (K,) and v (K, K) of traces D (K, E), without what the fit's coordinates explain."""
-    weighted = D * flight.at.w
+    at, nuisance = flown.flight.at, flown.nuisance
+    weighted = D * at.w
     cross = weighted @ nuisance.tangents.T
     solved = np.linalg.solve(nuisance.A, cross.T)
-    return D @ flight.at.g - solved.T @ g, weighted @ D.T - cross @ solved
+    return D @ at.g - solved.T @ flown.g, weighted @ D.T - cross @ solved
 
 
-def spline_score(
-    flight: Trail, nuisance: Nuisance, g: np.ndarray, axis: int, variable: str
-) -> tuple[float, int]:
+def spline_score(flown: FlownFit, axis: int, variable: str) -> tuple[float, int]:
     """Return S of the piecewise linear torque of ``variable`` and its rank; zero if it is still."""
+    flight = flown.flight
     library = hats(flight, np.array([axis]))
     if variable not in library.variables:
         return 0.0, 1
     columns = np.arange(KNOTS) + KNOTS * library.variables.index(variable)
-    D = sums_along(library, flight, nuisance.tangents, columns).traces
-    u, v = projected(flight, nuisance, g, D)
+    D = sums_along(library, flight, flown.nuisance.tangents, columns).traces
+    u, v = projected(flown, D)
     E = informative_directions(v, (D * flight.at.w) @ D.T)
     if not E.shape[1]:
         return 0.0, 1
