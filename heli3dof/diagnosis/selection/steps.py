@@ -8,8 +8,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -68,8 +68,6 @@ class Step:
     not_identifiable: tuple[str, ...]
     """Terms that these recordings could not reveal even at a large size"""
     choice: Choice | None = None
-    _fits: dict[str, list[CandidateFit]] = field(default_factory=dict)
-    """Cache of `instead_of_inertia`"""
 
     @property
     def largest(self) -> list[tuple[str, float]]:
@@ -89,14 +87,10 @@ class Step:
         ]
         return [t for t in tried if exceeds_nulls(t, problem, o.theta, o.noise, flown)]
 
-    @property
+    @cached_property
     def instead_of_inertia(self) -> list[CandidateFit]:
-        """Return the candidates that an inertia may have absorbed; computed once."""
-        if "inertia" not in self._fits:
-            self._fits["inertia"] = instead_of_inertia(
-                self.fit, self.screen, self.recorded, self.nulls, self.bias
-            )
-        return self._fits["inertia"]
+        """Return the candidates that an inertia may have absorbed."""
+        return instead_of_inertia(self.fit, self.screen, self.recorded, self.nulls, self.bias)
 
     def chosen(self, setup: Setup, first_score: float | None) -> Step:
         """Return the step with its choice; without a cause by scores, a term of last resort."""
