@@ -155,7 +155,7 @@ def _diagnosed(
         "gain_measured_on": result.gain.on, "base": base, "seconds": clock.seconds,
         "written": [t.effect.summary for t in settled.fit.structure.formal],
     }  # fmt: skip
-    clock_faults = [f for f in faults if f.kind == Kind.FINDING and f.effect]
+    clock_faults = [f for f in faults if f.is_cause]
     ordered = in_order(clock_faults, findings, off)
     undetectable = undetectable_scales(
         tied_in(ordered), setup.axes, rest_rad=float(profile.encoder.rest_rad[0]),

@@ -110,7 +110,7 @@ class Diagnosis:
     @property
     def faults(self) -> tuple[Fault, ...]:
         """Return the findings of the integrity checks: quantified causes in the recordings."""
-        return tuple(f for f in self.integrity if f.kind == "finding" and f.effect is not None)
+        return tuple(f for f in self.integrity if f.is_cause)
 
     @property
     def in_order(self) -> tuple[Fault | Finding | OffNominal, ...]:

@@ -55,6 +55,11 @@ class Fault:
     confidence: float = 1.0
     """Chosen, not computed"""
 
+    @property
+    def is_cause(self) -> bool:
+        """Return whether the fault is an effect of the catalogue with its size."""
+        return self.kind == Kind.FINDING and self.effect is not None
+
     def to_dict(self) -> dict[str, Any]:
         """Return the fault as an object of the JSON document."""
         return {
