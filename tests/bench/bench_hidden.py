@@ -113,10 +113,7 @@ def comparison(asked: dict[str, list[Judged]]) -> Table:
 
 def figures(cases: list[Judged]) -> list[Figure]:
     """Returns the rates with a required value, and the median parameter error."""
-    out = [
-        Figure(r.what, r.text, r.asked, r.met, f"95 % interval {r.between}")
-        for r in rates(cases) if r.bar is not None
-    ]  # fmt: skip
+    out = [r.figure for r in rates(cases) if r.bar is not None]
     error = median_error(cases)
     out.append(
         Figure("parameter error of the named cause, median",

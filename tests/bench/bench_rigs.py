@@ -33,7 +33,7 @@ def measure() -> list[Figure | Table]:
     rates = [*of_all(cases), *without_controller(cases)]
     middle, slow = times_s(cases)
     return [
-        *(Figure(r.what, r.text, r.asked, r.met, f"95 % interval {r.between}") for r in rates),
+        *(r.figure for r in rates),
         *outside.figures(of(cases, "rigs-outside"), processes=JOBS),
         *reliability_figures(cases),
         Figure("flights that left the bounds (not diagnosed)", str(len(lines) - len(cases))),

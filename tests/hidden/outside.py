@@ -97,7 +97,7 @@ def figures(cases: Iterable[Judged], *, processes: int, folder: Path = FOLDER) -
         ]  # fmt: skip
     mean = float(np.nanmean(shares)) if shares else float("nan")
     return [
-        Figure(rate.what, rate.text, rate.asked, rate.met, f"95 % interval {rate.between}"),
+        rate.figure,
         Figure("outside the catalogue: gain of the extended model over that of the true term, mean",
                "–" if np.isnan(mean) else f"{100 * mean:.0f} %", "≥ 80 %",
                None if np.isnan(mean) else mean >= 0.8,

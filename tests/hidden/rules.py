@@ -3,7 +3,7 @@
 A rule is a function of `heli3dof.diagnosis` that can be left out: a cause that it would refuse
 stays, an alternative that it would add is not added. `traced` runs a diagnosis and notes the rules
 that changed anything in it. `without` runs a diagnosis without one rule. Both are used by
-`tests.setup.bench_rules`: a rule that changes no answer, or makes as many wrong as right, can go.
+`tests.bench.bench_rules`: a rule that changes no answer, or makes as many wrong as right, can go.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.bench import Figure
 from tests.hidden.cases import CLASSES, Truth
 from tests.hidden.equivalences import equals
 from tests.hidden.judge import RATED_NUMBERS, Number, Verdict, judge, names
@@ -78,6 +79,11 @@ class Rate:
     @property
     def asked(self) -> str:
         return "" if self.bar is None else f"{'≤' if self.at_most else '≥'} {100 * self.bar:g} %"
+
+    @property
+    def figure(self) -> Figure:
+        """The rate as a row of a benchmark."""
+        return Figure(self.what, self.text, self.asked, self.met, f"95 % interval {self.between}")
 
 
 def judged(lines: Iterable[dict[str, Any]]) -> list[Judged]:
