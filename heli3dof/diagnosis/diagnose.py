@@ -167,6 +167,7 @@ def _diagnosed(
     return Diagnosis(
         *names, verdict, faults, result,
         findings, off, settled.dropped, settled.residual_torques, extended.terms,
+        settled.slow_noise,
         (*(n for n in first.not_identifiable if not term(n).effect.formal), *undetectable), about,
     )  # fmt: skip
 
@@ -175,7 +176,7 @@ def base_off_nominal(settled: Settled) -> tuple[OffNominal, ...]:
     """Return the base parameters that are off nominal, also given the residual torques."""
     with_residual = (
         None
-        if settled.nuisance is None or not settled.residual_torques
+        if settled.nuisance is None or not (settled.residual_torques or settled.slow_noise)
         else base_with_residual(settled.fit, settled.nuisance)
     )
     return off_nominal(

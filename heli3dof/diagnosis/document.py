@@ -56,6 +56,15 @@ def diagnosis_document(
             _residual_torque(x, term)
             for x, term in itertools.zip_longest(d.leftovers, d.torque_terms)
         ],
+        "slow_noise": [
+            {
+                "axis": x.axis,
+                "rms_Nm": x.size_Nm,
+                "share": x.share,
+                "table": [list(r) for r in x.table],
+            }
+            for x in d.slow_noise
+        ],
         "next_experiment": following,
         "gain": {"horizon_s": HORIZON_S, **_gain(None if f is None else f.gain, f)},
         "model": model,

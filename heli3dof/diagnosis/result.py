@@ -104,6 +104,8 @@ class Diagnosis:
     leftovers: tuple[ResidualTorque, ...] = ()
     torque_terms: tuple[TorqueTerm | None, ...] = ()
     """The extended model's term for each of ``leftovers``; None: it contains none"""
+    slow_noise: tuple[ResidualTorque, ...] = ()
+    """Residual torques that depend on time only, such as a draught's: no model can predict them"""
     not_identifiable: tuple[str, ...] = ()
     about: Mapping[str, Any] = field(default_factory=dict)
 

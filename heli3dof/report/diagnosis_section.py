@@ -84,6 +84,7 @@ def _unmodelled(document: Document, p: FigureData) -> list[str]:
         blocks += map(paragraph, words.unmodelled_effects(document))
         blocks.append(table(unmodelled_table(p.leftovers)))
         blocks += [figure(evidence_figure(e), _alt(e)) for e in p.leftover_evidence]
+    blocks += map(paragraph, words.slow_noise(document))
     if deviations := [paragraph(s) for s in words.model_deviations(document)]:
         blocks += [subheading("Not explained by the extended model"), *deviations]
     return blocks

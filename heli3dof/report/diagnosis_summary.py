@@ -28,6 +28,7 @@ def diagnosis_summary(document: Document) -> list[str]:
         *_causes(document),
         *_gain(document),
         *words.unmodelled_effects(document),
+        *words.slow_noise(document),
         *_next(document),
     ]
 

@@ -65,6 +65,7 @@ def diagnosis_tables(document: Document) -> list[Grid | str]:
         words.equation_changes,
         words.kept_terms,
         words.unmodelled_effects,
+        words.slow_noise,
         words.model_deviations,
         words.not_adopted,
         words.next_steps,

@@ -275,6 +275,16 @@ def unmodelled_effects(document: Document) -> Iterator[str]:
         yield _torque_term(rest, measured_on(document))
 
 
+def slow_noise(document: Document) -> Iterator[str]:
+    """Yield a sentence on residual torques that depend on time only, if there are any."""
+    each = [f"{x['axis']} ({x['rms_Nm']:.2g} N·m RMS)" for x in document.get("slow_noise", ())]
+    if each:
+        yield (
+            f"Slow torque noise on {listed(each, 'and')}: it depends on nothing that was measured, "
+            "so no model predicts it. Draughts or a swinging cable cause such noise."
+        )
+
+
 def _torque_term(rest: Document, where: str) -> str:
     """Return a sentence on the extended model's term for an unmodelled torque, and its gain."""
     if not rest.get("term"):

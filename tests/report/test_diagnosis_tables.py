@@ -9,7 +9,7 @@ from typing import Any
 from heli3dof.report import diagnosis_tables as diagnosis_tables_module
 from heli3dof.report import diagnosis_text
 from heli3dof.report.diagnosis_tables import diagnosis_tables, split_unit
-from heli3dof.report.diagnosis_text import VERDICTS
+from heli3dof.report.diagnosis_text import VERDICTS, slow_noise
 from heli3dof.report.text_table import Grid, to_markdown
 from tests.paths import ROOT
 
@@ -199,6 +199,15 @@ def test_a_cause_that_held_out_data_do_not_confirm_is_only_similar() -> None:
     assert "yaw-like" not in text_of(alone)
     alone["findings"][0]["like"] = True
     assert "Read it as friction.coulomb.yaw-like" in text_of(alone)
+
+
+def test_slow_noise_is_stated_in_one_sentence() -> None:
+    torque = {"axis": "roll", "rms_Nm": 0.0147, "share": 0.4, "table": []}
+    (sentence,) = slow_noise({"slow_noise": [torque, {**torque, "axis": "yaw", "rms_Nm": 0.006}]})
+    assert sentence.startswith(
+        "Slow torque noise on roll (0.015 N·m RMS) and yaw (0.006 N·m RMS): it depends on nothing"
+    )
+    assert list(slow_noise({})) == []
 
 
 def test_an_unconfirmed_candidate_is_reported_as_not_adopted() -> None:

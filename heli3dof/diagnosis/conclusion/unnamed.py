@@ -18,20 +18,26 @@ from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
 from heli3dof.diagnosis.selection.steps import bias_corrected_again, without
 from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, evidence
 from heli3dof.diagnosis.unmodelled.torque_formula import significant_formula
-from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque, significant_torques
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
+    ResidualTorque,
+    significant_torques,
+    split,
+)
 from heli3dof.diagnosis.validation.gain import HeldOut
 from heli3dof.recording.recording import Recording
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """The fit with the adopted causes, and the residual torques ``left``."""
+    """The fit with the adopted causes, the residual torques and the slow noise."""
 
     fit: CorrectedFit
     findings: tuple[Finding, ...]
     dropped: tuple[Dropped, ...]
     after: HeldOut
     residual_torques: tuple[ResidualTorque, ...] = ()
+    slow_noise: tuple[ResidualTorque, ...] = ()
+    """Torques that depend on time only"""
     nuisance: Nuisance | None = None
     """Nuisance parameters: the fit's and the residual torques"""
     is_decided: bool = True
@@ -51,7 +57,8 @@ def settle_unmodelled(
         scores = evidence(now.fit, setup.recordings, flights=flights, seed=setup.seed)
         if scores.null is None and certain is None:
             certain = significant_formula(now.fit)
-        left, held = significant_torques(scores, certain)
+        torques, held = significant_torques(scores, certain)
+        left, slow_noise = split(torques)
         contest = replaced_by_formula(now.fit, replaceable_causes(now.findings))
         if contest is None:
             break
@@ -61,9 +68,12 @@ def settle_unmodelled(
         now = _without_stand_ins(setup, now, names, holdout)
     if first and not left:
         return _undecided(start, *first, removed)
-    findings = marked_unsure(now.findings, now.fit, left, held)
     return replace(
-        now, findings=findings, residual_torques=with_resemblance(left, removed), nuisance=held
+        now,
+        findings=marked_unsure(now.findings, now.fit, torques, held),
+        residual_torques=with_resemblance(left, removed),
+        slow_noise=slow_noise,
+        nuisance=held,
     )
 
 

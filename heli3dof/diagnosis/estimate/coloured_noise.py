@@ -55,8 +55,8 @@ def freedom(blocks: int, memory: int) -> float:
     return 1.5 * blocks / (memory + 1)
 
 
-def significant_ratio(ratio: np.ndarray, nu: float) -> np.ndarray:
-    """Return ``ratio`` where it exceeds χ²_ν/ν at the probability `CHANCE`, else 1."""
+def significant_ratio(ratio: np.ndarray, nu: float, chance: float = CHANCE) -> np.ndarray:
+    """Return ``ratio`` where it exceeds χ²_ν/ν at the probability ``chance``, else 1."""
     from scipy.stats import chi2
 
-    return np.where(ratio > float(chi2.isf(CHANCE, nu)) / nu, ratio, 1.0)
+    return np.where(ratio > float(chi2.isf(chance, nu)) / nu, ratio, 1.0)

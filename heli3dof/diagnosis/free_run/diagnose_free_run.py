@@ -64,6 +64,7 @@ from heli3dof.diagnosis.result import (
     verdict_of,
 )
 from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import split
 from heli3dof.diagnosis.validation.gain import Gain
 from heli3dof.diagnosis.validation.prediction import HORIZONS_S
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
@@ -172,7 +173,7 @@ def diagnose_without_likelihood(
     findings, off = merged(findings, off)
     if quick:
         findings = tuple(marked_like(f) for f in findings)
-    residual = residual_torques(adopted)
+    residual, slow_noise = split(residual_torques(adopted))
     about = {
         "method": "multi-step predictions of the full physical model, backward elimination",
         "why": (QUICK if quick else WHY).format(why),
@@ -197,7 +198,7 @@ def diagnose_without_likelihood(
     return Diagnosis(
         tuple(r.name for r in train), tuple(r.name for r in held),
         verdict_of(each, residual, unfitted, unsure=quick), faults, fitted,
-        findings, off, dropped, residual, (),
+        findings, off, dropped, residual, (), slow_noise,
         (*not_identifiable(result.fit, causes), *undetectable), about,
     )  # fmt: skip
 

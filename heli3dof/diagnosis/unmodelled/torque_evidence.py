@@ -126,6 +126,7 @@ def coloured_noise_ratio(
     P: np.ndarray,
     torque: np.ndarray,
     white: float,
+    chance: float,
 ) -> float:
     """Return ρ ≥ 1, the variance of coloured over that of white noise, with ``torque`` fitted.
 
@@ -133,7 +134,8 @@ def coloured_noise_ratio(
     projected out of D, the readings' scores are g − w Dᵀ τ. Their block sums have a long-run
     covariance S (`estimate.coloured_noise`). ρ is the larger significant tr(V⁺ S)/(k ``white``):
     along P with `MEMORY_S`, or along a constant torque with `CONSTANT_MEMORY_S`. A fitted function
-    of time removes slow noise along P. ``white`` is tr(V⁺ S)/k in null simulations.
+    of time removes slow noise along P. ``white`` is tr(V⁺ S)/k in null simulations. White noise
+    exceeds a significant ratio with the probability ``chance``.
     """
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]
@@ -155,7 +157,9 @@ def coloured_noise_ratio(
         if blocks >= 2 * (memory + 1):
             S = np.linalg.pinv(V, hermitian=True) @ long_run(scores, memory)
             ratio.append(
-                float(significant_ratio(np.trace(S) / len(V) / white, freedom(blocks, memory)))
+                float(
+                    significant_ratio(np.trace(S) / len(V) / white, freedom(blocks, memory), chance)
+                )
             )
     return max(ratio)
 

@@ -1,4 +1,4 @@
-"""Test each axis for a residual torque: a free function of an angle, rate, voltage or time.
+"""Test each axis for a residual torque: a free function of an angle, rate or voltage.
 
 The free-form torque f(z) = Σ_j τ_j φ_j(z) of a variable z has hat functions φ_j and coefficients
 τ_j in N·m (`sensitivity.hat_functions`). One variable on one axis is a group of `KNOTS` functions.
@@ -17,6 +17,10 @@ The second term removes the constant torque, which leaves r degrees of freedom.
    x exceeds the threshold also with S/(κρ), ρ of coloured noise (`torque_evidence`).
 4. The accepted torque is projected out, and the test is repeated.
 
+Time is a variable too. A torque that depends on time only is slow noise, such as a draught's: it is
+projected out like the others, but it is no effect that a model could contain. With slow noise on
+one axis, the other axes' ρ counts even if it is not significant.
+
 If the controller is unknown, half-second blocks of the flight give κ, and the threshold is twice
 Bonferroni's.
 """
@@ -30,7 +34,9 @@ from typing import NamedTuple
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.estimate.coloured_noise import CHANCE
 from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
+from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, Sums, sums_along
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail
 from heli3dof.diagnosis.unmodelled.similarity import LIKE, named_traces, similarity
@@ -94,6 +100,26 @@ class ResidualTorque:
     cosine: float = 0.0
     """The cause with the most similar trace, and the similarity (`unmodelled.similarity`)"""
 
+    @property
+    def is_slow_noise(self) -> bool:
+        """Return whether the torque depends on nothing but time; see the module."""
+        return self.depends_on == "time"
+
+    @property
+    def size_Nm(self) -> float:
+        """Return the root mean square of the table's torques, N·m."""
+        return float(np.sqrt(np.mean([torque**2 for _, torque in self.table])))
+
+
+def split(
+    torques: Sequence[ResidualTorque],
+) -> tuple[tuple[ResidualTorque, ...], tuple[ResidualTorque, ...]]:
+    """Return the torques that a model could contain, and the slow noise."""
+    return (
+        tuple(t for t in torques if not t.is_slow_noise),
+        tuple(t for t in torques if t.is_slow_noise),
+    )
+
 
 def residual_torques(
     fit: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
@@ -105,7 +131,7 @@ def residual_torques(
 def significant_torques(
     evidence: Evidence, certain: Place | None = None
 ) -> tuple[tuple[ResidualTorque, ...], Nuisance]:
-    """Return the residual torques, and the nuisance parameters including them.
+    """Return the residual torques and slow noise, and the nuisance parameters including them.
 
     ``certain``: where another test has shown a torque (`unmodelled.torque_formula`). The first
     torque is then of this axis and variable, without a threshold.
@@ -114,16 +140,18 @@ def significant_torques(
     null, nuisance = evidence.null, evidence.nuisance
     named: tuple[list[str], np.ndarray] | None = None
     out: list[ResidualTorque] = []
-    while len(out) < MAX_TORQUES:
+    while sum(not torque.is_slow_noise for torque in out) < MAX_TORQUES:
         sums = sums_along(library, flight, nuisance.tangents) if out else evidence.sums
         tests = score_tests(fit, flight, library, sums, nuisance, null)
         significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]
+        significant = with_time_first(significant, library, tests.x)
         candidates = ((q, _residual_torque(flight, library, tests, q)) for q in significant)
+        is_coloured = any(torque.is_slow_noise for torque in out)
         large = ((q, d) for q, d in candidates if d.share > MIN_SHARE)
         accepted = (
             t
             for t in (_with_traces(evidence, nuisance, *s) for s in large)
-            if _exceeds_coloured_noise(evidence, nuisance, tests, *t)
+            if _exceeds_coloured_noise(evidence, nuisance, tests, *t, is_coloured=is_coloured)
         )
         if certain is not None and not out:
             q = _group(library, tests, certain)
@@ -153,6 +181,18 @@ def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
     return max(exact or groups, key=lambda q: float(tests.x[q]))
 
 
+def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list[int]:
+    """Return ``groups`` with an axis's time before variables whose x is larger by less than `TIE`.
+
+    Slow noise then explains as much as an effect that no rig is known to have.
+    """
+
+    def key(q: int) -> float:
+        return float(x[q]) + (TIE if library.groups[q][1] == "time" else 0.0)
+
+    return sorted(groups, key=key, reverse=True)
+
+
 def _with_traces(
     evidence: Evidence, nuisance: Nuisance, q: int, new: ResidualTorque
 ) -> tuple[int, ResidualTorque, np.ndarray]:
@@ -167,11 +207,18 @@ def _exceeds_coloured_noise(
     q: int,
     new: ResidualTorque,
     D: np.ndarray,
+    *,
+    is_coloured: bool,
 ) -> bool:
-    """Return whether x exceeds the threshold with the coloured noise that this torque leaves."""
+    """Return whether x exceeds the threshold with the coloured noise that this torque leaves.
+
+    ``is_coloured``: slow noise was found, so ρ counts even if it is not significant here.
+    """
     P = tests.directions[q]
     torque = np.array([f for _, f in new.table])
-    rho = coloured_noise_ratio(evidence.flight, nuisance, D, P, torque, float(tests.white[q]))
+    chance = 1.0 if is_coloured else CHANCE
+    white = float(tests.white[q])
+    rho = coloured_noise_ratio(evidence.flight, nuisance, D, P, torque, white, chance)
     S = float(_statistic(tests.u[q] @ P, P.T @ tests.V[q] @ P)[0])
     x = float(minus_2_log_p(np.array(S / tests.kappa[q] / rho), P.shape[1]))
     return x > tests.threshold

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from heli3dof.diagnosis.screening.gumbel import EULER
-from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, hats, sums_along
+from heli3dof.diagnosis.selection.select import TIE
+from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, hats, sums_along
 from heli3dof.diagnosis.sensitivity.residual_torque import trail
 from heli3dof.diagnosis.unmodelled import torque_formula
 from heli3dof.diagnosis.unmodelled.torque_formula import proposals, significant_formula
@@ -17,6 +20,8 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     THRESHOLD_SCALES,
     gumbel_stretch,
     residual_torques,
+    split,
+    with_time_first,
 )
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
@@ -83,6 +88,25 @@ def test_without_a_formula_that_fits_as_well_the_curve_is_proposed(
 def test_an_unmodified_rig_has_no_residual_torque() -> None:
     recording = flight(1202)
     assert residual_torques(fit_greybox(recording, ()), [recording], flights=8, seed=0) == ()
+
+
+def test_a_draught_is_slow_noise_and_no_effect() -> None:
+    """On roll 0.014 N·m RMS: 4 · 0.035 N·m · √(0.01 s/1 s), the emulator's law (its `noise`)."""
+    device = "mock:?speed=max&noise_s=1&noise=4"
+    recording = fly_plan(load_plan("rich"), device=device, seed=1203).recording.between(0.0, 40.0)
+    found = residual_torques(fit_greybox(recording, ()), [recording], flights=8, seed=0)
+    effects, slow_noise = split(found)
+    assert effects == ()
+    (roll,) = (torque for torque in slow_noise if torque.axis == "roll")
+    assert roll.size_Nm == pytest.approx(0.014, rel=0.3)
+
+
+def test_time_comes_first_if_another_variable_explains_hardly_more() -> None:
+    """Of four groups, roll and time on one axis, yaw and time on the other."""
+    groups = ((0, "roll"), (0, "time"), (2, "yaw"), (2, "time"))
+    library = cast(Hats, SimpleNamespace(groups=groups))
+    x = np.array([40.0, 40.0 - TIE / 2, 100.0, 100.0 - 2 * TIE])
+    assert with_time_first([0, 1, 2, 3], library, x) == [2, 3, 1, 0]
 
 
 def test_the_residual_torque_lies_on_the_hidden_line(coupled: tuple[Recording, Estimate]) -> None:
