@@ -43,12 +43,12 @@ class Hats:
     def place(self, flight: Trail) -> tuple[np.ndarray, np.ndarray]:
         """Return the knot below z and the fraction of the way to the next, (N, M) each."""
         N, M = len(flight.data.t), len(self.variables)
-        left, share = np.zeros((N, M), dtype=np.int64), np.zeros((N, M))
+        left, share = np.zeros((N, M), dtype=np.int8), np.zeros((N, M), dtype=np.float32)
         for m, name in enumerate(self.variables):
             low, high = self.knots[m, 0], self.knots[m, -1]
             z = np.nan_to_num(flight.variable(name), nan=low)
             position = np.clip((z - low) / (high - low), 0.0, 1.0) * (KNOTS - 1)
-            left[:, m] = np.minimum(position.astype(np.int64), KNOTS - 2)
+            left[:, m] = np.minimum(position.astype(np.int8), KNOTS - 2)
             share[:, m] = position - left[:, m]
         return left, share
 
