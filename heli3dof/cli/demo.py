@@ -110,10 +110,11 @@ def _fly(out: Output, plan: Plan, path: Path, seed: int, start: str = "rest") ->
     from heli3dof.cli.progress import progress
     from heli3dof.experiment.control_loop.loop import Live
     from heli3dof.experiment.fly import fly_plan
+    from heli3dof.rig.profile import default_profile
 
     out.note(f"Flying {plan.name}, {plan.duration_s:g} s, faster than real time …")
     live = Live()
-    with progress(out, live, plan.name):
+    with progress(out, live, plan.name, default_profile()):
         flight = fly_plan(
             plan,
             device=f"mock:?speed=max&seed={seed}&start={start}&hide={HIDDEN}",

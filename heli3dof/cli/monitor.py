@@ -140,7 +140,7 @@ def _show_readings(
 def _display(out: Output, state: MonitorState) -> tuple[Callable[[], None], Callable[[], None]]:
     """Return two functions: one displays the monitored ``state``, the other ends the display.
 
-    A terminal shows a live table, a file gets lines of text, and ``--quiet`` shows nothing.
+    A terminal shows moving traces, a file gets lines of text, and ``--quiet`` shows nothing.
     """
     if out.quiet:
         return (lambda: None), (lambda: None)
@@ -155,4 +155,4 @@ def _display(out: Output, state: MonitorState) -> tuple[Callable[[], None], Call
 
     live = Live(console=out.err, auto_refresh=False, transient=False)
     live.start()
-    return (lambda: live.update(state.table(), refresh=True)), live.stop
+    return (lambda: live.update(state.screen(out.err), refresh=True)), live.stop

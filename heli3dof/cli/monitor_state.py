@@ -8,9 +8,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.axes import AXES, MOTORS
+from heli3dof.cli.output_encoding import printable
+from heli3dof.cli.traces import Traces, fits
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import Console, RenderableType
 
 
 class MonitorState:
@@ -24,6 +26,7 @@ class MonitorState:
         self.high_deg: dict[str, float] = {}
         self.flags_seen: set[str] = set()
         self.worst_lateness_s = 0.0
+        self.traces = Traces()
 
     def add(self, reading: dict[str, Any]) -> None:
         previous, self.last = self.last, reading
@@ -33,6 +36,7 @@ class MonitorState:
         if "device_time_s" not in reading:
             return
         elapsed_s = reading["device_time_s"] - previous.get("device_time_s", float("nan"))
+        self.traces.add(reading["device_time_s"], [reading[f"{axis}_deg"] for axis in AXES])
         for axis in AXES:
             key = f"{axis}_deg"
             angle = reading[key]
@@ -47,35 +51,43 @@ class MonitorState:
         if "roll_deg" not in last:
             return "no answer"
         words = [f"{axis} {last[f'{axis}_deg']:+7.2f}°" for axis in AXES]
-        words += [f"{motor} {last[f'v_{motor}_V']:+6.2f} V" for motor in MOTORS]
-        return "  ".join([*words, *self._status()])
+        return "  ".join([*words, *self._voltages(), *self._status()])
 
-    def table(self) -> Table:
-        from rich.table import Table
+    def screen(self, console: Console) -> RenderableType:
+        """Return what a terminal shows: traces of the angles, or a line where they do not fit."""
+        from rich.console import Group
+        from rich.text import Text
 
-        last = self.last
-        table = Table("", "now", "rate", "lowest", "highest", caption=self._caption())
-        for column in table.columns[1:]:
-            column.justify = "right"
+        if "roll_deg" not in self.last or not fits(console):
+            return Text(printable(self.line(), console.encoding), no_wrap=True, overflow="ellipsis")
+        return Group(
+            *self.traces.draw(self._heads(), console.width),
+            Text("   ".join(self._voltages())),
+            Text(" · ".join(self._status())),
+            Text("Ctrl-C ends the display.", "bold"),
+        )
+
+    def _heads(self) -> list[str]:
+        """Return a line for each axis: angle, rate, and the range of all angles seen."""
+        heads = []
         for axis in AXES:
-            if f"{axis}_deg" in last:
-                rate = self.rate_deg_per_s[axis]
-                table.add_row(
-                    axis,
-                    f"{last[f'{axis}_deg']:+.2f}°",
-                    "" if rate is None else f"{rate:+.1f}°/s",
-                    f"{self.low_deg[axis]:+.2f}°",
-                    f"{self.high_deg[axis]:+.2f}°",
-                )
-        for motor in MOTORS:
-            if f"v_{motor}_V" in last:
-                current = last.get(f"i_{motor}_A")
-                drawn = "" if current is None else f", {current:+.2f} A"
-                table.add_row(motor, f"{last[f'v_{motor}_V']:+.2f} V{drawn}")
-        return table
+            rate = self.rate_deg_per_s[axis]
+            heads.append(
+                f"{axis:<6}{self.last[f'{axis}_deg']:+8.2f}°   "
+                + ("" if rate is None else f"{rate:+7.1f} °/s   ")
+                + f"seen {self.low_deg[axis]:+.2f} to {self.high_deg[axis]:+.2f}°"
+            )
+        return heads
 
-    def _caption(self) -> str:
-        return " · ".join(self._status()) if "flags" in self.last else "no answer"
+    def _voltages(self) -> list[str]:
+        """Return the voltage of each motor (V) and its current (A), where known."""
+        texts = []
+        for motor in MOTORS:
+            if f"v_{motor}_V" in self.last:
+                current = self.last.get(f"i_{motor}_A")
+                drawn = "" if current is None else f", {current:+.2f} A"
+                texts.append(f"{motor} {self.last[f'v_{motor}_V']:+6.2f} V{drawn}")
+        return texts
 
     def _status(self) -> list[str]:
         """Return the last reading's flags, delays (ms) and flight phase as texts, where known."""

@@ -1,58 +1,55 @@
-"""Show a flight's progress in one line of the terminal, ten times a second.
+"""Show a flight live: angles against references, voltages, limits, lateness, time left.
 
-    step  flying  roll   +5.0°  pitch   -0.1°  yaw    +0.2°  late 0 ━━━━━━━━━──────── 0:12:30
-
-A thread of the library rich draws the line from the control loop's state. Drawing takes 0.5 ms of
-processor time (median; 90th percentile 1.0 ms). The thread yields Python's interpreter lock to the
-loop within `heli3dof.experiment.control_loop.realtime_priority.SWITCH_S`.
+In a terminal of at least 80 × 24 characters it is a screen of moving traces, in a smaller one a
+line; without a terminal, a line is printed every `PRINT_EVERY_S`. A thread of its own draws, from
+the control loop's state. It yields Python's interpreter lock to the loop within
+`heli3dof.experiment.control_loop.realtime_priority.SWITCH_S`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import threading
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from math import degrees
 from typing import TYPE_CHECKING
 
+from heli3dof.axes import AXES, MOTORS
 from heli3dof.cli.output import Output, live_allowed
 from heli3dof.cli.output_encoding import printable
+from heli3dof.cli.traces import PER_SECOND, Traces, fits, minus
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
+    from rich.console import Console, RenderableType
 
     from heli3dof.experiment.control_loop.loop import Live
+    from heli3dof.rig.profile import Profile
 
-PER_SECOND = 10.0
+PRINT_EVERY_S = 10.0
+HOW_TO_STOP = "Ctrl-C ramps the motors to zero; heli3dof estop stops them at once"
 
 
 @contextmanager
-def progress(out: Output, live: Live, name: str) -> Iterator[None]:
-    """Context manager: shows a flight's progress; nothing with ``--quiet`` or without a terminal.
+def progress(out: Output, live: Live, name: str, profile: Profile) -> Iterator[None]:
+    """Context manager: shows a flight's progress; nothing with ``--quiet``.
 
-    ``live``: the loop's progress; ``name``: the plan's name.
+    ``live``: the loop's progress; ``name``: the plan's name; ``profile``: the rig's.
     """
-    if out.quiet or not live_allowed() or out.err.is_dumb_terminal:
+    if out.quiet:
         yield
         return
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-    from rich.table import Column
+    printed_name = printable("".join(c for c in name if c.isprintable()), out.err.encoding)
+    view = FlightView(out.err, live, printed_name, profile)
+    if not live_allowed() or out.err.is_dumb_terminal:
+        with _printing(out, view):
+            yield
+        return
+    from rich.live import Live as Display
 
-    class FlightProgress(Progress):
-        def get_renderable(self) -> RenderableType:
-            state = printable(state_text(live), encoding)
-            for task in self.task_ids:
-                self.update(task, completed=live.done, total=live.total, state=state)
-            return super().get_renderable()
-
-    encoding = out.err.encoding
-    text = TextColumn("{task.description}  {task.fields[state]}", markup=False)
-    bar = BarColumn(bar_width=None, table_column=Column(ratio=1))
-    display = FlightProgress(
-        text, bar, TimeRemainingColumn(), console=out.err, expand=True, transient=True,
-        refresh_per_second=PER_SECOND, redirect_stdout=False, redirect_stderr=False,
+    display = Display(
+        get_renderable=view.render, console=out.err, refresh_per_second=PER_SECOND, transient=True,
+        redirect_stdout=False, redirect_stderr=False,
     )  # fmt: skip
-    printed_name = printable("".join(c for c in name if c.isprintable()), encoding)
-    display.add_task(printed_name, total=live.total, state="")
     # A terminal that was closed ends the display, not the flight.
     with suppress(OSError, ValueError):
         display.start()
@@ -63,10 +60,94 @@ def progress(out: Output, live: Live, name: str) -> Iterator[None]:
             display.stop()
 
 
-def state_text(live: Live) -> str:
-    """Return one line of text: flight phase, angles in degrees, number of late control periods."""
-    roll, pitch, yaw = (degrees(angle) for angle in live.angle)
-    return (
-        f"{live.phase}  roll {roll:+6.1f}°  pitch {pitch:+6.1f}°  yaw {yaw:+7.1f}°"
-        f"  late {live.late}"
-    )
+@contextmanager
+def _printing(out: Output, view: FlightView) -> Iterator[None]:
+    """Context manager: prints the view's line every `PRINT_EVERY_S`."""
+    ended = threading.Event()
+
+    def print_lines() -> None:
+        with suppress(OSError, ValueError):
+            while not ended.wait(PRINT_EVERY_S):
+                out.note(view.line())
+
+    thread = threading.Thread(target=print_lines, name="progress", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+class FlightView:
+    """The screen or line that shows a flight; collects its traces."""
+
+    def __init__(self, console: Console, live: Live, name: str, profile: Profile) -> None:
+        self.console, self.live, self.name, self.profile = console, live, name, profile
+        self.traces = Traces()
+
+    def render(self) -> RenderableType:
+        """Return what the terminal shows now."""
+        from rich.console import Group
+        from rich.text import Text
+
+        live = self.live
+        now_s = live.done * self.profile.dt
+        angle = [degrees(a) for a in live.angle]
+        reference = [degrees(a) for a in live.reference]
+        if live.done:
+            self.traces.add(now_s, angle, reference)
+        if not fits(self.console):
+            return Text(self.line(), no_wrap=True, overflow="ellipsis")
+        width = self.console.width
+        late = (
+            f"{live.late} periods late, {live.lost} lost; lateness {live.lateness * 1e3:.2f} ms, "
+            f"at most {live.worst_lateness * 1e3:.2f} ms"
+        )
+        return Group(
+            self._bar(width),
+            *self.traces.draw(self._heads(angle, reference), width),
+            Text(minus(self._voltages())),
+            Text(late),
+            Text(HOW_TO_STOP, "bold"),
+        )
+
+    def line(self) -> str:
+        """Return one line: plan, phase, time, angles (°) and the number of late periods."""
+        roll, pitch, yaw = (degrees(angle) for angle in self.live.angle)
+        return printable(
+            f"{self.name}  {self.live.phase}  {self._time()}  roll {roll:+.1f}°  "
+            f"pitch {pitch:+.1f}°  yaw {yaw:+.1f}°  late {self.live.late}",
+            self.console.encoding,
+        )
+
+    def _time(self) -> str:
+        """Return the seconds that were flown, and those of the whole plan."""
+        done, total = (n * self.profile.dt for n in (self.live.done, self.live.total))
+        return f"{done:.0f} of {total:.0f} s"
+
+    def _bar(self, width: int) -> RenderableType:
+        from rich.progress_bar import ProgressBar
+        from rich.table import Table
+
+        text = f"{self.name}  {self.live.phase}  {self._time()}  "
+        line = Table.grid()
+        bar = ProgressBar(self.live.total, self.live.done, width=max(10, width - len(text)))
+        line.add_row(text, bar)
+        return line
+
+    def _heads(self, angle: Sequence[float], reference: Sequence[float]) -> list[str]:
+        """Return a line for each axis: angle and reference, then the envelope (°)."""
+        limits = self.profile.limits
+        envelope = (
+            f"{limits.roll_min_deg:g} to {limits.roll_max_deg:g}°",
+            f"±{limits.pitch_max_deg:g}°", f"±{limits.yaw_max_deg:g}°",
+        )  # fmt: skip
+        return [
+            f"{axis:<6}{a:+7.1f}°   reference {r:+7.1f}°   limits {e}"
+            for axis, a, r, e in zip(AXES, angle, reference, envelope, strict=True)
+        ]
+
+    def _voltages(self) -> str:
+        each = [f"{m} {v:+6.2f} V" for m, v in zip(MOTORS, self.live.voltage, strict=True)]
+        return f"{'   '.join(each)}   limit ±{self.profile.motor.v_max:g} V"

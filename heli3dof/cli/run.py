@@ -115,7 +115,7 @@ def fly(
         new_folder(output.parent)
     check_output(output, force=force)
     live = Live()
-    with progress(out, live, plan.name):
+    with progress(out, live, plan.name, profile):
         flight = fly_plan(
             plan,
             device=device,
@@ -207,7 +207,7 @@ def _fly_one(
 
     out.note(f"Flying {plan.name}, {plan.duration_s:g} s …")
     live = Live()
-    with progress(out, live, plan.name):
+    with progress(out, live, plan.name, profile):
         flight = fly_plan(
             plan, device=device, profile=profile, seed=seed, output=path, live=live, warn=out.warn
         )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,12 @@ from typer.testing import CliRunner
 
 from heli3dof.cli.app import app
 from heli3dof.rig.session.stop_stamp import start_command
+
+
+class Utf8(io.StringIO):
+    """Text in memory that says that it is encoded in UTF-8."""
+
+    encoding = "utf-8"
 
 
 @dataclass(frozen=True)

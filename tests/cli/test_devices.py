@@ -11,7 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from heli3dof.axes import AXES
 from heli3dof.cli.monitor_state import MonitorState
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
@@ -21,7 +23,7 @@ from heli3dof.rig.drivers import load_driver
 from heli3dof.rig.interface import Check, Flags
 from heli3dof.rig.session.client import running
 from heli3dof.rig.session.server import Session
-from tests.cli.running import heli3dof
+from tests.cli.running import Utf8, heli3dof
 from tests.profiles import END_S
 from tests.rig.fakes import IDENTITY, FakeDriver, only_drivers
 
@@ -309,12 +311,21 @@ def _watched(url: str) -> str | None:
     return doing
 
 
-def test_the_monitor_table_shows_currents_with_the_voltages() -> None:
+def test_the_monitor_shows_currents_with_the_voltages() -> None:
     view = MonitorState()
-    view.add({"v_front_V": 7.0, "i_front_A": 0.5, "v_back_V": 7.1, "i_back_A": None, "flags": []})
-    now, rates = (list(view.table().columns[i].cells) for i in (1, 2))
-    assert now == ["+7.00 V, +0.50 A", "+7.10 V"]
-    assert rates == ["", ""]
+    reading = {f"{axis}_deg": 1.0 for axis in AXES} | {"flags": ["enabled"]}
+    view.add(reading | {"v_front_V": 7.0, "i_front_A": 0.5, "v_back_V": 7.1, "i_back_A": None})
+    assert view.line().endswith("front  +7.00 V, +0.50 A  back  +7.10 V  enabled")
+
+
+def test_the_monitor_shows_angles_rates_and_the_range_seen_in_a_terminal() -> None:
+    view = MonitorState()
+    for k, angle in enumerate((0.0, -2.0, 1.0)):
+        view.add({f"{axis}_deg": angle for axis in AXES} | {"flags": [], "device_time_s": 0.5 * k})
+    console = Console(width=80, height=24, file=Utf8(), _environ={})
+    console.print(view.screen(console))
+    first = console.file.getvalue().splitlines()[0]  # type: ignore[attr-defined]
+    assert first == "roll     +1.00°      +6.0 °/s   seen −2.00 to +1.00°"
 
 
 def test_monitor_ends_with_its_session(fake: FakeDriver) -> None:

@@ -52,10 +52,14 @@ class Live:
     """Control periods of the plan that are over, skipped ones included; ``total``: all"""
     total: int = 1
     angle: Triple = (0.0, 0.0, 0.0)
+    reference: Triple = (0.0, 0.0, 0.0)
     voltage: Pair = (0.0, 0.0)
     late: int = 0
+    lost: int = 0
     lateness: float = 0.0
     """s from the deadline to the arrival of the last sample"""
+    worst_lateness: float = 0.0
+    """s, of all periods so far"""
     phase: str = "arming"
 
 
@@ -243,8 +247,9 @@ class _Flight:
             )
         )  # fmt: skip
         self.flown += 1
-        live.angle, live.voltage, live.late = angle, voltage, self.tally.late
-        live.lateness = exchange.lateness
+        live.angle, live.reference, live.voltage = angle, reference, voltage
+        live.late, live.lost = self.tally.late, self.tally.lost
+        live.lateness, live.worst_lateness = exchange.lateness, self.tally.worst
         return after, None
 
     def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:

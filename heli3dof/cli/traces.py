@@ -1,0 +1,127 @@
+"""Draw the last seconds of the three angles as traces of braille dots in a terminal.
+
+A character holds 2 × 4 dots. The angle is a connected line of dots, the reference is every other
+dot of a dim line.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from math import nan
+from typing import TYPE_CHECKING
+
+from heli3dof.axes import AXES
+from heli3dof.cli.output_encoding import carries
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
+
+WIDTH, HEIGHT = 80, 24
+"""Characters of the smallest terminal in which traces are drawn"""
+WINDOW_S = 15.0
+ROWS = 4  # of characters, for each axis
+LABEL = 9  # characters left of a trace: the highest and the lowest angle of its scale
+MIN_SPAN_DEG = 1.0
+"""Smallest range of a trace's scale: a few steps of an encoder, so that noise does not fill it"""
+PER_SECOND = 10.0
+DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
+"""Bits of a braille character's dots: four rows of two"""
+BRAILLE = 0x2800
+
+
+def fits(console: Console) -> bool:
+    """Return whether the console is large enough for traces, and its encoding has braille."""
+    width, height = console.size
+    return width >= WIDTH and height >= HEIGHT and carries(chr(BRAILLE), console.encoding)
+
+
+class Traces:
+    """Collects angles and references, and draws those of the last `WINDOW_S` seconds."""
+
+    def __init__(self) -> None:
+        self._points: deque[tuple[float, Sequence[float], Sequence[float]]] = deque(
+            maxlen=round(2 * PER_SECOND * WINDOW_S)
+        )
+
+    def add(
+        self, t: float, angle_deg: Sequence[float], reference_deg: Sequence[float] = (nan, nan, nan)
+    ) -> None:
+        """Add the angles (3,) and references (3,) at the time ``t`` (s)."""
+        self._points.append((t, angle_deg, reference_deg))
+
+    def draw(self, heads: Sequence[str], width: int) -> list[Text]:
+        """Return the lines of all three axes; each axis' trace follows its line in ``heads``."""
+        from rich.text import Text
+
+        end = self._points[-1][0] if self._points else 0.0
+        points = [p for p in self._points if p[0] >= end - WINDOW_S]
+        dots = 2 * (width - LABEL)
+        x = [round((p[0] - end + WINDOW_S) / WINDOW_S * (dots - 1)) for p in points]
+        lines = []
+        for i, head in zip(range(len(AXES)), heads, strict=True):
+            angle, reference = [p[1][i] for p in points], [p[2][i] for p in points]
+            low, high = scale([*angle, *reference])
+            lines.append(Text(minus(head)))
+            trace = drawn(x, levels(angle, low, high), levels(reference, low, high), dots // 2)
+            trace[0] = Text(minus(f"{high:+7.1f}° "), "dim") + trace[0]
+            trace[-1] = Text(minus(f"{low:+7.1f}° "), "dim") + trace[-1]
+            lines += [trace[0], *(Text(" " * LABEL) + line for line in trace[1:-1]), trace[-1]]
+        return lines
+
+
+def minus(text: str) -> str:
+    """Return the text with minus signs in place of hyphens."""
+    return text.replace("-", "−")
+
+
+def scale(values: Sequence[float]) -> tuple[float, float]:
+    """Return the lowest and highest finite value, at least `MIN_SPAN_DEG` apart.
+
+    >>> scale([2.0, nan, 2.2])
+    (1.6, 2.6)
+    """
+    finite = [v for v in values if v == v] or [0.0]
+    low, high = min(finite), max(finite)
+    missing = max(0.0, MIN_SPAN_DEG - (high - low))
+    return low - missing / 2, high + missing / 2
+
+
+def levels(values: Sequence[float], low: float, high: float) -> list[int | None]:
+    """Return the row of dots of each value, 0 at ``high``; None for NaN."""
+    last = 4 * ROWS - 1
+    return [None if v != v else round((high - v) / (high - low) * last) for v in values]
+
+
+def drawn(
+    x: Sequence[int], angle: Sequence[int | None], reference: Sequence[int | None], width: int
+) -> list[Text]:
+    """Return `ROWS` lines of ``width`` braille characters: angle and reference at the columns x."""
+    from rich.text import Text
+
+    cells = [[0] * width for _ in range(ROWS)]
+    is_angle = [[False] * width for _ in range(ROWS)]
+
+    def dot(column: int, row: int) -> tuple[int, int]:
+        cells[row // 4][column // 2] |= DOTS[row % 4][column % 2]
+        return row // 4, column // 2
+
+    for column, row in zip(x, reference, strict=True):
+        if row is not None and column % 2:
+            dot(column, row)
+    before: int | None = None
+    for column, row in zip(x, angle, strict=True):
+        if row is not None:
+            start = row if before is None else before + (row > before) - (row < before)
+            for each in range(min(start, row), max(start, row) + 1):
+                r, c = dot(column, each)
+                is_angle[r][c] = True
+        before = row
+    return [
+        Text.assemble(
+            *((chr(BRAILLE + bits), "cyan" if of_angle else "yellow")
+              for bits, of_angle in zip(row, styles, strict=True))
+        )
+        for row, styles in zip(cells, is_angle, strict=True)
+    ]  # fmt: skip
