@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from heli3dof.cli import progress
 from heli3dof.experiment.control_loop import realtime_priority
 from tests.bench import __main__ as command
 from tests.bench import page
@@ -78,6 +79,7 @@ def test_the_ratio_of_late_shares_has_an_interval_over_pairs() -> None:
 
 def test_the_functions_that_the_bench_switches_off_exist() -> None:
     for name in MEASURES:
-        switched = re.findall(r"^realtime_priority\.(\w+) =", WITHOUT[name], re.MULTILINE)
+        switched = re.findall(r"^(realtime_priority|progress)\.(\w+) =", WITHOUT[name], re.M)
         assert switched
-        assert all(callable(getattr(realtime_priority, each)) for each in switched)
+        modules = {"realtime_priority": realtime_priority, "progress": progress}
+        assert all(callable(getattr(modules[module], each)) for module, each in switched)

@@ -31,6 +31,7 @@ MEASURES = {
     "nothing either (`realtime_priority.py`)",
     "memory": "mlockall (`realtime_priority.py`)",
     "workers": "the kernel's unbound workers under SCHED_FIFO (`workers.py`)",
+    "live view": "not a measure: what drawing the flight ten times a second costs",
 }  # fmt: skip
 """Name in `tests.realtime.flight.WITHOUT` → description of the measure"""
 INTRO = (

@@ -7,6 +7,7 @@ import os
 import pty
 import subprocess
 import sys
+import termios
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -43,6 +44,10 @@ realtime_priority._memory = lambda *ignored: off
 from heli3dof.experiment.control_loop import realtime_priority
 realtime_priority.raise_workers = lambda *ignored: ()
 """,
+    "live view": """
+from heli3dof.cli import progress
+progress.live_allowed = lambda: False
+""",
 }
 """Name of a measure for real time -> program text that switches it off in the flight's process.
 "permissions": the system grants nothing that needs a permission, whichever user runs the flight."""
@@ -73,6 +78,7 @@ class FlightProcess:
         program = "".join(WITHOUT[name] for name in without) + START
         self.output = output
         self._screen, inner = pty.openpty()  # without a terminal there is no live view
+        termios.tcsetwinsize(inner, (24, 80))
         environment = {k: v for k, v in os.environ.items() if k != "NO_COLOR"}
         self.process = subprocess.Popen(
             [sys.executable, "-c", program, *words],
