@@ -14,7 +14,7 @@ import os
 import pkgutil
 import sys
 from itertools import groupby
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -59,13 +59,29 @@ class Verbs(TyperGroup):
 app = typer.Typer(
     name="heli3dof",
     cls=Verbs,
-    help="Fly, identify, compare and diagnose a 3-DOF helicopter. Start with: heli3dof demo",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # rich's help takes twice as long to load as everything else
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"heli3dof {version('heli3dof')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _start(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
+    ] = False,
+) -> None:
+    """Fly, identify, compare and diagnose a 3-DOF helicopter. Start with: heli3dof demo"""
 
 
 def _register_all() -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from heli3dof.cli import completion
 from heli3dof.cli.options import AsJson, Force, ProfileFile, Quiet
 from heli3dof.cli.output import Output, verb
 
@@ -28,7 +29,11 @@ def register(app: typer.Typer) -> None:
 def compare(
     words: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[REC... MODEL...]", help="Recordings; model files or names."),
+        typer.Argument(
+            metavar="[REC... MODEL...]",
+            help="Recordings; model files or names.",
+            autocompletion=completion.recordings_and_models,
+        ),
     ] = None,
     profile: ProfileFile = None,
     output: Annotated[
@@ -39,7 +44,10 @@ def compare(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compare models with flights; without arguments, on the recordings that come with heli3dof."""
+    """Compare models with flights; without arguments, on the recordings that come with heli3dof.
+
+    Example: heli3dof compare rec.mcap hover model.json
+    """
     from heli3dof.cli.inputs import load_all, models_for, reference_comparison, split
     from heli3dof.comparison.compare import compare
     from heli3dof.comparison.document import comparison_document

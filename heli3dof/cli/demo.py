@@ -26,7 +26,10 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
-    """Fly the emulated rig, identify, compare, diagnose and report. Needs no hardware."""
+    """Fly the emulated rig, identify, compare, diagnose and report. Needs no hardware.
+
+    Example: heli3dof demo
+    """
     from heli3dof.cli.compare import write_figures
     from heli3dof.cli.diagnose import show_diagnosis, stages
     from heli3dof.cli.inputs import identify_both

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from heli3dof.cli import completion
 from heli3dof.cli.output import Output
 
 AnyDevice = Annotated[
@@ -14,6 +15,7 @@ AnyDevice = Annotated[
         "--device",
         metavar="URL",
         envvar="HELI3DOF_DEVICE",
+        autocompletion=completion.devices,
         help="The rig; default: the only one found, else the emulated one.",
     ),
 ]

@@ -31,7 +31,10 @@ def devices(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """List the rigs that can be opened, the installed drivers, and the rigs in use."""
+    """List the rigs that can be opened, the installed drivers, and the rigs in use.
+
+    Example: heli3dof devices
+    """
     from rich.table import Table
 
     from heli3dof.rig.drivers import find_rigs

@@ -38,7 +38,10 @@ def doctor(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check computer, disk, port and rig, and print how to correct each failure. Moves nothing."""
+    """Check computer, disk, port and rig, and print how to correct each failure. Moves nothing.
+
+    Example: heli3dof doctor --device serial:///dev/ttyACM0
+    """
     from heli3dof.experiment.doctor import doctor
 
     out = Output(as_json=as_json, quiet=quiet)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from heli3dof.cli import completion
 from heli3dof.cli.options import (
     AsJson,
     Force,
@@ -50,7 +51,12 @@ def identify(
     ] = None,
     terms: Annotated[
         str | None,
-        typer.Option("--terms", metavar="+A,-B", help="Effects to add to greybox or remove."),
+        typer.Option(
+            "--terms",
+            metavar="+A,-B",
+            help="Effects to add to greybox or remove.",
+            autocompletion=completion.terms,
+        ),
     ] = None,
     holdout: Holdout = None,
     name: Annotated[str | None, typer.Option("--name", help="The model's name.")] = None,

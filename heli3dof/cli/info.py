@@ -26,7 +26,10 @@ def info(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Show what a recording contains: how the flight ended, angles, timing, profile, source."""
+    """Show what a recording contains: how the flight ended, angles, timing, profile, source.
+
+    Example: heli3dof info rec.mcap
+    """
     from heli3dof.recording.info import file_info
 
     out = Output(as_json=as_json, quiet=quiet)

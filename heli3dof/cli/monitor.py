@@ -41,7 +41,10 @@ def monitor(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Show angles, rates, voltages, lateness and flags ten times a second. Moves nothing."""
+    """Show angles, rates, voltages, lateness and flags ten times a second. Moves nothing.
+
+    Example: heli3dof monitor --seconds 30
+    """
     from heli3dof.cli.monitor_state import MonitorState
 
     out = Output(as_json=as_json, quiet=quiet)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from heli3dof.cli import completion
+
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
 
@@ -16,6 +18,7 @@ Device = Annotated[
         "--device",
         metavar="URL",
         envvar="HELI3DOF_DEVICE",
+        autocompletion=completion.devices,
         help="The rig, e.g. mock:?seed=1 or serial:///dev/ttyACM0; heli3dof devices lists them.",
     ),
 ]
@@ -40,7 +43,12 @@ ReportFile = Annotated[
 ]
 Holdout = Annotated[
     list[Path] | None,
-    typer.Option("--holdout", metavar="REC", help="Validate on this recording. Repeatable."),
+    typer.Option(
+        "--holdout",
+        metavar="REC",
+        help="Validate on this recording. Repeatable.",
+        autocompletion=completion.recordings,
+    ),
 ]
 Columns = Annotated[
     str | None,
@@ -59,10 +67,25 @@ DryRun = Annotated[
     bool, typer.Option("--dry-run", help="Check and print the plan; open and move nothing.")
 ]
 Recordings = Annotated[
-    list[Path], typer.Argument(metavar="REC...", help="Recordings (.mcap), or .csv and .mat logs.")
+    list[Path],
+    typer.Argument(
+        metavar="REC...",
+        help="Recordings (.mcap), or .csv and .mat logs.",
+        autocompletion=completion.recordings,
+    ),
 ]
-Recording = Annotated[Path, typer.Argument(metavar="REC", help="A recording or a log.")]
-Plan = Annotated[str, typer.Argument(metavar="PLAN", help="A plan's name, or its TOML file.")]
+Recording = Annotated[
+    Path,
+    typer.Argument(
+        metavar="REC", help="A recording or a log.", autocompletion=completion.recordings
+    ),
+]
+Plan = Annotated[
+    str,
+    typer.Argument(
+        metavar="PLAN", help="A plan's name, or its TOML file.", autocompletion=completion.plans
+    ),
+]
 
 
 def rig_profile(file: Path | None) -> Profile:

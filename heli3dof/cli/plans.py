@@ -14,7 +14,10 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def plans(as_json: AsJson = False, quiet: Quiet = False) -> None:
-    """List the plans that come with heli3dof: duration, content and purpose."""
+    """List the plans that come with heli3dof: duration, content and purpose.
+
+    Example: heli3dof plans
+    """
     from rich.table import Table
 
     from heli3dof.experiment.plan import load_plan, named_plans

@@ -23,7 +23,10 @@ def recover(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Copy the intact part of an incomplete recording to a new file; the original is unchanged."""
+    """Copy the intact part of an incomplete recording to a new file; the original is unchanged.
+
+    Example: heli3dof recover torn.mcap -o whole.mcap
+    """
     from heli3dof.recording.mcap_files.recover import recover
 
     out = Output(as_json=as_json, quiet=quiet)

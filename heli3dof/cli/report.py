@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from heli3dof.cli import completion
 from heli3dof.cli.options import AsJson, Force, LogProfile, OutputFile, Quiet, Recordings
 from heli3dof.cli.output import Output, verb
 
@@ -20,7 +21,12 @@ def report(
     recordings: Recordings,
     models: Annotated[
         list[str] | None,
-        typer.Option("--model", metavar="M", help="A model's name or file. Repeatable."),
+        typer.Option(
+            "--model",
+            metavar="M",
+            help="A model's name or file. Repeatable.",
+            autocompletion=completion.models,
+        ),
     ] = None,
     profile: LogProfile = None,
     output: OutputFile = None,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from heli3dof.cli import completion
 from heli3dof.cli.options import (
     AsJson,
     Device,
@@ -44,7 +45,10 @@ def register(app: typer.Typer) -> None:
 @verb
 def run(
     plan: Annotated[
-        str | None, typer.Argument(metavar="PLAN", help="A plan's name, or its TOML file.")
+        str | None,
+        typer.Argument(
+            metavar="PLAN", help="A plan's name, or its TOML file.", autocompletion=completion.plans
+        ),
     ] = None,
     auto: Annotated[
         bool,

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from heli3dof.cli import completion
 from heli3dof.cli.options import (
     AsJson,
     Force,
@@ -34,7 +35,13 @@ def register(app: typer.Typer) -> None:
 def simulate(
     plan: PlanName,
     model: Annotated[
-        str, typer.Option("--model", metavar="M", help="hover, hover-printed …, or a model file.")
+        str,
+        typer.Option(
+            "--model",
+            metavar="M",
+            help="hover, hover-printed …, or a model file.",
+            autocompletion=completion.models,
+        ),
     ] = "hover",
     start: Annotated[
         Start, typer.Option("--start", help="Start at rest on the table, or level.")

@@ -34,7 +34,10 @@ def zero(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Store the encoder counts of the rig at rest, or at the given angles. Moves nothing."""
+    """Store the encoder counts of the rig at rest, or at the given angles. Moves nothing.
+
+    Example: heli3dof zero --device serial:///dev/ttyACM0
+    """
     from heli3dof.axes import AXES
     from heli3dof.rig.zero import MEASURE_S, zero
 

@@ -7,7 +7,7 @@ import re
 import subprocess
 import sys
 import time
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, version
 from pathlib import Path
 
 import pytest
@@ -56,6 +56,16 @@ def test_a_verb_with_a_new_heading_or_none_comes_last(monkeypatch: pytest.Monkey
     assert headings(text) == {
         "Fly": ["fast"], "Model": ["zeta"], "Our lab": ["lab"], "More": ["alpha"],
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("verb", sorted(get_command(command_line.app).commands))
+def test_the_help_of_every_verb_has_an_example(verb: str) -> None:
+    text = " ".join(heli3dof(verb, "--help").out.partition("\n")[2].split())
+    assert f"heli3dof {verb}" in text
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    assert heli3dof("--version").out == f"heli3dof {version('heli3dof')}\n"
 
 
 def test_each_verb_is_a_file_of_its_own() -> None:
