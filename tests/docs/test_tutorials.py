@@ -1,0 +1,33 @@
+"""The tutorials work: their commands run, and print what the pages show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.docs.tutorial import difference, run, steps
+from tests.paths import ROOT
+
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+
+
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_the_commands_of_a_tutorial_print_what_it_shows(page: Path, tmp_path: Path) -> None:
+    for step in steps(page.read_text(encoding="utf-8")):
+        printed = run(step.commands, tmp_path)
+        assert difference(step.shown or "", printed) == "", printed
+
+
+def test_another_number_is_a_difference() -> None:
+    assert difference("RMSE 1.48°", "RMSE 1.60°") == "RMSE 1.48°"
+    assert difference("RMSE 1.48°", "RMSE 1.47°") == ""
+
+
+def test_a_missing_line_is_a_difference() -> None:
+    assert difference("first\n…\nlast", "first\nmiddle") == "last"
+
+
+def test_a_block_of_text_belongs_to_the_commands_before_it() -> None:
+    page = "```sh\na\n```\n\n```text\nA\n```\n\n```sh\nb\n```\n"
+    assert [(s.commands, s.shown) for s in steps(page)] == [("a\n", "A\n"), ("b\n", None)]
