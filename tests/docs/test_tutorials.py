@@ -6,17 +6,30 @@ from pathlib import Path
 
 import pytest
 
+from tests.docs.site import in_site
 from tests.docs.tutorial import difference, run, steps
 from tests.paths import ROOT
 
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 
 
+@pytest.mark.tutorial
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_the_commands_of_a_tutorial_print_what_it_shows(page: Path, tmp_path: Path) -> None:
     for step in steps(page.read_text(encoding="utf-8")):
         printed = run(step.commands, tmp_path)
         assert difference(step.shown or "", printed) == "", printed
+
+
+def test_every_tutorial_shows_output() -> None:
+    for page in TUTORIALS:
+        assert any(step.shown for step in steps(page.read_text(encoding="utf-8"))), page
+
+
+def test_a_link_of_a_page_outside_docs_leads_to_its_page_in_the_site() -> None:
+    assert in_site("[a](docs/how-to/quanser.md#x)", "overview.md") == "[a](how-to/quanser.md#x)"
+    assert in_site("[a](../../CONTRIBUTING.md)", "how-to/quanser.md") == "[a](../contributing.md)"
+    assert in_site("[a](../../heli3dof/rig)", "reference/safety.md") == "a"
 
 
 def test_another_number_is_a_difference() -> None:
