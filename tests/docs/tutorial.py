@@ -1,7 +1,7 @@
 """Run the commands of a tutorial and compare their output with the page.
 
-A block ``sh`` holds commands, the block ``text`` after it what they print. A line ``…`` in it stands
-for any lines. Numbers may differ by `TOLERANCE` of their value, or by one in the last digit.
+A block ``sh`` holds commands, the block ``text`` after it what they print. A line ``…`` in it
+stands for any lines. Numbers may differ by `TOLERANCE`, or by one in the last digit.
 """
 
 from __future__ import annotations
