@@ -18,12 +18,28 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.recording.columns import unit_of
 from heli3dof.recording.recording import Recording
-from heli3dof.recording.viewers.scene import ARM, BASE, BODY, parts, poses
+from heli3dof.recording.viewers.scene import (
+    ARM,
+    BASE,
+    BLUE,
+    BODY,
+    VERMILION,
+    parts,
+    pivot_height,
+    poses,
+)
 from heli3dof.results import optional
 
 TIME = "t_s"
 ENTITIES = {BASE: "/rig/base", ARM: "/rig/arm", BODY: "/rig/arm/body"}
 """Frame → entity path"""
+COLOURS = {
+    **{f"{axis}_deg": BLUE for axis in AXES},
+    **{f"{axis}_ref_deg": VERMILION for axis in AXES},
+    "v_front_V": VERMILION,
+    "v_back_V": BLUE,
+}
+"""Column → colour of its curve; Rerun chooses that of the others"""
 
 
 def rrd_bytes(recording: Recording, columns: Mapping[str, np.ndarray]) -> bytes:
@@ -35,7 +51,7 @@ def rrd_bytes(recording: Recording, columns: Mapping[str, np.ndarray]) -> bytes:
     stream = rr.RecordingStream("heli3dof")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight.rrd"
-        stream.save(path, default_blueprint=_blueprint(columns))
+        stream.save(path, default_blueprint=_blueprint(recording, columns))
         stream.send_recording_name(recording.name)
         _send_columns(rr, stream, recording, columns)
         _send_scene(rr, stream, recording)
@@ -52,7 +68,8 @@ def _send_columns(
         if name == TIME:
             continue
         path = ["flight", name]
-        stream.log(path, rr.SeriesLines(names=name), rr.AnyValues(unit=unit_of(name)), static=True)
+        line = rr.SeriesLines(names=name, colors=COLOURS.get(name))
+        stream.log(path, line, rr.AnyValues(unit=unit_of(name)), static=True)
         scalars = rr.Scalars.columns(scalars=values.astype(float))
         stream.send_columns(rr.new_entity_path(path), [time], scalars)
 
@@ -60,16 +77,15 @@ def _send_columns(
 def _send_scene(rr: Any, stream: Any, recording: Recording) -> None:
     stream.log("/rig", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for part in parts(recording.profile):
-        colour = [round(255 * c) for c in part.colour]
         shape: Any
         if part.form == "box":
             shape = rr.Boxes3D(
-                centers=[part.centre], sizes=[part.size], colors=[colour], fill_mode="solid"
+                centers=[part.centre], sizes=[part.size], colors=[part.colour], fill_mode="solid"
             )
         else:
             shape = rr.Cylinders3D(
                 centers=[part.centre], lengths=[part.size[2]], radii=[part.size[0] / 2],
-                colors=[colour], fill_mode="solid",
+                colors=[part.colour], fill_mode="solid",
             )  # fmt: skip
         stream.log(f"{ENTITIES[part.frame]}/{part.name.replace(' ', '_')}", shape, static=True)
     found = poses(recording)
@@ -85,8 +101,13 @@ def _send_scene(rr: Any, stream: Any, recording: Recording) -> None:
         )
 
 
-def _blueprint(columns: Mapping[str, np.ndarray]) -> Any:
+def _blueprint(recording: Recording, columns: Mapping[str, np.ndarray]) -> Any:
     rrb = optional("rerun.blueprint")
+    L_a = recording.profile.geometry.L_a
+    eye = rrb.EyeControls3D(
+        position=(2.5 * L_a, -2.5 * L_a, 2 * L_a),
+        look_target=(0, 0, pivot_height(recording.profile)),
+    )
     groups = {axis: [f"{axis}_deg", f"{axis}_ref_deg"] for axis in AXES}
     groups["voltages"] = ["v_front_V", "v_back_V"]
     plots = [
@@ -95,7 +116,9 @@ def _blueprint(columns: Mapping[str, np.ndarray]) -> Any:
         if any(n in columns for n in names)
     ]
     return rrb.Blueprint(
-        rrb.Horizontal(rrb.Spatial3DView(origin="/rig", name="rig"), rrb.Vertical(*plots)),
-        rrb.TimePanel(timeline=TIME),
+        rrb.Horizontal(
+            rrb.Spatial3DView(origin="/rig", name="rig", eye_controls=eye), rrb.Vertical(*plots)
+        ),
+        rrb.TimePanel(timeline=TIME, state="collapsed"),
         collapse_panels=True,
     )
