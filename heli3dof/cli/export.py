@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -78,7 +79,8 @@ def export(
         document["layout"] = str(write_file(view, layout("foxglove_layout.json"), force=force))
         out.note(f"Written: {view}")
     if ending in OPEN:
-        out.note(OPEN[ending].format(file=path, layout=view, recording=recording))
+        named = {"file": path, "layout": view, "recording": recording}
+        out.note(OPEN[ending].format(**{k: shlex.quote(str(v)) for k, v in named.items()}))
     out.emit(document)
 
 
