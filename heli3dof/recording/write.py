@@ -51,27 +51,36 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
     rows, names, absent = encode(recording)
     layouts = [SAMPLE, COMMAND] + ([channels_layout(names)] if names else [])
     form = RowFormat(layouts)
-    meta = {k: v for k, v in recording.meta.items() if k not in {"outcome", "outcome_details"}}
-    outcome: dict[str, Any] = {"rows": len(recording)}
-    if "outcome" in recording.meta:
-        outcome["outcome"] = recording.meta["outcome"]
-    outcome |= dict(recording.meta.get("outcome_details", {}))
+    records = metadata(recording, absent)
+    outcome = records.pop(OUTCOME)
     path = Path(path)
     with new_file(path, force=force) as stream:
         file = McapFile(stream, form, {"Channels": names} if names else None)
-        file.start(
-            {
-                PROFILE: profile_record(recording.profile),
-                PROVENANCE: {"format": FORMAT, **meta},
-                COLUMNS: {"absent": absent},
-            }
-        )
+        file.start(records)
         step = rows_of_chunk(form)
         for i in range(0, len(rows), step):
             file.write_chunk(rows[i : i + step].tobytes())
         file.add_metadata(OUTCOME, outcome)
         file.finish()
     return path
+
+
+def metadata(recording: Recording, absent: list[str]) -> dict[str, dict[str, Any]]:
+    """Return the metadata records of a recording by name, in their order in a file.
+
+    ``absent``: names of the fields without a channel (`encode`).
+    """
+    meta = {k: v for k, v in recording.meta.items() if k not in {"outcome", "outcome_details"}}
+    outcome: dict[str, Any] = {"rows": len(recording)}
+    if "outcome" in recording.meta:
+        outcome["outcome"] = recording.meta["outcome"]
+    outcome |= dict(recording.meta.get("outcome_details", {}))
+    return {
+        PROFILE: profile_record(recording.profile),
+        PROVENANCE: {"format": FORMAT, **meta},
+        COLUMNS: {"absent": absent},
+        OUTCOME: outcome,
+    }
 
 
 def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:

@@ -1,7 +1,8 @@
-"""`export`: writes a `Recording` as ``.csv``, ``.csv.gz``, ``.mat`` (MATLAB) or ``.parquet``.
+"""`export`: writes a `Recording` as a table (CSV, MAT, Parquet) or for a viewer.
 
-Angles are in degrees, and numbers have all their digits. Importing a CSV or MAT file again restores
-the arrays to 1e-12. MAT and Parquet files also contain the profile and the provenance.
+In tables, angles are in degrees, and numbers have all their digits. Importing a CSV or MAT file
+again restores the arrays to 1e-12. MAT and Parquet files also contain the profile and the
+provenance. `heli3dof.recording.viewers` encodes the files for viewers.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import gzip
 import io
 import re
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +29,8 @@ Columns = dict[str, np.ndarray]
 def export(recording: Recording, path: str | Path, *, force: bool = False) -> Path:
     """Write a recording in the format of the file's ending, and return the path.
 
-    Raises OutputExists (without ``force``), UsageError (unknown ending; for Parquet, pyarrow is not
-    installed) or NoSpace.
+    Raises OutputExists (without ``force``), UsageError (unknown ending; the library for Parquet or
+    Rerun is not installed) or NoSpace.
     """
     path = Path(path)
     check_format(path)
@@ -38,7 +40,7 @@ def export(recording: Recording, path: str | Path, *, force: bool = False) -> Pa
 
 
 def check_format(path: Path) -> None:
-    """Raise UsageError unless the file name ends in .csv, .csv.gz, .mat or .parquet."""
+    """Raise UsageError unless the file name has one of the endings of `FORMATS`."""
     if not path.name.lower().endswith(tuple(FORMATS)):
         ending = path.suffix or path.name
         first, *others = FORMATS
@@ -93,10 +95,39 @@ def _parquet(recording: Recording, columns: Columns) -> bytes:
     return data
 
 
+def _mcap(recording: Recording, columns: Columns) -> bytes:
+    from heli3dof.recording.viewers.foxglove_file import foxglove_bytes
+
+    return foxglove_bytes(recording)
+
+
+def _rrd(recording: Recording, columns: Columns) -> bytes:
+    from heli3dof.recording.viewers.rerun_file import rrd_bytes
+
+    return rrd_bytes(recording, columns)
+
+
 FORMATS: dict[str, Callable[[Recording, Columns], bytes]] = {
     ".csv": lambda recording, columns: write_csv(columns),
     ".csv.gz": lambda recording, columns: gzip.compress(write_csv(columns), mtime=0),
     ".mat": _mat,
     ".parquet": _parquet,
+    ".mcap": _mcap,
+    ".rrd": _rrd,
+    ".xml": lambda recording, columns: layout("plotjuggler_layout.xml"),
 }
 """Ending → function that returns the file's bytes"""
+ENDINGS = {
+    "csv": ".csv",
+    "mat": ".mat",
+    "parquet": ".parquet",
+    "foxglove": "-3d.mcap",
+    "rerun": ".rrd",
+    "plotjuggler": ".xml",
+}
+"""Name of a format or viewer → ending that its file's name has by default"""
+
+
+def layout(name: str) -> bytes:
+    """Return a viewer's layout, a file of `heli3dof.recording.viewers`, as bytes."""
+    return (resources.files("heli3dof.recording.viewers") / name).read_bytes()

@@ -1,0 +1,87 @@
+"""`save_mat`: writes a model as a state-space model for MATLAB and Octave (version 5 MAT file).
+
+    x[k+1] = A x[k] + B (V[k] − u0_V)        y[k] = C x[k] + D (V[k] − u0_V) + y0_rad
+
+V in volts (front, back), y in rad (the axes of the model), samples every Ts s. The variables Ac,
+Bc, Cc, Dc are the same model in continuous time. A nonlinear model is linearised at level hover.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from heli3dof.model.base import Model
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.linear.model import LinearModel
+from heli3dof.recording.atomic_write import write_file
+
+STATE_UNITS = {"r": "rad", "p": "rad", "psi": "rad", "F_front": "N", "F_back": "N"}
+
+
+def save_mat(model: Model, path: str | Path, *, force: bool = False) -> Path:
+    """Write a model's `variables` to the MAT file ``path`` and return the path.
+
+    Raises OutputExists (without ``force``), UsageError, NoSpace, or CheckFailed if a nonlinear
+    model cannot hover level.
+    """
+    from scipy.io import savemat
+
+    out = io.BytesIO()
+    savemat(out, variables(model), oned_as="column")  # type: ignore[arg-type]
+    return write_file(path, out.getvalue(), force=force)
+
+
+def variables(model: Model) -> dict[str, object]:
+    """Return the variables of a model's MAT file by name; lists of texts are cell arrays.
+
+    ``K`` (n, axes) is the gain of the innovation form, per rad; zero without a noise model.
+    ``continuous_by`` states how Ac … Dc were computed: ``hold`` (exact) or ``bilinear``, whose
+    states are combinations of those in ``state_names``.
+    """
+    linear = model.linear() if isinstance(model, GreyBoxModel) else model
+    assert isinstance(linear, LinearModel)  # the only other form of a model
+    sampled, continuous = model.to_control(), linear.continuous()
+    there = linear.modelled
+    states, outputs = sampled.state_labels, np.array(sampled.output_labels)[there]
+    return {
+        "A": linear.A,
+        "B": linear.B,
+        "C": linear.C[there],
+        "D": np.zeros((int(there.sum()), 2)),
+        "K": linear.K[:, there],
+        "Ts": linear.dt,
+        "Ac": continuous.A,
+        "Bc": continuous.B,
+        "Cc": continuous.C[there],
+        "Dc": continuous.D[there],
+        "continuous_by": continuous.method,
+        "u0_V": linear.u0,
+        "y0_rad": linear.y0[there],
+        "state_names": _cells(states),
+        "state_units": _cells([unit_of_state(name) for name in states]),
+        "input_names": _cells(sampled.input_labels),
+        "input_units": _cells(["V", "V"]),
+        "output_names": _cells(outputs),
+        "output_units": _cells(["rad"] * len(outputs)),
+        "name": model.name,
+        "kind": model.kind,
+    }
+
+
+def unit_of_state(name: str) -> str:
+    """Return a state's unit; an empty text for the states of a black-box model.
+
+    >>> unit_of_state("psi_rate"), unit_of_state("v_front_delayed_1"), unit_of_state("x[0]")
+    ('rad/s', 'V', '')
+    """
+    if name.endswith("_rate"):
+        return "rad/s"
+    return "V" if name.startswith("v_") else STATE_UNITS.get(name, "")
+
+
+def _cells(texts: Sequence[str] | np.ndarray) -> np.ndarray:
+    return np.array([str(t) for t in texts], dtype=object)

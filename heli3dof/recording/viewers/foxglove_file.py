@@ -1,0 +1,183 @@
+"""An MCAP file for Foxglove: a recording's own messages, and the rig in three dimensions.
+
+To the topics of the recording come, as JSON messages with Foxglove's well-known schemas:
+
+    /heli3dof/scene        foxglove.SceneUpdate, once: the parts of the rig
+    /heli3dof/transforms   foxglove.FrameTransforms, 60 per second: the poses of arm and body
+    /heli3dof/log          foxglove.Log: source, warnings, and how the flight ended
+
+heli3dof reads such a file like the recording itself. A flight is not recorded in this form: a
+transform takes 15 µs to encode and 0.5 kB, a row of the recording 2 µs and 0.3 kB.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from heli3dof.recording.mcap_files.mcap_writer import LIBRARY, to_json
+from heli3dof.recording.mcap_files.schema import COMMAND, SAMPLE, channels_layout
+from heli3dof.recording.recording import Recording
+from heli3dof.recording.viewers.scene import ARM, BASE, BODY, Part, parts, poses
+from heli3dof.recording.write import encode, metadata
+
+Message = dict[str, Any]
+TOPICS = {
+    "/heli3dof/scene": "foxglove.SceneUpdate",
+    "/heli3dof/transforms": "foxglove.FrameTransforms",
+    "/heli3dof/log": "foxglove.Log",
+}
+"""Topic → name of its schema"""
+INFO, WARNING = 2, 3
+"""Levels of foxglove.Log"""
+NO_ROTATION = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+PRIMITIVES = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
+
+
+def foxglove_bytes(recording: Recording) -> bytes:
+    """Return the bytes of an MCAP file with a recording and its three-dimensional scene."""
+    from mcap.writer import Writer
+
+    rows, names, absent = encode(recording)
+    layouts = [SAMPLE, COMMAND] + ([channels_layout(names)] if names else [])
+    times = rows[SAMPLE.name]["log_time"].tolist()
+    out = io.BytesIO()
+    writer = Writer(out)
+    writer.start(profile="", library=LIBRARY)
+    for name, record in metadata(recording, absent).items():
+        writer.add_metadata(name, {key: to_json(value) for key, value in record.items()})
+    extra = list(messages(recording, times))
+    streams: list[tuple[int, list[tuple[int, bytes]]]] = []
+    for layout in layouts:
+        schema = writer.register_schema(layout.full_name, "protobuf", layout.descriptor_set)
+        about = {"columns": json.dumps(names)} if layout.name == "Channels" else {}
+        channel = writer.register_channel(layout.topic, "protobuf", schema, about)
+        payload = rows[layout.name][list(layout.payload.names or ())].astype(layout.payload)
+        streams.append((channel, list(zip(times, map(bytes, _records(payload)), strict=True))))
+    for topic in dict.fromkeys(at for at, _, _ in extra):
+        own = [(time, message) for at, time, message in extra if at == topic]
+        example = _json(json_schema(own[0][1]))
+        schema = writer.register_schema(TOPICS[topic], "jsonschema", example)
+        channel = writer.register_channel(topic, "json", schema)
+        streams.append((channel, [(time, _json(message)) for time, message in own]))
+    merged = [(time, i, k) for i, (_, own) in enumerate(streams) for k, (time, _) in enumerate(own)]
+    for time, i, k in sorted(merged):
+        channel, payloads = streams[i]
+        writer.add_message(channel, time, payloads[k][1], time, k)
+    writer.finish()  # type: ignore[no-untyped-call]
+    return out.getvalue()
+
+
+def _records(payload: np.ndarray) -> np.ndarray:
+    """Return the messages of a structured array (n,) as its bytes (n, length)."""
+    return payload.view(np.uint8).reshape(len(payload), -1)
+
+
+def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int, Message]]:
+    """Yield topic, log time (ns) and content of each message besides the recording's own.
+
+    ``times``: the log times (n,) of the rows.
+    """
+    scene, transforms, log = TOPICS
+    first, last = times[0], times[-1]
+    entities = [entity(part, first) for part in parts(recording.profile)]
+    yield scene, first, {"deletions": [], "entities": entities}
+    found = poses(recording)
+    for row, arm, body in zip(
+        found.rows.tolist(), found.arm.tolist(), found.body.tolist(), strict=True
+    ):
+        pair = (
+            _transform(times[row], BASE, ARM, found.arm_origin, arm),
+            _transform(times[row], ARM, BODY, found.body_origin, body),
+        )
+        yield transforms, times[row], {"transforms": list(pair)}
+    meta = recording.meta
+    about = f"{meta.get('source', 'recording')} {recording.name}, rig {recording.profile.name}"
+    yield log, first, _log(first, INFO, about)
+    for warning in meta.get("warnings", ()):
+        yield log, first, _log(first, WARNING, str(warning))
+    if "outcome" in meta:
+        detail = meta.get("outcome_details", {}).get("detail")
+        level = INFO if meta["outcome"] == "completed" else WARNING
+        ended = f"{meta['outcome']}: {detail}" if detail else str(meta["outcome"])
+        yield log, last, _log(last, level, ended)
+
+
+def entity(part: Part, time: int) -> Message:
+    """Return a part of the rig as foxglove.SceneEntity, which moves with its frame."""
+    red, green, blue = part.colour
+    primitive = {
+        "pose": {"position": _vector(part.centre), "orientation": NO_ROTATION},
+        "size": _vector(part.size),
+        "color": {"r": red, "g": green, "b": blue, "a": 1.0},
+    }
+    if part.form == "cylinder":
+        primitive |= {"bottom_scale": 1.0, "top_scale": 1.0}
+    shapes: Message = {name: [] for name in PRIMITIVES}
+    shapes["cubes" if part.form == "box" else "cylinders"] = [primitive]
+    return {
+        "timestamp": _time(time),
+        "frame_id": part.frame,
+        "id": part.name,
+        "lifetime": {"sec": 0, "nsec": 0},
+        "frame_locked": True,
+        "metadata": [],
+        **shapes,
+    }
+
+
+def json_schema(example: Any) -> dict[str, Any]:
+    """Return the JSON schema of a message; the items of an empty list are objects.
+
+    >>> json_schema({"sec": 0})
+    {'type': 'object', 'properties': {'sec': {'type': 'integer'}}}
+    """
+    if isinstance(example, dict):
+        fields = {name: json_schema(value) for name, value in example.items()}
+        return {"type": "object", "properties": fields}
+    if isinstance(example, list):
+        merged: dict[str, Any] = {}
+        for item in example:
+            merged |= {key: value for key, value in item.items() if value or key not in merged}
+        return {"type": "array", "items": json_schema(merged)}
+    kinds = {bool: "boolean", int: "integer", float: "number", str: "string"}
+    return {"type": kinds[type(example)]}
+
+
+def _transform(
+    time: int, parent: str, child: str, origin: tuple[float, ...], rotation: list[float]
+) -> Message:
+    return {
+        "timestamp": _time(time),
+        "parent_frame_id": parent,
+        "child_frame_id": child,
+        "translation": _vector(origin),
+        "rotation": dict(zip("xyzw", rotation, strict=True)),
+    }
+
+
+def _log(time: int, level: int, message: str) -> Message:
+    return {
+        "timestamp": _time(time),
+        "level": level,
+        "message": message,
+        "name": LIBRARY,
+        "file": "",
+        "line": 0,
+    }
+
+
+def _vector(values: tuple[float, ...]) -> dict[str, float]:
+    return {axis: float(value) for axis, value in zip("xyz", values, strict=True)}
+
+
+def _time(time: int) -> dict[str, int]:
+    return {"sec": time // 10**9, "nsec": time % 10**9}
+
+
+def _json(message: Message) -> bytes:
+    return json.dumps(message).encode()
