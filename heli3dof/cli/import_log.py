@@ -96,26 +96,31 @@ def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
     """Yield what to print of an import's `heli3dof.recording.logs.preview.preview`."""
     from rich.table import Table
 
-    table = Table("column", "from", "unit", "first", "min", "max")
-    for column in ("first", "min", "max"):
-        table.columns[["first", "min", "max"].index(column) + 3].justify = "right"
+    table = Table("column", "from", "unit")
+    for column in table.columns[:2]:
+        column.overflow = "fold"
+    for name in ("first", "min", "max"):
+        table.add_column(name, justify="right", no_wrap=True)
     for each in found["columns"]:
         table.add_row(*_row(each))
     if found["channels"]:
         table.add_section()
         for each in found["channels"]:
-            table.add_row(*_row(each, "(channel)"))
+            table.add_row(*_row(each | {"source": "channel"}))
     yield table
     period, start = found["period_s"], found["start_s"]
     clock = "no time" if period is None else f"from {start:g} s, every {period:g} s (median)"
-    yield f"{found['source']}: {found['samples']} samples, {clock}"
+    n = found["samples"]
+    yield f"{found['source']}: {n} sample{'s' * (n != 1)}, {clock}"
     for text in found["ignored"]:
         yield f"Ignored: {text}"
 
 
-def _row(column: Mapping[str, Any], name: str | None = None) -> list[str]:
-    numbers = ("" if column[k] is None else f"{column[k]:.5g}" for k in ("first", "min", "max"))
-    return [name or column["name"], column["source"], column["unit"], *numbers]
+def _row(column: Mapping[str, Any]) -> list[str]:
+    numbers = (
+        "" if column[k] is None else f"{column[k] + 0.0:.4g}" for k in ("first", "min", "max")
+    )
+    return [column["name"], column["source"], column["unit"], *numbers]
 
 
 def _profile_table(given: Mapping[str, str], profile: Path | None) -> Iterator[str]:

@@ -104,7 +104,9 @@ def check_names(table: Table) -> None:
             f"{table.source} has no column {', '.join(missing)}"
             + (f"; the nearest is {near!r}." if near else "."),
             cause=f"the logging program named it otherwise; its columns: {_listed(names)}.",
-            fix=_map_options(table, f"{missing[0]}=EXPRESSION"),
+            fix=_map_options(
+                table, "t_s=sample/500" if missing[0] == "t_s" else f"{missing[0]}=EXPRESSION"
+            ),
         )
     for form in ANGLES.values():
         for axis in AXES:

@@ -72,6 +72,12 @@ def join(tables: Sequence[Table]) -> Table:
             if is_clock and table is not first:
                 continue
             own = name if is_clock or seen[name] == 1 else f"{_stem(table)}.{name}"
+            if own in columns:
+                raise RecordingError(
+                    f"Two signals are named {own}.",
+                    cause=f"{table.source} was given twice, or is a file of two flights.",
+                    fix="name every file of one flight once; rename one of the signals",
+                )
             columns[own] = values[keep]
     return Table(
         " + ".join(dict.fromkeys(table.source for table in tables)),

@@ -33,6 +33,8 @@ def test_only_common_instants_are_kept_with_a_warning() -> None:
 def test_equal_names_get_their_files_name() -> None:
     joined = join([table("a.mat", t_s=T, u=T), table("b.mat", t_s=T, u=T)])
     assert list(joined.columns) == ["t_s", "a.u", "b.u"]
+    with pytest.raises(RecordingError, match=r"Two signals are named a\.u"):
+        join([table("a.mat", t_s=T, u=T), table("a.mat", t_s=T, u=T)])
 
 
 def test_a_log_without_clock_needs_the_same_length() -> None:
