@@ -1,31 +1,51 @@
-"""``heli3dof import``: converts a CSV or MAT log to a recording."""
+"""``heli3dof import``: converts CSV and MAT logs to a recording."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from heli3dof.cli.options import AsJson, Columns, Force, LogProfile, OutputFile, Quiet, rig_profile
 from heli3dof.cli.output import Output, verb
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
+EXAMPLE = """Files of one flight can be given together. Without -o, import only shows what it
+understood: column, source, unit, range. A matrix gives x[1], x[2], …: its rows after the time.
+
+Example: heli3dof import input.mat x_enc.mat --profile rig.toml -o step.mcap
+--map 'v_front_V=(input[1]-input[2])/2' --map 'v_back_V=(input[1]+input[2])/2'
+--map 'roll_deg=57.2958*x_enc[5]'
+"""
+
 
 def register(app: typer.Typer) -> None:
-    app.command("import", rich_help_panel="Files")(import_log)
+    app.command("import", rich_help_panel="Files", epilog=EXAMPLE)(import_log)
 
 
 @verb
 def import_log(
-    log: Annotated[
-        Path,
+    logs: Annotated[
+        list[Path],
         typer.Argument(
-            metavar="LOG",
+            metavar="LOG...",
             help="A .csv, .csv.gz, .mat or .mcap log, or a format of an installed package.",
         ),
     ],
     profile: LogProfile = None,
     output: OutputFile = None,
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map",
+            metavar="COLUMN=EXPR",
+            help="Compute a column from the log's, e.g. 'v_front_V=(Vs-Vd)/2'. Repeatable.",
+        ),
+    ] = None,
     columns: Columns = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -34,26 +54,80 @@ def import_log(
     """Convert a CSV or MAT log to a recording: heli3dof import LOG --profile P -o REC."""
     from heli3dof.cli.info import info_table
     from heli3dof.errors import UsageError
-    from heli3dof.recording.atomic_write import check_outputs, stem
+    from heli3dof.recording.atomic_write import check_outputs
     from heli3dof.recording.info import summary
-    from heli3dof.recording.logs.import_log import import_log, is_log
+    from heli3dof.recording.logs.column_mapping import parse_mapping
+    from heli3dof.recording.logs.import_log import is_log, read_log, recording_of
+    from heli3dof.recording.logs.preview import preview
     from heli3dof.recording.write import write_recording
 
     out = Output(as_json=as_json, quiet=quiet)
-    if profile is None and is_log(log) and log.exists():
+    given = parse_mapping(mapping or ())
+    there = all(log.exists() for log in logs)  # a missing log is reported first
+    named = " ".join(map(str, logs))
+    if profile is None and there and any(map(is_log, logs)):
         raise UsageError(
-            f"{log} is a log, and a log does not contain the profile of its rig.",
+            f"{named} is a log, and a log does not contain the profile of its rig.",
             cause="--profile is missing.",
-            fix=f"heli3dof import {log} --profile PROFILE.toml -o REC.mcap",
+            fix=f"heli3dof import {named} --profile PROFILE.toml -o REC.mcap",
         )
-    path = output or Path(f"{stem(log)}.mcap")
-    if log.exists():  # a missing log is reported first
-        check_outputs(path, force=force, inputs=[log])
-    recording = import_log(log, rig_profile(profile), columns)
-    write_recording(recording, path, force=force)
+    if there:
+        check_outputs(output, force=force, inputs=logs)
+    log = read_log(logs, rig_profile(profile), columns, given)
+    found = preview(log.table)
+    out.show(*_lines(found))
+    if given:
+        out.show(*_profile_table(given, profile))
+    recording = recording_of(log)
     for warning in recording.meta.get("warnings", ()):
         out.warn(warning)
     about = summary(recording)
-    out.show(info_table(about))
-    out.note(f"Recording: {path}")
-    out.emit({"schema": "heli3dof.info/1", "file": str(path), **about})
+    if output is None:
+        out.note(f"Nothing was written. To write the recording: -o {recording.name}.mcap")
+    else:
+        write_recording(recording, output, force=force)
+        out.show(info_table(about))
+        out.note(f"Recording: {output}")
+    file = None if output is None else str(output)
+    out.emit({"schema": "heli3dof.info/1", "file": file, **about, "import": found})
+
+
+def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
+    """Yield what to print of an import's `heli3dof.recording.logs.preview.preview`."""
+    from rich.table import Table
+
+    table = Table("column", "from", "unit")
+    for column in table.columns[:2]:
+        column.overflow = "fold"
+    for name in ("first", "min", "max"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for each in found["columns"]:
+        table.add_row(*_row(each))
+    if found["channels"]:
+        table.add_section()
+        for each in found["channels"]:
+            table.add_row(*_row(each | {"source": "channel"}))
+    yield table
+    period, start = found["period_s"], found["start_s"]
+    clock = "no time" if period is None else f"from {start:g} s, every {period:g} s (median)"
+    n = found["samples"]
+    yield f"{found['source']}: {n} sample{'s' * (n != 1)}, {clock}"
+    for text in found["ignored"]:
+        yield f"Ignored: {text}"
+
+
+def _row(column: Mapping[str, Any]) -> list[str]:
+    numbers = (
+        "" if column[k] is None else f"{column[k] + 0.0:.4g}" for k in ("first", "min", "max")
+    )
+    return [column["name"], column["source"], column["unit"], *numbers]
+
+
+def _profile_table(given: Mapping[str, str], profile: Path | None) -> Iterator[str]:
+    """Yield lines that state how to keep the mapping ``given`` in the profile."""
+    from heli3dof.rig.profile_file import literal
+
+    yield f"To use this mapping for every log of the rig, add to {profile or 'its profile'}:"
+    yield "[log]"
+    for name, expression in given.items():
+        yield f"{name} = {literal(expression)}"

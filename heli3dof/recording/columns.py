@@ -1,9 +1,4 @@
-"""Contract columns: the columns of a log whose names docs/reference/contract.md fixes.
-
-Required are ``t_s``, ``v_front_V`` and ``v_back_V``. Optional are angles, references, voltages
-before the limiter, and voltages that the experiment adds. Every name ends in its unit, that of an
-angle in ``_deg`` or ``_rad``.
-"""
+"""The columns (N,) of a recording by name with unit, as exports and data frames have them."""
 
 from __future__ import annotations
 
@@ -12,29 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES, MOTORS
+from heli3dof.rig.log_columns import ANGLES, VOLTAGES
 
 if TYPE_CHECKING:
     from heli3dof.recording.recording import Recording
 
-REQUIRED = ("t_s", "v_front_V", "v_back_V")
-VOLTAGES = {"voltage": "v_{}_V", "voltage_cmd": "v_{}_cmd_V", "voltage_extra": "v_{}_extra_V"}
-ANGLES = {"angle": "{}", "reference": "{}_ref"}
-"""Array of a `Recording` → pattern of its columns' names; an angle's unit is to be added"""
-ANGLE_UNITS = {"deg": np.pi / 180, "rad": 1.0}
-"""Ending of an angle's name → rad per unit"""
 UNITS = frozenset({"s", "V", "A", "deg", "rad"})
 """Units that a column's name can end in"""
-KNOWN = frozenset(
-    ["t_s"]
-    + [form.format(motor) for form in VOLTAGES.values() for motor in MOTORS]
-    + [
-        f"{form.format(axis)}_{unit}"
-        for form in ANGLES.values()
-        for axis in AXES
-        for unit in ANGLE_UNITS
-    ]
-)
-"""Every column name of the contract, angles in both units"""
 
 
 def contract_columns(recording: Recording) -> dict[str, np.ndarray]:

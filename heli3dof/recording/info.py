@@ -25,8 +25,8 @@ from heli3dof.rig.profile import Profile
 LATE_S = 1e-3
 """s: a sample that comes later than this after its deadline counts as late (a convention)."""
 PROVENANCE = (
-    "source", "started_utc", "device", "identity", "log", "versions", "git", "host",
-    "command_line", "format",
+    "source", "started_utc", "device", "identity", "log", "more_logs", "log_mapping", "versions",
+    "git", "host", "command_line", "format",
 )  # fmt: skip
 
 

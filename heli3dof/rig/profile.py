@@ -31,6 +31,7 @@ from pydantic_core import PydanticCustomError
 
 from heli3dof.arrays import FloatArray
 from heli3dof.errors import ProfileError
+from heli3dof.rig.log_columns import LogColumns
 from heli3dof.toml_file import (
     RECORDED,
     Finite,
@@ -326,6 +327,7 @@ class Profile(Section):
     loop: Loop
     limits: Limits = Limits()
     controller: ControllerSpec | None = None
+    log: LogColumns | None = None
     tolerance: Annotated[
         Positive,
         Key(

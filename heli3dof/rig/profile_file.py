@@ -25,6 +25,7 @@ TITLE = (
 SECTIONS = {
     "inertia": "of the level rig; an absent key follows from the masses",
     "limits": "outside them a flight ends, and the motors are ramped to zero",
+    "log": 'columns of other programs\' logs: roll_deg = "57.2958 * x[5]"',
     "controller": "without this table the controller of an imported log is unknown",
 }
 
@@ -116,6 +117,9 @@ def _section(
     yield f"{'# ' if absent else ''}[{name}]{note}"
     for key, inner in section.model_fields.items():
         yield from _entry(key, inner, (given or {}).get(key), remarks.get(f"{name}.{key}"))
+    for key, value in (given or {}).items():
+        if key not in section.model_fields:
+            yield f"{key} = {literal(value)}"
 
 
 def _entry(name: str, field: FieldInfo, value: Any, remark: str | None) -> Iterator[str]:

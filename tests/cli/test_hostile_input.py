@@ -163,7 +163,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         ("identification.identify", "identify"), ("diagnosis.diagnose", "diagnose"),
         ("comparison.compare", "compare"), ("experiment.simulate", "simulate"),
         ("experiment.fly", "fly_plan"), ("recording.load", "load"),
-        ("recording.logs.import_log", "import_log"),
+        ("recording.logs.import_log", "read_log"),
     ):  # fmt: skip
         monkeypatch.setattr(import_module(f"heli3dof.{module}"), name, reached)
 

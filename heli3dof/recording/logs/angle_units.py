@@ -100,7 +100,7 @@ def _check_angle(
             + (", or front and back are swapped." if axis == "pitch" else ".")
         )
     if not on_grid(values, TURN[unit] / counts):
-        _refuse(source, name, axis, unit, values, counts, ratio)
+        _refuse(source, name, axis, unit, values, counts, ratio, profile)
     seen = counts_seen(values, unit, counts)
     if seen == counts:
         return warnings
@@ -113,6 +113,8 @@ def _check_angle(
     largest = float(np.abs(values).max())
     if unit == "deg" and largest < 1.6 and ratio is None:
         warnings.append(f"{name} stays within ±{largest:.2g}: it may be in radians.")
+    if unit == "rad" and largest > 2 * np.pi:
+        warnings.append(f"{name} reaches {largest:.3g}, more than a turn: it may be in degrees.")
     return warnings
 
 
@@ -124,6 +126,7 @@ def _refuse(
     values: np.ndarray,
     counts: int,
     ratio: float | None,
+    profile: Profile,
 ) -> None:
     """Raise RecordingError if the angles ``values``, which are off their grid, have another unit.
 
@@ -144,7 +147,8 @@ def _refuse(
         raise RecordingError(
             f"{source}: {name} contains whole numbers up to {largest:.6g}, which are not degrees.",
             cause=f"raw encoder counts ({counts} per revolution).",
-            fix=f"multiply them by {360 / counts:.6g} (and by the encoder's sign)",
+            fix=f"multiply them by {360 / counts:.6g} (and by the encoder's sign): "
+            f"--map '{name}={360 / counts:.6g}*{name}'",
         )
     if unit == "deg" and too_large:
         raise RecordingError(
@@ -154,6 +158,12 @@ def _refuse(
         )
     if too_large:
         raise wrong_unit(source, name, unit, f"it reaches {largest:.6g}")
+    if unit == "rad" and largest > np.radians(profile.limits.yaw_max_deg):
+        raise wrong_unit(
+            source, name, unit,
+            f"it reaches {largest:.6g} rad, and limits.yaw_max_deg is "
+            f"{profile.limits.yaw_max_deg:g}°",
+        )  # fmt: skip
     too_near = unit == "deg" and ratio is not None and ratio < 1 / NEWTON_FACTOR
     if (too_near and largest < np.pi) or (unit == "rad" and too_far):
         raise wrong_unit(
@@ -252,5 +262,5 @@ def wrong_unit(source: str, name: str, unit: str, evidence: str) -> RecordingErr
     return RecordingError(
         f"{source}: {name} does not look like {FULL_NAME[unit]}: {evidence}.",
         cause=f"the values are in {FULL_NAME[OTHER[unit]]}{OR_EXCHANGED}",
-        fix=f"rename the column to {true_name} in the header line",
+        fix=f"name the column {true_name} in the header line, or with --map {true_name}=…",
     )

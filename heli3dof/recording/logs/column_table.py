@@ -5,18 +5,22 @@ Columns with unknown names are kept as channels. Angles in ``_deg`` are converte
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import RecordingError, nearest
-from heli3dof.recording.columns import ANGLE_UNITS, ANGLES, KNOWN, REQUIRED, VOLTAGES
 from heli3dof.recording.logs import angle_units, log_validation
 from heli3dof.recording.logs.importer import Table
+from heli3dof.recording.logs.known_names import as_options, suggest
 from heli3dof.recording.recording import Recording
+from heli3dof.rig.log_columns import ANGLE_UNITS, ANGLES, KNOWN, REQUIRED, VOLTAGES
 from heli3dof.rig.profile import Profile
+
+LISTED = 20
+"""Largest number of column names in a message"""
 
 
 def recording_from_table(
@@ -44,8 +48,8 @@ def recording_from_table(
         raise RecordingError(
             f"{table.source} has no angle column.",
             cause="only voltages were logged, or the angles have other names "
-            f"(its columns: {', '.join(columns)}).",
-            fix="name at least one column roll_deg, pitch_deg or yaw_deg (or _rad)",
+            f"(its columns: {_listed(columns)}).",
+            fix=_map_options(table, "roll_deg=EXPRESSION (or pitch_deg, yaw_deg, _rad)"),
         )
     for name in sorted(KNOWN & columns.keys()):
         log_validation.finite(table.source, name, columns[name], table.where)
@@ -93,19 +97,17 @@ def recording_from_table(
 def check_names(table: Table) -> None:
     """Raise RecordingError if a required column is missing, or an angle is given in two units."""
     names = list(table.columns)
-    for required in REQUIRED:
-        if required not in names:
-            free = [n for n in names if n not in KNOWN]
-            near = nearest(required, free)
-            raise RecordingError(
-                f"{table.source} has no column {required}"
-                + (f"; the nearest is {near!r}." if near else "."),
-                cause=f"the logging program named it otherwise; its columns: {', '.join(names)}.",
-                fix=f"rename {near!r} to {required} in the header line, if it is in "
-                f"{'seconds' if required == 't_s' else 'volts'}"
-                if near
-                else f"log {required} too; every computation needs it",
-            )
+    missing = [required for required in REQUIRED if required not in names]
+    if missing:
+        near = nearest(missing[0], [n for n in names if n not in KNOWN])
+        raise RecordingError(
+            f"{table.source} has no column {', '.join(missing)}"
+            + (f"; the nearest is {near!r}." if near else "."),
+            cause=f"the logging program named it otherwise; its columns: {_listed(names)}.",
+            fix=_map_options(
+                table, "t_s=sample/500" if missing[0] == "t_s" else f"{missing[0]}=EXPRESSION"
+            ),
+        )
     for form in ANGLES.values():
         for axis in AXES:
             both = [f"{form.format(axis)}_{unit}" for unit in ANGLE_UNITS]
@@ -115,3 +117,20 @@ def check_names(table: Table) -> None:
                     cause="the logging program wrote the same angle twice.",
                     fix=f"remove one of the two columns, or rename one (raw_{both[1]})",
                 )
+
+
+def _map_options(table: Table, example: str) -> str:
+    """Return the command that names the log's columns, with suggestions where names are common."""
+    found = suggest(table.columns)
+    if found:
+        return f"heli3dof import … {as_options(found)}; check units and signs in its preview"
+    return (
+        f"heli3dof import … --map '{example}', with names of the log's columns, such as "
+        "(Vs-Vd)/2 or 57.3*x[5]"
+    )
+
+
+def _listed(names: Iterable[str]) -> str:
+    every = list(names)
+    more = f" and {len(every) - LISTED} more" if len(every) > LISTED else ""
+    return ", ".join(every[:LISTED]) + more

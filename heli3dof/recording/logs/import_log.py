@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from heli3dof.errors import Heli3dofError, RecordingError, UsageError
 from heli3dof.plugins import must_be
 from heli3dof.recording.atomic_write import stem
+from heli3dof.recording.logs.column_mapping import mapped
 from heli3dof.recording.logs.column_table import recording_from_table
 from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.logs.importers import endings, importer_of
+from heli3dof.recording.logs.joined_tables import join
 from heli3dof.recording.mcap_files.mcap_scan import missing, read_bytes, what_is
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
 from heli3dof.recording.provenance import provenance
@@ -30,20 +34,84 @@ def is_log(path: str | Path) -> bool:
     return importer is not None and not importer.carries_profile
 
 
+@dataclass(frozen=True)
+class Log:
+    """A flight's files as read, before the checks of `recording_of`."""
+
+    paths: tuple[Path, ...]
+    table: Table
+    profile: Profile
+
+
 def import_log(
-    path: str | Path, profile: Profile | None, columns: str | Sequence[str] | None = None, *,
+    paths: str | Path | Sequence[str | Path],
+    profile: Profile | None,
+    columns: str | Sequence[str] | None = None,
+    *,
+    mapping: Mapping[str, str] | None = None,
     check_values: bool = True,
-) -> Recording:  # fmt: skip
+) -> Recording:
     """Read another program's log (CSV, gzipped CSV, MAT, MCAP) as a `Recording`.
 
+    * ``paths``: the log's file, or several files of one flight with a common clock
     * ``profile``: the rig's profile. None selects the one in the file, which only MCAP can contain.
       If the profile has no ``[controller]``, the controller of the flight is unknown.
     * ``columns``: names of the rows or columns of a matrix in a MAT file
+    * ``mapping``: column → expression of the log's columns (`column_mapping`); it adds to the
+      profile's ``[log]``
     * ``check_values=False`` skips the checks that angles and voltages have the units in their names
 
     Warnings are in ``Recording.meta["warnings"]``. Raises RecordingError or UsageError.
     """
-    path = Path(path)
+    return recording_of(read_log(paths, profile, columns, mapping), check_values=check_values)
+
+
+def read_log(
+    paths: str | Path | Sequence[str | Path],
+    profile: Profile | None,
+    columns: str | Sequence[str] | None = None,
+    mapping: Mapping[str, str] | None = None,
+) -> Log:
+    """Return the columns of one flight's files, joined and mapped; the arguments of `import_log`.
+
+    Raises RecordingError or UsageError.
+    """
+    files = tuple(Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths))
+    if len(files) > 1 and columns is not None:
+        raise UsageError(
+            "--columns names the columns of one file, but several were given.",
+            cause="the files are parts of one flight.",
+            fix="--map, with the names that heli3dof import shows without --columns",
+        )
+    table = join([_table(path, profile, columns) for path in files])
+    profile = profile or table.profile
+    assert profile is not None  # an importer that carries profiles raises where one is missing
+    defaults = profile.log.expressions if profile.log is not None else {}
+    table = mapped(table, mapping or {}, defaults)
+    return Log(files, table, profile)
+
+
+def recording_of(log: Log, *, check_values: bool = True) -> Recording:
+    """Check a log's columns and return them as a `Recording`; `import_log` has the arguments."""
+    files = [_digest(path) for path in log.paths]
+    meta = provenance(
+        source="import",
+        name="+".join(stem(path) for path in log.paths),
+        log=files[0],
+        more_logs=files[1:] or None,
+        log_mapping=dict(log.table.origins) or None,
+    )
+    del meta["started_utc"]  # the time of the import is not the time of the flight
+    return recording_from_table(log.table, log.profile, meta, check_values=check_values)
+
+
+def _digest(path: Path) -> dict[str, Any]:
+    data = path.read_bytes()
+    return {"file": path.name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+
+
+def _table(path: Path, profile: Profile | None, columns: str | Sequence[str] | None) -> Table:
+    """Return the table of one file; the arguments are those of `import_log`."""
     if not path.exists():
         raise missing(path)
     importer = importer_of(path)
@@ -56,17 +124,7 @@ def import_log(
             fix=f"add --profile PROFILE.toml, or import it once: heli3dof import {path} "
             f"--profile PROFILE.toml -o {stem(path)}.mcap",
         )
-    table = _read(importer, path, profile, columns)
-    profile = profile or table.profile
-    assert profile is not None  # an importer that carries profiles raises where one is missing
-    data = path.read_bytes()
-    meta = provenance(
-        source="import",
-        name=stem(path),
-        log={"file": path.name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()},
-    )
-    del meta["started_utc"]  # the time of the import is not the time of the flight
-    return recording_from_table(table, profile, meta, check_values=check_values)
+    return _read(importer, path, profile, columns)
 
 
 def _read(

@@ -24,6 +24,10 @@ class Table:
     warnings: list[str] = field(default_factory=list)
     profile: Profile | None = None
     """The rig's profile, if the file contains one"""
+    origins: Mapping[str, str] = field(default_factory=dict)
+    """Column → the log's name or the expression that it was computed from; absent: its own name"""
+    ignored: Sequence[str] = ()
+    """What was left out: name and reason"""
 
 
 @dataclass(frozen=True)

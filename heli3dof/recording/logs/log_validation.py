@@ -88,11 +88,10 @@ def long_enough(source: str, n: int) -> None:
         )
 
 
-def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) -> list[str]:
-    """Raise RecordingError if time (N,) does not increase, or is not in seconds; return warnings.
+def time_rises(source: str, t: np.ndarray, where: Where) -> None:
+    """Raise RecordingError if time (N,) does not increase at every sample.
 
-    Warnings are on gaps, jitter and a sampling period other than the profile's control period,
-    ``period_s``. ``where``: returns a sample's position in the file as text.
+    ``source``: the log's name; ``where``: returns a sample's position in the file as text.
     """
     dt = np.diff(t)
     if (dt <= 0).any():
@@ -108,6 +107,15 @@ def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) ->
             if same
             else f"keep one log per file; sort the rows of {source} by t_s",
         )
+
+
+def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) -> list[str]:
+    """Raise RecordingError if time (N,) does not increase, or is not in seconds; return warnings.
+
+    Warnings are on gaps, jitter and a sampling period other than the profile's control period,
+    ``period_s``. ``where``: returns a sample's position in the file as text.
+    """
+    time_rises(source, t, where)
     found = timing(t)
     for factor, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
         if 0.5 < found.period_s / (period_s * factor) < 2:
@@ -115,7 +123,7 @@ def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) ->
                 f"{source}: t_s steps by {found.period_s:.6g}; the profile's period is "
                 f"{period_s:.6g} s.",
                 cause=f"t_s is in {unit}.",
-                fix=f"divide t_s by {factor:.0f}",
+                fix=f"divide t_s by {factor:.0f}: --map t_s=t_s/{factor:.0f}",
             )
     warnings: list[str] = []
     if abs(found.period_s / period_s - 1) > 0.02:
@@ -167,7 +175,8 @@ def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> 
                 f"{source}: {name} reaches {top:.6g}; the profile's limit is ±{v_max:.6g} V.",
                 cause="millivolts or DAC counts instead of volts, or the command instead of the "
                 "limiter's output.",
-                fix=f"convert it to volts; rename a command to {name[:-2]}_cmd_V",
+                fix=f"convert it to volts: --map {name}={name}/1000; "
+                f"rename a command to {name[:-2]}_cmd_V",
             )
         if top > 1.001 * v_max:
             warnings.append(

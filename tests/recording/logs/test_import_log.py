@@ -135,7 +135,7 @@ def swapped_time(k: int) -> dict[str, Any]:
     ("content", "message"),
     [
         (lambda: renamed("v_front_V", "Vfront"), r"no column v_front_V; the nearest is 'Vfront'"),
-        (lambda: renamed("t_s", "time"), r"no column t_s"),
+        (lambda: renamed("t_s", "stamp"), r"no column t_s"),
         (
             lambda: columns() | {"roll_rad": np.deg2rad(columns()["roll_deg"])},
             "has both roll_deg",
@@ -258,9 +258,10 @@ def test_named_vectors_and_structures_need_no_columns_option(tmp_path: Path) -> 
 def test_ambiguous_mat_files_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "log.mat"
     savemat(path, {"data": matrix()})
-    with pytest.raises(RecordingError, match=r"It contains data \(500 × 6\)") as caught:
+    with pytest.raises(RecordingError, match="no column v_front_V, v_back_V") as caught:
         import_log(path, PROFILE)
-    assert "--columns" in caught.value.fix
+    assert r"data[1], data[2], data[3]" in caught.value.cause
+    assert "--map" in caught.value.fix
     with pytest.raises(RecordingError, match="names 4 columns, but no matrix"):
         import_log(path, PROFILE, columns="t_s,v_front_V,v_back_V,roll_deg")
     savemat(path, {"one": matrix(), "two": matrix()})

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from heli3dof.errors import RecordingError, UsageError
-from heli3dof.recording.columns import KNOWN
 from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.mcap_files.mcap_scan import read_bytes, what_is
+from heli3dof.rig.log_columns import KNOWN
 from heli3dof.rig.profile import Profile
 
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}

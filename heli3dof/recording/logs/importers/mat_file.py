@@ -1,24 +1,25 @@
-"""Importer of MAT logs: named vectors, or a matrix whose rows or columns ``--columns`` names.
+"""Importer of MAT logs: vectors, matrices, structures with time.
 
-scipy reads versions 4 to 7. For version 7.3 (HDF5), the error contains the command to convert it.
+`heli3dof.recording.logs.matlab` finds the signals. ``--columns`` can name the rows or columns of a
+matrix.
 """
 
 from __future__ import annotations
 
-import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from heli3dof.errors import RecordingError, UsageError
-from heli3dof.recording.columns import KNOWN, REQUIRED
+from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.importer import Importer, Table
-from heli3dof.recording.mcap_files.mcap_scan import read_bytes, what_is
+from heli3dof.recording.logs.joined_tables import join
+from heli3dof.recording.logs.matlab.signals import tables
+from heli3dof.recording.logs.matlab.variables import read_variables
 from heli3dof.rig.profile import Profile
 
-HDF5 = b"\x89HDF\r\n\x1a\n"
 SKIP = {"", "-", "_"}
 """Names in ``--columns`` for rows or columns to skip"""
 
@@ -30,22 +31,21 @@ def read(
 
     ``columns`` names the matrix's rows or columns in order: ``t_s,v_front_V,…``; the name ``-``
     skips a row or column. ``log:t_s,v_front_V,…`` takes the matrix from the variable ``log``.
-    Without ``columns``, the variables or the fields of a structure must have the columns' names.
+    Without ``columns``, the signals have the names of `heli3dof.recording.logs.matlab.signals`.
     Raises RecordingError or UsageError.
     """
-    variables = _load(path)
-    table = _structures(variables)
+    variables = read_variables(path)
     wanted, names = _parse(columns)
     if names is None:
-        vectors = _vectors(table)
-        if not set(REQUIRED) & vectors.keys():
+        found = tables(path.name, stem(path), variables)
+        if not found:
             raise RecordingError(
-                f"{path}: no variable has a column name of a log. It contains "
-                f"{_listed(variables)}.",
-                cause="the log is a matrix, whose rows or columns have no names.",
-                fix=f"heli3dof import {path} --columns t_s,v_front_V,v_back_V,roll_deg,… …",
+                f"{path} contains no signals. It contains {_listed(variables)}.",
+                cause="the log is empty, or a format that only MATLAB can read.",
+                fix="in MATLAB, save time and signals as plain vectors: save('log.mat', 't', …)",
             )
-        return _table(path, vectors)
+        return join(found)
+    table = _arrays(variables)
     matrix = _matrix(path, table, wanted, len(names))
     if matrix.shape[1] != len(names):
         matrix = matrix.T
@@ -57,50 +57,23 @@ def read(
             cause="a typing error.",
             fix="write - for a column to skip",
         )
-    return _table(path, {name: matrix[:, i] for i, name in enumerate(names) if name not in SKIP})
+    kept_columns = {
+        name: np.ascontiguousarray(matrix[:, i], dtype=float)
+        for i, name in enumerate(names)
+        if name not in SKIP
+    }
+    return Table(path.name, kept_columns, lambda k: f"sample {k + 1}")
 
 
-def _load(path: Path) -> dict[str, Any]:
-    data = read_bytes(path)
-    if data.startswith((b"MATLAB 7.3", HDF5)) or data[512:520] == HDF5:
-        raise RecordingError(
-            f"{path} is a MAT-file of version 7.3 (HDF5), which is not supported.",
-            cause="it was saved with -v7.3, or MATLAB's preferences select that version.",
-            fix="in MATLAB: S = load('log.mat'); save('log.mat', '-struct', 'S', '-v7')",
-        )
-    from scipy.io import loadmat
-
-    try:
-        found: dict[str, Any] = loadmat(io.BytesIO(data))  # type: ignore[arg-type]
-    except Exception as error:  # damaged bytes make scipy raise anything
-        raise RecordingError(
-            f"{path} is not a readable MAT-file; it is {what_is(data)} ({error}).",
-            cause="an incomplete copy, or another kind of file.",
-            fix="save it again with save('log.mat', '-v7'), or export the log as CSV",
-        ) from error
-    return {k: v for k, v in found.items() if not k.startswith("__")}
-
-
-def _structures(variables: dict[str, Any]) -> dict[str, np.ndarray]:
+def _arrays(variables: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """Return a MAT file's arrays by name; a structure gives one array for each of its fields."""
     table: dict[str, np.ndarray] = {}
     for name, value in variables.items():
-        if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
-            for field in value.dtype.names:
-                table.setdefault(field, np.asarray(value.flat[0][field]))
-        elif isinstance(value, np.ndarray):
-            table[name] = value
+        fields = value if isinstance(value, Mapping) else {name: value}
+        for field, inner in fields.items():
+            if isinstance(inner, np.ndarray):
+                table.setdefault(field, inner)
     return table
-
-
-def _vectors(table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    found = {
-        name: np.asarray(value, dtype=float).ravel()
-        for name, value in table.items()
-        if value.dtype.kind in "fiub" and value.size == max(value.shape, default=0)
-    }
-    n = len(found["t_s"]) if "t_s" in found else None
-    return {k: v for k, v in found.items() if k in KNOWN or len(v) == n}
 
 
 def _parse(columns: str | Sequence[str] | None) -> tuple[str | None, list[str] | None]:
@@ -135,20 +108,6 @@ def _matrix(path: Path, table: dict[str, np.ndarray], wanted: str | None, count:
         cause="several logs in one file.",
         fix=f"name one: --columns {next(iter(fitting))}:t_s,v_front_V,…",
     )
-
-
-def _table(path: Path, columns: dict[str, np.ndarray]) -> Table:
-    lengths = {name: len(values) for name, values in columns.items()}
-    if len(set(lengths.values())) > 1:
-        raise RecordingError(
-            f"{path}: the columns have different lengths: "
-            + ", ".join(f"{name} {n}" for name, n in lengths.items())
-            + ".",
-            cause="the signals were logged at different rates.",
-            fix="log all of them at the control rate",
-        )
-    plain = {name: np.ascontiguousarray(v, dtype=float) for name, v in columns.items()}
-    return Table(path.name, plain, lambda k: f"sample {k + 1}")
 
 
 def _listed(variables: dict[str, Any]) -> str:

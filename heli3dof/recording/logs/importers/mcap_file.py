@@ -16,11 +16,11 @@ import numpy as np
 from mcap.records import Channel, Schema
 
 from heli3dof.errors import RecordingError
-from heli3dof.recording.columns import KNOWN
 from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.mcap_files.mcap_scan import Damaged, Scan, damaged, our_layouts, scan
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC, PROFILE
 from heli3dof.recording.mcap_files.schema import SAMPLE
+from heli3dof.rig.log_columns import KNOWN
 from heli3dof.rig.profile import Profile, profile_from_dict
 
 Decoder = Callable[[bytes], Mapping[str, Any]]

@@ -1,0 +1,155 @@
+"""Join the tables of several logs of one flight on their common clock; nothing is resampled."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from heli3dof.errors import RecordingError
+from heli3dof.recording.atomic_write import stem
+from heli3dof.recording.logs.importer import Table
+from heli3dof.recording.logs.log_validation import time_rises
+
+CLOCK_NAMES = ("t_s", "time", "t", "tout", "time_s", "seconds")
+"""Names (lower case) of a log's clock; the first one found is used"""
+SAME_INSTANT = 0.1
+"""Share of the period by which the times of one sample may differ between logs (a convention)"""
+SAME_RATE = 0.01
+"""Relative difference of the periods of logs of the same rate (a convention)"""
+PARTNERS = 0.5
+"""Share of the samples in the common time that at least have partners (a convention)"""
+
+
+def rises(values: np.ndarray) -> bool:
+    """Return True if values (N,) are finite and increase, as a clock does."""
+    return bool(np.isfinite(values).all() and (np.diff(values) > 0).all())
+
+
+def with_clock(table: Table) -> Table:
+    """Return ``table`` with the column ``t_s``, if one of its columns has a clock's name."""
+    if "t_s" in table.columns:
+        return table
+    lower = {name.lower(): name for name in reversed(list(table.columns))}
+    name: str | None = next((lower[clock] for clock in CLOCK_NAMES if clock in lower), None)
+    if name is None:
+        return table
+    columns = {"t_s": table.columns[name], **table.columns}
+    return replace(table, columns=columns, origins={**table.origins, "t_s": name})
+
+
+def join(tables: Sequence[Table]) -> Table:
+    """Return the columns of all tables at the instants that all of them contain.
+
+    Names that occur in several tables get their file's name as a prefix: ``input.u``. A table
+    without a clock must have as many samples as the others. Raises RecordingError if rates differ,
+    if the clocks do not overlap, or if a length differs.
+    """
+    tables = [with_clock(table) for table in tables]
+    if len(tables) == 1:
+        return tables[0]
+    clocked = [table for table in tables if "t_s" in table.columns]
+    first = (clocked or tables)[0]
+    rows = _common_rows(clocked)
+    columns: dict[str, np.ndarray] = {}
+    warnings = [f"{table.source}: {w}" for table in tables for w in table.warnings]
+    seen = Counter(name for table in tables for name in table.columns)
+    for table in tables:
+        n = _length(table)
+        if "t_s" not in table.columns and n != _length(first):
+            raise _other_length(table, first)
+        keep = rows.get(id(table), rows.get(id(first), np.arange(n)))
+        if len(keep) < n and "t_s" in table.columns:
+            warnings.append(
+                f"{table.source}: {n - len(keep)} of {n} samples were left out, because the other "
+                "files have none at these times."
+            )
+        for name, values in table.columns.items():
+            is_clock = name in ("t_s", table.origins.get("t_s"))
+            if is_clock and table is not first:
+                continue
+            own = name if is_clock or seen[name] == 1 else f"{_stem(table)}.{name}"
+            if own in columns:
+                raise RecordingError(
+                    f"Two signals are named {own}.",
+                    cause=f"{table.source} was given twice, or is a file of two flights.",
+                    fix="name every file of one flight once; rename one of the signals",
+                )
+            columns[own] = values[keep]
+    return Table(
+        " + ".join(dict.fromkeys(table.source for table in tables)),
+        columns,
+        lambda k: f"sample {k + 1}",
+        warnings,
+        next((table.profile for table in tables if table.profile is not None), None),
+        first.origins,
+        [text for table in tables for text in table.ignored],
+    )
+
+
+def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:
+    """Return id of table → its rows (n,) at the instants that all ``tables`` contain."""
+    if not tables:
+        return {}
+    times = [table.columns["t_s"] for table in tables]
+    t = times[0]
+    if all(np.array_equal(t, other) for other in times):
+        return {id(table): np.arange(len(t)) for table in tables}
+    for table in tables:
+        time_rises(table.source, table.columns["t_s"], table.where)
+    period = float(np.median(np.diff(t)))
+    partners = []
+    for table, other in zip(tables, times, strict=True):
+        _check_rate(tables[0], period, table)
+        k = np.clip(np.searchsorted(other, t), 1, len(other) - 1)
+        k = k - (t - other[k - 1] < other[k] - t)
+        partners.append(np.where(np.abs(other[k] - t) < SAME_INSTANT * period, k, -1))
+    keep = np.all([k >= 0 for k in partners], axis=0)
+    low, high = max(x[0] for x in times), min(x[-1] for x in times)
+    ranges = ", ".join(
+        f"{T.source} {x[0]:.6g} … {x[-1]:.6g} s" for T, x in zip(tables, times, strict=True)
+    )
+    if low > high:
+        raise RecordingError(
+            f"The clocks of the files do not overlap: {ranges}.",
+            cause="files of different flights, or clocks with different starts or units.",
+            fix="give the files of one flight; let one model log them",
+        )
+    if keep.sum() < PARTNERS * np.sum((t >= low) & (t <= high)):
+        raise RecordingError(
+            f"The files were sampled at different instants: {ranges}.",
+            cause="two programs logged them, or one log has gaps.",
+            fix="let one model log all signals at the control rate; heli3dof does not resample",
+        )
+    return {id(table): k[keep] for table, k in zip(tables, partners, strict=True)}
+
+
+def _check_rate(first: Table, period: float, other: Table) -> None:
+    own = float(np.median(np.diff(other.columns["t_s"])))
+    if abs(own / period - 1) > SAME_RATE:
+        raise RecordingError(
+            f"{first.source} and {other.source} are sampled at different rates: every {period:.6g} "
+            f"and every {own:.6g} (time in s).",
+            cause="a decimated log, or a clock in milliseconds.",
+            fix="log all signals at the control rate, with time in seconds",
+        )
+
+
+def _other_length(table: Table, first: Table) -> RecordingError:
+    named = [f"{next(iter(t.columns))} in {t.source}: {_length(t)} samples" for t in (first, table)]
+    return RecordingError(
+        f"The signals have different lengths, and one has no clock: {', '.join(named)}.",
+        cause="they were logged at different rates, or are of different flights.",
+        fix="log all of them at the control rate, each with its time",
+    )
+
+
+def _length(table: Table) -> int:
+    return len(next(iter(table.columns.values())))
+
+
+def _stem(table: Table) -> str:
+    return stem(Path(table.source))

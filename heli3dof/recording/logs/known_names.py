@@ -1,0 +1,89 @@
+"""Suggest which column of another program's log is which of ours, by common names and units.
+
+Signs differ between laboratories, so a suggestion is never used without the user's decision.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Mapping
+
+import numpy as np
+
+from heli3dof.rig.log_columns import KNOWN
+
+TIME = {"time": "", "t": "", "tout": "", "seconds": "", "timestamp": "", "timems": "/1000",
+        "tms": "/1000", "milliseconds": "/1000"}  # fmt: skip
+AXIS_NAMES = {
+    "roll": {"roll", "elevation", "elev", "ele", "epsilon", "eps", "phi"},
+    "pitch": {"pitch", "tilt", "rho", "theta"},
+    "yaw": {"yaw", "travel", "trav", "lambda", "psi", "azimuth"},
+}
+FRONT, BACK, SUM, DIFFERENCE = (
+    {f"{before}{word}{after}" for word in words for before in ("v", "u", "") for after in ("", "v")}
+    | {f"{before}{letter}" for letter in letters for before in ("v", "u")}
+    for words, letters in (
+        (("front", "frontmotor", "motorfront", "voltagefront", "frontvoltage"), "f"),
+        (("back", "rear", "backmotor", "motorback", "voltageback", "backvoltage"), "br"),
+        (("sum",), "s"),
+        (("diff", "difference"), "d"),
+    )
+)
+"""Names of voltages in lower case, without separators and unit"""
+REFERENCE = re.compile(r"ref(erence)?|des(ired)?|cmd|command(ed)?|sp|set_?point")
+UNIT = re.compile(r"[\s_(\[]*\b(deg|degrees?|°|rad|radians?|v|volts?|s|sec)[)\]]*$", re.IGNORECASE)
+
+
+def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
+    """Return column of ours → expression, for those that ``columns`` lack and whose name is known.
+
+    An angle without unit is in radians if it stays within ±2π.
+    """
+    found: dict[str, str] = {}
+    volts: dict[str, str] = {}
+    for name, values in columns.items():
+        if name in KNOWN:
+            continue
+        key, unit = _key(name)
+        if key in TIME:
+            found.setdefault("t_s", f"{name}{TIME[key]}")
+        for motor, names in (("front", FRONT), ("back", BACK), ("sum", SUM), ("diff", DIFFERENCE)):
+            if key in names:
+                volts.setdefault(motor, name)
+        bare = REFERENCE.sub("", key)
+        axis = next((axis for axis, names in AXIS_NAMES.items() if bare in names), None)
+        if axis is not None:
+            if unit is None:
+                unit = "rad" if np.nanmax(np.abs(values), initial=0) <= 2 * np.pi else "deg"
+            found.setdefault(f"{axis}{'' if bare == key else '_ref'}_{unit}", name)
+    if {"sum", "diff"} <= volts.keys() and not {"front", "back"} & volts.keys():
+        found["v_front_V"] = f"({volts['sum']}+{volts['diff']})/2"
+        found["v_back_V"] = f"({volts['sum']}-{volts['diff']})/2"
+    found |= {f"v_{motor}_V": volts[motor] for motor in ("front", "back") if motor in volts}
+    return {target: e for target, e in found.items() if not _stems(target) & columns.keys()}
+
+
+def as_options(mapping: Mapping[str, str]) -> str:
+    """Return ``--map`` options for column → expression, quoted for a shell."""
+    return " ".join(f"--map {shlex.quote(f'{name}={text}')}" for name, text in mapping.items())
+
+
+def _key(name: str) -> tuple[str, str | None]:
+    """Return a name in lower case without separators and unit, and ``deg``, ``rad`` or None.
+
+    >>> _key("Elevation (deg)"), _key("theta_ref"), _key("Vf [V]")
+    (('elevation', 'deg'), ('thetaref', None), ('vf', None))
+    """
+    spaced = re.sub(r"[_\-.]+", " ", name).strip()
+    match = UNIT.search(spaced)
+    head = spaced[: match.start()] if match and match.start() else spaced
+    unit = match.group(1).lower()[:3] if match and match.start() else ""
+    key = re.sub(r"[\W_]+", "", head).lower()
+    return key, {"deg": "deg", "°": "deg", "rad": "rad"}.get(unit)
+
+
+def _stems(target: str) -> set[str]:
+    """Return the names under which a log may already have the column ``target``."""
+    head, _, unit = target.rpartition("_")
+    return {f"{head}_deg", f"{head}_rad"} if unit in ("deg", "rad") else {target}

@@ -1,0 +1,173 @@
+"""Find the signals and clocks among a MAT file's variables.
+
+====================================  ==========================================================
+variable                              signals
+====================================  ==========================================================
+matrix whose first row (or column)    ``x[1]``, ``x[2]``, …: its other rows; their clock is the
+is time (block "To File")             first one
+matrix without time                   ``x[1]``, ``x[2]``, …: all rows (or columns)
+structure with ``time`` and           the signals' labels, else as a matrix; their clock is
+``signals.values``                    ``time``
+structure with ``Time`` and ``Data``  as a matrix; its clock is ``Time``
+vector                                its own name; the clock is the vector ``t_s``, ``time``, …
+other structure                       those of its fields
+====================================  ==========================================================
+
+A matrix with a single signal has the name ``x`` without a number. The block "To File" calls every
+matrix ``ans``; such a signal has the file's name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from heli3dof.recording.logs.importer import Table
+from heli3dof.recording.logs.joined_tables import CLOCK_NAMES, rises
+from heli3dof.recording.logs.log_validation import MIN_SAMPLES
+from heli3dof.recording.logs.matlab.variables import Opaque
+from heli3dof.rig.log_columns import KNOWN
+
+UNNAMED = "ans"
+
+
+@dataclass
+class _Found:
+    """Signals of one file: with a clock of their own, without one, and what was left out."""
+
+    clocked: list[tuple[np.ndarray, dict[str, np.ndarray]]] = field(default_factory=list)
+    arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    ignored: list[str] = field(default_factory=list)
+
+
+def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
+    """Return one table for each clock in ``variables``, and one for each length without a clock.
+
+    ``source``: the file's name, ``stem``: without ending.
+    """
+    found = _Found()
+    for name, value in variables.items():
+        _visit(stem if name == UNNAMED else name, value, found)
+    clocked = list(_by_clock(found))
+    lengths = {len(next(iter(columns.values()))) for columns in clocked}
+    groups = [*clocked, *_without_clock(found, lengths)]
+    made = [Table(source, columns, lambda k: f"sample {k + 1}") for columns in groups]
+    if made:
+        made[0] = Table(source, made[0].columns, made[0].where, ignored=found.ignored)
+    return made
+
+
+def _visit(name: str, value: Any, found: _Found) -> None:
+    """Add the signals of the variable ``name`` to ``found``; a structure's by visiting its fields.
+
+    A field has its own name, or ``structure.field`` if that name is taken.
+    """
+    if isinstance(value, Opaque):
+        found.ignored.append(
+            f"{name}: an object of the MATLAB class {value.kind}. In MATLAB: {name} = "
+            f"struct('Time', {name}.Time, 'Data', {name}.Data), then save again"
+        )
+    elif isinstance(value, Mapping):
+        timed = _timed_structure(name, value)
+        if timed is not None:
+            found.clocked.append(timed)
+            return
+        for key, inner in value.items():
+            _visit(key if key not in found.arrays else f"{name}.{key}", inner, found)
+    else:
+        array = np.squeeze(np.asarray(value))
+        if array.dtype.kind not in "fiub" or array.ndim > 2 or max(array.shape, default=0) < 2:
+            found.ignored.append(f"{name}: {_described(value)}")
+        else:
+            found.arrays[name] = array.astype(float)
+
+
+def _timed_structure(
+    name: str, value: Mapping[str, Any]
+) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
+    """Return clock and columns of a structure with time or a timeseries; None for another one."""
+    fields = {key.lower(): inner for key, inner in value.items()}
+    t = np.asarray(fields.get("time", ()))
+    if t.ndim != 1 or len(t) < MIN_SAMPLES:
+        return None
+    if "data" in fields:
+        return t.astype(float), dict(_rows(name, np.asarray(fields["data"], float), len(t)))
+    signals = fields.get("signals")
+    if signals is None:
+        return None
+    listed = [signals] if isinstance(signals, Mapping) else list(signals)
+    blocks = [_as_rows(np.asarray(s["values"], dtype=float), len(t)) for s in listed]
+    labels = [str(s.get("label", "")) if np.size(s.get("label", "")) else "" for s in listed]
+    columns: dict[str, np.ndarray] = {}
+    if len(set(labels)) == len(labels) and all(labels) and len(labels) > 1:
+        for label, block in zip(labels, blocks, strict=True):
+            columns |= dict(_rows(label, block, len(t)))
+    else:
+        columns = dict(_rows(name, np.concatenate(blocks), len(t)))
+    return t.astype(float), columns
+
+
+def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:
+    """Yield the columns of each clock; arrays that they contain are removed from ``found``."""
+    for t, columns in found.clocked:
+        yield {"t_s": t, **columns}
+    clock = next((n for n in CLOCK_NAMES for a in found.arrays if a.lower() == n), None)
+    name = next((a for a in found.arrays if a.lower() == clock), None)
+    if name is not None and found.arrays[name].ndim == 1:
+        t = found.arrays[name]
+        joined: dict[str, np.ndarray] = {}
+        for other, array in list(found.arrays.items()):
+            if len(t) in array.shape:
+                block = _as_rows(found.arrays.pop(other), len(t))
+                if len(block) > 1 and np.array_equal(block[0], t):
+                    block = block[1:]
+                joined |= dict(_rows(other, block, len(t)))
+        yield joined
+    for other, array in list(found.arrays.items()):
+        if array.ndim == 2 and max(array.shape) >= MIN_SAMPLES:
+            block = _as_rows(array, max(array.shape))
+            if rises(block[0]):
+                del found.arrays[other]
+                yield {"t_s": block[0], **dict(_rows(other, block[1:], block.shape[1]))}
+
+
+def _without_clock(found: _Found, clocks: set[int]) -> Iterator[dict[str, np.ndarray]]:
+    """Yield the columns of each length; arrays that are no signals are ignored.
+
+    ``clocks``: lengths of the clocks found. A signal has one of them, unless there is no clock, or
+    its name is one of the contract.
+    """
+    lengths: dict[int, dict[str, np.ndarray]] = {}
+    for name, array in found.arrays.items():
+        n = next((n for n in array.shape if n in clocks), max(array.shape))
+        if name not in KNOWN and (n < MIN_SAMPLES or (clocks and n not in clocks)):
+            found.ignored.append(f"{name}: {_described(array)}")
+        else:
+            lengths.setdefault(n, {}).update(_rows(name, array, n))
+    yield from lengths.values()
+
+
+def _rows(name: str, block: np.ndarray, n: int) -> Iterator[tuple[str, np.ndarray]]:
+    rows = _as_rows(block, n)
+    for i, row in enumerate(rows, 1):
+        yield (name if len(rows) == 1 else f"{name}[{i}]"), np.ascontiguousarray(row)
+
+
+def _as_rows(block: np.ndarray, n: int) -> np.ndarray:
+    """Return an array of n samples as (signals, n); time may be its first or its last axis."""
+    if block.ndim == 1:
+        return block[np.newaxis]
+    if block.shape[-1] == n:
+        return block.reshape(-1, n)
+    return block.reshape(n, -1).T
+
+
+def _described(value: Any) -> str:
+    """Return what an ignored variable is: ``one value``, ``3 × 3``, ``text``."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiub":
+        return "text" if isinstance(value, str) else "not numeric"
+    return "one value" if array.size == 1 else " × ".join(map(str, array.shape)) + " values"

@@ -1,0 +1,60 @@
+"""Contract columns: the columns of a log whose names docs/reference/contract.md fixes.
+
+Required are ``t_s``, ``v_front_V`` and ``v_back_V``. Optional are angles, references, voltages
+before the limiter, and voltages that the experiment adds. Every name ends in its unit, that of an
+angle in ``_deg`` or ``_rad``.
+
+The profile's table ``[log]`` (`LogColumns`) computes these columns from another program's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from pydantic import ConfigDict, model_validator
+from pydantic_core import PydanticCustomError
+
+from heli3dof.axes import AXES, MOTORS
+from heli3dof.errors import did_you_mean
+from heli3dof.toml_file import Section
+
+REQUIRED = ("t_s", "v_front_V", "v_back_V")
+VOLTAGES = {"voltage": "v_{}_V", "voltage_cmd": "v_{}_cmd_V", "voltage_extra": "v_{}_extra_V"}
+ANGLES = {"angle": "{}", "reference": "{}_ref"}
+"""Array of a `Recording` → pattern of its columns' names; an angle's unit is to be added"""
+ANGLE_UNITS = {"deg": np.pi / 180, "rad": 1.0}
+"""Ending of an angle's name → rad per unit"""
+ORDERED = (
+    "t_s",
+    *(form.format(motor) for form in VOLTAGES.values() for motor in MOTORS),
+    *(f"{form.format(axis)}_{u}" for form in ANGLES.values() for axis in AXES for u in ANGLE_UNITS),
+)
+KNOWN = frozenset(ORDERED)
+"""Every column name of the contract, angles in both units"""
+
+
+class LogColumns(Section):
+    """A column of the contract → the expression that computes it from the columns of a log."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, str]
+
+    @model_validator(mode="after")
+    def _known_columns(self) -> LogColumns:
+        for name in self.__pydantic_extra__:
+            if name not in KNOWN:
+                raise PydanticCustomError(
+                    "conflict",
+                    "unknown key {key}: it is not a column of a recording",
+                    {
+                        "key": f"log.{name!s}",
+                        "slip": f"a typing error; {did_you_mean(name, KNOWN)}",
+                    },
+                )
+        return self
+
+    @property
+    def expressions(self) -> Mapping[str, str]:
+        """Return column → expression, in the order of the file."""
+        return dict(self.__pydantic_extra__)

@@ -1,0 +1,95 @@
+"""Signals in MAT files of the forms that Simulink and MATLAB write, read as a user would."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from heli3dof.errors import RecordingError
+from heli3dof.recording.logs.importers.mat_file import read
+from heli3dof.recording.logs.matlab.signals import tables
+from heli3dof.recording.logs.matlab.variables import Opaque
+
+T = np.arange(50) / 500
+X = np.array([np.sin(T), np.cos(T)])
+
+
+def columns(tmp_path: Path, variables: dict[str, Any], name: str = "x_enc.mat") -> dict[str, Any]:
+    savemat(tmp_path / name, variables)
+    return dict(read(tmp_path / name).columns)
+
+
+def structure(values: np.ndarray, label: str = "") -> dict[str, Any]:
+    return {"values": values, "label": label, "dimensions": float(values.shape[-1])}
+
+
+@pytest.mark.parametrize("transpose", [False, True])
+def test_the_first_row_or_column_of_a_matrix_is_time(tmp_path: Path, transpose: bool) -> None:
+    matrix = np.vstack([T, X])
+    found = columns(tmp_path, {"x": matrix.T if transpose else matrix})
+    assert list(found) == ["t_s", "x[1]", "x[2]"]
+    np.testing.assert_array_equal(found["t_s"], T)
+    np.testing.assert_array_equal(found["x[2]"], X[1])
+
+
+def test_the_matrix_of_a_to_file_block_has_the_files_name(tmp_path: Path) -> None:
+    assert list(columns(tmp_path, {"ans": np.vstack([T, X])}))[1:] == ["x_enc[1]", "x_enc[2]"]
+    assert list(columns(tmp_path, {"ans": np.vstack([T, X[:1]])})) == ["t_s", "x_enc"]
+
+
+def test_a_structure_with_time_is_read(tmp_path: Path) -> None:
+    found = columns(tmp_path, {"S": {"time": T, "signals": structure(X.T), "blockName": "m/x"}})
+    assert list(found) == ["t_s", "S[1]", "S[2]"]
+    np.testing.assert_array_equal(found["S[1]"], X[0])
+
+
+def test_the_labels_of_several_signals_are_their_names(tmp_path: Path) -> None:
+    signals = np.array([structure(X.T[:, :1], "theta"), structure(X.T[:, 1:], "psi")])
+    found = columns(tmp_path, {"S": {"time": T, "signals": signals}})
+    assert list(found) == ["t_s", "theta", "psi"]
+    np.testing.assert_array_equal(found["psi"], X[1])
+
+
+def test_values_with_time_as_their_third_axis_are_read(tmp_path: Path) -> None:
+    found = columns(tmp_path, {"S": {"time": T, "signals": structure(X.reshape(2, 1, 50))}})
+    np.testing.assert_array_equal(found["S[2]"], X[1])
+
+
+def test_a_structure_with_time_and_data_is_read_as_a_timeseries(tmp_path: Path) -> None:
+    found = columns(tmp_path, {"theta": {"Time": T, "Data": X[0], "Name": "theta"}})
+    assert list(found) == ["t_s", "theta"]
+
+
+def test_vectors_and_matrices_share_the_vector_of_times(tmp_path: Path) -> None:
+    variables = {"tout": T, "Vf": X[0], "yout": np.vstack([T, X]).T, "gain": 3.0, "short": T[:20]}
+    savemat(tmp_path / "a.mat", variables)
+    table = read(tmp_path / "a.mat")
+    assert list(table.columns) == ["t_s", "tout", "Vf", "yout[1]", "yout[2]"]
+    assert table.ignored == ["gain: one value", "short: 20 values"]
+
+
+def test_variables_with_clocks_of_their_own_are_joined(tmp_path: Path) -> None:
+    late = {"Time": T[10:], "Data": X[0, 10:]}
+    found = columns(tmp_path, {"u": np.vstack([T, X[1]]), "theta": late})
+    np.testing.assert_array_equal(found["t_s"], T[10:])
+    np.testing.assert_array_equal(found["theta"], X[0, 10:])
+
+
+def test_vectors_without_any_time_keep_their_names(tmp_path: Path) -> None:
+    assert list(columns(tmp_path, {"Vf": X[0], "Vb": X[1]})) == ["Vf", "Vb"]
+    with pytest.raises(RecordingError, match="different lengths"):
+        columns(tmp_path, {"Vf": X[0], "Vb": X[1, :30]})
+
+
+def test_an_object_of_a_matlab_class_is_ignored_with_the_way_to_convert_it() -> None:
+    found = tables("a.mat", "a", {"theta": Opaque("timeseries"), "u": np.vstack([T, X])})
+    assert "theta = struct('Time', theta.Time, 'Data', theta.Data)" in found[0].ignored[0]
+
+
+def test_a_file_without_signals_is_refused_with_what_it_contains(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"contains no signals\. It contains note"):
+        columns(tmp_path, {"note": "windy"})
