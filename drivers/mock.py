@@ -14,15 +14,17 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from heli3dof.rig.clock import wait_until
 from heli3dof.rig.interface import Check, Command, Identity, Sample
 
-from .rig_errors import closed, not_a_voltage, watchdog_too_short
+from .rig_errors import closed, no_truth, not_a_voltage, not_on_a_sealed_rig, watchdog_too_short
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
+    from heli3dof.rig.sealed_rig import HiddenRig
     from heli3dof.rig.url import DeviceUrl
 
     from .emulator.device import Device
@@ -32,14 +34,17 @@ if TYPE_CHECKING:
 LONGEST_CATCH_UP_S = 60.0
 """s, the longest pause of the host that is simulated; by then the rig has long been at rest"""
 
+SEALED = ("profile", "hide", "noise", "noise_s", "vibration_hz", "spread")
+"""URL options that a sealed rig does not accept: the exercise defines its physics"""
+
 
 class MockDriver:
     """Opens emulated rigs."""
 
     scheme = "mock"
     options: Sequence[str] = (
-        "profile", "hide", "seed", "noise", "noise_s", "vibration_hz", "start", "spread", "rate_hz",
-        "watchdog_s", "fault", "speed",
+        "profile", "hide", "exercise", "seed", "noise", "noise_s", "vibration_hz", "start",
+        "spread", "rate_hz", "watchdog_s", "fault", "speed",
     )  # fmt: skip
     """The fields of `MockOptions`, named again because a stop must not import pydantic (slow)"""
     private_to_process = True
@@ -68,12 +73,43 @@ class MockDriver:
 
 
 def own_profile(options: RigOptions, profile: Profile) -> Profile:
-    """Return the profile that the URL option ``profile=`` names, or ``profile`` without it."""
+    """Return the emulated rig's profile, by default ``profile``.
+
+    It is the one that the URL option ``profile=`` names, or the default profile of a sealed rig.
+    """
+    if options.exercise is not None:
+        from heli3dof.rig.profile import default_profile
+
+        return default_profile()
     if options.profile is None:
         return profile
     from heli3dof.rig.profile import load_profile
 
     return load_profile(options.profile)
+
+
+def opened(options: RigOptions) -> HiddenRig | None:
+    """Return the rig in the sealed file of ``exercise=``, None without this option.
+
+    Raises UsageError if another option changes the physics of the sealed rig.
+    """
+    if options.exercise is None:
+        return None
+    from heli3dof.rig.sealed_rig import hidden_rig, read_exercise
+
+    for name in SEALED:
+        if getattr(options, name) != type(options).model_fields[name].default:
+            raise not_on_a_sealed_rig(name)
+    return hidden_rig(read_exercise(Path(options.exercise)))
+
+
+def serial_of(options: RigOptions) -> str:
+    """Return the emulated rig's serial number: that of the exercise, or the seed's."""
+    if options.exercise is None:
+        return f"mock-{options.seed}"
+    from heli3dof.rig.sealed_rig import read_exercise
+
+    return read_exercise(Path(options.exercise)).serial
 
 
 def device_of(profile: Profile, options: RigOptions) -> Device:
@@ -84,6 +120,7 @@ def device_of(profile: Profile, options: RigOptions) -> Device:
     from .emulator.faults import FaultyPlant, parse_faults
     from .emulator.plant import Plant
 
+    sealed = opened(options)
     dt = 1 / (options.rate_hz or profile.loop.rate_hz)
     watchdog_s = options.watchdog_s or max(WATCHDOG_S, 3 * dt)
     if watchdog_s < 2 * dt:
@@ -93,12 +130,13 @@ def device_of(profile: Profile, options: RigOptions) -> Device:
         setup_of(profile, options.start),
         profile.encoder.rad_per_count,
         dt=dt,
-        hidden=parse_hide(options.hide),
+        hidden=parse_hide((sealed.hide,) if sealed else options.hide),
         seed=options.seed,
         noise=options.noise,
         noise_s=options.noise_s,
         vibration_hz=options.vibration_hz,
-        spread=options.spread,
+        spread=sealed.spread if sealed else options.spread,
+        spread_seed=sealed.rig_seed if sealed else None,
         start_V=profile.motor.V_o if level else 0.0,
     )
     faults = parse_faults(options.fault)
@@ -121,11 +159,12 @@ class MockRig:
         self._pace_s = 0.0 if math.isinf(options.speed) else dt / options.speed
         self._last_s: float | None = None
         self._open = True
+        self._is_sealed = options.exercise is not None
         e = profile.encoder
         self._identity = Identity(
             driver="mock",
             model="emulated 3-DOF helicopter",
-            serial=f"mock-{options.seed}",
+            serial=serial_of(options),
             firmware="emulator 1",
             protocol="in process",
             counts_per_rev=(e.roll, e.pitch, e.yaw),
@@ -152,7 +191,12 @@ class MockRig:
 
     @property
     def truth(self) -> Truth:
-        """Return the true state and parameters, for tests; heli3dof itself never reads them."""
+        """Return the true state and parameters, for tests; heli3dof itself never reads them.
+
+        Raises UsageError for a sealed rig.
+        """
+        if self._is_sealed:
+            raise no_truth()
         return self._device.plant.truth
 
     def arm(self) -> Sample:

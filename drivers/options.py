@@ -34,6 +34,9 @@ class RigOptions(UrlOptions):
     hide: tuple[str, ...] = Field(
         default=(), description="effects to hide: name[.axis]:value[@value]"
     )
+    exercise: str | None = Field(
+        default=None, description="a sealed rig, a file of heli3dof exercise new"
+    )
     seed: Whole = Field(default=0, ge=0, le=2**63, description="of everything random")
     noise: float = Field(default=1.0, ge=0, le=100, description="scale of the random torques")
     noise_s: float = Field(

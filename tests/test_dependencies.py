@@ -24,6 +24,7 @@ MAY_IMPORT = {
     "recording": {"errors", "results", "arrays", "axes", "plugins", "rig", "write_errors"},
     "model": {"errors", "arrays", "axes", "rig", "recording"},
     "experiment": {"errors", "arrays", "axes", "toml_file", "rig", "recording", "model"},
+    "exercise": {"errors", "axes", "rig", "model"},
     "identification": {
         "errors", "results", "arrays", "axes", "parallel", "plugins", "rig", "recording", "model",
     },
@@ -38,7 +39,7 @@ MAY_IMPORT = {
         "paper",
     },
     "cli": {
-        "errors", "axes", "write_errors", "rig", "recording", "model", "experiment",
+        "errors", "axes", "write_errors", "rig", "recording", "model", "experiment", "exercise",
         "identification", "comparison", "diagnosis", "report", "toml_file", "paper", "plugins",
     },
 }  # fmt: skip

@@ -50,8 +50,9 @@ class Plant:
     """Simulates a rig's mechanics from motor voltages to encoder counts.
 
     ``dt``: control period, s; ``noise``: factor of the random torques; ``noise_s``: their
-    correlation time, s. ``spread``: largest relative change of parameters (`spread_body`);
-    ``start_V``: voltage on both motors before the start.
+    correlation time, s. ``spread``: largest relative change of parameters (`spread_body`), drawn
+    from ``spread_seed`` if given, else from ``seed``; ``start_V``: voltage on both motors
+    before the start.
     """
 
     def __init__(
@@ -66,11 +67,13 @@ class Plant:
         noise_s: float = CORRELATION_S,
         vibration_hz: float = 0.0,
         spread: float = 0.0,
+        spread_seed: int | None = None,
         start_V: float = 0.0,
     ) -> None:
         streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
         if spread:
-            setup = replace(setup, body=spread_body(setup.body, spread, streams[0]))
+            rng = streams[0] if spread_seed is None else np.random.default_rng(spread_seed)
+            setup = replace(setup, body=spread_body(setup.body, spread, rng))
         # Reverse order: a start angle follows from its reading, through the last effect first.
         for h in reversed(hidden):
             if h.effect.setup is not None:

@@ -24,8 +24,8 @@ class UsbMockDriver:
 
     scheme = "usb+mock"
     options: Sequence[str] = (
-        "profile", "hide", "seed", "noise", "noise_s", "vibration_hz", "start", "spread", "rate_hz",
-        "watchdog_s", "fault",
+        "profile", "hide", "exercise", "seed", "noise", "noise_s", "vibration_hz", "start",
+        "spread", "rate_hz", "watchdog_s", "fault",
         "stream", "signs", "timeout_s", "bus",
     )  # fmt: skip
     """The fields of `UsbMockOptions`, named again because a stop must not import pydantic (slow)"""
@@ -57,12 +57,12 @@ class UsbMockDriver:
 
 def rig_on_bus(profile: Profile, options: RigOptions, faults: tuple[str, ...] = ()) -> RigOnBus:
     """Return an emulated rig for an `EmulatedBus`; ``faults`` are values of the option ``bus=``."""
-    from ..mock import device_of
+    from ..mock import device_of, serial_of
     from .endpoint import Endpoint
     from .transport_usb import BusFault, RigOnBus
     from .usb_function import UsbFunction
 
-    e, serial = profile.encoder, f"mock-{options.seed}"
+    e, serial = profile.encoder, serial_of(options)
     endpoint = Endpoint(
         device_of(profile, options),
         counts_per_rev=(e.roll, e.pitch, e.yaw),

@@ -96,6 +96,8 @@ def diagnose(
                 stage("Simulating candidates for the next flight …")
                 upcoming = next_experiment(result, seed=seed)
     document = to_document(result, written, upcoming)
+    if (exercises := _exercises([*train, *test])) is not None:
+        document["about"]["exercises"] = exercises
     show_diagnosis(out, document, verbose=verbose)
     if written is not None:
         out.note(f"Model: {written}")
@@ -108,6 +110,17 @@ def diagnose(
     out.emit(document)
     if result.verdict == "bad_data":
         _end_with_bad_data(out, result)
+
+
+def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
+    """Return the exercise on whose sealed rig each recording was flown; None if on none."""
+    from heli3dof.rig.sealed_rig import exercise_of
+
+    identities = [r.meta.get("identity") for r in recordings]
+    exercises = [
+        exercise_of(str(i.get("serial"))) if isinstance(i, Mapping) else None for i in identities
+    ]
+    return exercises if any(exercises) else None
 
 
 def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = False) -> None:

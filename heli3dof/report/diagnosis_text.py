@@ -295,8 +295,8 @@ def _torque_term(rest: Document, where: str) -> str:
     c = rest["formula_parameters"]["c"]
     product = variable(rest["formula"].removeprefix("c * ").replace(" * ", "*"))
     size = f"{significant(c['value'], c['std'])} ± {significant(c['std'], c['std'])} {c['unit']}"
-    others = listed([variable(p) for p in rest["formula_alternatives"]], "or")
-    instead = f" (as good: {others})" if others else ""
+    others = [variable(p) for p in rest["formula_alternatives"]]
+    instead = f" (as good: {listed(others, 'or')})" if others else ""
     return f"The extended model contains it as c × {product}{instead}, c = {size}. {gain}"
 
 

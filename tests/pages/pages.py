@@ -6,6 +6,7 @@ from tests.bench.page import STUDIES
 from tests.pages import (
     comparison_page,
     effects_page,
+    exercise_page,
     integrity_page,
     mock_page,
     paper_page,
@@ -24,6 +25,7 @@ PAGES = [
         for module in (
             comparison_page,
             effects_page,
+            exercise_page,
             integrity_page,
             mock_page,
             paper_page,

@@ -52,3 +52,22 @@ def test_terms_that_are_no_causes_are_left_to_the_tables() -> None:
     term = {"term": "bias.torque.pitch", "parameters": parameters, "why": "within the prior"}
     document["about"]["kept_within_what_is_known"] = [term] * 16
     assert diagnosis_summary(document) == diagnosis_summary(kept("diagnose.json"))
+
+
+@pytest.mark.parametrize(
+    ("alternatives", "shown"),
+    [([], "c × pitch rate, c ="), (["roll*pitch"], "c × pitch rate (as good: roll × pitch), c =")],
+)
+def test_a_formula_is_shown_with_and_without_alternatives(
+    alternatives: list[str], shown: str
+) -> None:
+    document = deepcopy(kept("diagnose.json"))
+    document["leftover"] = [
+        {
+            "axis": "yaw", "depends_on": "pitch_rate", "share": 0.5, "term": "empirical.yaw.1",
+            "formula": "c * pitch_rate", "formula_alternatives": alternatives,
+            "formula_parameters": {"c": {"value": 0.1, "std": 0.01, "unit": "N·m·s/rad"}},
+            "gain": document["gain"],
+        }
+    ]  # fmt: skip
+    assert shown in "\n".join(diagnosis_summary(document))

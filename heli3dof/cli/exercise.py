@@ -1,0 +1,250 @@
+"""``heli3dof exercise``: sealed rigs for students to diagnose, their answers, and the marks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from heli3dof.cli.options import AsJson, Force, OutputFile, Quiet, Seed
+from heli3dof.cli.output import Output, verb
+from heli3dof.errors import CheckFailed, UsageError
+
+if TYPE_CHECKING:
+    from nacl.signing import SigningKey
+    from rich.table import Table
+
+Key = Annotated[
+    Path | None,
+    typer.Option("--key", metavar="FILE", help="The teacher's key; default: in your own folder."),
+]
+Sealed = Annotated[Path, typer.Argument(metavar="FILE", help="The exercise's sealed file.")]
+
+
+def register(app: typer.Typer) -> None:
+    family = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+    family.command("new")(new)
+    family.command("submit")(submit)
+    family.command("mark")(mark)
+    family.command("open")(open_)
+    app.add_typer(
+        family,
+        name="exercise",
+        help="Make a rig with hidden effects for students; mark their answers.",
+        rich_help_panel="Teach",
+    )
+
+
+@verb
+def new(
+    level: Annotated[int, typer.Option("--level", min=1, max=5, help="1: easy … 5: hard.")],
+    seed: Seed = 0,
+    output: OutputFile = None,
+    key: Key = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Hide effects in an emulated rig: heli3dof exercise new --seed 7 --level 2."""
+    from heli3dof.exercise.levels import LEVELS
+    from heli3dof.exercise.teacher_key import default_key, new_key, seal
+    from heli3dof.recording.atomic_write import check_output, write_file
+    from heli3dof.rig.sealed_rig import check_nacl
+
+    out = Output(as_json=as_json, quiet=quiet)
+    check_nacl()
+    path, key_path = output or Path("rig.exercise"), key or default_key()
+    check_output(path, force=force)
+    made = not key_path.exists()
+    if made:
+        new_key(key_path)
+        out.warn(
+            f"a new teacher's key was written to {key_path}. Keep it from students and back it up: "
+            "without it no answer can be marked"
+        )
+    exercise = seal(_key(out, key_path), seed, level)
+    write_file(path, exercise.to_bytes(), force=force)
+    out.show(f"Exercise {exercise.id}, level {level} ({LEVELS[level]}): {path}")
+    out.note(f"Fly it: heli3dof run rich --device 'mock:?exercise={path}&speed=max'")
+    out.emit(
+        {
+            "schema": "heli3dof.new_exercise/1",
+            "exercise": exercise.id,
+            "level": level,
+            "file": str(path),
+            "key": str(key_path),
+            "key_is_new": made,
+        }
+    )
+
+
+@verb
+def submit(
+    diagnoses: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="DIAGNOSIS...", help="What diagnose --json printed."),
+    ] = None,
+    exercise: Annotated[
+        Path, typer.Option("--exercise", metavar="FILE", help="The exercise's sealed file.")
+    ] = Path("rig.exercise"),
+    name: Annotated[str, typer.Option("--name", help="Your name, for the teacher.")] = "",
+    cause: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--cause",
+            metavar="NAME=VALUE±HALF",
+            help="Your own claim with its 95 % interval, or none. Repeatable.",
+        ),
+    ] = None,
+    confidence: Annotated[
+        list[float] | None,
+        typer.Option("--confidence", min=0, max=1, help="Probability that a --cause is right."),
+    ] = None,
+    output: OutputFile = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write an answer: heli3dof exercise submit diagnosis.json --name "Ada"."""
+    from heli3dof.exercise.answer import make_answer, read_diagnosis, statements
+    from heli3dof.recording.atomic_write import check_outputs, write_file
+    from heli3dof.rig.sealed_rig import read_exercise
+
+    out = Output(as_json=as_json, quiet=quiet)
+    path, files = output or Path("answer.json"), diagnoses or []
+    if not files and not cause:
+        raise UsageError(
+            "There is nothing to submit.",
+            cause="neither a diagnosis nor a --cause was given.",
+            fix="heli3dof exercise submit diagnosis.json, or --cause none",
+        )
+    if not name.strip():
+        raise UsageError(
+            "The answer has no name.",
+            cause="--name was omitted or is empty.",
+            fix='--name "Ada Lovelace"',
+        )
+    check_outputs(path, force=force, inputs=[*files, exercise])
+    own = statements(cause or [], confidence or [])
+    documents = {str(file): read_diagnosis(file) for file in files}
+    answer = make_answer(name.strip(), read_exercise(exercise), own, documents)
+    write_file(path, answer.to_bytes(), force=force)
+    for claim in answer.causes:
+        out.show(f"  {claim.text()}")
+    out.note(f"Answer to exercise {answer.exercise.id}: {path}")
+    out.emit({**answer.model_dump(mode="json"), "file": str(path)})
+
+
+@verb
+def mark(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the answers are.")],
+    key: Key = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Mark a class: heli3dof exercise mark answers/."""
+    from heli3dof.exercise.mark_folder import mark_folder
+    from heli3dof.exercise.teacher_key import default_key
+
+    out = Output(as_json=as_json, quiet=quiet)
+    rows = mark_folder(folder, _key(out, key or default_key()))
+    documents = [row.document() for row in rows]
+    out.show(*_truths(documents), _table(documents))
+    marked = sum(row.reason is None for row in rows)
+    out.note(f"Marked: {marked} of {len(rows)}")
+    out.emit({"schema": "heli3dof.marks/1", "rows": documents})
+    if not marked:
+        raise typer.Exit(CheckFailed.exit_code)
+
+
+@verb
+def open_(file: Sealed, key: Key = None, as_json: AsJson = False, quiet: Quiet = False) -> None:
+    """Show what an exercise hides: heli3dof exercise open rig.exercise."""
+    from heli3dof.exercise.teacher_key import default_key, open_truth
+    from heli3dof.rig.sealed_rig import read_exercise
+
+    out = Output(as_json=as_json, quiet=quiet)
+    exercise = read_exercise(file)
+    truth = open_truth(_key(out, key or default_key()), exercise)
+    out.show(f"Exercise {exercise.id}, level {exercise.level}:")
+    for cause in truth.causes:
+        values = ", ".join(f"{n} = {v:g}" for n, v in cause.values.items())
+        out.show(f"  {cause.name}: {values}")
+    if not truth.causes:
+        out.show("  no hidden effect")
+    if truth.spread:
+        out.show(f"  K_f, gravity torque and inertias up to {100 * truth.spread:g} % off")
+    out.emit(
+        {
+            "schema": "heli3dof.opened_exercise/1",
+            "exercise": exercise.id,
+            "level": exercise.level,
+            "spread": truth.spread,
+            "causes": [{"name": c.name, "parameters": dict(c.values)} for c in truth.causes],
+        }
+    )
+
+
+def _key(out: Output, path: Path) -> SigningKey:
+    """Load the teacher's key; warn if other users can read it."""
+    from heli3dof.exercise.teacher_key import load_key, others_can_read
+
+    key = load_key(path)
+    if others_can_read(path):
+        out.warn(f"other users can read the teacher's key: chmod 600 {path}")
+    return key
+
+
+def _truths(rows: list[dict[str, Any]]) -> Iterator[str]:
+    """Yield a line for each exercise of the class: what it hides."""
+    seen = {r["exercise"]: r for r in rows if r["reason"] is None}
+    for exercise, row in sorted(seen.items()):
+        hidden = ", ".join(c["name"] for c in row["hidden"]) or "nothing"
+        yield f"Exercise {exercise}, level {row['level']}, hides {hidden}."
+
+
+def _table(rows: list[dict[str, Any]]) -> Table:
+    """Return the table of the marks. Texts of students are shown without markup."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table()
+    for heading in ("answer", "exercise", "names", "size error", "Brier", "hold-out RMSE"):
+        table.add_column(heading, overflow="fold")
+    for row in rows:
+        marked = row["reason"] is None
+        table.add_row(
+            Text(row["name"] if marked else row["file"]),
+            row["exercise"] or "–",
+            Text(_names(row) if marked else f"not marked: {row['reason']}"),
+            _sizes(row),
+            _number(row["brier"]),
+            _holdout(row["holdout_rmse_deg"]) if marked else "–",
+        )
+    return table
+
+
+def _names(row: dict[str, Any]) -> str:
+    """Return how many hidden causes the answer names, and the names that are wrong."""
+    lines = [f"{len(row['right'])} of {len(row['hidden'])}"]
+    lines += [f"wrong: {name}" for name in row["wrong"]]
+    lines += [f"confounded: {name}" for name in row["confounded"]]
+    return "\n".join(lines)
+
+
+def _sizes(row: dict[str, Any]) -> str:
+    """Return each claimed size's relative error, and whether its interval holds the true size."""
+    where = {True: "inside", False: "outside", None: "no interval"}
+    lines = [f"{100 * s['relative_error']:.0f} %, {where[s['inside']]}" for s in row["sizes"]]
+    return "\n".join(lines) or "–"
+
+
+def _holdout(errors: dict[str, float | None] | None) -> str:
+    lines = [f"{axis} {v:.2f}°" for axis, v in (errors or {}).items() if v is not None]
+    return "\n".join(lines) or "–"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"

@@ -1,0 +1,1 @@
+"""Exercises: sealed rigs with hidden effects, students' answers, and their marks."""

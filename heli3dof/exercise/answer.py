@@ -1,0 +1,230 @@
+"""A student's answer: claimed causes with sizes, intervals and confidence, and the exercise.
+
+The claims come from ``diagnose --json`` documents or from the student's own statements, such as
+``stiffness.cable.yaw=0.1±0.01``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from heli3dof.axes import AXES
+from heli3dof.errors import RecordingError, UsageError
+from heli3dof.exercise.levels import UNMODELLED
+from heli3dof.model.effects import term
+from heli3dof.rig.sealed_rig import Exercise, read_small
+
+NONE = "none"
+"""Name of the claim that the rig has no hidden effect"""
+QUIET = ("nothing_found", "off_calibration")
+"""Verdicts of a diagnosis that claim no hidden effect"""
+Z95 = 1.96
+"""Half-width of a 95 % interval in standard deviations"""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(
+        frozen=True, allow_inf_nan=False, serialize_by_alias=True, validate_by_name=True
+    )
+
+
+class Size(_Part):
+    """A claimed parameter with its 95 % interval (None: not stated)."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+
+class Claim(_Part):
+    """A claimed cause. ``confidence``: probability that it is right (None: not stated)."""
+
+    name: str = Field(max_length=200)
+    confidence: float | None = Field(default=None, ge=0, le=1)
+    parameters: dict[str, Size] = {}
+    tied_with: tuple[str, ...] = ()
+
+    def text(self) -> str:
+        """Return the claim as a line: name, sizes with their intervals, confidence."""
+        line = self.name
+        for name, p in self.parameters.items():
+            interval = "" if p.low is None or p.high is None else f" ({p.low:.4g} … {p.high:.4g})"
+            line += f", {name} = {p.value:.4g}{interval}"
+        return line + ("" if self.confidence is None else f", confidence {self.confidence:.2f}")
+
+
+class Answer(_Part):
+    """The content of an answer file."""
+
+    form: Literal["heli3dof.answer/1"] = Field(default="heli3dof.answer/1", alias="schema")
+    name: str = Field(min_length=1, max_length=200)
+    exercise: Exercise
+    flown_on: tuple[str | None, ...] = ()
+    """Ids of the exercises whose recordings were diagnosed (None: another rig)"""
+    causes: tuple[Claim, ...] = Field(max_length=50)
+    holdout_rmse_deg: dict[Literal["roll", "pitch", "yaw"], float | None] | None = None
+    """Error of the diagnosis' model on held-out data, by axis"""
+
+    def to_bytes(self) -> bytes:
+        return self.model_dump_json(indent=2).encode() + b"\n"
+
+
+def read_answer(path: Path) -> Answer:
+    """Return the answer in a file. Raises UsageError or RecordingError if there is none."""
+    try:
+        return Answer.model_validate_json(read_small(path))
+    except ValidationError as error:
+        where = ".".join(str(key) for key in error.errors()[0]["loc"])
+        raise RecordingError(
+            f"{path.name} is not an answer{f' (wrong or missing: {where})' if where else ''}.",
+            cause="another file, or it was edited by hand.",
+            fix="heli3dof exercise submit writes an answer",
+        ) from error
+
+
+def read_diagnosis(path: Path) -> dict[str, Any]:
+    """Return the document of ``diagnose --json``; raise RecordingError if it is another file."""
+    try:
+        document = json.loads(read_small(path))
+        if not str(document["schema"]).startswith("heli3dof.diagnosis/"):
+            raise ValueError
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise RecordingError(
+            f"{path} is not a diagnosis.",
+            cause="exercise submit reads what heli3dof diagnose --json prints.",
+            fix=f"heli3dof diagnose REC.mcap --json > {path.with_suffix('.json')}",
+        ) from error
+    assert isinstance(document, dict)
+    return document
+
+
+def make_answer(
+    name: str,
+    exercise: Exercise,
+    own: Sequence[Claim] = (),
+    diagnoses: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Answer:
+    """Return an answer from the student's own claims and from diagnosis documents by file name.
+
+    The first claim of a name counts, the student's own ones first. The hold-out error is that of
+    the first document. Raises UsageError for a document of other recordings, RecordingError for an
+    incomplete one.
+    """
+    claims = list(own)
+    flown_on: list[str | None] = []
+    documents = diagnoses or {}
+    for file, document in documents.items():
+        flown = document.get("about", {}).get("exercises", [])
+        if set(flown) != {exercise.id}:
+            raise UsageError(
+                f"{file} is not a diagnosis of exercise {exercise.id} alone.",
+                cause="its recordings were flown on another rig, or converted from another format.",
+                fix="diagnose recordings of heli3dof run --device 'mock:?exercise=FILE'",
+            )
+        flown_on += flown
+        try:
+            claims += claims_of(document)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise RecordingError(
+                f"{file} is not a complete diagnosis.",
+                cause="it was edited by hand, or another version of heli3dof wrote it.",
+                fix="heli3dof diagnose REC.mcap --json again",
+            ) from error
+    causes = list({c.name: c for c in reversed(claims)}.values())[::-1]
+    if any(c.name != NONE for c in causes):
+        causes = [c for c in causes if c.name != NONE]
+    gain = next(iter(documents.values()), {}).get("gain", {})
+    return Answer(
+        name=name,
+        exercise=exercise,
+        flown_on=tuple(flown_on),
+        causes=tuple(causes),
+        holdout_rmse_deg=gain.get("holdout_rmse_deg", {}).get("after"),
+    )
+
+
+def claims_of(document: Mapping[str, Any]) -> list[Claim]:
+    """Return the claims of a diagnosis document: its findings and unmodelled torques, or none."""
+    claims = [_finding(f) for f in document["findings"]]
+    claims += [
+        Claim(name=f"{UNMODELLED}.{x['axis']}", confidence=x.get("confidence"))
+        for x in document["leftover"]
+    ]
+    if not claims and document["verdict"] in QUIET:
+        return [Claim(name=NONE)]
+    return claims
+
+
+def _finding(finding: Mapping[str, Any]) -> Claim:
+    effect, axis = str(finding["effect"]), finding.get("axis")
+    sizes = {}
+    for name, p in finding["parameters"].items():
+        if p["value"] is not None:
+            value, half = float(p["value"]), None if p["std"] is None else Z95 * float(p["std"])
+            sizes[name] = _size(value, half)
+    return Claim(
+        name=effect if axis is None else f"{effect}.{axis}",
+        confidence=finding["confidence"],
+        parameters=sizes,
+        tied_with=tuple(finding["tied_with"]),
+    )
+
+
+def _size(value: float, half: float | None) -> Size:
+    if half is None:
+        return Size(value=value)
+    return Size(value=value, low=value - half, high=value + half)
+
+
+_STATEMENT = re.compile(r"([^=]+)(?:=([^±=]+?)(?:(?:±|\+/?-)(.+))?)?")
+
+
+def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]:
+    """Return claims from texts ``NAME``, ``NAME=VALUE`` or ``NAME=VALUE±HALF``.
+
+    The value is the effect's first parameter, HALF half of its 95 % interval. ``confidence`` has
+    one value for each text, or one for all. Raises UsageError for an unknown name, a text of
+    another form, or a number of confidences that does not match.
+    """
+    if len(confidence) not in (0, 1, len(texts)) or (confidence and not texts):
+        raise UsageError(
+            f"{len(confidence)} confidences for {len(texts)} causes.",
+            cause="each --cause needs its own --confidence, or one holds for all.",
+            fix="--cause NAME=VALUE±HALF --confidence 0.9 for each cause",
+        )
+    each = [*confidence] if len(confidence) == len(texts) else [*confidence] * len(texts)
+    return [_statement(text, each[i] if each else None) for i, text in enumerate(texts)]
+
+
+def _statement(text: str, confidence: float | None) -> Claim:
+    match = _STATEMENT.fullmatch(text.strip())
+    try:
+        if match is None:
+            raise ValueError
+        name, value, half = match[1].strip(), match[2], match[3]
+        sizes = _sizes(name, value, half)
+        return Claim(name=name, confidence=confidence, parameters=sizes)
+    except ValueError as error:
+        raise UsageError(
+            f"--cause {text} is not NAME, NAME=VALUE or NAME=VALUE±HALF.",
+            cause="a typing error; numbers have a decimal point and no unit.",
+            fix="--cause stiffness.cable.yaw=0.1±0.01",
+        ) from error
+
+
+def _sizes(name: str, value: str | None, half: str | None) -> dict[str, Size]:
+    """Check the name and return its sizes. Raises UsageError or ValueError."""
+    if name == NONE or name in [f"{UNMODELLED}.{a}" for a in AXES]:
+        if value is not None:
+            raise ValueError
+        return {}
+    parameters = term(name).effect.parameters
+    if value is None:
+        return {}
+    return {parameters[0].name: _size(float(value), None if half is None else abs(float(half)))}

@@ -1,0 +1,99 @@
+"""Marks every answer in a folder. A file that is no answer is a row with its reason."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from heli3dof.errors import Heli3dofError, UsageError
+from heli3dof.exercise.answer import Answer, read_answer
+from heli3dof.exercise.marks import Mark, mark
+from heli3dof.exercise.teacher_key import Truth, open_truth, why_not_ours
+
+if TYPE_CHECKING:
+    from nacl.signing import SigningKey
+
+NOT_ANSWERS = (".mcap", ".exercise")
+"""Endings of files that may lie with the answers"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One file of the class: its marks, or the reason why it has none."""
+
+    file: str
+    answer: Answer | None
+    truth: Truth | None
+    mark: Mark | None
+    reason: str | None
+
+    def document(self) -> dict[str, Any]:
+        """Return the row as JSON types, always with every key."""
+        answer, truth = self.answer, self.truth
+        return {
+            "file": self.file,
+            "name": None if answer is None else _printable(answer.name),
+            "exercise": None if answer is None else answer.exercise.id,
+            "level": None if answer is None else answer.exercise.level,
+            "reason": self.reason,
+            "hidden": []
+            if truth is None
+            else [{"name": c.name, "parameters": dict(c.values)} for c in truth.causes],
+            **_marks(self.mark),
+            "holdout_rmse_deg": None if answer is None else answer.holdout_rmse_deg,
+        }
+
+
+def _marks(mark: Mark | None) -> dict[str, Any]:
+    marks = asdict(mark or Mark((), (), (), (), (), None))
+    return {**marks, "wrong": [_printable(name) for name in marks["wrong"]]}
+
+
+def _printable(text: str) -> str:
+    """Return a student's text without control characters, which could change the terminal."""
+    return "".join(c if c.isprintable() else "�" for c in text)
+
+
+def mark_folder(folder: Path, key: SigningKey) -> list[Row]:
+    """Return a row for each file in the folder and below, except hidden files and `NOT_ANSWERS`.
+
+    Raises UsageError if there is no such folder or no file in it.
+    """
+    if not folder.is_dir():
+        raise UsageError(
+            f"There is no folder {folder}.",
+            cause="a typing error in the path, or a file's path.",
+            fix=f"ls -d {folder.parent}/*",
+        )
+    files = sorted(f for f in folder.rglob("*") if _may_be_answer(f, folder))
+    if not files:
+        raise UsageError(
+            f"{folder} has no answers.",
+            cause="another folder, or recordings only.",
+            fix=f"ls -R {folder}",
+        )
+    return [_row(file, str(file.relative_to(folder)), key) for file in files]
+
+
+def _may_be_answer(file: Path, folder: Path) -> bool:
+    hidden = any(part.startswith(".") for part in file.relative_to(folder).parts)
+    return not hidden and not file.is_dir() and file.suffix.lower() not in NOT_ANSWERS
+
+
+def _row(file: Path, name: str, key: SigningKey) -> Row:
+    name = _printable(name)
+    if not file.is_file():
+        return Row(name, None, None, None, "it is not a regular file")
+    try:
+        answer = read_answer(file)
+    except Heli3dofError as error:
+        return Row(name, None, None, None, _printable(error.what))
+    exercise = answer.exercise
+    if (why := why_not_ours(key, exercise)) is not None:
+        return Row(name, answer, None, None, why)
+    if other := {x for x in answer.flown_on if x != exercise.id}:
+        flown = ", ".join(sorted(x or "another rig" for x in other))
+        return Row(name, answer, None, None, f"the diagnosed recordings are of {flown}")
+    truth = open_truth(key, exercise)
+    return Row(name, answer, truth, mark(answer, truth), None)

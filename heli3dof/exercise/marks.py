@@ -1,0 +1,103 @@
+"""Marks answers against the sealed truth: names, sizes, honesty, hold-out error. Pure functions.
+
+Honesty is the Brier score: the sum of (c − o)² over all claimed and all hidden causes. c is the
+stated confidence, 0 for a cause that is not claimed; o is 1 for a hidden cause and 0 for any other.
+The score is proper: in expectation, stating the true probabilities gives the lowest sum. 0 is best.
+A sum, since wrong claims of confidence 0 would lower a mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from heli3dof.exercise.answer import NONE, Answer, Claim
+from heli3dof.exercise.levels import right_names
+from heli3dof.exercise.teacher_key import Truth
+from heli3dof.model.effects import term
+
+
+@dataclass(frozen=True)
+class SizeMark:
+    """A claimed size against the true one. ``inside``: in the stated interval (None: none stated).
+
+    ``relative_error``: |claimed − true| / |true − value without the effect|.
+    """
+
+    cause: str
+    parameter: str
+    true: float
+    claimed: float
+    relative_error: float
+    inside: bool | None
+
+
+@dataclass(frozen=True)
+class Mark:
+    """The marks of one answer."""
+
+    right: tuple[str, ...]
+    """Hidden causes that the answer names"""
+    wrong: tuple[str, ...]
+    """Claimed causes that are not hidden"""
+    missed: tuple[str, ...]
+    """Hidden causes that the answer does not name"""
+    confounded: tuple[str, ...]
+    """Missed causes that the answer calls indistinguishable from a wrong one"""
+    sizes: tuple[SizeMark, ...]
+    brier: float | None
+    """None if there is no claim, or one without a confidence"""
+
+
+def mark(answer: Answer, truth: Truth) -> Mark:
+    """Return the marks of an answer. Each claim matches at most one hidden cause."""
+    open_causes = {c.name: c for c in truth.causes}
+    right: list[str] = []
+    wrong: list[Claim] = []
+    sizes: list[SizeMark] = []
+    brier = 0.0 if answer.causes else math.nan
+    for claim in answer.causes:
+        found = next((n for n in open_causes if claim.name in right_names(n)), None)
+        is_right = found is not None or (claim.name == NONE and not truth.causes)
+        confidence = math.nan if claim.confidence is None else claim.confidence
+        brier += (confidence - is_right) ** 2
+        if found is not None:
+            cause = open_causes.pop(found)
+            right.append(found)
+            if claim.name == found:
+                sizes += _sizes(claim, cause.values)
+        elif not is_right:
+            wrong.append(claim)
+    confounded = [n for n in open_causes if any(right_names(n) & {*c.tied_with} for c in wrong)]
+    brier += len(open_causes)
+    return Mark(
+        right=tuple(right),
+        wrong=tuple(c.name for c in wrong),
+        missed=tuple(open_causes),
+        confounded=tuple(confounded),
+        sizes=tuple(sizes),
+        brier=None if math.isnan(brier) else brier,
+    )
+
+
+def _sizes(claim: Claim, truth: Mapping[str, float]) -> list[SizeMark]:
+    marks = []
+    effect = term(claim.name).effect
+    null = {effect.parameters[0].name: effect.parameters[0].null}  # further ones: from zero
+    for parameter, true in truth.items():
+        size = claim.parameters.get(parameter)
+        if size is None:
+            continue
+        value, low, high = size.value, size.low, size.high
+        if effect.name == "disturbance.periodic" and value < 0 and parameter == "torque_Nm":
+            # −τ sin equals τ sin half a period later.
+            value, low, high = (
+                -value,
+                None if high is None else -high,
+                None if low is None else -low,
+            )
+        inside = None if low is None or high is None else low <= true <= high
+        error = abs(value - true) / abs(true - null.get(parameter, 0.0))
+        marks.append(SizeMark(claim.name, parameter, true, value, error, inside))
+    return marks

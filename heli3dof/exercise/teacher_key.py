@@ -1,0 +1,135 @@
+"""The teacher's key: draws and signs exercises, and opens their truth.
+
+One Ed25519 private key of 32 bytes. Its X25519 form opens the sealed box of the truth. The key also
+enters the draw, so that a student who knows seed and level cannot draw the same exercise.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import secrets
+import stat
+from dataclasses import dataclass
+from hashlib import blake2b
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from heli3dof.errors import RecordingError
+from heli3dof.exercise.levels import Cause, draw
+from heli3dof.rig.sealed_rig import (
+    Exercise,
+    HiddenRig,
+    check_nacl,
+    padded,
+    read_small,
+    sealed_rig,
+)
+from heli3dof.rig.session.paths import state_folder
+
+if TYPE_CHECKING:
+    from nacl.signing import SigningKey
+
+FORM = "heli3dof.teacher_key/1"
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The hidden causes of an exercise, and the largest relative change of the rig's numbers."""
+
+    causes: tuple[Cause, ...]
+    spread: float
+
+
+def default_key() -> Path:
+    """Return the path of the teacher's key when ``--key`` is omitted, in the user's own folder."""
+    return state_folder() / "teacher.key"
+
+
+def new_key(path: Path) -> None:
+    """Write a new key to ``path``, which only this user can read. Raises OSError if it exists."""
+    content = {"schema": FORM, "private_key": secrets.token_hex(32)}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
+        stream.write(json.dumps(content) + "\n")
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def load_key(path: Path) -> SigningKey:
+    """Return the teacher's key. Raises UsageError or RecordingError if ``path`` has none."""
+    check_nacl()
+    from nacl.signing import SigningKey
+
+    try:
+        data = json.loads(read_small(path))
+        if data["schema"] != FORM:
+            raise ValueError(data["schema"])
+        return SigningKey(bytes.fromhex(data["private_key"]))
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise RecordingError(
+            f"{path} is not a teacher's key.",
+            cause="another file, or only a part of the key.",
+            fix="a backup of the key; exercises that it sealed cannot be opened without it",
+        ) from error
+
+
+def others_can_read(path: Path) -> bool:
+    """Return True if users other than the owner may read the key (never on Windows)."""
+    return os.name != "nt" and bool(path.stat().st_mode & (stat.S_IRGRP | stat.S_IROTH))
+
+
+def seal(key: SigningKey, seed: int, level: int) -> Exercise:
+    """Return a new exercise. The same key, seed and level hide the same effects."""
+    import numpy as np
+
+    def derived(purpose: str, size: int) -> bytes:
+        text = f"{purpose}/{seed}/{level}".encode()
+        return blake2b(text, key=bytes(key), digest_size=size).digest()
+
+    rng = np.random.default_rng(int.from_bytes(derived("draw", 32), "big"))
+    causes, spread = draw(level, rng)
+    rig = HiddenRig(",".join(c.text for c in causes), spread, int(rng.integers(2**31)))
+    truth = {"spread": spread, "causes": [[c.name, dict(c.values)] for c in causes]}
+    exercise = Exercise(
+        id=derived("id", 6).hex(),
+        level=level,
+        teacher=bytes(key.verify_key).hex(),
+        rig=sealed_rig(rig),
+        truth=_sealed(key, padded(truth)),
+    )
+    signature = key.sign(exercise.signed_part()).signature.hex()
+    return exercise.model_copy(update={"signature": signature})
+
+
+def _sealed(key: SigningKey, text: bytes) -> str:
+    from nacl.public import SealedBox
+
+    public = key.to_curve25519_private_key().public_key
+    return base64.b64encode(SealedBox(public).encrypt(text)).decode()
+
+
+def why_not_ours(key: SigningKey, exercise: Exercise) -> str | None:
+    """Return why this key did not seal the exercise as it is; None if it did."""
+    if not exercise.is_intact():
+        return "the exercise in it was changed after it was sealed"
+    if exercise.teacher != bytes(key.verify_key).hex():
+        return "another teacher's key sealed the exercise"
+    return None
+
+
+def open_truth(key: SigningKey, exercise: Exercise) -> Truth:
+    """Return the hidden causes. Raises RecordingError if this key did not seal the exercise."""
+    if (why := why_not_ours(key, exercise)) is not None:
+        raise RecordingError(
+            f"Exercise {exercise.id} cannot be opened: {why}.",
+            cause="the wrong key, or a file that was changed.",
+            fix="--key with the file that exercise new named",
+        )
+    from nacl.public import SealedBox
+
+    box = SealedBox(key.to_curve25519_private_key())
+    data = json.loads(box.decrypt(base64.b64decode(exercise.truth)))
+    return Truth(tuple(Cause(n, v) for n, v in data["causes"]), data["spread"])

@@ -1,0 +1,185 @@
+"""The sealed file of an exercise: an emulated rig whose hidden effects students diagnose.
+
+The file is JSON. Its two sealed parts have the same length in every exercise:
+
+- ``rig``: what the emulator simulates; XSalsa20-Poly1305 under `FLYING_KEY`, a part of heli3dof.
+  It keeps the effects from view, but not from a determined programmer.
+- ``truth``: causes and sizes; a sealed box (X25519), which only the teacher's private key opens.
+
+``signature`` is the teacher's Ed25519 signature of all other keys.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from heli3dof.errors import RecordingError, UsageError
+
+FLYING_KEY = blake2b(b"heli3dof.exercise/1, the emulated rig", digest_size=32).digest()
+SEALED_SIZE = 1024
+"""Bytes of a part before encryption, so that its length does not depend on the effects"""
+LARGEST_FILE = 1_000_000
+"""Bytes of a file of an exercise, key or answer that is read; ours have a few thousand"""
+PREFIX = "ex-"
+"""Start of the serial number of a sealed rig; the exercise's id follows"""
+
+
+class Exercise(BaseModel):
+    """The content of a sealed file. ``id`` names the exercise in recordings and answers."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", serialize_by_alias=True)
+
+    form: Literal["heli3dof.exercise/1"] = Field(default="heli3dof.exercise/1", alias="schema")
+    id: str = Field(pattern="^[0-9a-f]{12}$")
+    level: int = Field(ge=1, le=5)
+    teacher: str = Field(pattern="^[0-9a-f]{64}$")
+    """Public key that verifies ``signature``"""
+    rig: str
+    truth: str
+    signature: str = Field(default="", pattern="^([0-9a-f]{128})?$")
+
+    @property
+    def serial(self) -> str:
+        """Return the emulated rig's serial number, which every recording contains."""
+        return f"{PREFIX}{self.id}"
+
+    def signed_part(self) -> bytes:
+        """Return the bytes that ``signature`` signs: all other keys."""
+        return json.dumps(self.model_dump(exclude={"signature"}), sort_keys=True).encode()
+
+    def to_bytes(self) -> bytes:
+        return self.model_dump_json(indent=2).encode() + b"\n"
+
+    def is_intact(self) -> bool:
+        """Return True if the owner of the key ``teacher`` signed exactly this content."""
+        check_nacl()
+        from nacl.exceptions import CryptoError
+        from nacl.signing import VerifyKey
+
+        try:
+            key = VerifyKey(bytes.fromhex(self.teacher))
+            key.verify(self.signed_part(), bytes.fromhex(self.signature))
+        except (CryptoError, ValueError):
+            return False
+        return True
+
+
+def exercise_of(serial: str) -> str | None:
+    """Return the id of the exercise from a rig's serial number, None for any other rig."""
+    return serial.removeprefix(PREFIX) if serial.startswith(PREFIX) else None
+
+
+@dataclass(frozen=True)
+class HiddenRig:
+    """What a sealed rig simulates: ``hide`` and ``spread`` are those of ``mock:``.
+
+    ``rig_seed`` draws the rig's parameters; the seed of the URL draws its noise only.
+    """
+
+    hide: str
+    spread: float
+    rig_seed: int
+
+
+def check_nacl() -> None:
+    """Raise UsageError if PyNaCl, an optional dependency, is not installed."""
+    try:
+        import nacl  # noqa: F401
+    except ImportError:
+        raise UsageError(
+            "Exercises need PyNaCl, which is not installed.",
+            cause="it is an optional dependency: only exercises are encrypted.",
+            fix="pip install 'heli3dof[teaching]'",
+        ) from None
+
+
+def read_exercise(path: Path) -> Exercise:
+    """Return the content of a sealed file.
+
+    Raises UsageError for a missing file, RecordingError for one that is damaged or was changed.
+    """
+    try:
+        exercise = Exercise.model_validate_json(read_small(path))
+    except ValidationError as error:
+        raise RecordingError(
+            f"{path} is not an exercise.",
+            cause="another file, or it was damaged on its way.",
+            fix="copy it again from the teacher; heli3dof exercise new makes one",
+        ) from error
+    if not exercise.is_intact():
+        raise RecordingError(
+            f"{path} was changed after it was sealed.",
+            cause="the teacher's signature does not match its content.",
+            fix="copy the file again from the teacher",
+        )
+    return exercise
+
+
+def read_small(path: Path) -> bytes:
+    """Return the content of a file of at most `LARGEST_FILE` bytes.
+
+    Raises UsageError for a missing file, RecordingError for a folder or a file that is too large
+    or cannot be read.
+    """
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(LARGEST_FILE + 1)
+    except FileNotFoundError:
+        raise UsageError(
+            f"There is no file {path}.",
+            cause="a typing error in the path, or another working directory.",
+            fix=f"ls {path.parent}",
+        ) from None
+    except OSError as error:
+        raise RecordingError(
+            f"{path} cannot be read: {error.strerror}.",
+            cause="it is a folder, or belongs to another user.",
+            fix=f"ls -ld {path}",
+        ) from error
+    if len(data) > LARGEST_FILE:
+        raise RecordingError(
+            f"{path} has more than {LARGEST_FILE} bytes.",
+            cause="another file: exercises and answers are small.",
+            fix=f"ls -l {path}",
+        )
+    return data
+
+
+def padded(part: Mapping[str, Any]) -> bytes:
+    """Return ``part`` as JSON, filled with spaces to `SEALED_SIZE` bytes."""
+    text = json.dumps(part).encode()
+    assert len(text) <= SEALED_SIZE
+    return text.ljust(SEALED_SIZE)
+
+
+def sealed_rig(rig: HiddenRig) -> str:
+    """Return the sealed part ``rig`` of a file."""
+    check_nacl()
+    from nacl.secret import SecretBox
+
+    return base64.b64encode(SecretBox(FLYING_KEY).encrypt(padded(vars(rig)))).decode()
+
+
+def hidden_rig(exercise: Exercise) -> HiddenRig:
+    """Return what the emulator must simulate. Raises RecordingError if the part is damaged."""
+    check_nacl()
+    from nacl.exceptions import CryptoError
+    from nacl.secret import SecretBox
+
+    try:
+        text = SecretBox(FLYING_KEY).decrypt(base64.b64decode(exercise.rig))
+        return HiddenRig(**json.loads(text))
+    except (CryptoError, ValueError, TypeError) as error:
+        raise RecordingError(
+            f"The rig of exercise {exercise.id} cannot be opened.",
+            cause="another version of heli3dof made it.",
+            fix="install the teacher's version of heli3dof",
+        ) from error

@@ -1,0 +1,84 @@
+"""Answers from diagnoses and from the student's own statements."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from heli3dof.errors import RecordingError, UsageError
+from heli3dof.exercise.answer import make_answer, read_answer, statements
+from tests.exercise.making import EXERCISE, KEY, diagnosis, exercise_that
+
+
+def test_a_diagnosis_gives_causes_intervals_and_the_hold_out_error() -> None:
+    made = make_answer("Ada", EXERCISE, (), {"d.json": diagnosis(EXERCISE)})
+    friction, unmodelled = made.causes
+    assert (friction.name, friction.confidence) == ("friction.coulomb.yaw", 0.8)
+    assert friction.tied_with == ("friction.viscous.yaw",)
+    size = friction.parameters["torque_Nm"]
+    assert (size.low, size.high) == pytest.approx((0.03 - 0.00196, 0.03 + 0.00196))
+    assert (unmodelled.name, unmodelled.confidence) == ("unmodelled.roll", 0.6)
+    assert made.holdout_rmse_deg == {"roll": 0.2, "pitch": 0.1, "yaw": None}
+
+
+def test_a_quiet_diagnosis_claims_that_nothing_is_hidden() -> None:
+    quiet = diagnosis(EXERCISE, findings=[], leftover=[], verdict="nothing_found")
+    assert [c.name for c in make_answer("A", EXERCISE, (), {"d": quiet}).causes] == ["none"]
+    bad = {**quiet, "verdict": "bad_data"}
+    assert make_answer("A", EXERCISE, (), {"d": bad}).causes == ()
+    own = statements(["inertia.yaw"], [])
+    assert [c.name for c in make_answer("A", EXERCISE, own, {"d": quiet}).causes] == ["inertia.yaw"]
+
+
+def test_the_students_own_statement_counts_before_the_diagnosis() -> None:
+    own = statements(["friction.coulomb.yaw=0.05±0.01"], [0.5])
+    made = make_answer("Ada", EXERCISE, own, {"d.json": diagnosis(EXERCISE)})
+    assert [c.name for c in made.causes] == ["friction.coulomb.yaw", "unmodelled.roll"]
+    assert made.causes[0].parameters["torque_Nm"].value == 0.05
+
+
+def test_a_diagnosis_of_another_rig_is_refused() -> None:
+    other = exercise_that(KEY, 1, count=1)
+    for document in (diagnosis(other), diagnosis(EXERCISE, about={})):
+        with pytest.raises(UsageError, match=f"not a diagnosis of exercise {EXERCISE.id} alone"):
+            make_answer("Ada", EXERCISE, (), {"d.json": document})
+
+
+def test_an_incomplete_diagnosis_is_refused() -> None:
+    with pytest.raises(RecordingError, match="not a complete diagnosis"):
+        make_answer("Ada", EXERCISE, (), {"d.json": diagnosis(EXERCISE, findings=[{}])})
+
+
+def test_statements_have_a_value_an_interval_and_a_confidence() -> None:
+    texts = ["stiffness.cable.yaw=0.1±0.01", "inertia.yaw = 1.2 +- 0.1", "unmodelled.roll", "none"]
+    cable, inertia, unmodelled, none = statements(texts, [0.9, 0.8, 0.7, 0.6])
+    assert cable.text() == (
+        "stiffness.cable.yaw, stiffness_Nm_per_rad = 0.1 (0.09 … 0.11), confidence 0.90"
+    )
+    assert inertia.parameters["ratio"].high == pytest.approx(1.3)
+    assert (unmodelled.parameters, none.confidence) == ({}, 0.6)
+    assert [c.confidence for c in statements(texts, [0.5])] == [0.5] * 4
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["inertia.yaw=", "inertia.yaw=x", "=1", "", "none=1", "inertia.yaw=1±y", "inertia.yaw=nan"],
+)
+def test_a_statement_of_another_form_is_an_error(text: str) -> None:
+    with pytest.raises(UsageError):
+        statements([text], [])
+
+
+def test_the_number_of_confidences_must_match() -> None:
+    with pytest.raises(UsageError, match="2 confidences for 1 causes"):
+        statements(["none"], [0.1, 0.2])
+    with pytest.raises(UsageError, match="1 confidences for 0 causes"):
+        statements([], [0.1])
+
+
+def test_an_answer_survives_its_file(tmp_path: Path) -> None:
+    made = make_answer("Ada", EXERCISE, (), {"d.json": diagnosis(EXERCISE)})
+    path = tmp_path / "answer.json"
+    path.write_bytes(made.to_bytes())
+    assert read_answer(path) == made
