@@ -75,10 +75,11 @@ def live_data(figure: Figure) -> dict[str, Any]:
 def _panel(axes: Any, others: Sequence[Any]) -> dict[str, Any]:
     """Return one panel: labels, ranges, curves, bands and shaded spans."""
     siblings = [a for a in others if a is axes or axes.get_shared_x_axes().joined(axes, a)]
+    row = [a for a in others if _rows(a) == _rows(axes)]
     return {
-        "title": axes.get_title(loc="left"),
-        "x": next((a.get_xlabel() for a in (axes, *siblings) if a.get_xlabel()), ""),
-        "y": axes.get_ylabel(),
+        "title": next((a.get_title(loc="left") for a in siblings if a.get_title(loc="left")), ""),
+        "x": next((a.get_xlabel() for a in siblings if a.get_xlabel()), ""),
+        "y": next((a.get_ylabel() for a in (axes, *row) if a.get_ylabel()), ""),
         "log": axes.get_xscale() == "log",
         "xlim": _numbers(axes.get_xlim()),
         "ylim": _numbers(axes.get_ylim()),
@@ -87,6 +88,12 @@ def _panel(axes: Any, others: Sequence[Any]) -> dict[str, Any]:
         "bands": list(_bands(axes)),
         "spans": list(_spans(axes)),
     }
+
+
+def _rows(axes: Any) -> Any:
+    """Return the rows of the figure's grid that the axes take; None outside a grid."""
+    spec = axes.get_subplotspec()
+    return spec and spec.rowspan
 
 
 def _lines(axes: Any) -> Iterable[dict[str, Any]]:
