@@ -22,10 +22,17 @@ from heli3dof.report.comparison_text import model_sentence, prediction_sentence
 from heli3dof.report.diagnosis_figure_data import FigureData
 from heli3dof.report.diagnosis_figures import evidence_alt, evidence_figure
 from heli3dof.report.diagnosis_text import Document, number
-from heli3dof.report.figure_style import BLUE, SOFT, VERMILION, model_lines
+from heli3dof.report.figure_style import (
+    BLUE,
+    GREEN,
+    PURPLE,
+    SKY,
+    SOFT,
+    VERMILION,
+    model_lines,
+)
 from heli3dof.report.figures import comparison_figure, plan_figure
 from heli3dof.report.html import Answer, bars, figure
-from heli3dof.report.identification_section import bode_with_bands
 from heli3dof.report.text_table import fixed
 
 WRONG = "How wrong is the simulation?"
@@ -57,9 +64,15 @@ def _wrong(document: Document) -> Answer | None:
 
 
 def _cause(document: Document, data: FigureData) -> Answer:
-    causes = summary.causes(document)
-    stated = causes or [*summary.faults(document), *words.unmodelled_effects(document)][:1]
-    sentence = " ".join(stated) or words.verdict(document)
+    stated = [*summary.faults(document), *words.unmodelled_effects(document)]
+    if causes := list(summary.causes(document)):
+        first, *others = document["findings"]
+        weaker = {words.name_of(f): words.percent(f["confidence"]) for f in others}
+        weaker.pop(words.name_of(first), None)  # two recordings may share a fault
+        names = [f"{name} (confidence {sure})" for name, sure in weaker.items()]
+        more = [f"Further: {words.listed(names[: summary.MOST_CAUSES])}."] if names else []
+        stated = [" ".join([causes[0], *more])]
+    sentence = stated[0] if stated else words.verdict(document)
     seen = [*data.evidence, *data.leftover_evidence]
     drawn = figure(evidence_figure(seen[0]), evidence_alt(seen[0])) if seen else ""
     return Answer("What is the cause, and how sure is it?", sentence, drawn)
@@ -67,7 +80,7 @@ def _cause(document: Document, data: FigureData) -> Answer:
 
 def _gain(document: Document) -> Answer:
     question = "What does the extended model gain?"
-    sentence = " ".join(summary.gain(document) or words.calibration_change(document))
+    sentence = " ".join([*summary.gain(document), *words.calibration_change(document)])
     if not sentence:
         return Answer(question, "Nothing: the diagnosis added no effect to the model.")
     gain = document["gain"] if words.adopted(document) else document["calibration_gain"]
@@ -107,7 +120,7 @@ def comparison_answers(comparison: Comparison) -> list[Answer]:
     name = flight.recording.name
     answers = [Answer(WRONG, f"{name}: {model_sentence(flight, flight.models[0])}", drawn)]
     answers += _best(flight)
-    step = f"To find the cause of the error: heli3dof diagnose {name}.mcap --report {name}.html"
+    step = "To find the cause of the error: heli3dof diagnose REC... --report FILE.html"
     return [*answers, Answer("What to do next?", step)]
 
 
@@ -147,6 +160,12 @@ def identification_answer(found: Identification) -> Answer:
     ahead = found.metrics.prediction[SUMMARY_HORIZON_S].fit_percent
     each = [f"{axis} {fixed(float(ahead[i]), 1, ' %')}" for i, axis in enumerate(AXES)]
     sentence = f"Fit {SUMMARY_HORIZON_S:g} s ahead on held-out data: {', '.join(each)}."
-    bode = bode_with_bands(found)
-    drawn = "" if bode is None else figure(bode, f"Bode diagrams of {found.model.name}")
-    return Answer(f"How well does {found.model.name} predict?", sentence, drawn)
+    rmse = {f"RMSE {h:g} s ahead": s.rmse for h, s in found.metrics.prediction.items() if h > 0}
+    groups = {
+        axis: {name: float(np.degrees(errors[i])) for name, errors in rmse.items()}
+        for i, axis in enumerate(AXES)
+    }
+    styles = dict(zip(rmse, (SKY, BLUE, GREEN, PURPLE), strict=False))
+    return Answer(
+        f"How well does {found.model.name} predict?", sentence, bars(groups, styles, sentence)
+    )

@@ -124,9 +124,10 @@ def bars(groups: Mapping[str, Mapping[str, float]], styles: Mapping[str, str], a
     has no bar.
     """
     colors = {name: f"background:var(--{variable_of(color)})" for name, color in styles.items()}
-    legend = "".join(f'<i style="{c}"></i>{html.escape(n)} ' for n, c in colors.items())
-    known = [v for values in groups.values() for v in values.values() if np.isfinite(v)]
-    longest = max(known, default=0.0) or 1.0
+    known = [(n, v) for values in groups.values() for n, v in values.items() if np.isfinite(v)]
+    drawn = [(n, c) for n, c in colors.items() if n in dict(known)]
+    legend = "".join(f'<i style="{c}"></i>{html.escape(n)} ' for n, c in drawn)
+    longest = max((v for _, v in known), default=0.0) or 1.0
     rows = "".join(
         f"<b>{html.escape(group)}</b><div>"
         + "".join(

@@ -75,11 +75,12 @@ def live_data(figure: Figure) -> dict[str, Any]:
 def _panel(axes: Any, others: Sequence[Any]) -> dict[str, Any]:
     """Return one panel: labels, ranges, curves, bands and shaded spans."""
     siblings = [a for a in others if a is axes or axes.get_shared_x_axes().joined(axes, a)]
-    row = [a for a in others if _rows(a) == _rows(axes)]
+    row = [axes, *(a for a in siblings if _in_one(a, axes, "row"))]
+    column = [axes, *(a for a in others if _in_one(a, axes, "col"))]
     return {
-        "title": next((a.get_title(loc="left") for a in siblings if a.get_title(loc="left")), ""),
+        "title": next((a.get_title(loc="left") for a in column if a.get_title(loc="left")), ""),
         "x": next((a.get_xlabel() for a in siblings if a.get_xlabel()), ""),
-        "y": next((a.get_ylabel() for a in (axes, *row) if a.get_ylabel()), ""),
+        "y": next((a.get_ylabel() for a in row if a.get_ylabel()), ""),
         "log": axes.get_xscale() == "log",
         "xlim": _numbers(axes.get_xlim()),
         "ylim": _numbers(axes.get_ylim()),
@@ -90,10 +91,10 @@ def _panel(axes: Any, others: Sequence[Any]) -> dict[str, Any]:
     }
 
 
-def _rows(axes: Any) -> Any:
-    """Return the rows of the figure's grid that the axes take; None outside a grid."""
-    spec = axes.get_subplotspec()
-    return spec and spec.rowspan
+def _in_one(a: Any, b: Any, what: str) -> bool:
+    """Return True if two axes are in one ``row`` or ``col`` (column) of the figure's grid."""
+    one, other = a.get_subplotspec(), b.get_subplotspec()
+    return bool(one and other and getattr(one, f"{what}span") == getattr(other, f"{what}span"))
 
 
 def _lines(axes: Any) -> Iterable[dict[str, Any]]:

@@ -153,11 +153,17 @@ def test_decimation_keeps_ends_peaks_and_gaps() -> None:
 def test_bands_error_bars_and_stems_reach_the_live_figure() -> None:
     omega = np.geomspace(0.1, 10, 20)
     curve = BodeCurve("model", "statespace", 1 / (1j * omega + 1), 0.1 * np.ones(20))
-    magnitude = live_data(bode_figure(omega, {"roll": [curve]}, title="t"))["panels"][0]
+    bode = live_data(bode_figure(omega, {"roll": [curve], "yaw": [curve]}, title="t"))
+    magnitude = bode["panels"][0]
+    assert [(p["title"], p["y"]) for p in bode["panels"]] == [
+        ("roll", "magnitude (dB)"), ("yaw", "magnitude (dB)"),
+        ("roll", "phase (°)"), ("yaw", "phase (°)"),
+    ]  # fmt: skip
     assert magnitude["log"]
     assert len(magnitude["bands"][0]["x"]) >= 40
     noise = np.random.default_rng(1).normal(size=(200, 3))
     panels = live_data(residual_figure(np.arange(200) * 0.01, noise, title="t"))["panels"]
+    assert (panels[0]["y"], panels[1]["y"]) == ("roll r (m°)", "")
     assert panels[1]["curves"][0]["kind"] == "stems"
     assert panels[1]["spans"][0]["ends"] == pytest.approx([-2.58 / 200**0.5, 2.58 / 200**0.5], 1e-4)
     z = np.linspace(-1, 1, 5)
@@ -172,6 +178,13 @@ def test_bars_state_their_numbers_and_leave_out_missing_ones() -> None:
     assert "2.00°" in text
     assert "width:80.0%" in text
     assert text.count("%") == 1
+
+
+def test_without_a_cause_the_answers_state_the_verdict_and_no_gain() -> None:
+    document = {**DOCUMENT, "verdict": "nothing_found", "findings": [], "leftover": []}
+    _, cause, gain, _ = diagnosis_answers(document, FigureData(), dt=0.01)
+    assert cause.sentence.startswith("Verdict: nothing found.")
+    assert gain.sentence.startswith("Nothing:")
 
 
 def test_a_diagnosis_answers_the_four_questions_in_order() -> None:

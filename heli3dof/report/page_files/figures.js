@@ -65,6 +65,22 @@
     ctx.restore();
   }
 
+  // A line that null interrupts and undefined does not; uPlot's own line closes gaps below a pixel.
+  function path(u, k) {
+    const stroke = new Path2D();
+    let drawing = false;
+    u.data[k].forEach((y, i) => {
+      if (y === undefined) return;
+      if (y !== null) {
+        const at = [u.valToPos(u.data[0][i], "x", true), u.valToPos(y, "y", true)];
+        if (drawing) stroke.lineTo(...at);
+        else stroke.moveTo(...at);
+      }
+      drawing = y !== null;
+    });
+    return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 0 };
+  }
+
   function series(c) {
     const line = !c.kind;
     return {
@@ -72,7 +88,7 @@
       stroke: color(c.color),
       width: line ? c.width : 0,
       dash: line && c.dash.length ? c.dash : undefined,
-      paths: line ? undefined : () => null,
+      paths: line ? path : () => null,
       points: { show: !line, size: c.kind === "stems" ? 3 : 6, fill: color(c.color) },
       value: (u, v) => text(v),
     };
