@@ -6,11 +6,12 @@ STAMP  := $(VENV)/.installed
 JOBS   ?= auto
 PEERS  := .venv-peers
 
-.PHONY: help demo test test-kernel-usb check format bench bench-peers bench-hidden bench-rigs bench-rules docs pages recordings firmware test-firmware test-qemu fuzz clean
+.PHONY: help demo test test-browser test-kernel-usb check format bench bench-peers bench-hidden bench-rigs bench-rules docs pages recordings firmware test-firmware test-qemu fuzz clean
 
 help:
 	@echo "make demo        fly the mock rig, identify, compare, diagnose, report"
 	@echo "make test        the tests"
+	@echo "make test-browser  the HTML report in headless Chromium (fetches 50 MB; apt-get install chromium)"
 	@echo "make test-kernel-usb  the USB and serial ports through a real Linux USB stack (Debian; fetches 100 MB)"
 	@echo "make check       lint, formatting, types and wording"
 	@echo "make bench       re-measure every figure in docs/results/benchmarks.md (TOPIC=cli: that one)"
@@ -38,6 +39,10 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n $(JOBS)
+
+test-browser: $(STAMP)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[browser]'
+	HELI3DOF_BROWSER=1 $(BIN)/python -m pytest -n 0 tests/report/test_browser.py
 
 # Debian's qemu and kernel, unpacked into build/, never installed; CASES: words of the cases to run.
 test-kernel-usb: $(STAMP)

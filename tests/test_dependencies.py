@@ -35,8 +35,8 @@ MAY_IMPORT = {
         "experiment", "identification", "comparison",
     },
     "report": {
-        "errors", "axes", "rig", "recording", "model", "identification", "comparison", "diagnosis",
-        "paper",
+        "errors", "axes", "rig", "recording", "model", "experiment", "identification",
+        "comparison", "diagnosis", "paper",
     },
     "cli": {
         "errors", "axes", "write_errors", "rig", "recording", "model", "experiment", "exercise",

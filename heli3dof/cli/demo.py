@@ -42,10 +42,9 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     from heli3dof.paper.reproduction import reproduce
     from heli3dof.report.comparison_tables import comparison_renderables
     from heli3dof.report.diagnosis_figure_data import figure_data
-    from heli3dof.report.diagnosis_section import diagnosis_section
-    from heli3dof.report.flight_report import flight_report
+    from heli3dof.report.flight_report import Diagnosed, flight_report
     from heli3dof.report.html import write_page
-    from heli3dof.report.identification_section import identification_section, parameters_table
+    from heli3dof.report.identification_section import parameters_table
     from heli3dof.report.text_table import to_rich
     from heli3dof.rig.profile import default_profile
 
@@ -83,13 +82,13 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     document = to_document(diagnosis, str(extended))
     show_diagnosis(out, document)
     with out.working("Writing the report …"):
-        section = diagnosis_section(document, figure_data(diagnosis, [train], [step]))
         text = flight_report(
             [step],
             models=models,
             comparison=comparison,
             reproduced=published,
-            extra=[*(identification_section(i) for i in identified), section],
+            identified=identified,
+            diagnosed=Diagnosed(document, figure_data(diagnosis, [train], [step])),
             title="heli3dof demo",
         )
         report = write_page(text, folder / "report.html")

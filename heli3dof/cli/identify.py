@@ -124,15 +124,15 @@ def _write_report(
     from heli3dof.comparison.compare import compare
     from heli3dof.paper.models import load_model
     from heli3dof.report.flight_report import flight_report
-    from heli3dof.report.html import page, write_page
-    from heli3dof.report.identification_section import identification_section
+    from heli3dof.report.html import write_page
 
     title = f"Identification from {', '.join(r.name for r in train)}"
-    section = identification_section(result)
-    if not test:
-        write_page(page(title, "", [section]), path, force=force)
-        return
-    models = [load_model("hover", test[0].profile), result.model]
-    comparison = compare(test, models)
-    text = flight_report(test, models=models, comparison=comparison, extra=[section], title=title)
+    models = [load_model("hover", train[0].profile), result.model]
+    text = flight_report(
+        test or train,
+        models=models,
+        comparison=compare(test, models) if test else None,
+        identified=[result],
+        title=title,
+    )
     write_page(text, path, force=force)

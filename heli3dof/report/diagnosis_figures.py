@@ -57,6 +57,11 @@ def evidence_figure(e: TorqueCurve) -> Figure:
     return figure
 
 
+def evidence_alt(e: TorqueCurve) -> str:
+    """Return the alternative text of `evidence_figure`."""
+    return f"Residual {e.axis} torque against {e.depends_on}, with {e.name} as fitted"
+
+
 def stretch_figure(before: HeldOut, after: HeldOut, worst: Worst, recording: str = "") -> Figure:
     """Draw 1 s predictions without and with the causes over the stretch of largest error.
 

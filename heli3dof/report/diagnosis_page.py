@@ -8,8 +8,7 @@ from typing import Any
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.recording.recording import Recording
 from heli3dof.report.diagnosis_figure_data import figure_data
-from heli3dof.report.diagnosis_section import diagnosis_section
-from heli3dof.report.flight_report import flight_report
+from heli3dof.report.flight_report import Diagnosed, flight_report
 
 
 def diagnosis_page(
@@ -25,8 +24,8 @@ def diagnosis_page(
     ``document``: its ``diagnose --json`` document; ``recordings``, ``holdout``: the recordings that
     were fitted and held out. The default title names ``recordings``.
     """
-    section = diagnosis_section(document, figure_data(found, recordings, holdout))
+    diagnosed = Diagnosed(document, figure_data(found, recordings, holdout))
     names = ", ".join(r.name for r in recordings)
     return flight_report(
-        [*recordings, *holdout], first=[section], title=title or f"Diagnosis: {names}"
+        [*recordings, *holdout], diagnosed=diagnosed, title=title or f"Diagnosis: {names}"
     )

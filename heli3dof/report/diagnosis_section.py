@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.unmodelled.torque_curve import TorqueCurve
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.replay import Replayed
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
 from heli3dof.report import diagnosis_text as words
 from heli3dof.report.diagnosis_figure_data import FigureData
-from heli3dof.report.diagnosis_figures import evidence_figure, stretch_figure
+from heli3dof.report.diagnosis_figures import evidence_alt, evidence_figure, stretch_figure
 from heli3dof.report.diagnosis_tables import calibration, findings, gains
 from heli3dof.report.diagnosis_text import Document
 from heli3dof.report.html import Section, figure, key, paragraph, subheading, table, warning
@@ -26,28 +25,43 @@ from heli3dof.report.text_table import NONE, Grid, fixed
 def diagnosis_section(
     document: Document, p: FigureData = FigureData(), title: str = "Diagnosis"
 ) -> Section:
-    """Return the HTML section on a diagnosis: ``document`` is its JSON, ``p`` its figures' data."""
+    """Return the HTML section on a diagnosis: ``document`` is its JSON, ``p`` its figures' data.
+
+    Verdict, faults, the figure of the predictions before and after, and the table of causes show;
+    a click opens the rest.
+    """
     bad = document["verdict"] == "bad_data"
     blocks = [key(words.verdict(document))]
     blocks += [warning(s) if bad else paragraph(s) for s in words.faults(document)]
-    blocks += map(paragraph, words.calibration_change(document))
     blocks += map(paragraph, words.limits(document))
+    blocks += _stretch(p)
+    if (grid := findings(document)).rows:
+        blocks.append(table(grid))
+    details = [paragraph(s) for s in words.calibration_change(document)]
     if steps := [paragraph(s) for s in words.next_steps(document)]:
-        blocks += [subheading("What to do next"), *steps]
+        details += [subheading("What to do next"), *steps]
     if p.wrong is not None:
-        blocks.append(table(error_table(p.wrong)))
-    blocks += [*_causes(document, p), *_gain(document, p), *_unmodelled(document, p)]
+        details.append(table(error_table(p.wrong)))
+    details += [*_causes(document, p), *_gain(document, p), *_unmodelled(document, p)]
     if document["calibration"]:
-        blocks.append(table(calibration(document)))
-        blocks += map(paragraph, words.calibration_doubts(document))
-    return Section(title, blocks)
+        details.append(table(calibration(document)))
+        details += map(paragraph, words.calibration_doubts(document))
+    return Section(title, blocks, details)
+
+
+def _stretch(p: FigureData) -> list[str]:
+    if p.gain is None or p.before is None or p.after is None or p.gain.worst is None:
+        return []
+    w = p.gain.worst
+    name = p.names[w.source] if w.source < len(p.names) else ""
+    drawn = stretch_figure(p.before, p.after, w, name)
+    return [figure(drawn, f"The worst stretch of {w.axis}, before and after")]
 
 
 def _causes(document: Document, p: FigureData) -> list[str]:
-    grid = findings(document)
-    if not grid.rows:
+    if not document["findings"]:
         return []
-    blocks = [subheading("Causes"), table(grid)]
+    blocks = [subheading("Causes")]
     evidence = {e.name: e for e in p.evidence}
     written: set[str] = set()
     for finding, sentence in zip(document["findings"], words.causes(document), strict=True):
@@ -56,7 +70,7 @@ def _causes(document: Document, p: FigureData) -> list[str]:
         written.add(sentence)
         blocks.append(paragraph(sentence))
         if e := evidence.get(words.name_of(finding)):
-            blocks.append(figure(evidence_figure(e), _alt(e)))
+            blocks.append(figure(evidence_figure(e), evidence_alt(e)))
     return blocks + [paragraph(s) for s in document.get("about", {}).get("explains", ())]
 
 
@@ -66,11 +80,6 @@ def _gain(document: Document, p: FigureData) -> list[str]:
     blocks = [subheading("Gain of the extended model")]
     if (grid := gains(document)).rows:
         blocks.append(table(grid))
-    if p.before is not None and p.after is not None and p.gain.worst is not None:
-        w = p.gain.worst
-        name = p.names[w.source] if w.source < len(p.names) else ""
-        drawn = stretch_figure(p.before, p.after, w, name)
-        blocks.append(figure(drawn, f"The worst stretch of {w.axis}, before and after"))
     if p.replayed:
         blocks.append(table(replayed_table(p.replayed)))
     return blocks
@@ -83,7 +92,7 @@ def _unmodelled(document: Document, p: FigureData) -> list[str]:
         blocks.append(subheading("Unmodelled effects"))
         blocks += map(paragraph, words.unmodelled_effects(document))
         blocks.append(table(unmodelled_table(p.leftovers)))
-        blocks += [figure(evidence_figure(e), _alt(e)) for e in p.leftover_evidence]
+        blocks += [figure(evidence_figure(e), evidence_alt(e)) for e in p.leftover_evidence]
     blocks += map(paragraph, words.slow_noise(document))
     if deviations := [paragraph(s) for s in words.model_deviations(document)]:
         blocks += [subheading("Not explained by the extended model"), *deviations]
@@ -137,7 +146,3 @@ def replayed_table(replayed: Sequence[Replayed]) -> Grid:
     heads = ["recording", "axis", *(f"{w} {x}" for w in ("overshoot", "error") for x in three)]
     notes = ["Closed-loop replay of the recording's references; degrees."]
     return Grid("Table II before and after", heads, rows, notes, text_columns=2)
-
-
-def _alt(e: TorqueCurve) -> str:
-    return f"Residual {e.axis} torque against {e.depends_on}, with {e.name} as fitted"

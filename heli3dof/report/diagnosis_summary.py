@@ -22,24 +22,26 @@ def diagnosis_summary(document: Document) -> list[str]:
     """Return the lines of the summary; ``document`` is that of ``diagnose --json``."""
     return [
         words.verdict(document),
-        *_faults(document),
-        *_simulation_error(document),
+        *faults(document),
+        *simulation_error(document),
         *words.calibration_change(document),
-        *_causes(document),
-        *_gain(document),
+        *causes(document),
+        *_weaker(document),
+        *gain(document),
         *words.unmodelled_effects(document),
         *words.slow_noise(document),
         *_next(document),
     ]
 
 
-def _faults(document: Document) -> list[str]:
+def faults(document: Document) -> list[str]:
     """Return the faults that make a recording unusable; notes are left to the tables."""
     stated = [f for f in document.get("integrity", ()) if f["kind"] in ("bad_data", "finding")]
     return list(dict.fromkeys(words.faults({"integrity": stated})))
 
 
-def _simulation_error(document: Document) -> Iterator[str]:
+def simulation_error(document: Document) -> Iterator[str]:
+    """Yield a line with RMSE and noise floor by axis; nothing if no error was measured."""
     error = document["simulation_error"]
     known = [axis for axis in AXES if error[axis]["rmse_deg"] is not None]
     parts = []
@@ -52,7 +54,7 @@ def _simulation_error(document: Document) -> Iterator[str]:
         yield f"Simulation error, RMSE of {seconds:g} s predictions: {', '.join(parts)}."
 
 
-def _causes(document: Document) -> Iterator[str]:
+def causes(document: Document) -> Iterator[str]:
     """Yield a line per cause: name, size, confidence, and the effects confounded with it."""
     found = document["findings"]
     for n, f in enumerate(found[:MOST_CAUSES], start=1):
@@ -70,11 +72,15 @@ def _causes(document: Document) -> Iterator[str]:
         confounded = f"; or {listed(others, 'or')}: these recordings do not tell" if others else ""
         like = "; likely, not confirmed" if f.get("like") else ""
         yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{sure}{confounded}{like}."
-    if len(found) > MOST_CAUSES:
-        yield f"{len(found) - MOST_CAUSES} weaker causes: see --verbose."
 
 
-def _gain(document: Document) -> Iterator[str]:
+def _weaker(document: Document) -> list[str]:
+    weaker = len(document["findings"]) - MOST_CAUSES
+    return [f"{weaker} weaker causes: see --verbose."] if weaker > 0 else []
+
+
+def gain(document: Document) -> Iterator[str]:
+    """Yield a line with the RMSE before and after; nothing if no effect was added."""
     if not words.adopted(document):
         return
     where, falls = words.measured_on(document), words.before_and_after(document["gain"])

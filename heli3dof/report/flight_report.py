@@ -1,30 +1,39 @@
-"""Write the HTML report of flights: summary, warnings, flights, models, comparison, provenance.
+"""Write the HTML report: answers, warnings, then comparison, identification, diagnosis, flights.
 
-``heli3dof report``, ``diagnose --report`` and ``demo`` use this report.
+``heli3dof report``, ``identify --report``, ``diagnose --report``, ``run --auto`` and ``demo`` use
+this report.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from heli3dof.axes import AXES, ROLL
+from heli3dof.axes import AXES
 from heli3dof.comparison.metrics import flight_metrics
-from heli3dof.comparison.prediction import ConstantAngles
-from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
+from heli3dof.comparison.result import Comparison
+from heli3dof.identification.result import Identification
 from heli3dof.model.base import Model
 from heli3dof.paper.reproduction import Reproduced
 from heli3dof.recording.recording import Recording
-from heli3dof.report.comparison_tables import (
-    flight_grids,
-    metrics_of,
-    published_table,
+from heli3dof.report.answers import (
+    comparison_answers,
+    diagnosis_answers,
+    identification_answer,
+    worst_axis,
 )
+from heli3dof.report.comparison_tables import flight_grids, metrics_of, published_table
+from heli3dof.report.comparison_text import in_a_sentence
+from heli3dof.report.diagnosis_figure_data import FigureData
+from heli3dof.report.diagnosis_section import diagnosis_section
+from heli3dof.report.diagnosis_text import Document
 from heli3dof.report.figures import NUMBER, axis_figures, flight_figure
 from heli3dof.report.html import (
+    Answer,
     Section,
     facts,
     figure,
@@ -36,11 +45,22 @@ from heli3dof.report.html import (
     table,
     warning,
 )
+from heli3dof.report.identification_section import identification_section
 from heli3dof.report.model_section import model_blocks
 from heli3dof.report.text_table import fixed
 
+SHOWN_WARNINGS = 3
+"""Warnings that show without a click (a convention)"""
 LONG = 200
 """Number of characters above which a metadata value gets its own listing (a convention)"""
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosed:
+    """A diagnosis for the report: its ``diagnose --json`` document, and its figures' data."""
+
+    document: Document
+    data: FigureData
 
 
 def flight_report(
@@ -48,31 +68,29 @@ def flight_report(
     *,
     models: Sequence[Model] = (),
     comparison: Comparison | None = None,
+    identified: Sequence[Identification] = (),
+    diagnosed: Diagnosed | None = None,
     reproduced: Sequence[Reproduced] = (),
-    first: Iterable[Section] = (),
-    extra: Iterable[Section] = (),
-    lede: Sequence[str] = (),
     title: str = "",
 ) -> str:
-    """Return the report as an HTML document.
+    """Return the report of ``recordings`` as an HTML document.
 
-    The sentences ``lede`` open the summary. The sections ``first`` come before the flights, and
-    ``extra`` (of an identification, for example) after the comparison. ``reproduced`` is the result
-    of `heli3dof.paper.reproduction.reproduce`.
+    ``reproduced`` is the result of `heli3dof.paper.reproduction.reproduce`.
     """
     names = ", ".join(r.name for r in recordings)
-    warnings = _warnings(recordings, comparison)
-    short = [] if comparison is None else [in_a_sentence(f) for f in comparison.flights]
+    warnings = [warning(w) for w in _warnings(recordings, comparison)]
+    diagnosis = [] if diagnosed is None else [diagnosis_section(diagnosed.document, diagnosed.data)]
     sections = [
-        Section("Summary", [key(s) for s in (*lede, *short)]),
-        Section("Warnings", [warning(w) for w in warnings]),
-        *first,
-        Section("The flight" if len(recordings) == 1 else "The flights", _flights(recordings)),
-        Section("Models", model_blocks(models, recordings[0].profile if recordings else None)),
-        Section("Comparison", [] if comparison is None else _comparison(comparison)),
-        *extra,
-        Section("The paper's numbers", [table(published_table(reproduced))] if reproduced else []),
-        Section("Provenance", _provenance(recordings)),
+        Section("Warnings", warnings[:SHOWN_WARNINGS], warnings[SHOWN_WARNINGS:]),
+        *([] if comparison is None else [_comparison(comparison)]),
+        *(identification_section(i) for i in identified),
+        *diagnosis,
+        Section("The flight" if len(recordings) == 1 else "The flights", (), _flights(recordings)),
+        Section("Models", (), model_blocks(models, recordings[0].profile if recordings else None)),
+        Section("The paper's numbers", (), [table(published_table(reproduced))])
+        if reproduced
+        else Section(""),
+        Section("Provenance", (), _provenance(recordings)),
     ]
     seconds = sum(r.duration for r in recordings)
     return page(
@@ -80,9 +98,25 @@ def flight_report(
         f"{len(recordings)} recording{'s' if len(recordings) != 1 else ''}, {seconds:.1f} s"
         + (f", {len(models)} model{'s' if len(models) != 1 else ''}" if models else ""),
         sections,
+        answers=_answers(recordings, comparison, identified, diagnosed),
         footer="Angles in degrees: roll is the arm's elevation (+ body up), pitch the body's tilt "
         "(+ front motor up), yaw the travel (+ counter-clockwise).",
     )
+
+
+def _answers(
+    recordings: Sequence[Recording],
+    comparison: Comparison | None,
+    identified: Sequence[Identification],
+    diagnosed: Diagnosed | None,
+) -> list[Answer]:
+    """Return the answers of the most conclusive result: diagnosis, comparison, identification."""
+    if diagnosed is not None:
+        dt = recordings[0].dt
+        return diagnosis_answers(diagnosed.document, diagnosed.data, dt)
+    if comparison is not None and comparison.flights:
+        return comparison_answers(comparison)
+    return [identification_answer(i) for i in identified]
 
 
 def _flights(recordings: Sequence[Recording]) -> list[str]:
@@ -91,7 +125,8 @@ def _flights(recordings: Sequence[Recording]) -> list[str]:
         if len(recordings) > 1:
             blocks.append(subheading(r.name))
         blocks.append(facts(_summary(r)))
-        blocks.append(figure(flight_figure(r), f"Angles and voltages of {r.name} over time"))
+        alt = f"Angles and voltages of {r.name} over time"
+        blocks.append(figure(flight_figure(r), alt, flight=r.digest))
         if any(r.has_reference(axis) for axis in AXES):
             blocks.append(table(metrics_of(flight_metrics(r), "Step metrics")))
     return blocks
@@ -132,72 +167,30 @@ def _plan_name(r: Recording) -> str | None:
     return None if plan is None else str(plan)
 
 
-def _comparison(comparison: Comparison) -> list[str]:
-    blocks = []
-    for f in comparison.flights:
+def _comparison(comparison: Comparison) -> Section:
+    """Return the section of a comparison: sentences, then one recording's figure and table.
+
+    The figure shows the axis with the first model's largest error in the first recording.
+    """
+    blocks = [key(in_a_sentence(f)) for f in comparison.flights]
+    details = []
+    for n, f in enumerate(comparison.flights):
         if len(comparison.flights) > 1:
-            blocks.append(subheading(f.recording.name))
+            details.append(subheading(f.recording.name))
         if f.why is not None:
-            blocks.append(
-                paragraph(f"Not replayed: {f.why}. The curves are multi-step predictions.")
-            )
+            reason = f"Not replayed: {f.why}. The curves are multi-step predictions."
+            (details if n else blocks).append(paragraph(reason))
+        first = worst_axis(f, f.models[0]) if n == 0 and f.models else ""
         for axis, drawn in axis_figures(f).items():
             alt = f"Figure {NUMBER[axis]}: {axis} of {f.recording.name}, experiment and models"
-            blocks.append(figure(drawn, alt))
-        blocks += [table(g) for g in flight_grids(f)]
-    return blocks
-
-
-def in_a_sentence(flight: FlightComparison) -> str:
-    """Return sentences that compare one recording with each model: peak of roll, RMSE."""
-    if not flight.models:
-        return "No model was compared."
-    if flight.why is None:
-        peak = flight.experiment["roll"].reported.peak_deg
-        sentences = [f"{flight.recording.name}: roll peaks at {fixed(peak, 1, '°')}."]
-        sentences += [_replay_sentence(flight, m) for m in flight.models]
-        return " ".join([*sentences, _prediction_sentence(flight)])
-    sentences = []
-    for m in flight.models:
-        if m.prediction is None:
-            sentences.append(f"{m.name}: none.")
-            continue
-        errors = [
-            f"{fixed(m.prediction.over_window_deg[AXES.index(a)], 1, '°')} in {a}"
-            for a in flight.flown.axes
-        ]
-        sentences.append(f"{m.name}: {', '.join(errors)}.")
-    window = flight.constant_angles.window_s if flight.constant_angles else 0.0
-    title = f"{flight.recording.name}, RMSE of predictions over {window:g} s"
-    return f"{title}: " + " ".join(sentences)
-
-
-def _replay_sentence(flight: FlightComparison, m: ModelComparison) -> str:
-    if m.diverged_at_s is not None:
-        return f"{m.name} diverges at {m.diverged_at_s:.1f} s."
-    if m.metrics is None or m.replay_rmse_deg is None:
-        return f"{m.name} was not replayed."
-    difference = flight.difference(m, "roll")["peak_deg"]
-    rmse = ", ".join(fixed(v, 2, "°") for v in m.replay_rmse_deg)
-    peak = ""
-    if np.isfinite(difference):
-        apart = f"{fixed(abs(difference), 1, '°')} {'higher' if difference > 0 else 'lower'}"
-        peak = f" peaks {apart if abs(difference) >= 0.05 else 'at the same height'};"
-    return f"{m.name}{peak} its RMSE over the flight is {rmse} in roll, pitch, yaw."
-
-
-def _prediction_sentence(flight: FlightComparison) -> str:
-    """Return a sentence with each model's RMSE of roll predictions; empty without predictions."""
-    if flight.constant_angles is None:
-        return ""
-    named = [(m.name, m.prediction) for m in flight.models]
-    errors = [
-        f"{fixed(p.over_window_deg[ROLL], 1, '°')} ({name})"
-        for name, p in (*named, (ConstantAngles.name, flight.constant_angles))
-        if p is not None
-    ]
-    window = flight.constant_angles.window_s
-    return f"RMSE of roll predictions over {window:g} s: {', '.join(errors)}."
+            (blocks if axis == first else details).append(
+                figure(drawn, alt, flight=f.recording.digest)
+            )
+        grids = [table(g) for g in flight_grids(f)]
+        if n == 0:
+            blocks += grids[:1]
+        details += grids if n else grids[1:]
+    return Section("Comparison", blocks, details)
 
 
 def _warnings(recordings: Sequence[Recording], comparison: Comparison | None) -> list[str]:

@@ -1,22 +1,26 @@
-"""Write a self-contained HTML page: sections of blocks, without scripts or external links.
+"""Write a self-contained HTML page: answers on the first screen, then sections of blocks.
 
-Figures are embedded. A block is a string of HTML, with special characters escaped.
+The page links to no other file. Its figures are SVG images; where scripts run, a reader can zoom
+them and read values (`heli3dof.report.web_figure`). A block is a string of HTML, with special
+characters escaped.
 """
 
 from __future__ import annotations
 
-import base64
 import html
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from heli3dof.recording.atomic_write import write_file
-from heli3dof.report.figure_style import to_svg
-from heli3dof.report.text_table import Grid, to_html
+from heli3dof.report.text_table import Grid, fixed, to_html
+from heli3dof.report.web_figure import live_data, svg_address, theme_css, variable_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,85 +37,48 @@ $css
 </style>
 </head>
 <body>
-<header><p class="brand">heli3dof</p><h1>$title</h1><p class="lede">$subtitle</p>$contents</header>
+<header><h1>$title</h1><p class="subtitle">$subtitle</p>$contents</header>
 <main>
+$answers
 $body
 </main>
 <footer>$footer</footer>
+$script
 </body>
 </html>
 """)
+FILES = Path(__file__).with_name("page_files")
+"""Style sheet and script of the page, and uPlot (MIT licence), which draws the live figures"""
 
-CSS = """\
-:root { --ink: #1f2328; --soft: #59636e; --line: #d8dee4; --wash: #f6f8fa; --accent: #0072b2;
-  --warn: #9a3b00; --warn-wash: #fff4ec; }
-* { box-sizing: border-box; }
-html { color-scheme: light; }
-body { margin: 0 auto; padding: 2.5rem 1.25rem 4rem; max-width: 60rem; color: var(--ink);
-  background: #fff; font: 16px/1.55 system-ui, "Segoe UI", "Liberation Sans", Arial, sans-serif; }
-header { border-bottom: 1px solid var(--line); margin-bottom: 2rem; padding-bottom: 1.25rem; }
-.brand { margin: 0; color: var(--accent); font-weight: 600; letter-spacing: .02em; }
-h1 { margin: .1rem 0 .4rem; font-size: 1.9rem; line-height: 1.2; overflow-wrap: anywhere; }
-h2 { margin: 2.6rem 0 .6rem; font-size: 1.3rem; border-bottom: 1px solid var(--line);
-  padding-bottom: .25rem; }
-h3 { margin: 1.8rem 0 .4rem; font-size: 1.05rem; overflow-wrap: anywhere; }
-p { margin: .5rem 0; }
-.lede { color: var(--soft); font-size: 1.05rem; margin: 0; }
-nav { margin-top: .9rem; font-size: .92rem; }
-nav a { margin-right: 1.1rem; color: var(--accent); text-decoration: none; }
-nav a:hover { text-decoration: underline; }
-.table { overflow-x: auto; margin: 1rem 0 .4rem; }
-table { border-collapse: collapse; font-size: .89rem; width: 100%; }
-caption { text-align: left; font-weight: 600; padding-bottom: .4rem; }
-th { text-align: left; font-weight: 600; color: var(--soft); vertical-align: bottom; }
-th, td { padding: .28rem .8rem .28rem 0; }
-th:last-child, td:last-child { padding-right: 0; }
-thead th { border-bottom: 1px solid var(--ink); }
-tbody tr + tr.opens td { border-top: 1px solid var(--line); }
-tr.aside td { color: var(--soft); padding-top: 0; }
-tr.aside td:nth-child(2) { padding-left: 1rem; }
-td.t { white-space: nowrap; }
-td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
-th.n { white-space: normal; }
-.notes { margin: .3rem 0 1.2rem; padding-left: 1.1rem; color: var(--soft); font-size: .85rem; }
-figure { margin: 1.2rem 0; }
-figure img { width: 100%; height: auto; display: block; }
-dl { display: grid; grid-template-columns: minmax(8rem, 14rem) 1fr; gap: .25rem 1rem;
-  margin: .8rem 0; font-size: .92rem; }
-dt { color: var(--soft); }
-dd { margin: 0; overflow-wrap: anywhere; }
-.warning { border-left: 4px solid var(--warn); background: var(--warn-wash); color: var(--warn);
-  padding: .5rem .9rem; margin: .6rem 0; }
-.key { border-left: 4px solid var(--accent); background: var(--wash); padding: .6rem .9rem;
-  margin: .8rem 0; }
-pre { background: var(--wash); border: 1px solid var(--line); padding: .8rem; overflow-x: auto;
-  font-size: .82rem; line-height: 1.45; white-space: pre-wrap; overflow-wrap: anywhere; }
-footer { margin-top: 3rem; padding-top: 1rem; border-top: 1px solid var(--line);
-  color: var(--soft); font-size: .85rem; overflow-wrap: anywhere; }
-@media (max-width: 40rem) {
-  dl { grid-template-columns: 1fr; gap: 0; }
-  dd { margin-bottom: .5rem; }
-}
-@media print {
-  @page { margin: 16mm; }
-  body { padding: 0; max-width: none; font-size: 10.5pt; }
-  nav { display: none; }
-  figure, .table, .key, .warning { break-inside: avoid; }
-  h2, h3, caption { break-after: avoid; }
-}"""
+
+OPTION = re.compile(r"--[a-z-]+")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A question of the first screen, answered by a sentence (plain text) and a picture (HTML)."""
+
+    question: str
+    sentence: str
+    picture: str = ""
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section of an HTML page: its heading (plain text), and its blocks (HTML strings)."""
+    """A section of an HTML page: heading (plain text), and blocks (strings of HTML).
+
+    ``blocks`` are its main figure and table; a click opens the others, ``details``.
+    """
 
     title: str
-    blocks: Sequence[str]
+    blocks: Sequence[str] = ()
+    details: Sequence[str] = ()
 
 
 def paragraph(text: str) -> str:
-    """Return plain text as an HTML paragraph."""
-    return f"<p>{html.escape(text)}</p>"
+    """Return plain text as an HTML paragraph, which breaks no line inside an option's name."""
+    kept = OPTION.sub(r'<span class="option">\g<0></span>', html.escape(text))
+    return f"<p>{kept}</p>"
 
 
 def subheading(text: str) -> str:
@@ -150,33 +117,104 @@ def listing(value: Any) -> str:
     return f"<pre>{html.escape(text)}</pre>"
 
 
-def figure(drawn: Figure, alt: str) -> str:
-    """Return a figure as an SVG image embedded in HTML; ``alt`` is its alternative text."""
-    data = base64.b64encode(to_svg(drawn).encode("utf-8")).decode("ascii")
+def bars(groups: Mapping[str, Mapping[str, float]], styles: Mapping[str, str], alt: str) -> str:
+    """Return horizontal bars, each with its number in degrees: group → name → value.
+
+    ``styles``: name → colour of the figure style; ``alt``: alternative text. A value that is NaN
+    has no bar.
+    """
+    colors = {name: f"background:var(--{variable_of(color)})" for name, color in styles.items()}
+    known = [(n, v) for values in groups.values() for n, v in values.items() if np.isfinite(v)]
+    drawn = [(n, c) for n, c in colors.items() if n in dict(known)]
+    legend = "".join(f'<i style="{c}"></i>{html.escape(n)} ' for n, c in drawn)
+    longest = max((v for _, v in known), default=0.0) or 1.0
+    rows = "".join(
+        f"<b>{html.escape(group)}</b><div>"
+        + "".join(
+            f'<span><i style="{colors[name]};width:{80 * v / longest:.1f}%"></i>'
+            f"{fixed(v, 2, '°')}</span>"
+            for name, v in values.items()
+            if np.isfinite(v)
+        )
+        + "</div>"
+        for group, values in groups.items()
+    )
     return (
-        f'<figure><img alt="{html.escape(alt, quote=True)}" '
-        f'src="data:image/svg+xml;base64,{data}"></figure>'
+        f'<figure class="bars" role="img" aria-label="{html.escape(alt, quote=True)}">'
+        f"<p>{legend}</p>{rows}</figure>"
     )
 
 
-def page(title: str, subtitle: str, sections: Iterable[Section], *, footer: str = "") -> str:
-    """Return a complete HTML page. All arguments but ``sections`` are plain text."""
-    sections = [s for s in sections if s.blocks]
+def figure(drawn: Figure, alt: str, *, flight: str = "") -> str:
+    """Return a figure that a reader can zoom, with its SVG image for readers without scripts.
+
+    ``flight``: key of the recording; figures with the same key have one time axis.
+    """
+    values = {**live_data(drawn), "flight": flight}
+    data = json.dumps(values, ensure_ascii=False, separators=(",", ":"))
+    data = data.replace("<", "\\u003c")  # no text can end the script element
+    return f'<figure>{_image(drawn, alt)}<script type="application/json">{data}</script></figure>'
+
+
+def _image(drawn: Figure, alt: str) -> str:
+    return f'<img alt="{html.escape(alt, quote=True)}" src="{svg_address(drawn)}">'
+
+
+def page(
+    title: str,
+    subtitle: str,
+    sections: Iterable[Section],
+    *,
+    answers: Sequence[Answer] = (),
+    footer: str = "",
+) -> str:
+    """Return a complete HTML page. Its texts are plain; ``answers`` are the first screen."""
+    sections = [s for s in sections if s.blocks or s.details]
     links = "".join(
         f'<a href="#s{i}">{html.escape(s.title)}</a>' for i, s in enumerate(sections, 1)
     )
+    shown = "".join(
+        f"<article><h2>{html.escape(a.question)}</h2>{paragraph(a.sentence)}{a.picture}</article>"
+        for a in answers
+    )
     body = "\n".join(
-        f'<section id="s{i}"><h2>{html.escape(s.title)}</h2>{"".join(s.blocks)}</section>'
+        f'<section id="s{i}"><h2>{html.escape(s.title)}</h2>{"".join(s.blocks)}'
+        f"{_folded(s.details)}</section>"
         for i, s in enumerate(sections, 1)
     )
+    live = '<script type="application/json">' in body + shown
     return PAGE.substitute(
         title=html.escape(title),
         subtitle=html.escape(subtitle),
-        css=CSS,
-        contents=f"<nav>{links}</nav>" if len(sections) > 1 else "",
+        css="\n".join([theme_css(), *(_file(n) for n in ("uPlot.min.css", "report.css"))]),
+        contents=f'<nav aria-label="Sections">{links}</nav>' if len(sections) > 1 else "",
+        answers=f'<div class="answers">{shown}</div>' if shown else "",
         body=body,
         footer=html.escape(footer),
+        script=_script() if live else "",
     )
+
+
+def _folded(blocks: Sequence[str]) -> str:
+    """Return blocks inside a <details> element whose summary counts their figures and tables."""
+    if not blocks:
+        return ""
+    text = "".join(blocks)
+    counts = [(text.count(f"<{tag}"), tag) for tag in ("figure", "table")]
+    parts = [f"{n} {tag}{'s' if n > 1 else ''}" for n, tag in counts if n]
+    summary = ": ".join(["Details", ", ".join(parts)] if parts else ["Details"])
+    return f"<details><summary>{summary}</summary>{text}</details>"
+
+
+def _script() -> str:
+    """Return the script that draws live figures, with uPlot and its licence."""
+    licence = f"/* uPlot\n{_file('uPlot-LICENSE.txt')}\n*/"
+    parts = (licence, _file("uPlot.iife.min.js"), _file("figures.js"))
+    return "<script>\n{}\n</script>".format("\n".join(parts))
+
+
+def _file(name: str) -> str:
+    return (FILES / name).read_text(encoding="utf-8")
 
 
 def write_page(text: str, path: str | Path, *, force: bool = False) -> Path:

@@ -143,15 +143,20 @@ def candidates_table(found: Identification) -> Grid:
 
 
 def identification_section(found: Identification) -> Section:
-    """Return an identification as a section of an HTML report: sentences, tables, figures."""
-    blocks = [paragraph(s) for s in found.sentences() if not s.startswith("Warning: ")]
-    blocks += [warning(w) for w in found.warnings]
-    blocks += [table(grid) for grid in identification_tables(found)]
-    if found.found.candidates:
-        blocks.append(table(candidates_table(found)))
+    """Return an identification as a section of an HTML report.
+
+    Warnings, the Bode diagrams and the fits show; a click opens sentences, tables and residuals.
+    """
+    blocks = [warning(w) for w in found.warnings]
     bode = bode_with_bands(found)
     if bode is not None:
         blocks.append(figure(bode, "Bode diagrams with bands of two standard deviations"))
+    blocks.append(table(fits_table(found)))
+    details = [paragraph(s) for s in found.sentences() if not s.startswith("Warning: ")]
+    shown = fits_table(found).title
+    details += [table(g) for g in identification_tables(found) if g.title != shown]
+    if found.found.candidates:
+        details.append(table(candidates_table(found)))
     errors, _ = found.found.innovations(found.prepared, found.prepared.held_out)
     if errors:
         e = max(errors, key=len)
@@ -160,8 +165,8 @@ def identification_section(found: Identification) -> Section:
         e = e[settled:] if len(e) > 2 * settled else e
         t = np.arange(len(e)) * interval_s
         drawn = residual_figure(t, e, title="Innovations on held-out data")
-        blocks.append(figure(drawn, "Innovations and their autocorrelation"))
-    return Section(f"Identification: {found.model.name}", blocks)
+        details.append(figure(drawn, "Innovations and their autocorrelation"))
+    return Section(f"Identification: {found.model.name}", blocks, details)
 
 
 def bode_with_bands(found: Identification):  # type: ignore[no-untyped-def]

@@ -60,7 +60,7 @@ def angle_figure(
         figure = Figure(figsize=(8.6, height))
         axes = figure.add_axes((0.085, 0.52 / height, 0.735, (height - top - 0.52) / height))
         for c in curves:
-            axes.plot(c.t, c.y, **c.line.kwargs())
+            axes.plot(c.t, c.y, label=c.label, **c.line.kwargs())
             _marks(axes, c)
         axes.set_ylim(*limits(curves, frame))
         times = np.concatenate([c.t for c in curves])

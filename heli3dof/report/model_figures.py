@@ -93,7 +93,7 @@ def _bode_curve(magnitude, phase, omega, c: BodeCurve, line: Line) -> None:  # t
     angle = np.degrees(np.unwrap(np.angle(c.response)))
     angle -= 360 * np.ceil(angle[0] / 360 - 1e-6)  # every curve starts between −360° and 0°
     magnitude.plot(omega, _db(size), label=plain(c.label, LABEL_WIDTH), **line.kwargs())
-    phase.plot(omega, angle, **line.kwargs())
+    phase.plot(omega, angle, label=plain(c.label, LABEL_WIDTH), **line.kwargs())
     if c.std is not None:
         low, high = np.maximum(size - 2 * c.std, 0.05 * size), size + 2 * c.std
         spread = np.degrees(np.minimum(2 * c.std / size, np.pi / 2))
@@ -133,11 +133,12 @@ def residual_figure(t: np.ndarray, residual: np.ndarray, *, title: str) -> Figur
         )
         for i, (series, correlation) in zip(there, grid, strict=False):
             e = residual[:, i]
-            series.plot(t, np.degrees(e) * 1e3, color=BLUE, linewidth=0.7)
+            series.plot(t, np.degrees(e) * 1e3, color=BLUE, linewidth=0.7, label=AXES[i])
             series.set_ylabel(f"{AXES[i]} {SYMBOLS[AXES[i]]} (m°)")
             lags, r, bound = autocorrelation(e[np.isfinite(e)], dt)
             correlation.axhspan(-bound, bound, color=GRID, zorder=0)
-            correlation.vlines(lags[1:], 0, r[1:], color=BLUE, linewidth=1.0)  # R(0) is always 1
+            # R(0) is always 1
+            correlation.vlines(lags[1:], 0, r[1:], color=BLUE, linewidth=1.0, label=AXES[i])
             reach = 1.15 * max(3 * bound, float(abs(r[1:]).max(initial=0.0)))
             correlation.set_ylim(-reach, reach)
         grid[-1, 0].set_xlabel("time (s)")

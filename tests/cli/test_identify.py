@@ -144,7 +144,7 @@ def test_a_report_is_one_self_contained_file(identified: tuple, tmp_path: Path) 
     text = page.read_text(encoding="utf-8")
     assert "step-yaw-20" in text
     assert "ours" in text
-    for outside in ('src="http', 'href="http', "<script", "@import", "url(http"):
+    for outside in ('src="http', 'href="http', "<script src", "@import", "url(http"):
         assert outside not in text
     assert heli3dof("report", TEST[1], "-o", page).code == 2
 
