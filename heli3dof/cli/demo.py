@@ -65,7 +65,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     saved = [
         save_model(i.model, folder / f"{i.model.name.replace(' ', '-')}.json") for i in identified
     ]
-    out.show(to_rich(parameters_table(identified[-1])))
+    out.show(to_rich(parameters_table(identified[-1], brief=True)))
     with out.working("Comparing them and the hover model with the step flight …"):
         models = [hover_model(step.profile), *(i.model for i in identified)]
         comparison = compare([step], models)
