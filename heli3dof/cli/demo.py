@@ -27,7 +27,7 @@ def register(app: typer.Typer) -> None:
 @verb
 def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Fly the emulated rig, identify, compare, diagnose and report. Needs no hardware."""
-    from heli3dof.cli.compare import write_figures
+    from heli3dof.cli.compare import show_comparison, write_figures
     from heli3dof.cli.diagnose import show_diagnosis, stages
     from heli3dof.cli.inputs import identify_both
     from heli3dof.comparison.compare import compare
@@ -36,15 +36,12 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     from heli3dof.experiment.plan import load_plan, step_plan
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.model.model_file import save_model
-    from heli3dof.paper.reproduction import reproduce
-    from heli3dof.report.comparison_tables import comparison_renderables
     from heli3dof.report.diagnosis_figure_data import figure_data
     from heli3dof.report.diagnosis_section import diagnosis_section
     from heli3dof.report.flight_report import flight_report
     from heli3dof.report.html import write_page
     from heli3dof.report.identification_section import identification_section, parameters_table
     from heli3dof.report.text_table import to_rich
-    from heli3dof.rig.profile import default_profile
 
     out = Output(as_json=as_json, quiet=quiet)
     folder = _new_folder(FOLDER)
@@ -70,8 +67,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
         models = [hover_model(step.profile), *(i.model for i in identified)]
         comparison = compare([step], models)
         write_figures(comparison, folder, force=False)
-    published = reproduce(hover_model(default_profile()))
-    out.show(*comparison_renderables(comparison, published))
+    show_comparison(out, comparison)
     out.note("Diagnosing the rich flight …")
     with stages(out) as stage:
         diagnosis = diagnose(train, step, quick=True, seed=seed, says=stage)
@@ -85,7 +81,6 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
             [step],
             models=models,
             comparison=comparison,
-            reproduced=published,
             extra=[*(identification_section(i) for i in identified), section],
             title="heli3dof demo",
         )

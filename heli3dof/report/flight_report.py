@@ -15,10 +15,12 @@ from heli3dof.axes import AXES, ROLL
 from heli3dof.comparison.metrics import flight_metrics
 from heli3dof.comparison.prediction import ConstantAngles
 from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
+from heli3dof.comparison.verdict import verdict
 from heli3dof.model.base import Model
 from heli3dof.paper.reproduction import Reproduced
 from heli3dof.recording.recording import Recording
 from heli3dof.report.comparison_tables import (
+    fit_table,
     flight_grids,
     metrics_of,
     published_table,
@@ -69,7 +71,10 @@ def flight_report(
         *first,
         Section("The flight" if len(recordings) == 1 else "The flights", _flights(recordings)),
         Section("Models", model_blocks(models, recordings[0].profile if recordings else None)),
-        Section("Comparison", [] if comparison is None else _comparison(comparison)),
+        Section(
+            "Comparison",
+            [] if comparison is None else _comparison(comparison, paper=bool(reproduced)),
+        ),
         *extra,
         Section("The paper's numbers", [table(published_table(reproduced))] if reproduced else []),
         Section("Provenance", _provenance(recordings)),
@@ -132,8 +137,9 @@ def _plan_name(r: Recording) -> str | None:
     return None if plan is None else str(plan)
 
 
-def _comparison(comparison: Comparison) -> list[str]:
-    blocks = []
+def _comparison(comparison: Comparison, *, paper: bool) -> list[str]:
+    blocks = [key(s) for s in verdict(comparison)]
+    blocks.append(table(fit_table(comparison)))
     for f in comparison.flights:
         if len(comparison.flights) > 1:
             blocks.append(subheading(f.recording.name))
@@ -144,7 +150,7 @@ def _comparison(comparison: Comparison) -> list[str]:
         for axis, drawn in axis_figures(f).items():
             alt = f"Figure {NUMBER[axis]}: {axis} of {f.recording.name}, experiment and models"
             blocks.append(figure(drawn, alt))
-        blocks += [table(g) for g in flight_grids(f)]
+        blocks += [table(g) for g in flight_grids(f, paper=paper)]
     return blocks
 
 
