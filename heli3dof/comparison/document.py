@@ -108,8 +108,13 @@ def _axis(metrics: AxisMetrics) -> dict[str, Any]:
     return {
         **_numbers(metrics.reported.values()),
         "step": _step(metrics.reported),
-        "steps": [{**_step(s), **_numbers(s.values())} for s in metrics.steps],
+        "steps": steps_document(metrics),
     }
+
+
+def steps_document(metrics: AxisMetrics) -> list[dict[str, Any]]:
+    """Return every segment of an axis' reference with its metrics, for JSON."""
+    return [{**_step(s), **_numbers(s.values())} for s in metrics.steps]
 
 
 def _step(step: StepMetrics) -> dict[str, Any]:

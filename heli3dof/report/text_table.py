@@ -21,6 +21,10 @@ GAP = 2
 """Spaces between the columns of a table on a terminal, as rich draws it: padding and divider"""
 
 
+NAME = 20
+"""Number of characters up to which a cell of text stays on one line (a convention)"""
+
+
 @dataclass(frozen=True)
 class Grid:
     """A table of strings. Text columns align left, columns of numbers right (`is_number`)."""
@@ -121,12 +125,12 @@ class _FittingTable:
         return parts
 
     def _least_width(self, column: int) -> int:
-        """Return the width of a column's longest cell if it holds numbers, else longest word."""
+        """Return the width of a column's longest cell; of long texts, that of the longest word."""
         from rich.cells import cell_len
 
         cells = [row[column] for row in self.grid.rows]
         if not self.grid.is_number(column):
-            cells = [word for cell in cells for word in cell.split()]
+            cells = [c for cell in cells for c in ([cell] if len(cell) <= NAME else cell.split())]
         return max(map(cell_len, (*self._head(column), *cells)), default=0)
 
     def _head(self, column: int) -> list[str]:
