@@ -125,7 +125,7 @@ def _show(out: Output, result: Identification, *, verbose: bool) -> None:
             warnings = [w for w in warnings if w not in vague.values()]
             warnings.append(
                 f"{len(vague)} parameters are not identifiable from these recordings: "
-                f"{', '.join(vague)}. --verbose names the experiment for each."
+                f"{', '.join(vague)}. More: --verbose"
             )
     for warning in warnings:
         out.warn(warning)

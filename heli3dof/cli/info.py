@@ -66,7 +66,9 @@ def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | Non
     grid = metrics_of(stepped, "Steps of the reference")
     more = 0 if most is None else len(grid.rows) - most
     if more > 0:
-        grid = replace(grid, rows=grid.rows[:most], notes=[f"{more} more steps: --verbose"])
+        grid = replace(
+            grid, rows=grid.rows[:most], notes=[f"Steps not shown: {more}. All: --verbose"]
+        )
     if grid.rows:
         out.show(to_rich(grid))
 

@@ -234,18 +234,21 @@ def fit_table(comparison: Comparison) -> Grid:
     flights = [replace(comparison, flights=(f,)) for f in comparison.flights]
     if sum(len(f.models) + 1 for f in comparison.flights) > MOST_ROWS:
         flights = [comparison]
+    replayed = any(f.why is None for f in comparison.flights)
     rows = []
     for part in flights:
         ahead = prediction_errors(part, horizon)
         again = replay_errors(part)
         name = part.flights[0].recording.name if len(part.flights) == 1 else "all"
         for model in dict.fromkeys([*(m.name for f in part.flights for m in f.models), STILL]):
-            errors = [*ahead.get(model, NO_ERRORS), *again.get(model, NO_ERRORS)]
+            errors = [*ahead.get(model, NO_ERRORS)]
+            errors += [*again.get(model, NO_ERRORS)] if replayed else []
             rows.append([name, model, *(fixed(float(e)) for e in errors)])
-    heads = [f"{axis} {what}" for what in (f"{horizon:g}\u00a0s", "replay") for axis in AXES]
+    columns = [f"{horizon:g}\u00a0s", *(["replay"] if replayed else [])]
     return Grid(
-        f"RMSE in degrees: predictions {horizon:g} s ahead, closed-loop replay",
-        ["recording", "model", *heads],
+        f"RMSE in degrees: predictions {horizon:g} s ahead"
+        + (", closed-loop replay" if replayed else ""),
+        ["recording", "model", *(f"{axis} {what}" for what in columns for axis in AXES)],
         rows,
         text_columns=2,
     )

@@ -61,10 +61,12 @@ def _scores(found: Identification) -> str:
     ahead = metrics.prediction.get(SUMMARY_S)
     if ahead is None or np.isnan(ahead.fit_percent).all():
         return f"{name}: there are no held-out data to evaluate it."
-    replay = metrics.replay_note or _by_axis(metrics.replay.fit_percent)
+    replay = f"closed-loop replay {_by_axis(metrics.replay.fit_percent)}"
+    if metrics.replay_note:
+        replay = f"no closed-loop replay ({metrics.replay_note})"
     return (
         f"{name}, fit on held-out data: {SUMMARY_S:g} s predictions "
-        f"{_by_axis(ahead.fit_percent)}; closed-loop replay: {replay}."
+        f"{_by_axis(ahead.fit_percent)}; {replay}."
     )
 
 
@@ -99,8 +101,8 @@ def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
     shown = {name: p for name, p in parameters.items() if name not in absent}
     has_bounds = not brief and any(np.isfinite(p.bound) for p in shown.values())
     if brief:
-        names = ", ".join(dict.fromkeys(map(_short, absent)))
-        notes = [f"Within two standard deviations of no effect: {names}."] if absent else []
+        names = [n for n in dict.fromkeys(map(_short, absent)) if n not in map(_short, shown)]
+        notes = [f"Within two standard deviations of no effect: {', '.join(names)}."] * bool(names)
     else:
         bound = "; bound: the Cramér–Rao bound on it, for encoders with white rounding noise"
         notes = [f"σ: standard deviation{bound if has_bounds else ''}."]

@@ -79,6 +79,7 @@ def test_an_unknown_controller_has_no_table_ii_and_its_predictions_give_the_reas
     log = replace(flight(duration_s=8.0), profile=profile)
     only = compare([log], [FakeHover(), WrongRate()]).flights[0]
     assert table_ii(only) is None
+    assert len(fit_table(compare([log], [FakeHover()])).columns) == 5  # no replay
     grid = prediction_table(only)
     assert grid is not None
     assert any("controller is unknown" in n for n in grid.notes)
