@@ -245,13 +245,13 @@ def fit_table(comparison: Comparison) -> Grid:
             errors += [*again.get(model, NO_ERRORS)] if replayed else []
             rows.append([name, model, *(fixed(float(e)) for e in errors)])
     columns = [f"{horizon:g}\u00a0s", *(["replay"] if replayed else [])]
-    return Grid(
-        f"RMSE in degrees: predictions {horizon:g} s ahead"
-        + (", closed-loop replay" if replayed else ""),
-        ["recording", "model", *(f"{axis} {what}" for what in columns for axis in AXES)],
-        rows,
-        text_columns=2,
-    )
+    heads = ["model", *(f"{axis} {what}" for what in columns for axis in AXES)]
+    title = f"RMSE in degrees: predictions {horizon:g} s ahead"
+    title += ", closed-loop replay" if replayed else ""
+    if len(flights) == 1:
+        name = "RMS over all recordings" if rows[0][0] == "all" else rows[0][0]
+        return Grid(f"{title} · {name}", heads, [row[1:] for row in rows])
+    return Grid(title, ["recording", *heads], rows, text_columns=2)
 
 
 def flight_grids(flight: FlightComparison, *, paper: bool = False) -> list[Grid]:
