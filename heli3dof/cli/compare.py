@@ -1,4 +1,4 @@
-"""``heli3dof compare``: computes the paper's Table II and Figures 7–9 from other recordings."""
+"""``heli3dof compare``: which model is best; also the paper's Table II and Figures 7–9."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from heli3dof.cli import completion
-from heli3dof.cli.options import AsJson, Force, ProfileFile, Quiet
+from heli3dof.cli.options import AsJson, Force, PaperNumbers, ProfileFile, Quiet, Verbose
 from heli3dof.cli.output import Output, verb
 
 if TYPE_CHECKING:
     from heli3dof.comparison.compare import Comparison
     from heli3dof.model.base import Model
+    from heli3dof.paper.reproduction import Reproduced
     from heli3dof.recording.recording import Recording
 
 FORMATS = ("svg", "png")
@@ -40,21 +41,28 @@ def compare(
         Path | None,
         typer.Option("-o", "--output", metavar="FOLDER", help="The folder of the figures."),
     ] = None,
+    paper: PaperNumbers = False,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Compare models with flights; without arguments, on the recordings that come with heli3dof.
 
     Example: heli3dof compare rec.mcap hover model.json
     """
-    from heli3dof.cli.inputs import load_all, models_for, reference_comparison, split
+    from heli3dof.cli.inputs import (
+        are_supplied,
+        load_all,
+        models_for,
+        reference_comparison,
+        split,
+    )
     from heli3dof.comparison.compare import compare
     from heli3dof.comparison.document import comparison_document
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.paper.reproduction import reproduce
     from heli3dof.recording.atomic_write import check_folder, check_outputs
-    from heli3dof.report.comparison_tables import comparison_renderables
     from heli3dof.rig.profile import default_profile
 
     out = Output(as_json=as_json, quiet=quiet)
@@ -81,11 +89,44 @@ def compare(
         comparison = compare(recordings, models)
         figures = write_figures(comparison, folder, force=force)
     published = reproduce(hover_model(default_profile()))
-    out.show(*comparison_renderables(comparison, published))
+    supplied = are_supplied(recordings)
+    shown = published if paper or (verbose and supplied) else ()
+    show_comparison(out, comparison, shown, paper=paper or supplied, verbose=verbose)
     for warning in comparison.warnings:
         out.warn(warning)
     out.note(f"Figures: {folder}")
+    if not verbose:
+        out.note("For step metrics and all horizons add --verbose")
     out.emit({**comparison_document(comparison, published), "figures": [str(f) for f in figures]})
+
+
+def show_comparison(
+    out: Output,
+    comparison: Comparison,
+    published: Sequence[Reproduced] = (),
+    *,
+    paper: bool = False,
+    verbose: bool = False,
+) -> None:
+    """Print a comparison: the verdict and the fit table; with ``verbose`` all tables.
+
+    ``paper``: also Table II; ``published``: the paper's numbers, if they are to be printed too.
+    """
+    from heli3dof.comparison.verdict import verdict
+    from heli3dof.report.comparison_tables import (
+        comparison_grids,
+        comparison_summary,
+        published_table,
+    )
+    from heli3dof.report.text_table import Grid, to_rich
+
+    lines = comparison_summary(comparison, paper=paper)
+    if verbose:
+        lines = [*verdict(comparison), *comparison_grids(comparison, paper=paper)]
+    if published:
+        lines.append(published_table(published))
+    for each in lines:
+        out.show(to_rich(each) if isinstance(each, Grid) else each)
 
 
 def _figure_paths(recordings: Sequence[Recording], folder: Path) -> list[Path]:

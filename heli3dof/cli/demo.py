@@ -30,7 +30,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
 
     Example: heli3dof demo
     """
-    from heli3dof.cli.compare import write_figures
+    from heli3dof.cli.compare import show_comparison, write_figures
     from heli3dof.cli.diagnose import show_diagnosis, stages
     from heli3dof.cli.inputs import identify_both
     from heli3dof.comparison.compare import compare
@@ -39,14 +39,11 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     from heli3dof.experiment.plan import load_plan, step_plan
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.model.model_file import save_model
-    from heli3dof.paper.reproduction import reproduce
-    from heli3dof.report.comparison_tables import comparison_renderables
     from heli3dof.report.diagnosis_figure_data import figure_data
     from heli3dof.report.flight_report import Diagnosed, flight_report
     from heli3dof.report.html import write_page
     from heli3dof.report.identification_section import parameters_table
     from heli3dof.report.text_table import to_rich
-    from heli3dof.rig.profile import default_profile
 
     out = Output(as_json=as_json, quiet=quiet)
     folder = _new_folder(FOLDER)
@@ -67,13 +64,12 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     saved = [
         save_model(i.model, folder / f"{i.model.name.replace(' ', '-')}.json") for i in identified
     ]
-    out.show(to_rich(parameters_table(identified[-1])))
+    out.show(to_rich(parameters_table(identified[-1], brief=True)))
     with out.working("Comparing them and the hover model with the step flight …"):
         models = [hover_model(step.profile), *(i.model for i in identified)]
         comparison = compare([step], models)
         write_figures(comparison, folder, force=False)
-    published = reproduce(hover_model(default_profile()))
-    out.show(*comparison_renderables(comparison, published))
+    show_comparison(out, comparison)
     out.note("Diagnosing the rich flight …")
     with stages(out) as stage:
         diagnosis = diagnose(train, step, quick=True, seed=seed, says=stage)
@@ -86,7 +82,6 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
             [step],
             models=models,
             comparison=comparison,
-            reproduced=published,
             identified=identified,
             diagnosed=Diagnosed(document, figure_data(diagnosis, [train], [step])),
             title="heli3dof demo",

@@ -18,6 +18,7 @@ from heli3dof.cli.options import (
     Quiet,
     Recordings,
     ReportFile,
+    Verbose,
 )
 from heli3dof.cli.output import Output, verb
 from heli3dof.identification.methods import built_in
@@ -54,7 +55,9 @@ def identify(
         typer.Option(
             "--terms",
             metavar="+A,-B",
-            help="Effects to add to greybox or remove.",
+            help="Effects of the grey box: +A,-B adds A to the default terms and removes B; A,B "
+            "fits only these. Example: --terms +friction.coulomb.yaw,-bias.torque.pitch. "
+            "docs/reference/effects.md lists the names.",
             autocompletion=completion.terms,
         ),
     ] = None,
@@ -66,6 +69,7 @@ def identify(
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Identify a model from recordings: heli3dof identify rec.mcap -o model.json."""
     from heli3dof.cli.inputs import check_distinct, check_same_rig, load_all
@@ -73,8 +77,6 @@ def identify(
     from heli3dof.identification.identify import identify
     from heli3dof.model.model_file import save_model
     from heli3dof.recording.atomic_write import check_outputs, default_output, stem
-    from heli3dof.report.identification_section import identification_tables
-    from heli3dof.report.text_table import to_rich
 
     out = Output(as_json=as_json, quiet=quiet)
     path = output or default_output(Path(f"{stem(recordings[0])}-{method}.json"), force=force)
@@ -96,16 +98,39 @@ def identify(
     if report is not None:
         with out.working("Drawing the report …"):
             _write_report(result, train, test, report, force=force)
-    out.show(*(s for s in result.sentences() if not s.startswith("Warning: ")))
-    out.show(*(to_rich(grid) for grid in identification_tables(result)))
-    if result.found.transfer is not None:
-        out.show("\n".join(result.found.transfer.lines()))
-    for warning in result.warnings:
-        out.warn(warning)
+    _show(out, result, verbose=verbose)
     out.note(f"Model: {path}")
     if report is not None:
         out.note(f"Report: {report}")
+    elif not verbose:
+        out.note("For all tables add --verbose, for figures --report FILE.html")
     out.emit({"schema": "heli3dof.identification/1", "models": [result.to_dict(str(path))]})
+
+
+def _show(out: Output, result: Identification, *, verbose: bool) -> None:
+    """Print an identification: its summary, or with ``verbose`` all sentences and tables."""
+    from heli3dof.report.identification_section import (
+        identification_summary,
+        identification_tables,
+    )
+    from heli3dof.report.text_table import Grid, to_rich
+
+    warnings = list(result.warnings)
+    if verbose:
+        out.show(*(s for s in result.sentences() if not s.startswith("Warning: ")))
+        out.show(*(to_rich(grid) for grid in identification_tables(result)))
+    else:
+        for each in identification_summary(result):
+            out.show(to_rich(each) if isinstance(each, Grid) else each)
+        vague = {n: p.verdict for n, p in result.found.parameters.items() if p.verdict}
+        if len(vague) > 1:
+            warnings = [w for w in warnings if w not in vague.values()]
+            warnings.append(
+                f"{len(vague)} parameters are not identifiable from these recordings: "
+                f"{', '.join(vague)}. More: --verbose"
+            )
+    for warning in warnings:
+        out.warn(warning)
 
 
 def _write_report(

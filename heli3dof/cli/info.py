@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from heli3dof.cli.options import AsJson, Columns, LogProfile, Quiet, Recording, log_profile
+from heli3dof.cli.options import AsJson, Columns, LogProfile, Quiet, Recording, Verbose, log_profile
 from heli3dof.cli.output import Output, verb
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+    from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
+
+DETAILS = ("channels", "source", "started utc", "digest")
+"""Rows of the table that only --verbose prints"""
+MOST_STEPS = 6
+"""Steps that are printed without --verbose, so that the output fits a screen"""
 
 
 def register(app: typer.Typer) -> None:
@@ -25,30 +33,62 @@ def info(
     columns: Columns = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
-    """Show what a recording contains: how the flight ended, angles, timing, profile, source.
+    """Show what a recording contains: outcome, angles, the steps' overshoot and rise time, source.
 
+    For an axis that the reference moves, JSON lists every step under the key steps.
     Example: heli3dof info rec.mcap
     """
-    from heli3dof.recording.info import file_info
+    from heli3dof.comparison.document import steps_document
+    from heli3dof.comparison.metrics import flight_metrics
+    from heli3dof.recording.info import read_with_info
 
     out = Output(as_json=as_json, quiet=quiet)
-    about = file_info(recording, log_profile(profile), columns)
+    flight, about = read_with_info(recording, log_profile(profile), columns)
+    # Without a clock that runs, and angles, there are no times to give.
+    metrics = flight_metrics(flight) if about["timing"] else {}
     for warning in about["warnings"]:
         out.warn(warning)
-    out.show(info_table(about))
+    out.show(info_table(about, brief=not verbose))
+    _show_steps(out, metrics, most=None if verbose else MOST_STEPS)
     if about["torn"]:
         out.warn(f"the file is incomplete; recover the rest with: {about['fix']}")
-    out.emit({"schema": "heli3dof.info/1", **about})
+    steps = {axis: steps_document(m) for axis, m in metrics.items()}
+    out.emit({"schema": "heli3dof.info/1", **about, "steps": steps})
 
 
-def info_table(about: Mapping[str, Any]) -> Table:
-    """Return a table to print of ``about``, a recording's `heli3dof.recording.info.summary`."""
+def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | None) -> None:
+    """Print a table of at most ``most`` steps of the references, if there are any (None: all)."""
+    from heli3dof.report.comparison_tables import metrics_of
+    from heli3dof.report.text_table import to_rich
+
+    stepped = {a: replace(m, steps=_real_steps(m)) for a, m in metrics.items()}
+    grid = metrics_of(stepped, "Steps of the reference")
+    more = 0 if most is None else len(grid.rows) - most
+    if more > 0:
+        grid = replace(
+            grid, rows=grid.rows[:most], notes=[f"Steps not shown: {more}. All: --verbose"]
+        )
+    if grid.rows:
+        out.show(to_rich(grid))
+
+
+def _real_steps(metrics: AxisMetrics) -> tuple[StepMetrics, ...]:
+    return tuple(s for s in metrics.steps if s.kind in ("step", "start"))
+
+
+def info_table(about: Mapping[str, Any], *, brief: bool = False) -> Table:
+    """Return a table to print of ``about``, a recording's `heli3dof.recording.info.summary`.
+
+    ``brief``: without the rows `DETAILS`.
+    """
     from rich.table import Table
 
     table = Table(show_header=False)
-    for row in _rows(about):
-        table.add_row(*row)
+    for name, text in _rows(about):
+        if not (brief and name in DETAILS):
+            table.add_row(name, text)
     return table
 
 

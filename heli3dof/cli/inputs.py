@@ -124,6 +124,18 @@ def models_for(names: Sequence[str], recording: Recording) -> list[Model]:
     return [load_model(name, recording.profile) for name in names]
 
 
+def are_supplied(recordings: Sequence[Recording]) -> bool:
+    """Return True if all recordings come with heli3dof; they repeat the paper's experiment."""
+    from heli3dof_recordings import references
+
+    from heli3dof.recording.mcap_files.reader import read_recording
+
+    named = {r.name: r.path for r in references()}
+    return all(
+        r.name in named and r.digest == read_recording(named[r.name]).digest for r in recordings
+    )
+
+
 def reference_comparison() -> tuple[list[Recording], list[Model]]:
     """Return the recordings and models that ``compare`` uses without arguments.
 

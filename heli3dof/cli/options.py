@@ -58,6 +58,14 @@ Force = Annotated[bool, typer.Option("--force", help="Overwrite the output file 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print warnings and errors only.")]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Print all tables, not a summary.")]
+PaperNumbers = Annotated[
+    bool,
+    typer.Option(
+        "--paper",
+        help="Also show the paper's numbers. Default: only for the recordings that come with "
+        "heli3dof.",
+    ),
+]
 Quick = Annotated[
     bool,
     typer.Option("--quick", help="Faster: fewer null simulations, no cross-validation."),

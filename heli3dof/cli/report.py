@@ -8,7 +8,15 @@ from typing import Annotated
 import typer
 
 from heli3dof.cli import completion
-from heli3dof.cli.options import AsJson, Force, LogProfile, OutputFile, Quiet, Recordings
+from heli3dof.cli.options import (
+    AsJson,
+    Force,
+    LogProfile,
+    OutputFile,
+    PaperNumbers,
+    Quiet,
+    Recordings,
+)
 from heli3dof.cli.output import Output, verb
 
 
@@ -30,13 +38,15 @@ def report(
     ] = None,
     profile: LogProfile = None,
     output: OutputFile = None,
+    paper: PaperNumbers = False,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Write one self-contained HTML file: heli3dof report rec.mcap --model model.json."""
-    from heli3dof.cli.inputs import load_all, models_for
+    from heli3dof.cli.inputs import are_supplied, load_all, models_for
     from heli3dof.comparison.compare import compare
+    from heli3dof.comparison.verdict import verdict
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.paper.reproduction import reproduce
     from heli3dof.recording.atomic_write import check_outputs, default_output, stem
@@ -49,14 +59,16 @@ def report(
     check_outputs(path, force=force, inputs=recordings)
     loaded = load_all(out, recordings, profile)
     names = models or ["hover"]
+    paper = paper or are_supplied(loaded)
     with out.working("Comparing and drawing …"):
         comparison = compare(loaded, lambda recording: models_for(names, recording))
         text = flight_report(
             loaded,
             models=models_for(names, loaded[0]),
             comparison=comparison,
-            reproduced=reproduce(hover_model(default_profile())),
+            reproduced=reproduce(hover_model(default_profile())) if paper else (),
         )
     write_page(text, path, force=force)
+    out.show(*verdict(comparison))
     out.note(f"Report: {path}")
     out.emit({"schema": "heli3dof.report/1", "report": str(path), "warnings": comparison.warnings})

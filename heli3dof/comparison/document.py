@@ -2,7 +2,7 @@
 
 ::
 
-    schema, horizons_s, warnings
+    schema, horizons_s, warnings, verdict[] (sentences)
     flights[]      recording, digest, duration_s, profile
                    loop ("replayed" | "not replayed"), why_not_replayed
                    experiment.<axis>      the six metrics, the step they describe, all steps
@@ -27,6 +27,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
+from heli3dof.comparison.verdict import verdict
 
 if TYPE_CHECKING:
     from heli3dof.comparison.result import (
@@ -58,6 +59,7 @@ def comparison_document(
         "horizons_s": list(comparison.horizons_s),
         "flights": [_flight(f) for f in comparison.flights],
         "warnings": list(comparison.warnings),
+        "verdict": list(verdict(comparison)),
     }
     rows = [row.to_dict() for row in published]
     if rows:
@@ -106,8 +108,13 @@ def _axis(metrics: AxisMetrics) -> dict[str, Any]:
     return {
         **_numbers(metrics.reported.values()),
         "step": _step(metrics.reported),
-        "steps": [{**_step(s), **_numbers(s.values())} for s in metrics.steps],
+        "steps": steps_document(metrics),
     }
+
+
+def steps_document(metrics: AxisMetrics) -> list[dict[str, Any]]:
+    """Return every segment of an axis' reference with its metrics, for JSON."""
+    return [{**_step(s), **_numbers(s.values())} for s in metrics.steps]
 
 
 def _step(step: StepMetrics) -> dict[str, Any]:

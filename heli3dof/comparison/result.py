@@ -12,6 +12,7 @@ from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
 from heli3dof.comparison.document import comparison_document
 from heli3dof.comparison.metrics import METRICS, AxisMetrics
+from heli3dof.comparison.verdict import verdict
 from heli3dof.recording.recording import Recording
 from heli3dof.results import Result, optional
 
@@ -108,7 +109,7 @@ class Comparison(Result):
         return tuple(sentences)
 
     def summary(self) -> str:
-        """Return a short text: a heading, each model's RMSE by recording, and the warnings."""
+        """Return a short text: each model's RMSE by recording, the verdict and the warnings."""
         models = dict.fromkeys(m.name for f in self.flights for m in f.models)
         lines = [
             f"Comparison of {', '.join(models) or 'no model'} with {len(self.flights)} "
@@ -118,7 +119,7 @@ class Comparison(Result):
             each = "; ".join(f"{m.name} {_rmse(f, m)}" for m in f.models)
             how = "closed-loop replay" if f.why is None else "multi-step prediction"
             lines.append(f"  {f.recording.name}, {how}: {each}")
-        return "\n".join([*lines, *(f"  Warning: {w}" for w in self.warnings)])
+        return "\n".join([*lines, *verdict(self), *(f"  Warning: {w}" for w in self.warnings)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as ``compare --json`` prints it, without the paper's numbers."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,10 +11,12 @@ import numpy as np
 from heli3dof.arrays import ComplexArray, FloatArray
 from heli3dof.axes import AXES
 from heli3dof.errors import UsageError
+from heli3dof.identification.factored_transfer_function import FactoredTransferFunction
 from heli3dof.identification.feedback import Feedback
 from heli3dof.identification.fit_result import FitResult, Pole
 from heli3dof.identification.methods import known_method
 from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.reduction import factored
 from heli3dof.identification.residual_tests import ResidualTest
 from heli3dof.identification.transfer_function import TransferFunctions
 from heli3dof.identification.validation import Metrics, Score
@@ -68,6 +71,16 @@ class Identification(Result):
             raise UsageError(f"A model by {self.method} has no transfer functions.")
         return self.found.transfer
 
+    @cached_property
+    def factored(self) -> tuple[FactoredTransferFunction, ...]:
+        """Return the transfer functions as gain and factors, without what the fit leaves open.
+
+        Each prints in degrees/V and converts to python-control with ``to_control()`` (rad/V). The
+        order is roll, pitch, yaw, and for each the sum and the difference of the voltages. Raises
+        UsageError as `transfer` does.
+        """
+        return factored(self.transfer, self.interval_s, self.poles)
+
     def frequency_response(self, omega: FloatArray) -> tuple[ComplexArray, FloatArray]:
         """Return the response G (F, 3, 2) and its standard deviation, rad/V, at ω (F,) rad/s.
 
@@ -87,6 +100,7 @@ class Identification(Result):
             f"fitted every {self.interval_s * 1e3:g} ms; {self.prepared.split}."
         )
         out += [t.sentence() for t in self.residuals]
+        out += self.found.notes
         out += [f"Warning: {w}" for w in self.warnings]
         return out
 
@@ -106,6 +120,8 @@ class Identification(Result):
             lines.append(f"  {name} = {p.value:.4g} ± {p.std:.2g} {p.unit}")
         if not self.found.parameters:
             lines += [f"  pole {p.value:.4g} 1/s" for p in self.poles]
+        if self.found.transfer is not None:
+            lines += [f"  {f.output} / {f.input}: {f} °/V" for f in self.factored if f.gain]
         return "\n".join([*lines, *(f"Warning: {w}" for w in self.warnings)])
 
     def to_dataframe(self) -> DataFrame:
@@ -149,7 +165,10 @@ class Identification(Result):
         if self.poles:
             document["poles"] = [p.to_json() for p in self.poles]
         if self.found.transfer is not None:
-            document["transfer_function"] = self.found.transfer.to_json()
+            document["transfer_function"] = {
+                **self.found.transfer.to_json(),
+                "factored": [f.to_json() for f in self.factored],
+            }
         document |= {
             **self.metrics.to_json(),
             "residual_tests": {t.name.replace(" ", "_"): t.to_json() for t in self.residuals},
@@ -157,6 +176,7 @@ class Identification(Result):
             "preparation": [r.to_json() for r in self.prepared.reports],
             "validation": self.prepared.split,
             "candidates": [c.to_json() for c in self.found.candidates],
+            "notes": list(self.found.notes),
             "warnings": list(self.warnings),
         }
         plain: dict[str, Any] = jsonable(document)

@@ -39,6 +39,13 @@ def file_info(
     ``fix`` is the command that recovers this part. Raises RecordingError and UsageError, as `load`
     does.
     """
+    return read_with_info(path, profile, columns)[1]
+
+
+def read_with_info(
+    path: str | Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
+) -> tuple[Recording, dict[str, Any]]:
+    """Return the recording in a file, or its intact part, and its `file_info`."""
     path = Path(path)
     salvaged = _salvaged(path, profile) if importer_of(path) is None else None
     about: dict[str, Any] = {
@@ -48,7 +55,8 @@ def file_info(
     }
     if salvaged is not None:
         about["fix"] = f"heli3dof recover {path}"
-    return {**about, **summary(load(path, profile, columns) if salvaged is None else salvaged)}
+    recording = load(path, profile, columns) if salvaged is None else salvaged
+    return recording, {**about, **summary(recording)}
 
 
 def _salvaged(path: Path, profile: Profile | None) -> Recording | None:

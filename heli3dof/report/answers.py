@@ -14,6 +14,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.comparison.prediction import ConstantAngles
 from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
+from heli3dof.comparison.verdict import verdict
 from heli3dof.experiment.plan import load_plan, named_plans
 from heli3dof.identification.result import SUMMARY_HORIZON_S, Identification
 from heli3dof.report import diagnosis_summary as summary
@@ -119,7 +120,7 @@ def comparison_answers(comparison: Comparison) -> list[Answer]:
     )
     name = flight.recording.name
     answers = [Answer(WRONG, f"{name}: {model_sentence(flight, flight.models[0])}", drawn)]
-    answers += _best(flight)
+    answers += _best(comparison)
     step = "To find the cause of the error: heli3dof diagnose REC... --report FILE.html"
     return [*answers, Answer("What to do next?", step)]
 
@@ -134,10 +135,11 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
     return AXES[int(np.nanargmax(errors))]
 
 
-def _best(flight: FlightComparison) -> list[Answer]:
-    """Return the answer on predictions of all models; empty if none was made."""
-    sentence = prediction_sentence(flight)
-    if not sentence:
+def _best(comparison: Comparison) -> list[Answer]:
+    """Return the verdict, with the first recording's errors; empty if nothing was predicted."""
+    flight = comparison.flights[0]
+    alt = prediction_sentence(flight)
+    if not alt:
         return []
     predictions = {m.name: m.prediction for m in flight.models}
     predictions[ConstantAngles.name] = flight.constant_angles
@@ -151,8 +153,8 @@ def _best(flight: FlightComparison) -> list[Answer]:
     }
     lines = model_lines([m.kind for m in flight.models])
     styles = {m.name: line.color for m, line in zip(flight.models, lines, strict=True)}
-    drawn = bars(groups, {**styles, ConstantAngles.name: SOFT}, sentence)
-    return [Answer("Which model predicts best?", sentence, drawn)]
+    drawn = bars(groups, {**styles, ConstantAngles.name: SOFT}, alt)
+    return [Answer("Which model predicts best?", " ".join(verdict(comparison)), drawn)]
 
 
 def identification_answer(found: Identification) -> Answer:

@@ -6,11 +6,11 @@ A table is a `Grid`, which `heli3dof.report.text_table` renders.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.axes import AXES
+from heli3dof.axes import AXES, ROLL
 from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
 from heli3dof.comparison.prediction import ConstantAngles
 from heli3dof.comparison.result import (
@@ -19,15 +19,22 @@ from heli3dof.comparison.result import (
     ModelComparison,
     PredictionError,
 )
+from heli3dof.comparison.verdict import (
+    HORIZON_S,
+    STILL,
+    prediction_errors,
+    replay_errors,
+    verdict,
+)
 from heli3dof.paper.published import CAVEATS, NO_EXPERIMENT, Quantity, Subject, published
 from heli3dof.paper.reproduction import Reproduced
-from heli3dof.report.text_table import NONE, Grid, fixed, short, to_rich
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
+from heli3dof.report.text_table import NONE, Grid, fixed, short
 
 EXPERIMENT = "experiment"
 DIFFERENCE = "  Δ"
+MOST_ROWS = 12
+"""Largest number of rows of the table of all models, so that it fits a screen"""
+NO_ERRORS = np.full(len(AXES), np.nan)
 DELTA = "Δ: model minus experiment; the paper prints its magnitude."
 QUANTITIES = {
     "peak": "peak",
@@ -217,27 +224,63 @@ def published_table(rows: Iterable[Reproduced]) -> Grid:
     )
 
 
-def flight_grids(flight: FlightComparison) -> list[Grid]:
-    """Return one recording's tables: step metrics and Table II (if replayed), and predictions."""
+def fit_table(comparison: Comparison) -> Grid:
+    """Return one table of all models: RMSE of predictions and of the replay, by recording and axis.
+
+    Of more than `MOST_ROWS` rows, it has the RMS over the recordings instead. Its last row of a
+    recording is the prediction of constant angles.
+    """
+    horizon = min(comparison.horizons_s, key=lambda h: abs(h - HORIZON_S), default=HORIZON_S)
+    flights = [replace(comparison, flights=(f,)) for f in comparison.flights]
+    if sum(len(f.models) + 1 for f in comparison.flights) > MOST_ROWS:
+        flights = [comparison]
+    replayed = any(f.why is None for f in comparison.flights)
+    rows = []
+    for part in flights:
+        ahead = prediction_errors(part, horizon)
+        again = replay_errors(part)
+        name = part.flights[0].recording.name if len(part.flights) == 1 else "all"
+        for model in dict.fromkeys([*(m.name for f in part.flights for m in f.models), STILL]):
+            errors = [*ahead.get(model, NO_ERRORS)]
+            errors += [*again.get(model, NO_ERRORS)] if replayed else []
+            rows.append([name, model, *(fixed(float(e)) for e in errors)])
+    columns = [f"{horizon:g}\u00a0s", *(["replay"] if replayed else [])]
+    heads = ["model", *(f"{axis} {what}" for what in columns for axis in AXES)]
+    title = f"RMSE in degrees: predictions {horizon:g} s ahead"
+    title += ", closed-loop replay" if replayed else ""
+    if len(flights) == 1:
+        name = "RMS over all recordings" if rows[0][0] == "all" else rows[0][0]
+        return Grid(f"{title} · {name}", heads, [row[1:] for row in rows])
+    return Grid(title, ["recording", *heads], rows, text_columns=2)
+
+
+def flight_grids(flight: FlightComparison, *, paper: bool = False) -> list[Grid]:
+    """Return one recording's tables: step metrics, if replayed, and predictions.
+
+    ``paper``: also a table like Table II of the paper, if replayed.
+    """
     replayed = metrics_table(flight) if flight.why is None else None
-    grids = (replayed, table_ii(flight), prediction_table(flight))
+    grids = (replayed, table_ii(flight) if paper else None, prediction_table(flight))
     return [g for g in grids if g is not None]
 
 
-def comparison_grids(comparison: Comparison, reproduced: Sequence[Reproduced] = ()) -> list[Grid]:
-    """Return the tables of all recordings; if ``reproduced`` is given, also the paper's numbers."""
-    grids = [g for flight in comparison.flights for g in flight_grids(flight)]
-    return [*grids, published_table(reproduced)] if reproduced else grids
+def comparison_grids(comparison: Comparison, *, paper: bool = False) -> list[Grid]:
+    """Return the tables of all models and of each recording; ``paper``: also like Table II."""
+    grids = [g for f in comparison.flights for g in flight_grids(f, paper=paper)]
+    return [fit_table(comparison), *grids]
 
 
-def comparison_renderables(
-    comparison: Comparison, reproduced: Sequence[Reproduced] = ()
-) -> list[RenderableType]:
-    """Return the tables of `comparison_grids` for a terminal, each followed by an empty line."""
-    from rich.padding import Padding
+def comparison_summary(comparison: Comparison, *, paper: bool = False) -> list[str | Grid]:
+    """Return what `heli3dof compare` prints without --verbose: the verdict and the fit table.
 
-    below = (0, 0, 1, 0)
-    return [Padding(to_rich(g), below) for g in comparison_grids(comparison, reproduced)]
+    ``paper``: also Table II for the recordings of a step in roll, the paper's experiment.
+    """
+    lines: list[str | Grid] = [*verdict(comparison), fit_table(comparison)]
+    for f in comparison.flights if paper else ():
+        steps = f.experiment[AXES[ROLL]].reported.kind in ("step", "start")
+        if steps and (grid := table_ii(f)) is not None:
+            lines.append(replace(grid, notes=grid.notes[:1]))
+    return lines
 
 
 def _model_notes(flight: FlightComparison) -> list[str]:

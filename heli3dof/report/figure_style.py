@@ -1,4 +1,4 @@
-"""The style of all figures, and their output as SVG or PNG.
+"""The style of all figures, and their output as SVG, PNG or PDF.
 
 The same data give the same file, byte for byte. The colours (Okabe and Ito) are distinct for
 colour-blind readers; line styles differ too, for grey prints. matplotlib is imported inside the
@@ -129,19 +129,37 @@ def to_png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
+def to_pdf(figure: Figure) -> bytes:
+    """Return the figure as a PDF page, without date."""
+    import matplotlib
+
+    buffer = io.BytesIO()
+    with matplotlib.rc_context(RC):
+        about = {"CreationDate": None, "Creator": "heli3dof", "Producer": None}
+        figure.savefig(buffer, format="pdf", metadata=about)
+    return buffer.getvalue()
+
+
+def check_ending(path: Path) -> None:
+    """Raise UsageError unless the path ends with ``.svg``, ``.png`` or ``.pdf``."""
+    if path.suffix not in FORMATS:
+        raise UsageError(
+            f"A figure cannot be written as {path.name!r}.",
+            cause="figures are SVG, PNG or PDF.",
+            fix=f"use {', '.join(path.with_suffix(f).name for f in FORMATS)}",
+        )
+
+
 def save(figure: Figure, path: str | Path, *, force: bool = False) -> Path:
-    """Write the figure as ``.svg`` or ``.png``, by the path's ending; return the path.
+    """Write the figure as ``.svg``, ``.png`` or ``.pdf``, by the path's ending; return the path.
 
     Raises OutputExists if the file exists, unless ``force``. Raises UsageError for another ending.
     """
     path = Path(path)
-    if path.suffix not in (".svg", ".png"):
-        raise UsageError(
-            f"A figure cannot be written as {path.name!r}.",
-            cause="figures are SVG or PNG.",
-            fix=f"use {path.with_suffix('.svg').name} or {path.with_suffix('.png').name}",
-        )
+    check_ending(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     check_output(path, force=force)  # before drawing, which takes a second
-    data = to_svg(figure).encode("utf-8") if path.suffix == ".svg" else to_png(figure)
-    return write_file(path, data, force=force)
+    return write_file(path, FORMATS[path.suffix](figure), force=force)
+
+
+FORMATS = {".svg": lambda figure: to_svg(figure).encode("utf-8"), ".png": to_png, ".pdf": to_pdf}

@@ -16,6 +16,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.comparison.metrics import flight_metrics
 from heli3dof.comparison.result import Comparison
+from heli3dof.comparison.verdict import verdict
 from heli3dof.identification.result import Identification
 from heli3dof.model.base import Model
 from heli3dof.paper.reproduction import Reproduced
@@ -26,7 +27,12 @@ from heli3dof.report.answers import (
     identification_answer,
     worst_axis,
 )
-from heli3dof.report.comparison_tables import flight_grids, metrics_of, published_table
+from heli3dof.report.comparison_tables import (
+    fit_table,
+    flight_grids,
+    metrics_of,
+    published_table,
+)
 from heli3dof.report.comparison_text import in_a_sentence
 from heli3dof.report.diagnosis_figure_data import FigureData
 from heli3dof.report.diagnosis_section import diagnosis_section
@@ -82,7 +88,7 @@ def flight_report(
     diagnosis = [] if diagnosed is None else [diagnosis_section(diagnosed.document, diagnosed.data)]
     sections = [
         Section("Warnings", warnings[:SHOWN_WARNINGS], warnings[SHOWN_WARNINGS:]),
-        *([] if comparison is None else [_comparison(comparison)]),
+        *([] if comparison is None else [_comparison(comparison, paper=bool(reproduced))]),
         *(identification_section(i) for i in identified),
         *diagnosis,
         Section("The flight" if len(recordings) == 1 else "The flights", (), _flights(recordings)),
@@ -167,12 +173,12 @@ def _plan_name(r: Recording) -> str | None:
     return None if plan is None else str(plan)
 
 
-def _comparison(comparison: Comparison) -> Section:
-    """Return the section of a comparison: sentences, then one recording's figure and table.
+def _comparison(comparison: Comparison, *, paper: bool) -> Section:
+    """Return the section of a comparison: its verdict, one figure and the table of all models.
 
     The figure shows the axis with the first model's largest error in the first recording.
     """
-    blocks = [key(in_a_sentence(f)) for f in comparison.flights]
+    blocks = [key(s) for s in verdict(comparison)]
     details = []
     for n, f in enumerate(comparison.flights):
         if len(comparison.flights) > 1:
@@ -186,11 +192,9 @@ def _comparison(comparison: Comparison) -> Section:
             (blocks if axis == first else details).append(
                 figure(drawn, alt, flight=f.recording.digest)
             )
-        grids = [table(g) for g in flight_grids(f)]
-        if n == 0:
-            blocks += grids[:1]
-        details += grids if n else grids[1:]
-    return Section("Comparison", blocks, details)
+        details.append(paragraph(in_a_sentence(f)))
+        details += [table(g) for g in flight_grids(f, paper=paper)]
+    return Section("Comparison", [*blocks, table(fit_table(comparison))], details)
 
 
 def _warnings(recordings: Sequence[Recording], comparison: Comparison | None) -> list[str]:

@@ -1,33 +1,39 @@
 """Present an identification as tables for the terminal and as a section of the HTML report.
 
-The tables give poles and parameters with standard deviations, fits on held-out data, residual tests
-and candidate orders. The section adds Bode diagrams of three channels with bands of ± two standard
-deviations, and the innovations of the longest held-out segment with their autocorrelation.
+The tables give parameters, factored transfer functions and poles with standard deviations, fits on
+held-out data, residual tests and candidate orders. The section adds Bode diagrams of three channels
+with bands of ± two standard deviations, and the innovations of the longest held-out segment with
+their autocorrelation.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from heli3dof.axes import AXES
+from heli3dof.axes import AXES, ROLL
 from heli3dof.errors import UsageError
 from heli3dof.identification.result import Identification
 from heli3dof.identification.validation import WARM_UP_S
 from heli3dof.report.html import Section, figure, paragraph, table, warning
 from heli3dof.report.model_figures import BodeCurve, bode_figure, residual_figure
-from heli3dof.report.text_table import NONE, Grid, fixed
+from heli3dof.report.text_table import NONE, Grid, fixed, significant
 
 POINTS = 200
 LOWEST = 0.1
 """rad/s: lowest frequency of the Bode diagrams; one-minute flights hold no information below."""
+SUMMARY_S = 0.5
+"""s: horizon whose fit the summary states; shorter ones are near 100 % for every model"""
 MIXED = 0.8
 """Absolute correlation above which a pair of estimated parameters gets a note (a convention)"""
 
 
 def identification_tables(found: Identification) -> list[Grid]:
-    """Return an identification's tables that are not empty: parameters, poles, fits, tests."""
+    """Return an identification's tables that are not empty, the parameters first."""
     grids = [
         parameters_table(found),
+        transfer_functions_table(found),
         poles_table(found),
         fits_table(found),
         residuals_table(found),
@@ -35,17 +41,113 @@ def identification_tables(found: Identification) -> list[Grid]:
     return [g for g in grids if g.rows]
 
 
-def parameters_table(found: Identification) -> Grid:
-    """Return a table of the estimates with standard deviations and Cramér–Rao bounds."""
-    rows, notes = [], ["σ: standard deviation; bound: the Cramér–Rao bound on it."]
-    for name, p in found.found.parameters.items():
-        numbers = (p.value, p.std, p.bound, p.nominal)
-        rows.append([_short(name), *(_cell(v) for v in numbers), p.unit])
-        if p.verdict:
-            notes.append(p.verdict)
-    notes += _mixed(list(found.found.parameters), found.found.correlation)
-    heads = ["parameter", "value", "σ", "bound", "nominal", "unit"]
+def identification_summary(found: Identification) -> list[str | Grid]:
+    """Return what `heli3dof identify` prints without --verbose: scores, parameters, responses.
+
+    Of the transfer functions, it has those from the voltages' sum to roll, and from their
+    difference to pitch and yaw.
+    """
+    lines: list[str | Grid] = [_scores(found)]
+    if found.residuals:
+        lines.append(" ".join(_residual_tests(found)))
+    parameters = parameters_table(found, brief=True)
+    transfer = transfer_functions_table(found, only_direct=True)
+    return [*lines, *(g for g in (parameters, transfer) if g.rows)]
+
+
+def _scores(found: Identification) -> str:
+    """Return the scores on held-out data as a sentence."""
+    metrics, name = found.metrics, f"Model {found.model.name}"
+    ahead = metrics.prediction.get(SUMMARY_S)
+    if ahead is None or np.isnan(ahead.fit_percent).all():
+        return f"{name}: there are no held-out data to evaluate it."
+    replay = f"closed-loop replay {_by_axis(metrics.replay.fit_percent)}"
+    if metrics.replay_note:
+        replay = f"no closed-loop replay ({metrics.replay_note})"
+    return (
+        f"{name}, fit on held-out data: {SUMMARY_S:g} s predictions "
+        f"{_by_axis(ahead.fit_percent)}; {replay}."
+    )
+
+
+def _by_axis(fits: np.ndarray) -> str:
+    return ", ".join(f"{a} {fixed(float(v), 0, ' %')}" for a, v in zip(AXES, fits, strict=True))
+
+
+def _residual_tests(found: Identification) -> Iterator[str]:
+    """Yield a sentence on the residual tests that passed, and one on each other test."""
+    passed = [t.name for t in found.residuals if t.passed]
+    if passed:
+        yield f"Residual tests passed: {', '.join(passed)}."
+    for t in found.residuals:
+        if not t.passed:
+            yield (
+                f"Residual test not passed: {t.name} (past data predict {100 * t.share:.0f} % of "
+                "the innovations' variance)."
+            )
+
+
+def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
+    """Return a table of the estimates with standard deviations and Cramér–Rao bounds.
+
+    ``brief``: without bounds, notes, and effects within two standard deviations of no effect.
+    """
+    parameters = found.found.parameters
+    absent = {
+        name: p
+        for name, p in parameters.items()
+        if brief and "." in name and abs(p.value - p.nominal) <= 2 * p.std
+    }
+    shown = {name: p for name, p in parameters.items() if name not in absent}
+    has_bounds = not brief and any(np.isfinite(p.bound) for p in shown.values())
+    if brief:
+        names = [n for n in dict.fromkeys(map(_short, absent)) if n not in map(_short, shown)]
+        notes = [f"Within two standard deviations of no effect: {', '.join(names)}."] * bool(names)
+    else:
+        bound = "; bound: the Cramér–Rao bound on it, for encoders with white rounding noise"
+        notes = [f"σ: standard deviation{bound if has_bounds else ''}."]
+        notes += [p.verdict for p in shown.values() if p.verdict]
+        notes += _mixed(list(parameters), found.found.correlation)
+    rows = [
+        [
+            _short(name),
+            significant(p.value, p.std),
+            significant(p.std, p.std),
+            *([significant(p.bound, p.std)] if has_bounds else []),
+            significant(p.nominal),
+            "" if p.unit == "–" else p.unit,
+        ]
+        for name, p in shown.items()
+    ]
+    heads = ["parameter", "value", "σ", *(["bound"] if has_bounds else []), "nominal", "unit"]
     return Grid("Parameters", heads, rows, notes=notes, text_columns=1, prose_columns=1)
+
+
+def transfer_functions_table(found: Identification, *, only_direct: bool = False) -> Grid:
+    """Return a table of the factored transfer functions in °/V, rows by output and input.
+
+    ``only_direct``: only from the sum of the voltages to roll, and from the difference to pitch and
+    yaw; a note states whether there are others.
+    """
+    title = "Transfer functions, °/V, coefficients ± standard deviation"
+    if found.found.transfer is None:
+        return Grid(title, ["output / input", "transfer function"], [])
+    direct = [f for f in found.factored if (f.output == AXES[ROLL]) == (f.input == "sum")]
+    cross = [f for f in found.factored if f not in direct]
+    notes = ["sum: both voltages +1 V; difference: front +1 V, back −1 V."]
+    if only_direct and all(f.gain == 0 for f in cross):
+        notes.append("The other three are 0, within two standard deviations.")
+    elif only_direct:
+        notes.append("The other three: --verbose.")
+    shown = direct if only_direct else found.factored
+    rows = [[f"{f.output} / {f.input}", str(f)] for f in shown]
+    return Grid(
+        title,
+        ["output / input", "transfer function"],
+        rows,
+        notes=notes,
+        prose_columns=1,
+    )
 
 
 def _short(name: str) -> str:

@@ -1,4 +1,6 @@
-"""Write the report's section on models: orders, poles, closed-loop poles, Bode diagrams.
+"""Write the report's section on models: orders, poles, parameters, Bode diagrams.
+
+A grey-box model is linearised about level hover for poles and Bode diagrams.
 
 The channels of the Bode diagrams follow the rig's symmetry: from the common voltage (V_F = V_B = V)
 to roll, from the difference (V_F = −V_B = V) to pitch and yaw. With the sampling interval Δt,
@@ -15,11 +17,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.errors import CheckFailed
 from heli3dof.model.base import Model
+from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.report.html import figure, table
 from heli3dof.report.model_figures import BodeCurve, bode_figure
-from heli3dof.report.text_table import NONE, Grid, fixed
+from heli3dof.report.text_table import NONE, Grid, fixed, significant
 from heli3dof.rig.profile import Profile
 
 CHANNELS = {
@@ -33,7 +37,7 @@ HIGHEST = 100.0
 
 
 def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
-    """Return HTML strings: a table of models and poles, and Bode diagrams of the linear models.
+    """Return HTML strings: tables of the models, poles and parameters, and Bode diagrams.
 
     The closed-loop poles need the controller in ``profile``; without a controller they are left
     out.
@@ -41,7 +45,8 @@ def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
     if not models:
         return []
     blocks = [table(models_table(models, profile))]
-    linear = [m for m in models if isinstance(m, LinearModel)]
+    blocks += [table(parameters_of(m)) for m in models if isinstance(m, GreyBoxModel)]
+    linear = [x for m in models if (x := linearised(m)) is not None]
     if linear:
         omega, channels = bode_of(linear)
         drawn = bode_figure(omega, channels, title="Bode diagrams of the models")
@@ -49,13 +54,41 @@ def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
     return blocks
 
 
+def linearised(model: Model) -> LinearModel | None:
+    """Return a linear model, or a grey box linearised; None if it cannot hover level."""
+    if isinstance(model, LinearModel):
+        return model
+    if not isinstance(model, GreyBoxModel):
+        return None
+    try:
+        return model.linear()
+    except CheckFailed:
+        return None
+
+
+def parameters_of(model: GreyBoxModel) -> Grid:
+    """Return a table of a grey-box model's parameters with their standard deviations."""
+    rows = [
+        [
+            f.name,
+            significant(float(v), float(s)),
+            significant(float(s), float(s)),
+            significant(f.start if f.term is None else f.null),
+            "" if f.unit == "–" else f.unit,
+        ]
+        for f, v, s in zip(model.structure.free, model.values, model.std, strict=True)
+    ]
+    heads = ["parameter", "value", "standard deviation", "nominal", "unit"]
+    return Grid(f"Parameters of {model.name}", heads, rows, prose_columns=1)
+
+
 def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
     """Return a table of models: name, kind, order, poles; with ``profile`` closed-loop poles."""
     rows = []
     for m in models:
         order, poles = NONE, NONE
-        if isinstance(m, LinearModel):
-            order, poles = str(m.order), poles_text(plant_poles(m))
+        if (linear := linearised(m)) is not None:
+            order, poles = str(linear.order), poles_text(plant_poles(linear))
         loop = NONE
         if profile is not None and profile.controller is not None:
             loop = poles_text(m.loop_poles(profile.controller, profile.dt))

@@ -11,11 +11,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from rich.console import Group
+    from rich.console import Console, ConsoleOptions, Group, RenderResult
+    from rich.table import Table
 
 NONE = "–"
 """Text in the table cell of an undefined number"""
 MINUS = "−"
+GAP = 2
+"""Spaces between the columns of a table on a terminal, as rich draws it: padding and divider"""
+
+
+NAME = 20
+"""Number of characters up to which a cell of text stays on one line (a convention)"""
 
 
 @dataclass(frozen=True)
@@ -78,39 +85,94 @@ def short(value: float, unit: str = "") -> str:
 
 
 def to_rich(grid: Grid) -> Group:
-    """Return the table and its notes as an object that the library rich prints on a terminal."""
-    from rich import box
+    """Return the table and its notes as an object that the library rich prints on a terminal.
+
+    No word is broken. If a table is wider than the terminal, its last columns follow below, with
+    the columns of text repeated.
+    """
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
-    # One space of padding per column, so that wide tables fit 80 columns.
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
-        show_edge=False,
-        header_style="bold",
-    )
-    for i, head in enumerate(grid.columns):
-        number = grid.is_number(i)
-        # The unit goes under the name, so that columns of numbers are narrow.
-        lines = head.rsplit(" ", 1) if number else ["", head]
-        title = Text("\n".join(lines))
-        table.add_column(
-            title, justify="right" if number else "left", no_wrap=number, overflow="fold"
-        )
-    before: Sequence[str] = ()
-    for row in grid.rows:
-        if before and row[0] != before[0] and _groups(grid):
-            table.add_row()
-        shown = list(row)
-        if before and row[0] == before[0] and _groups(grid):
-            shown[0] = ""
-        table.add_row(*(Text(c) for c in shown))
-        before = row
     notes = [Text(f"· {n}", style="dim") for n in grid.notes]
-    return Group(Text(grid.title, style="bold"), table, *notes)
+    return Group(Text(grid.title, style="bold"), _FittingTable(grid), *notes)
+
+
+class _FittingTable:
+    """A table that rich draws in as many parts, one below the other, as the terminal's width asks.
+
+    ``grid``: its contents. Title and notes are not drawn.
+    """
+
+    def __init__(self, grid: Grid) -> None:
+        self.grid = grid
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for columns in self._parts(options.max_width):
+            yield self._table(columns)
+
+    def _parts(self, width: int) -> list[list[int]]:
+        """Return the columns of each part; a part has the columns of text, and others that fit."""
+        least = [self._least_width(i) + GAP for i in range(len(self.grid.columns))]
+        always = list(range(self.grid.text_columns))
+        parts, room = [list(always)], width - sum(least[i] for i in always)
+        left = room
+        for i in range(self.grid.text_columns, len(least)):
+            if least[i] > left + GAP and len(parts[-1]) > len(always):
+                parts.append(list(always))
+                left = room
+            parts[-1].append(i)
+            left -= least[i]
+        return parts
+
+    def _least_width(self, column: int) -> int:
+        """Return the width of a column's longest cell; of long texts, that of the longest word."""
+        from rich.cells import cell_len
+
+        cells = [row[column] for row in self.grid.rows]
+        if not self.grid.is_number(column):
+            cells = [c for cell in cells for c in ([cell] if len(cell) <= NAME else cell.split())]
+        return max(map(cell_len, (*self._head(column), *cells)), default=0)
+
+    def _head(self, column: int) -> list[str]:
+        """Return the lines of a column's title; units are below the names, to save width."""
+        head = self.grid.columns[column]
+        return head.rsplit(" ", 1) if self.grid.is_number(column) else [head]
+
+    def _table(self, columns: Sequence[int]) -> Table:
+        from rich import box
+        from rich.table import Table
+        from rich.text import Text
+
+        # One space of padding per column, so that wide tables fit 80 columns.
+        table = Table(
+            box=box.SIMPLE_HEAD,
+            padding=(0, 1, 0, 0),
+            pad_edge=False,
+            show_edge=False,
+            header_style="bold",
+        )
+        height = max(len(self._head(i)) for i in columns)
+        for i in columns:
+            number = self.grid.is_number(i)
+            head = self._head(i)
+            above = [] if number else [""] * (height - len(head))
+            table.add_column(
+                Text("\n".join([*above, *head])),
+                justify="right" if number else "left",
+                no_wrap=number,
+                min_width=self._least_width(i),
+                overflow="fold",
+            )
+        before: Sequence[str] = ()
+        for row in self.grid.rows:
+            if before and row[0] != before[0] and _groups(self.grid):
+                table.add_row()
+            shown = list(row)
+            if before and row[0] == before[0] and _groups(self.grid):
+                shown[0] = ""
+            table.add_row(*(Text(shown[i]) for i in columns))
+            before = row
+        return table
 
 
 def to_markdown(grid: Grid) -> str:

@@ -55,11 +55,11 @@ def test_the_yaw_inertia_of_a_simplified_rig_is_right(
     assert abs(whole.values[j] - nominal_J) > 4 * whole.std[j]
 
 
-def test_simplifications_are_parameters_and_warnings(identified: Identification) -> None:
+def test_simplifications_are_parameters_and_notes(identified: Identification) -> None:
     for way in SIMPLIFICATIONS:
         share = identified.found.parameters[f"{way}.share"]
         assert share.value == pytest.approx(1, abs=4 * share.std)
-    assert {t.effect.summary for t in terms(SIMPLIFICATIONS)} <= set(identified.warnings)
+    assert {t.effect.summary for t in terms(SIMPLIFICATIONS)} <= set(identified.found.notes)
 
 
 def test_a_missing_yaw_inertia_variation_is_detected_separately() -> None:

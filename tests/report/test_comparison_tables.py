@@ -10,7 +10,8 @@ from heli3dof.comparison.compare import FlightComparison, compare
 from heli3dof.paper.reproduction import reproduce
 from heli3dof.report.comparison_tables import (
     comparison_grids,
-    comparison_renderables,
+    comparison_summary,
+    fit_table,
     metrics_table,
     prediction_table,
     published_table,
@@ -78,6 +79,7 @@ def test_an_unknown_controller_has_no_table_ii_and_its_predictions_give_the_reas
     log = replace(flight(duration_s=8.0), profile=profile)
     only = compare([log], [FakeHover(), WrongRate()]).flights[0]
     assert table_ii(only) is None
+    assert len(fit_table(compare([log], [FakeHover()])).columns) == 4  # no replay
     grid = prediction_table(only)
     assert grid is not None
     assert any("controller is unknown" in n for n in grid.notes)
@@ -85,16 +87,45 @@ def test_an_unknown_controller_has_no_table_ii_and_its_predictions_give_the_reas
     assert cell(grid, ["roll", "wrong-rate"], "1 s ahead") == "–"
 
 
-def test_every_table_renders_in_a_terminal_and_in_markdown(compared: FlightComparison) -> None:
+def test_every_table_renders_in_markdown(compared: FlightComparison) -> None:
     result = compare([compared.recording], [FakeHover()])
-    published = reproduce(FakeHover())
-    grids = comparison_grids(result, published)
+    grids = comparison_grids(result, paper=True)
     assert len(grids) == 4
-    assert len(comparison_renderables(result, published)) == 4
     for grid in grids:
         lines = to_markdown(grid).splitlines()
         body = [line for line in lines if line.startswith("|")]
         assert len(body) == len(grid.rows) + 2
+
+
+def test_one_table_has_every_recording_and_model(compared: FlightComparison) -> None:
+    result = compare([compared.recording] * 2, [FakeHover(), IDENTIFIED])
+    grid = fit_table(result)
+    assert [r[1] for r in grid.rows] == ["hover", "pbsid", "constant angles"] * 2
+    first = result.flights[0].models[0]
+    assert first.prediction is not None
+    assert grid.rows[0][2] == f"{first.prediction.ahead_deg[0.5][0]:.2f}"
+    assert first.replay_rmse_deg is not None
+    assert grid.rows[0][5] == f"{first.replay_rmse_deg[0]:.2f}"
+
+
+def test_many_recordings_share_one_row_by_model(compared: FlightComparison) -> None:
+    result = compare([compared.recording], [FakeHover(), IDENTIFIED])
+    many = replace(result, flights=result.flights * 5)
+    assert "all recordings" in fit_table(many).title
+    assert fit_table(many).rows == fit_table(result).rows
+
+
+def test_the_summary_begins_with_the_verdict_and_has_table_ii_on_request_only(
+    compared: FlightComparison,
+) -> None:
+    result = compare([compared.recording], [FakeHover(), IDENTIFIED])
+    first, *rest = comparison_summary(result)
+    assert isinstance(first, str)
+    assert first.startswith("RMSE of predictions 0.5 s ahead: ")
+    titles = [g.title for g in rest if not isinstance(g, str)]
+    assert not any("Table II" in t for t in titles)
+    paper = comparison_summary(result, paper=True)
+    assert any("Table II" in g.title for g in paper if not isinstance(g, str))
 
 
 def test_the_widest_table_fits_a_terminal_of_80_columns(compared: FlightComparison) -> None:

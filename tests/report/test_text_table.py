@@ -61,3 +61,25 @@ def test_html_escapes_every_text() -> None:
 def test_a_row_of_the_wrong_length_is_refused() -> None:
     with pytest.raises(ValueError, match="2 cells in 3 columns"):
         Grid("t", ["a", "b", "c"], [["1", "2"]])
+
+
+WIDE = Grid(
+    "Fits",
+    ["recording", "model", *(f"{h:g} s ahead" for h in (0.1, 0.5, 1, 3)), "closed-loop replay"],
+    [["step-roll-10", "identification", *["12.345°"] * 5], ["step-roll-10", "hover", *["–"] * 5]],
+    text_columns=2,
+)
+
+
+@pytest.mark.parametrize("width", [48, 60, 80])
+def test_a_terminal_table_breaks_no_word_and_fits_the_width(width: int) -> None:
+    text = shown(WIDE, width)
+    assert max(map(len, text.splitlines())) <= width
+    assert text.count("12.345°") == 5
+    assert "identification" in text
+    assert "…" not in text
+
+
+def test_a_table_that_is_too_wide_repeats_its_columns_of_text_below() -> None:
+    assert shown(WIDE, 80).count("identification") == 1
+    assert shown(WIDE, 48).count("identification") > 1

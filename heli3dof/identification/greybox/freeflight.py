@@ -118,7 +118,12 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     whole = [prepared.recordings[i] for i in sources]
     model = model_of(found, whole, request.name)
     return fit_result(
-        found, model, prepared.dt, parameters=parameters(found), warnings=warnings(found)
+        found,
+        model,
+        prepared.dt,
+        parameters=parameters(found),
+        warnings=warnings(found),
+        notes=notes(found),
     )
 
 
@@ -252,10 +257,16 @@ def parameters(found: MultiStepFit) -> dict[str, Parameter]:
 
 
 def warnings(found: MultiStepFit) -> tuple[str, ...]:
-    """Return warnings of parameters not identifiable or varying, and of a fit not converged."""
+    """Return warnings of parameters that are not identifiable, and of a fit not converged."""
     out = [p.verdict for p in parameters(found).values() if p.verdict]
     if not found.converged:
         out.append(f"The fit had not converged after {found.rounds} rounds: too little motion.")
+    return tuple(out)
+
+
+def notes(found: MultiStepFit) -> tuple[str, ...]:
+    """Return a sentence for each parameter that has a value per recording."""
+    out = []
     for name, values in found.by_recording.items():
         each = ", ".join(f"{v:.3g}" for v in values)
         claim = "differs by recording" if len(values) > 1 else "may differ by recording, here"

@@ -117,6 +117,7 @@ def fit_result(
     *,
     parameters: Mapping[str, Parameter],
     warnings: tuple[str, ...],
+    notes: tuple[str, ...] = (),
 ) -> FitResult:
     """Return a physical fit and its ``model`` as a `FitResult`; ``dt`` (s): control period."""
     poles, transfer, response = linear_quantities(found, dt)
@@ -129,6 +130,7 @@ def fit_result(
         transfer=transfer,
         parameters=parameters,
         warnings=warnings,
+        notes=notes,
         response=response,
         test_interval_s=TEST_INTERVAL_S,
         correlation=found.correlation,

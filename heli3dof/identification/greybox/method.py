@@ -67,7 +67,12 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     sources = sorted({r.source for r in runs})
     model = model_of(found, [several[i] for i in sources], request.name)
     return fit_result(
-        found, model, prepared.dt, parameters=parameters(found), warnings=warnings(found)
+        found,
+        model,
+        prepared.dt,
+        parameters=parameters(found),
+        warnings=warnings(found),
+        notes=tuple(t.effect.summary for t in found.structure.formal),
     )
 
 
@@ -191,9 +196,8 @@ def parameters(found: Estimate) -> dict[str, Parameter]:
 
 
 def warnings(found: Estimate) -> tuple[str, ...]:
-    """Return warnings of doubtful parameters, simplified equations, no convergence, poor fit."""
+    """Return warnings of doubtful parameters, no convergence and poor fit."""
     out = [v.sentence for v in found.verdicts if v.sentence]
-    out += [t.effect.summary for t in found.structure.formal]
     o = found.optimum
     if not o.converged:
         out.append(

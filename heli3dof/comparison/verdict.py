@@ -1,0 +1,146 @@
+"""State a comparison's result in a few sentences: which model is best, and is it any good?
+
+The errors are RMS values over the recordings (degrees): of predictions `HORIZON_S` ahead, and of
+the closed-loop replay. Models whose error is within `EQUAL` of the least count as equally good. A
+prediction is of use only if its error is smaller than that of constant angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from heli3dof.arrays import FloatArray
+from heli3dof.axes import AXES
+
+if TYPE_CHECKING:
+    from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
+
+HORIZON_S = 0.5
+"""s: horizon of the first sentence; predictions of shorter ones hardly differ between models"""
+EQUAL = 1.05
+"""Ratio of two RMSE up to which the models count as equally good (a convention)"""
+STILL = "constant angles"
+Errors = Mapping[str, FloatArray]
+"""Model → RMSE (3,) in degrees; NaN where the model has none"""
+
+
+def verdict(comparison: Comparison) -> tuple[str, ...]:
+    """Return sentences on the best model by axis, of predictions and in closed-loop replay."""
+    names = list(dict.fromkeys(m.name for f in comparison.flights for m in f.models))
+    if not names:
+        return ("No model was compared.",)
+    horizon = min(comparison.horizons_s, key=lambda h: abs(h - HORIZON_S), default=HORIZON_S)
+    ahead = {h: prediction_errors(comparison, h) for h in comparison.horizons_s}
+    sentences = []
+    if horizon in ahead:
+        sentences += _best(ahead[horizon], f"predictions {horizon:g} s ahead")
+        sentences += _against_constant_angles(ahead, horizon)
+    sentences += _best(replay_errors(comparison), "closed-loop replay")
+    return tuple(sentences) or ("No model could be compared; the warnings state why.",)
+
+
+def prediction_errors(comparison: Comparison, horizon_s: float) -> dict[str, FloatArray]:
+    """Return each model's RMSE of predictions ``horizon_s`` s ahead, and that of constant angles.
+
+    Only recordings that every model predicts are used, if there is one.
+    """
+
+    def error(f: FlightComparison, m: ModelComparison | None) -> FloatArray | None:
+        made = f.constant_angles if m is None else m.prediction
+        return None if made is None else made.ahead_deg.get(horizon_s)
+
+    table = [
+        {**{m.name: error(f, m) for m in f.models}, STILL: error(f, None)}
+        for f in comparison.flights
+    ]
+    return _pooled(table)
+
+
+def replay_errors(comparison: Comparison) -> dict[str, FloatArray]:
+    """Return each model's RMSE of the closed-loop replay."""
+    return _pooled([{m.name: m.replay_rmse_deg for m in f.models} for f in comparison.flights])
+
+
+def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, FloatArray]:
+    """Return the RMS over flights; ``table`` holds a flight's errors by model in each item."""
+    usable = {name for row in table for name, e in row.items() if e is not None}
+    common = [r for r in table if all(r.get(name) is not None for name in usable)] or table
+    pooled = {}
+    for name in (n for n in dict.fromkeys(n for row in table for n in row) if n in usable):
+        errors = [e for row in common if (e := row.get(name)) is not None]
+        if errors:
+            pooled[name] = np.asarray(np.sqrt(np.mean(np.square(errors), axis=0)))
+    return pooled
+
+
+def _best(errors: Errors, what: str) -> list[str]:
+    """Return a sentence that names the best model by axis, and a worse one to compare with."""
+    models = {name: e for name, e in errors.items() if name != STILL}
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for i, axis in enumerate(AXES):
+        known = {name: float(e[i]) for name, e in models.items() if np.isfinite(e[i])}
+        if not known:
+            continue
+        best = tuple(name for name, e in known.items() if e <= EQUAL * min(known.values()))
+        others = [name for name in known if name not in best]
+        # The paper's model is the one to improve on; without it, the next best.
+        other = "hover" if "hover" in others else min(others, key=lambda n: known[n], default="")
+        against = f", {other} {_degrees(known[other])}" if other else ""
+        groups.setdefault(best, []).append(f"{axis} ({_degrees(min(known.values()))}{against})")
+    if len(models) == 1:
+        return [f"RMSE of {what}, {name}: {', '.join(g)}." for (name,), g in groups.items()]
+    if not groups:
+        return []
+    parts = [
+        f"{_listed(best)} {'is' if len(best) == 1 else 'are'} best on {', '.join(axes)}"
+        for best, axes in groups.items()
+    ]
+    return [f"RMSE of {what}: {'; '.join(parts)}."]
+
+
+def _against_constant_angles(ahead: Mapping[float, Errors], horizon_s: float) -> list[str]:
+    """Return sentences on models, and on axes, whose predictions are worse than constant angles."""
+
+    def worse(name: str, h: float, i: int) -> bool:
+        return bool(ahead[h][name][i] > ahead[h][STILL][i])
+
+    models = [n for n in ahead[horizon_s] if n != STILL]
+    if STILL not in ahead[horizon_s] or not models:
+        return []
+    lost = {
+        axis: hs
+        for i, axis in enumerate(AXES)
+        if (
+            hs := [
+                f"{h:g}"
+                for h in ahead
+                if STILL in ahead[h]
+                and all(worse(n, h, i) for n in models if n in ahead[h])
+                and np.isfinite(ahead[h][STILL][i])
+            ]
+        )
+    }
+    sentences = []
+    single = [
+        f"{name} on {_listed(axes)}"
+        for name in models
+        if (axes := [a for i, a in enumerate(AXES) if worse(name, horizon_s, i)])
+    ]
+    if single:
+        sentences.append(f"Worse than {STILL} {horizon_s:g} s ahead: {'; '.join(single)}.")
+    longer = {a: hs for a, hs in lost.items() if hs != [f"{horizon_s:g}"]}
+    if longer and len(models) > 1:
+        parts = [f"{axis} {_listed(hs)} s ahead" for axis, hs in longer.items()]
+        sentences.append(f"No model is better than {STILL} on {'; '.join(parts)}.")
+    return sentences
+
+
+def _degrees(value: float) -> str:
+    return f"{value:.2f}°" if value < 10 else f"{value:.0f}°"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

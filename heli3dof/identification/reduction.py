@@ -1,0 +1,235 @@
+"""Reduce transfer functions to the factors that the fit determines.
+
+A simplification H of the fitted transfer function G is accepted if on all frequencies ω of a grid
+
+    |H(jω) − G(jω)| ≤ 2 σ(ω),        σ² = var Re G + var Im G
+
+that is, if the recordings do not tell the two apart. Where no covariance is known, 2σ is the
+rounding `ROUNDING`·|G|. The simplifications are: a transfer function is zero, a zero moves to
+infinity (its term of the numerator vanishes), a pole and a zero cancel, a root moves to the origin
+(only one that is within two standard deviations of it). After each, k is fitted again. The
+simplification that changes G the least comes first.
+
+The standard deviations of the coefficients φ = (k, a, b, c) follow from the covariance P of the
+polynomials' coefficients θ, with J = ∂H/∂φ, S = ∂G/∂θ and the weights W = 1/σ²:
+
+    δφ = (Jᴴ W J)⁻¹ Jᴴ W S δθ = M δθ,    cov φ = M P Mᵀ
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.identification.factored_transfer_function import Factor, FactoredTransferFunction
+from heli3dof.identification.fit_result import Pole
+from heli3dof.identification.transfer_function import TransferFunctions
+
+INPUTS = {"sum": np.array([1.0, 1.0]), "difference": np.array([1.0, -1.0])}
+"""Input → change (2,) of the front and back voltage in V for one unit of the input"""
+LOWEST, HIGHEST = 0.1, 100.0
+"""rad/s: range of the grid; one-minute flights hold no information below (a convention)"""
+NYQUIST_SHARE = 0.8
+"""Highest frequency of the grid as a share of π/T, with the sampling interval T of the fit"""
+POINTS = 120
+ROUNDING = 1e-6
+"""Relative change of a response that counts as rounding; computing poles from a sixth-order
+polynomial with double precision changes the response by less"""
+SIGMAS = 2.0
+"""Standard deviations within which two responses count as equal, about 95 % (a convention)"""
+
+
+def factored(
+    transfer: TransferFunctions, interval_s: float | None = None, poles: Sequence[Pole] = ()
+) -> tuple[FactoredTransferFunction, ...]:
+    """Return the six transfer functions from sum and difference of the voltages to the angles.
+
+    ``interval_s``: the sampling interval of the fit, which limits the frequencies on which the
+    simplified and the fitted response must agree. ``poles``: the poles of ``transfer``, whose
+    standard deviations the factors get. The order is roll, pitch, yaw, and for each sum,
+    difference.
+    """
+    highest = HIGHEST if interval_s is None else min(HIGHEST, NYQUIST_SHARE * np.pi / interval_s)
+    s = 1j * np.geomspace(LOWEST, highest, POINTS)
+    channels = [_Channel(transfer, i, name, s, poles) for i in range(len(AXES)) for name in INPUTS]
+    return tuple(c.simplified() for c in channels)
+
+
+class _Channel:
+    """The fitted response of one channel at ``s`` (F,) 1/s, and its uncertainty."""
+
+    def __init__(
+        self,
+        transfer: TransferFunctions,
+        axis: int,
+        name: str,
+        s: np.ndarray,
+        poles: Sequence[Pole],
+    ) -> None:
+        k = len(transfer.den)
+        weights = INPUTS[name]
+        self.axis, self.name, self.s, self.poles = axis, name, s, poles
+        self.num, self.den = transfer.num[axis].T @ weights, transfer.den
+        powers = s[:, None] ** np.arange(k - 1, -1, -1)
+        D = powers @ self.den
+        self.G = powers @ self.num / D
+        self.covariance = transfer.covariance
+        self.S = np.zeros((len(s), k - 1 + transfer.num.size), dtype=complex)
+        self.S[:, : k - 1] = -self.G[:, None] * powers[:, 1:] / D[:, None]
+        for motor, w in enumerate(weights):
+            first = k - 1 + (2 * axis + motor) * k
+            self.S[:, first : first + k] = w * powers / D[:, None]
+        self.limit = ROUNDING * np.abs(powers @ transfer.num[axis].T / D[:, None]).max(axis=1)
+        if transfer.covariance is not None:
+            P = transfer.covariance
+            var = sum(
+                np.einsum("fi,ij,fj->f", part, P, part, optimize=True)
+                for part in (self.S.real, self.S.imag)
+            )
+            self.limit = np.maximum(self.limit, SIGMAS * np.sqrt(np.maximum(var, 0)))
+
+    def simplified(self) -> FactoredTransferFunction:
+        """Return the simplest transfer function that `factored` accepts."""
+        H = FactoredTransferFunction(AXES[self.axis], self.name, 0.0, np.nan, (), ())
+        if np.all(np.abs(self.G) <= self.limit):
+            return H
+        lead = np.flatnonzero(np.abs(self.num) > 1e-9 * np.abs(self.num).max())[0]
+        H = self.refitted(
+            replace(
+                H,
+                gain=1.0,
+                numerator=self.rounded(self.num[lead:]),
+                denominator=self.rounded(self.den),
+            )
+        )
+        while (nearest := self.nearest(_shorter(H))) is not None:
+            H = nearest
+        H = self.with_std(H)
+        while (nearest := self.nearest(_at_origin(H))) is not None:
+            H = self.with_std(nearest)
+        return H
+
+    def rounded(self, polynomial: np.ndarray) -> tuple[Factor, ...]:
+        """Return the polynomial's factors without rounding: roots at 0, double real roots."""
+        roots = np.roots(polynomial)
+        roots = roots[np.argsort(np.abs(roots))]
+
+        def same(other: np.ndarray) -> bool:
+            change = np.polyval(np.poly(other), self.s) / np.polyval(polynomial, self.s)
+            return bool(np.all(np.abs(change * polynomial[0] - 1) < ROUNDING))
+
+        for m in range(len(roots), 0, -1):
+            at_zero = np.concatenate([np.zeros(m), roots[m:]])
+            if same(at_zero):
+                roots = at_zero
+                break
+        for root in roots[np.imag(roots) > 0]:
+            double = np.where(
+                np.isclose(roots, root) | np.isclose(roots, root.conj()), root.real, roots
+            )
+            if same(double):
+                roots = double
+        return tuple(_factor(r) for r in roots if np.imag(r) >= 0)
+
+    def refitted(self, H: FactoredTransferFunction) -> FactoredTransferFunction:
+        """Return H with the gain that fits the response best, weighted by 1/`limit`²."""
+        shape = replace(H, gain=1.0).at(self.s)
+        w = 1 / self.limit**2
+        gain = np.sum(w * np.conj(shape) * self.G).real / np.sum(w * np.abs(shape) ** 2)
+        return replace(H, gain=float(gain))
+
+    def nearest(
+        self, candidates: Iterator[FactoredTransferFunction]
+    ) -> FactoredTransferFunction | None:
+        """Return the candidate whose response is nearest to G; None if none is near enough."""
+        best, least = None, 1.0
+        for H in map(self.refitted, candidates):
+            away = float(np.max(np.abs(H.at(self.s) - self.G) / self.limit))
+            if away <= least:
+                best, least = H, away
+        return best
+
+    def with_std(self, H: FactoredTransferFunction) -> FactoredTransferFunction:
+        """Return H with the standard deviations of gain and coefficients."""
+        if self.covariance is None:
+            return H
+        response = H.at(self.s)
+        columns = [response / H.gain]
+        for sign, factors in ((1, H.numerator), (-1, H.denominator)):
+            for f in factors:
+                n = len(f.coefficients)
+                if any(f.coefficients):
+                    columns += [
+                        sign * response * self.s**p / f.at(self.s) for p in range(n - 1, -1, -1)
+                    ]
+        w = 1 / self.limit[:, None]
+        J, S = w * np.column_stack(columns), w * self.S
+        M = np.linalg.lstsq(np.vstack([J.real, J.imag]), np.vstack([S.real, S.imag]), rcond=None)[0]
+        std = iter(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", M, self.covariance, M), 0)))
+        gain_std = float(next(std))
+
+        def known(factors: Sequence[Factor]) -> tuple[Factor, ...]:
+            return tuple(
+                replace(f, std=tuple(float(next(std)) for _ in f.coefficients))
+                if any(f.coefficients)
+                else replace(f, std=(0.0,) * len(f.coefficients))
+                for f in factors
+            )
+
+        numerator = known(H.numerator)
+        H = replace(H, gain_std=gain_std, numerator=numerator, denominator=known(H.denominator))
+        return _with_pole_std(H, self.poles)
+
+
+def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> FactoredTransferFunction:
+    """Return H with the standard deviations of ``poles``, which use all responses, not only H's.
+
+    For a pair α ± jβ, b = −2α and c = α² + β²; the covariance of α and β counts as zero.
+    """
+    if not poles:
+        return H
+
+    def known(f: Factor) -> Factor:
+        root = max(f.roots, key=np.imag)
+        pole = min(poles, key=lambda p: abs(p.value - root))
+        if not any(f.coefficients):
+            return f
+        if len(f.coefficients) == 1:
+            return replace(f, std=(pole.std_real,))
+        c_std = 2 * np.hypot(root.real * pole.std_real, root.imag * pole.std_imag)
+        return replace(f, std=(2 * pole.std_real, float(c_std)))
+
+    return replace(H, denominator=tuple(map(known, H.denominator)))
+
+
+def _shorter(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
+    """Yield H without a zero, and without a pole and a zero (or a pair of each)."""
+    for i, zero in enumerate(H.numerator):
+        fewer = replace(H, numerator=H.numerator[:i] + H.numerator[i + 1 :])
+        yield fewer
+        for j, pole in enumerate(H.denominator):
+            if len(pole.coefficients) == len(zero.coefficients):
+                yield replace(fewer, denominator=H.denominator[:j] + H.denominator[j + 1 :])
+
+
+def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
+    """Yield H with a real root at the origin that is within `SIGMAS` standard deviations of it."""
+    for factors in (H.numerator, H.denominator):
+        for i, f in enumerate(factors):
+            if len(f.coefficients) == 1 and 0 < abs(f.coefficients[0]) <= SIGMAS * f.std[0]:
+                moved = (*factors[:i], Factor((0.0,), (0.0,)), *factors[i + 1 :])
+                yield (
+                    replace(H, numerator=moved)
+                    if factors is H.numerator
+                    else replace(H, denominator=moved)
+                )
+
+
+def _factor(root: complex) -> Factor:
+    """Return the factor of a real root, or of a complex one and its conjugate."""
+    if np.imag(root) == 0:
+        return Factor((-float(np.real(root)) + 0.0,), (np.nan,))
+    return Factor((-2 * float(np.real(root)), float(abs(root) ** 2)), (np.nan, np.nan))
