@@ -129,7 +129,7 @@ def test_each_section_shows_a_figure_and_a_table_and_folds_the_rest(document: st
     comparison = document[document.index("<h2>Comparison") : document.index("<h2>The flight")]
     shown, folded = comparison.split("<details>")
     assert (shown.count("<figure"), shown.count("<table")) == (1, 1)
-    assert "<summary>Details: 2 figures, 2 tables</summary>" in folded
+    assert "<summary>Details: 2 figures, 3 tables</summary>" in folded
 
 
 def test_a_live_figure_holds_the_samples_of_its_static_picture() -> None:
