@@ -31,6 +31,7 @@ author = "the heli3dof authors"
 extensions = ["myst_parser"]
 html_theme = "furo"
 html_title = "heli3dof"
+html_show_copyright = False
 myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath"]
 suppress_warnings = ["misc.highlighting_failure"]

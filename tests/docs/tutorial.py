@@ -16,8 +16,9 @@ from pathlib import Path
 BLOCK = re.compile(r"^```(sh|text)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 NUMBER = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 TOLERANCE = 0.05
-SKIPPED = ("make ", "source ", "pip install", "python -m pip")
-"""Commands that a test does not run: they install, or start a shell of their own"""
+SKIPPED = ("make ", "source ")
+"""Commands that a test does not run: they make an environment"""
+INSTALL = re.compile(r"^pip install (\./\S+)$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -40,14 +41,21 @@ def steps(page: str) -> list[Step]:
 
 
 def run(commands: str, folder: Path) -> str:
-    """Run commands by sh in ``folder``; return stdout and stderr together. Raises if one fails."""
-    kept = [line for line in commands.splitlines() if not line.startswith(SKIPPED)]
+    """Run commands by sh in ``folder``; return stdout and stderr together. Raises if one fails.
+
+    A package is installed into ``folder/installed``, where the later commands find it.
+    """
+    installed = folder / "installed"
+    lines = [line for line in commands.splitlines() if not line.startswith(SKIPPED)]
+    kept = INSTALL.sub(
+        rf"python -m pip install --quiet --no-deps --target {installed} \1", "\n".join(lines)
+    )
     environment = {
         **os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
-        "COLUMNS": "120", "PYTHONIOENCODING": "utf-8",
+        "COLUMNS": "120", "PYTHONIOENCODING": "utf-8", "PYTHONPATH": str(installed),
     }  # fmt: skip
     done = subprocess.run(
-        ["sh", "-ec", "\n".join(kept)], cwd=folder, env=environment, text=True, encoding="utf-8",
+        ["sh", "-ec", kept], cwd=folder, env=environment, text=True, encoding="utf-8",
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False,
     )  # fmt: skip
     assert done.returncode == 0, f"{commands}\n{done.stdout}"
