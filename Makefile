@@ -19,7 +19,7 @@ help:
 	@echo "make bench-hidden flights that hide a cause, and who finds it (long; resumes where it stopped)"
 	@echo "make bench-rigs  the same on rigs that the diagnosis was not made on (long; resumes)"
 	@echo "make bench-rules  what each rule of the diagnosis is worth on these flights (long; resumes)"
-	@echo "make docs        the documentation as a site: build/site/index.html; runs the tutorials"
+	@echo "make docs        the documentation as a site, build/site/index.html; its pictures; its tutorials, run"
 	@echo "make pages       compute the tables in docs/ again"
 	@echo "make recordings  re-make the reference recordings that ship"
 	@echo "make firmware    the device side in C, as a program on a PTY: build/firmware/heli3dof-rig"
@@ -84,8 +84,9 @@ bench-rules: $(STAMP)
 # The computed blocks of the pages; tests compare the committed text with them.
 docs: $(STAMP)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,docs]'
+	$(BIN)/python -m tests.docs.pictures
 	$(BIN)/python -m tests.docs.site
-	$(BIN)/python -m pytest -q -m tutorial tests/docs/test_tutorials.py
+	$(BIN)/python -m pytest -q -m tutorial tests/docs
 
 pages: $(STAMP)
 	$(BIN)/python -m tests.pages

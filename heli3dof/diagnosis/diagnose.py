@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
@@ -43,12 +43,11 @@ from heli3dof.diagnosis.result import (
     tied_in,
     verdict_of,
 )
-from heli3dof.diagnosis.selection.alternatives import first_that_flies
-from heli3dof.diagnosis.selection.companions import best_with_companion
 from heli3dof.diagnosis.selection.select import MAX_CAUSES, detectable_size
 from heli3dof.diagnosis.selection.steps import (
     Step,
     as_written,
+    extended,
     screening_step,
 )
 from heli3dof.errors import UsageError, did_you_mean
@@ -203,16 +202,14 @@ def forward_selection(
         steps.append(step)
         if step.choice is None:
             break
-        companion_fits: Mapping[str, CorrectedFit] = {}
-        if setup.compare_small_scores and setup.controller_is_known:
-            better, companion_fits = best_with_companion(setup, step)
-            step = replace(step, choice=better)
-        choice, wider_fit = first_that_flies(setup, step, score, companion_fits)
-        steps[-1] = replace(step, choice=choice)
-        if choice is None or wider_fit is None:
+        choice = step.choice
+        wider = extended(setup, choice)
+        if wider.scatter is None and fit.scatter is not None and not setup.touches_stops:
+            # Flights simulated with this cause leave the recorded one, so the cause is refuted.
+            steps[-1] = replace(step, choice=None)
             break
         clock.says(f"Found {choice.term.name}.")
-        fit = wider_fit
+        fit = wider
         if not choice.term.effect.of_base:  # else only the simpler base lacks the effect
             remaining -= 1
             if choice.contenders[0].probe is not None:  # a grid trial has no probe

@@ -11,7 +11,7 @@ from __future__ import annotations
 import importlib
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -23,11 +23,9 @@ from heli3dof.diagnosis.diagnose import diagnose  # with every module that uses 
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.estimate.base_parameters import OffNominal
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.screening.grid_trials import is_last_resort
 from heli3dof.diagnosis.selection.select import Choice
-from heli3dof.diagnosis.selection.steps import Step, extended
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
@@ -65,15 +63,6 @@ def _always(value: Any) -> Function:
 def _bic(rule: Function, problem: Likelihood, fit: Optimum, name: str, *_: Any) -> float:
     numbers = sum(f.term == name for f in problem.structure.free)
     return numbers * float(np.log(max(len(fit.at.row), 2)))
-
-
-def _as_chosen(
-    rule: Function, setup: Setup, step: Step, first: float | None,
-    made: Mapping[str, CorrectedFit] | None = None,
-) -> tuple[Choice | None, CorrectedFit | None]:  # fmt: skip
-    if step.choice is None:
-        return None, None
-    return step.choice, (made or {}).get(step.choice.term.name) or extended(setup, step.choice)
 
 
 RULES = (
@@ -123,16 +112,6 @@ RULES = (
         "rivals are compared by their flights",
         "selection.rivals:compared_by_simulation",
         _argument(0),
-    ),
-    Rule(
-        "of confounded causes, the one with the best companion",
-        "selection.companions:best_with_companion",
-        lambda rule, setup, step: (step.choice, {}),
-    ),
-    Rule(
-        "a cause whose rig does not fly is refused",
-        "selection.alternatives:first_that_flies",
-        _as_chosen,
     ),
     Rule("a cause must gain on held-out data", "conclusion.adoption:pays_enough", _always(True)),
     Rule(
@@ -241,12 +220,7 @@ def noted(rule: Rule, changed: set[str]) -> Function:
 
     def watched(*args: Any, **keywords: Any) -> Any:
         result = function(*args, **keywords)
-        if rule.left_out is _as_chosen:  # without the second fit
-            chosen = args[1].choice
-            same = chosen is None or result[0] is chosen
-        else:
-            same = outline(result) == outline(rule.left_out(function, *args, **keywords))
-        if not same:
+        if outline(result) != outline(rule.left_out(function, *args, **keywords)):
             changed.add(rule.name)
         return result
 
