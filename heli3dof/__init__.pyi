@@ -49,6 +49,7 @@ from .recording.mcap_files.recover import recover as recover
 from .recording.recording import Recording as Recording
 from .recording.recording import make_recording as make_recording
 from .recording.write import write_recording as write_recording
+from .report.diagnosis_summary import diagnosis_summary as diagnosis_summary
 from .report.figures import comparison_figures as comparison_figures
 from .report.figures import flight_figure as flight_figure
 from .report.flight_report import flight_report as flight_report

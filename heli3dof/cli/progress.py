@@ -68,7 +68,8 @@ def _printing(out: Output, view: FlightView) -> Iterator[None]:
     def print_lines() -> None:
         with suppress(OSError, ValueError):
             while not ended.wait(PRINT_EVERY_S):
-                out.note(view.line())
+                # Not by rich, which would load modules in mid-flight.
+                print(view.line(), file=out.err.file, flush=True)
 
     thread = threading.Thread(target=print_lines, name="progress", daemon=True)
     thread.start()
@@ -88,6 +89,7 @@ class FlightView:
 
     def render(self) -> RenderableType:
         """Return what the terminal shows now."""
+        from rich.cells import cached_cell_len
         from rich.console import Group
         from rich.text import Text
 
@@ -95,6 +97,8 @@ class FlightView:
         now_s = live.done * self.profile.dt
         angle = [degrees(a) for a in live.angle]
         reference = [degrees(a) for a in live.reference]
+        # rich keeps the width of every text that it has drawn, and each frame is a new text.
+        cached_cell_len.cache_clear()
         if live.done:
             self.traces.add(now_s, angle, reference)
         if not fits(self.console):
@@ -127,14 +131,12 @@ class FlightView:
         return f"{done:.0f} of {total:.0f} s"
 
     def _bar(self, width: int) -> RenderableType:
-        from rich.progress_bar import ProgressBar
-        from rich.table import Table
+        from rich.text import Text
 
         text = f"{self.name}  {self.live.phase}  {self._time()}  "
-        line = Table.grid()
-        bar = ProgressBar(self.live.total, self.live.done, width=max(10, width - len(text)))
-        line.add_row(text, bar)
-        return line
+        room = max(10, width - len(text))
+        done = round(room * self.live.done / self.live.total)
+        return Text.assemble(text, ("━" * done, "green"), ("─" * (room - done), "dim"))
 
     def _heads(self, angle: Sequence[float], reference: Sequence[float]) -> list[str]:
         """Return a line for each axis: angle and reference, then the envelope (°)."""

@@ -6,9 +6,12 @@ dot of a dim line.
 
 from __future__ import annotations
 
+from array import array
 from collections import deque
 from collections.abc import Sequence
+from itertools import groupby
 from math import nan
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from heli3dof.axes import AXES
@@ -41,15 +44,14 @@ class Traces:
     """Collects angles and references, and draws those of the last `WINDOW_S` seconds."""
 
     def __init__(self) -> None:
-        self._points: deque[tuple[float, Sequence[float], Sequence[float]]] = deque(
-            maxlen=round(2 * PER_SECOND * WINDOW_S)
-        )
+        self._points: deque[array[float]] = deque(maxlen=round(PER_SECOND * WINDOW_S))
+        """t (s), angles (°), references (°)"""
 
     def add(
         self, t: float, angle_deg: Sequence[float], reference_deg: Sequence[float] = (nan, nan, nan)
     ) -> None:
         """Add the angles (3,) and references (3,) at the time ``t`` (s)."""
-        self._points.append((t, angle_deg, reference_deg))
+        self._points.append(array("d", (t, *angle_deg, *reference_deg)))
 
     def draw(self, heads: Sequence[str], width: int) -> list[Text]:
         """Return the lines of all three axes; each axis' trace follows its line in ``heads``."""
@@ -61,7 +63,7 @@ class Traces:
         x = [round((p[0] - end + WINDOW_S) / WINDOW_S * (dots - 1)) for p in points]
         lines = []
         for i, head in zip(range(len(AXES)), heads, strict=True):
-            angle, reference = [p[1][i] for p in points], [p[2][i] for p in points]
+            angle, reference = [p[1 + i] for p in points], [p[4 + i] for p in points]
             low, high = scale([*angle, *reference])
             lines.append(Text(minus(head)))
             trace = drawn(x, levels(angle, low, high), levels(reference, low, high), dots // 2)
@@ -118,10 +120,12 @@ def drawn(
                 r, c = dot(column, each)
                 is_angle[r][c] = True
         before = row
-    return [
-        Text.assemble(
-            *((chr(BRAILLE + bits), "cyan" if of_angle else "yellow")
-              for bits, of_angle in zip(row, styles, strict=True))
-        )
-        for row, styles in zip(cells, is_angle, strict=True)
-    ]  # fmt: skip
+    lines = []
+    for bits, styles in zip(cells, is_angle, strict=True):
+        runs = groupby(zip(styles, bits, strict=True), key=itemgetter(0))
+        line = Text()
+        for of_angle, run in runs:
+            dots = "".join(chr(BRAILLE + each) for _, each in run)
+            line.append(dots, "cyan" if of_angle else "yellow")
+        lines.append(line)
+    return lines

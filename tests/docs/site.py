@@ -1,7 +1,7 @@
 """``python -m tests.docs.site``: build the documentation as a site in build/site, by Sphinx.
 
-Pages outside docs/ become pages of the site. Links to source code become plain text. A link that
-leads nowhere ends the build.
+Pages outside docs/ become pages of the site. Links to source code become plain text. The notebook
+is executed. A link that leads nowhere, or a cell that fails, ends the build.
 """
 
 from __future__ import annotations
@@ -28,7 +28,10 @@ SECTIONS = ("tutorials", "how-to", "troubleshooting", "explanation", "reference"
 CONFIGURATION = """
 project = "heli3dof"
 author = "the heli3dof authors"
-extensions = ["myst_parser"]
+extensions = ["myst_nb"]
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
 html_theme = "furo"
 html_title = "heli3dof"
 html_show_copyright = False
@@ -61,7 +64,8 @@ def contents() -> str:
     """Return the site's tables of contents, a hidden one for each folder of docs/."""
     lists = []
     for section in SECTIONS:
-        pages = sorted(p.stem for p in (ROOT / "docs" / section).glob("*.md"))
+        folder = ROOT / "docs" / section
+        pages = sorted(p.stem for p in [*folder.glob("*.md"), *folder.glob("*.ipynb")])
         names = "\n".join(f"{section}/{page}" for page in pages)
         caption = section.replace("-", " ").capitalize()
         lists.append(f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{names}\n```\n")

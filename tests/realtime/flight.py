@@ -89,7 +89,7 @@ class FlightProcess:
         )
         os.close(inner)
         self.shown = bytearray()
-        """The last 64 KiB that the flight wrote to its terminal"""
+        """The last MiB that the flight wrote to its terminal"""
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -99,7 +99,7 @@ class FlightProcess:
                 self.shown += os.read(self._screen, 4096)
             except OSError:  # the other end was closed
                 return
-            del self.shown[:-65536]
+            del self.shown[: -(1 << 20)]
 
     def result(self, timeout_s: float) -> dict[str, Any]:
         """The JSON document of a completed flight. AssertionError for any other ending."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import doctest
+import re
 from typing import Any
 
 from heli3dof.report import diagnosis_tables as diagnosis_tables_module
@@ -245,8 +246,10 @@ def test_a_parameter_insignificantly_beyond_its_tolerance_is_no_finding() -> Non
         assert "not significantly" not in text_of(plain)
 
 
-def test_the_readme_quotes_the_verdict_and_the_cause() -> None:
-    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").replace("> ", "").split())
+def test_the_readmes_session_shows_the_verdict_and_the_cause() -> None:
+    assert "docs/pictures/terminal.svg" in (ROOT / "README.md").read_text(encoding="utf-8")
+    picture = (ROOT / "docs" / "pictures" / "terminal.svg").read_text(encoding="utf-8")
+    text = re.sub(r"<[^>]*>|\s+", " ", picture.replace("&#160;", " "))
     assert VERDICTS["explained"] in text
     assert "Cause 1: stiffness.cable.yaw, stiffness 0.1002 ± 0.0032 N·m/rad" in text
 
