@@ -16,7 +16,7 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from heli3dof.errors import RecordingError
+from heli3dof.errors import RecordingError, UsageError
 from heli3dof.exercise.levels import Cause, draw
 from heli3dof.rig.sealed_rig import (
     Exercise,
@@ -63,6 +63,12 @@ def load_key(path: Path) -> SigningKey:
     check_nacl()
     from nacl.signing import SigningKey
 
+    if not path.exists():
+        raise UsageError(
+            f"There is no teacher's key {path}.",
+            cause="no exercise was made on this computer, or the key was moved.",
+            fix="--key FILE; heli3dof exercise new makes a key with the first exercise",
+        )
     try:
         data = json.loads(read_small(path))
         if data["schema"] != FORM:

@@ -64,5 +64,5 @@ def test_a_file_that_is_no_key_is_an_error(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(RecordingError, match="is not a teacher's key"):
         load_key(path)
-    with pytest.raises(UsageError, match="There is no file"):
+    with pytest.raises(UsageError, match="There is no teacher's key"):
         load_key(tmp_path / "missing")
