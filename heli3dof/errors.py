@@ -21,6 +21,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 class Heli3dofError(Exception):
@@ -102,3 +106,12 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     if match is not None:
         return f"did you mean {match!r}?"
     return "known: " + ", ".join(sorted(known))
+
+
+def no_file(path: Path) -> UsageError:
+    """Return the error for a path at which there is no file."""
+    return UsageError(
+        f"There is no file {path}.",
+        cause="a typing error in the path, or another working directory.",
+        fix=f"ls {path.parent}",
+    )

@@ -50,12 +50,12 @@ def terms(incomplete: str) -> list[str]:
 
 def files(incomplete: str, *suffixes: str) -> list[str]:
     """Return folders (ending in ``/``) and files with one of the ``suffixes``."""
-    folder, _, _ = incomplete.rpartition("/")
+    before, slash, _ = incomplete.rpartition("/")
+    prefix = before + slash
     try:
-        entries = sorted(Path(folder or ("/" if incomplete.startswith("/") else ".")).iterdir())
+        entries = sorted(Path(prefix or ".").iterdir())
     except OSError:
         return []
-    prefix = incomplete[: len(incomplete) - len(incomplete.rpartition("/")[2])]
     names = (
         f"{prefix}{p.name}/" if p.is_dir() else f"{prefix}{p.name}"
         for p in entries

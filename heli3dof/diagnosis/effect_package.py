@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.errors import RecordingError, UsageError
+from heli3dof.errors import RecordingError, no_file
 from heli3dof.model.effects.empirical import PREFIX, factors, unit_of_product
 
 CODE = {
@@ -61,11 +61,7 @@ def read_formulas(path: Path) -> list[Formula]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise UsageError(
-            f"There is no file {path}.",
-            cause="a typing error in the path, or another working directory.",
-            fix=f"ls {path.parent}",
-        ) from None
+        raise no_file(path) from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise _no_formula(path, "it is not a JSON file") from error
     schema = str(data.get("schema", "")) if isinstance(data, dict) else ""

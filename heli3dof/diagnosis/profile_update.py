@@ -25,7 +25,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.estimate.thrust_scale import TORQUE_UNITS, of_ratios
-from heli3dof.errors import RecordingError, UsageError
+from heli3dof.errors import RecordingError, UsageError, no_file
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.profile_file import Change
 
@@ -71,11 +71,7 @@ def read_calibration(path: Path) -> Calibration:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise UsageError(
-            f"There is no file {path}.",
-            cause="a typing error in the path, or another working directory.",
-            fix=f"ls {path.parent}",
-        ) from None
+        raise no_file(path) from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise _no_calibration(path, "is not JSON") from error
     schema = str(data.get("schema", "")) if isinstance(data, dict) else ""

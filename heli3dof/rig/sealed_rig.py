@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from heli3dof.errors import RecordingError, UsageError
+from heli3dof.errors import RecordingError, UsageError, no_file
 
 FLYING_KEY = blake2b(b"heli3dof.exercise/1, the emulated rig", digest_size=32).digest()
 SEALED_SIZE = 1024
@@ -133,11 +133,7 @@ def read_small(path: Path) -> bytes:
         with path.open("rb") as stream:
             data = stream.read(LARGEST_FILE + 1)
     except FileNotFoundError:
-        raise UsageError(
-            f"There is no file {path}.",
-            cause="a typing error in the path, or another working directory.",
-            fix=f"ls {path.parent}",
-        ) from None
+        raise no_file(path) from None
     except OSError as error:
         raise RecordingError(
             f"{path} cannot be read: {error.strerror}.",

@@ -70,21 +70,16 @@ def difference(shown: str, printed: str) -> str:
     >>> difference("yaw 1.48°\\n", "yaw 2.48°\\n")
     'yaw 1.48°'
     """
-    lines = _paragraph(printed)
+    words = printed.split()  # so that a page may break lines elsewhere than the terminal
     at = 0
     for part in re.split(r"^…$", shown, flags=re.MULTILINE):
-        wanted = _paragraph(part)
-        while wanted and not _alike(wanted, lines[at : at + len(wanted)]):
+        wanted = part.split()
+        while wanted and not _alike(wanted, words[at : at + len(wanted)]):
             at += 1
-            if at + len(wanted) > len(lines):
+            if at + len(wanted) > len(words):
                 return " ".join(wanted)
         at += len(wanted)
     return ""
-
-
-def _paragraph(text: str) -> list[str]:
-    """Return the words, so that a page may break lines elsewhere than the terminal."""
-    return text.split()
 
 
 def _alike(shown: list[str], printed: list[str]) -> bool:
