@@ -253,10 +253,10 @@ def identification_section(found: Identification) -> Section:
     bode = bode_with_bands(found)
     if bode is not None:
         blocks.append(figure(bode, "Bode diagrams with bands of two standard deviations"))
-    blocks.append(table(fits_table(found)))
+    fits = fits_table(found)
+    blocks.append(table(fits))
     details = [paragraph(s) for s in found.sentences() if not s.startswith("Warning: ")]
-    shown = fits_table(found).title
-    details += [table(g) for g in identification_tables(found) if g.title != shown]
+    details += [table(g) for g in identification_tables(found) if g.title != fits.title]
     if found.found.candidates:
         details.append(table(candidates_table(found)))
     errors, _ = found.found.innovations(found.prepared, found.prepared.held_out)
