@@ -21,10 +21,8 @@ from heli3dof.diagnosis.conclusion.inertia_ties import step_with_same_causes, wi
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unnamed import Settled, settle_unmodelled
-from heli3dof.diagnosis.conclusion.unsure import base_with_residual
 from heli3dof.diagnosis.estimate.base_fit import BASES, fit_base
 from heli3dof.diagnosis.estimate.base_parameters import (
-    OffNominal,
     base_parameters,
     off_nominal,
     std_inflation,
@@ -140,7 +138,8 @@ def _diagnosed(
     base_fit = as_written(base_fit, settled.fit)
     result = fitted(base_fit, settled.fit, extended.fit, extended.after, train, held, seed=seed)
     clock.start("off", "Comparing the calibration with the profile …")
-    off = base_off_nominal(settled) if settled.is_decided else ()
+    inflation = std_inflation(settled.fit)
+    off = off_nominal(settled.fit, std_inflation=inflation) if settled.is_decided else ()
     off = tuple(with_confounded_causes(o, step_with_same_causes(steps, settled.fit)) for o in off)
     profile = train[0].profile
     findings, off = with_scale_ties(
@@ -169,18 +168,6 @@ def _diagnosed(
         settled.slow_noise,
         (*(n for n in first.not_identifiable if not term(n).effect.formal), *undetectable), about,
     )  # fmt: skip
-
-
-def base_off_nominal(settled: Settled) -> tuple[OffNominal, ...]:
-    """Return the base parameters that are off nominal, also given the residual torques."""
-    with_residual = (
-        None
-        if settled.nuisance is None or not (settled.residual_torques or settled.slow_noise)
-        else base_with_residual(settled.fit, settled.nuisance)
-    )
-    return off_nominal(
-        settled.fit, std_inflation=std_inflation(settled.fit), with_residual=with_residual
-    )
 
 
 def forward_selection(

@@ -127,11 +127,6 @@ RULES = (
     ),
     Rule("a residual torque makes names unsure", "conclusion.unsure:marked_unsure", _argument(0)),
     Rule(
-        "a residual torque makes base parameters unsure",
-        "conclusion.unsure:base_with_residual",
-        _always(None),
-    ),
-    Rule(
         "a residual torque is like a name",
         "conclusion.unsure:with_resemblance",
         lambda rule, left, names: tuple(left),

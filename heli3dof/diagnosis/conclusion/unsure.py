@@ -29,8 +29,6 @@ MIN_EVIDENCE_SHARE = 0.25
 """Of Z². Chosen; not derived."""
 MIN_SIGMAS = 2.0
 """Standard deviations by which a size must differ from zero. Chosen; not derived."""
-MIN_RATIO = 0.01
-"""Least ratio of T_g to its value in the fit, so that a step cannot change its sign. Chosen."""
 
 
 def evidence_with_residual(fit: Estimate, nuisance: Nuisance) -> dict[str, tuple[float, float]]:
@@ -51,18 +49,6 @@ def evidence_with_residual(fit: Estimate, nuisance: Nuisance) -> dict[str, tuple
         var, var_with = (slope**2 * float(m[j, j]) for m in (inverse_without, inverse))
         out[name] = size**2 / var, size_with**2 / var_with
     return out
-
-
-def base_with_residual(fit: Estimate, nuisance: Nuisance) -> tuple[np.ndarray, np.ndarray]:
-    """Return ln of T_g and inertias relative to ``fit``, and standard deviations: (4,), (4,)."""
-    inverse = np.linalg.pinv(nuisance.A, hermitian=True)
-    slope = fit.slopes[:4] / fit.values[:4]  # ∂ ln v/∂θ
-    step = slope * (inverse @ centred_score(nuisance))[:4]
-    log = np.array([f.log for f in fit.free[:4]])
-    return (
-        np.where(log, step, np.log(np.maximum(1 + step, MIN_RATIO))),
-        np.abs(slope) * np.sqrt(np.diag(inverse)[:4]),
-    )
 
 
 def marked_unsure(

@@ -113,29 +113,17 @@ class OffNominal:
     """Causes confounded with it (`conclusion.inertia_ties`)"""
 
 
-def off_nominal(
-    fit: Estimate,
-    *,
-    std_inflation: float = STD_INFLATION,
-    with_residual: tuple[np.ndarray, np.ndarray] | None = None,
-) -> tuple[OffNominal, ...]:
+def off_nominal(fit: Estimate, *, std_inflation: float = STD_INFLATION) -> tuple[OffNominal, ...]:
     """Return the parameters that are off by significantly more than the tolerance, by score.
 
-    ``std_inflation`` is f. A parameter must also be off in a fit with a residual torque, if given:
-    ``with_residual`` is its change (4,) of ln T_g and ln J, with the standard deviations (4,).
+    ``std_inflation`` is f.
     """
     tolerance = fit.structure.profile.tolerance
-    out = []
-    for j, c in enumerate(base_parameters(fit), start=-1):
-        if not c.is_significant(c.beyond(tolerance), quantile(), std_inflation * c.noise_std):
-            continue
-        if with_residual is not None and j >= 0:
-            x = c.x + float(with_residual[0][j])
-            beyond = (abs(x) if x * c.x > 0 else 0.0) - abs(edge(c.x, tolerance))
-            std = float(np.hypot(c.noise_std, with_residual[1][j]))
-            if not c.is_significant(beyond, quantile(), std):
-                continue
-        out.append(_off(c))
+    out = [
+        _off(c)
+        for c in base_parameters(fit)
+        if c.is_significant(c.beyond(tolerance), quantile(), std_inflation * c.noise_std)
+    ]
     return tuple(sorted(out, key=lambda o: -o.score))
 
 
