@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES, MOTORS
+from heli3dof.model.control.closed_loop_poles import rightmost_first
 
 DEGREES = float(np.rad2deg(1.0))
 
@@ -43,11 +44,14 @@ class TransferFunctions:
         return std[k - 1 :].reshape(self.num.shape), np.concatenate([[0.0], std[: k - 1]])
 
     def zeros(self, axis: int, motor: int) -> list[tuple[complex, float]]:
-        """Return zeros (1/s) of num[axis, motor], with standard deviations √(var Re + var Im)."""
+        """Return zeros (1/s) of num[axis, motor], rightmost first.
+
+        Their standard deviations are √(var Re + var Im).
+        """
         n = _without_rounding(self.num[axis, motor], float(np.abs(self.num[axis]).max()))
         k = len(self.den)
         out = []
-        for z in np.roots(n):
+        for z in rightmost_first(np.roots(n)):
             std = np.nan
             if self.covariance is not None:
                 first = k - 1 + (axis * 2 + motor + 1) * k - len(n)
