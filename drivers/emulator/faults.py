@@ -79,19 +79,19 @@ def _parse(text: str) -> Fault:
     seconds, _, counts = rest.partition(":")
     at_s, jump = _number(seconds), _number(counts)
     if not at or not 0 <= at_s <= 1e6:
-        raise _unclear(text, f"{seconds!r} is not a time in s from 0 on", example)
+        raise _unclear(text, f"{seconds!r} is not a time in s between 0 and 10⁶", example)
     if kind in TRIPS or kind == "swapped":
         if axis or counts:
-            raise _unclear(text, f"{kind} has a time and nothing else", example)
+            raise _unclear(text, f"{kind} takes a time only", example)
         return Fault(kind, at_s)
     named = MOTORS if kind in ON_MOTORS else AXES
     axis = ALIASES.get(axis, axis)
     if axis not in named:
-        target = "motor" if kind in ON_MOTORS else "axis"
-        raise _unclear(text, f"{axis!r} is no {target}; {did_you_mean(axis, named)}", example)
+        target = "a motor" if kind in ON_MOTORS else "an axis"
+        raise _unclear(text, f"{axis!r} is not {target}; {did_you_mean(axis, named)}", example)
     if kind != "jump":
         if counts:
-            raise _unclear(text, f"{kind} has a time and no counts", example)
+            raise _unclear(text, f"{kind} takes no counts", example)
         return Fault(kind, at_s, named.index(axis))
     if not (jump and jump == int(jump) and abs(jump) <= 1e6):
         raise _unclear(text, f"{counts!r} is not a whole number of counts other than 0", example)

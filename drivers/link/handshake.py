@@ -109,8 +109,9 @@ def check_profile(
             )
         if ours != theirs and signs != "profile":
             raise DeviceError(
-                f"{name}: by the device its {axis} counts {_way(theirs)} as the angle rises, by "
-                f"the profile {profile.name!r} (encoder.{axis} = {ours}) they {_way(ours)}.",
+                f"{name}: the device states that its {axis} counts {_way(theirs)} as the angle "
+                f"rises; the profile {profile.name!r} states that they {_way(ours)} "
+                f"(encoder.{axis} = {ours}).",
                 cause="one of them is wrong; with the wrong sign the loop drives the rig away from "
                 "its reference.",
                 fix=f"encoder.{axis} = {theirs} in the profile; or ?signs=profile, if turning the "

@@ -154,7 +154,7 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
                 raise
             fault = Heli3dofError(
                 f"heli3dof failed: {type(error).__name__}: {error}",
-                cause="a fault of ours (a bug in heli3dof).",
+                cause="an internal error (a bug in heli3dof).",
                 fix=f"run it again with {TRACEBACK}=1, and report the traceback",
             )
             print_error(fault, as_json=bool(kwargs.get("as_json")))

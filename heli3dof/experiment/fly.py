@@ -73,8 +73,8 @@ class Flight:
             if isinstance(outcome.error, Heli3dofError):
                 raise outcome.error
             raise Heli3dofError(
-                f"The flight was ended by a fault of ours: {outcome.detail}{kept}.",
-                cause="a mistake in heli3dof or in its driver.",
+                f"An internal error ended the flight: {outcome.detail}{kept}.",
+                cause="a bug in heli3dof or in the rig's driver.",
                 fix="report it, with the recording",
             ) from outcome.error
 
@@ -198,7 +198,7 @@ def _fly(
     detail = Trip(
         f"{ON_REQUEST}: {rig.session.stop_reason}",
         "somebody ran heli3dof estop.",
-        "find out who and why; then start again: arming clears the stop",
+        "find out who stopped it and why; then start again: arming clears the stop",
     )
     if not outcome.periods:
         detail = Trip(f"{detail}; it was not armed", detail.cause, detail.fix)

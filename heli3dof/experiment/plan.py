@@ -133,10 +133,10 @@ def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
         worst = reference[np.argmax(np.abs(reference))]
         if reference.min() < low or reference.max() > high:
             raise PlanError(
-                f"The plan {plan.name!r} asks for {axis} {worst:g}°, outside the envelope of "
+                f"The plan {plan.name!r} commands {axis} {worst:g}°; the profile allows "
                 f"{low:g}° to {high:g}°.",
-                cause="a typing error, or an angle that this rig's profile does not allow.",
-                fix=f"ask for less, or widen the {axis} limits in [limits] of the profile",
+                cause="a typing error, or a plan for another rig.",
+                fix=f"lower the angle in the plan, or widen the {axis} limits of the profile",
             )
     extra = float(np.abs(signals.extra).max())
     if extra > profile.motor.v_max:
@@ -151,7 +151,7 @@ def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
 def _check_duration(plan: Plan, limits: Limits) -> None:
     if plan.duration_s > limits.duration_max_s:
         raise PlanError(
-            f"The plan {plan.name!r} lasts {plan.duration_s:g} s; the envelope allows "
+            f"The plan {plan.name!r} lasts {plan.duration_s:g} s; the profile allows "
             f"{limits.duration_max_s:g} s.",
             cause="a duration in milliseconds, or a long plan on a cautious profile.",
             fix="shorten it, or raise limits.duration_max_s in the profile",

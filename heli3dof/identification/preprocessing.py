@@ -30,6 +30,8 @@ from heli3dof.model.estimation.filter_data import LOST, Run, Stretch
 from heli3dof.recording.gap_filling import GAP, fill_gaps
 from heli3dof.recording.recording import Recording
 
+MIN_SAMPLES = 3
+"""Samples of a recording below which its sample interval has no scatter"""
 SEGMENT_MIN_S = 1.0
 USABLE_MIN_S = 5.0
 
@@ -134,11 +136,11 @@ class Segment:
 def check_clock(recording: Recording) -> Clock:
     """Return statistics of the time stamps; raise RecordingError if they do not increase."""
     t = recording.t
-    if len(t) < 3:
+    if len(t) < MIN_SAMPLES:
         raise RecordingError(
-            f"{recording.name} holds {len(t)} samples.",
+            f"{recording.name} has only {len(t)} samples; at least {MIN_SAMPLES} are needed.",
             cause="the flight ended at once, or the log was truncated.",
-            fix="heli3dof info on the recording, then fly again",
+            fix=f"heli3dof info {recording.name}; then repeat the flight",
         )
     d = np.diff(t)
     if not np.all(d > 0):
@@ -175,7 +177,11 @@ def prepare(
     sample intervals.
     """
     if not recordings:
-        raise RecordingError("No recording was given.", fix="heli3dof identify REC.mcap")
+        raise RecordingError(
+            "No recording was given.",
+            cause="the list of recordings is empty.",
+            fix="heli3dof identify REC.mcap",
+        )
     everything = (*recordings, *held_out)
     runs, reports = [], []
     for i, recording in enumerate(everything):

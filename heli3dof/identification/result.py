@@ -28,6 +28,16 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 SUMMARY_HORIZON_S = 1.0
+"""s: horizon of the fit that summaries quote; shorter ones are near 100 % for every model"""
+
+
+def no_linear_form(method: str, what: str) -> UsageError:
+    """Return the error that a method's model has no ``what``."""
+    return UsageError(
+        f"A model by {method} has no {what}.",
+        cause="its method returns no linear model.",
+        fix="heli3dof identify REC.mcap --method greybox",
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,7 +78,7 @@ class Identification(Result):
         Raises UsageError for a model that has none (`FitResult.transfer` is None).
         """
         if self.found.transfer is None:
-            raise UsageError(f"A model by {self.method} has no transfer functions.")
+            raise no_linear_form(self.method, "transfer functions")
         return self.found.transfer
 
     @cached_property
@@ -88,7 +98,7 @@ class Identification(Result):
         UsageError for a model without a linear response.
         """
         if self.found.response is None:
-            raise UsageError(f"A model by {self.method} has no frequency response.")
+            raise no_linear_form(self.method, "frequency response")
         return self.found.response(np.asarray(omega, dtype=float))
 
     def sentences(self) -> list[str]:

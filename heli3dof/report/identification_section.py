@@ -14,7 +14,7 @@ import numpy as np
 
 from heli3dof.axes import AXES, ROLL
 from heli3dof.errors import UsageError
-from heli3dof.identification.result import Identification
+from heli3dof.identification.result import SUMMARY_HORIZON_S, Identification
 from heli3dof.identification.validation import WARM_UP_S
 from heli3dof.report.html import Section, figure, paragraph, table, warning
 from heli3dof.report.model_figures import BodeCurve, bode_figure, residual_figure
@@ -23,8 +23,6 @@ from heli3dof.report.text_table import NONE, Grid, fixed, significant
 POINTS = 200
 LOWEST = 0.1
 """rad/s: lowest frequency of the Bode diagrams; one-minute flights hold no information below."""
-SUMMARY_S = 0.5
-"""s: horizon whose fit the summary states; shorter ones are near 100 % for every model"""
 MIXED = 0.8
 """Absolute correlation above which a pair of estimated parameters gets a note (a convention)"""
 
@@ -58,14 +56,14 @@ def identification_summary(found: Identification) -> list[str | Grid]:
 def _scores(found: Identification) -> str:
     """Return the scores on held-out data as a sentence."""
     metrics, name = found.metrics, f"Model {found.model.name}"
-    ahead = metrics.prediction.get(SUMMARY_S)
+    ahead = metrics.prediction.get(SUMMARY_HORIZON_S)
     if ahead is None or np.isnan(ahead.fit_percent).all():
         return f"{name}: there are no held-out data to evaluate it."
     replay = f"closed-loop replay {_by_axis(metrics.replay.fit_percent)}"
     if metrics.replay_note:
         replay = f"no closed-loop replay ({metrics.replay_note})"
     return (
-        f"{name}, fit on held-out data: {SUMMARY_S:g} s predictions "
+        f"{name}, fit on held-out data: {SUMMARY_HORIZON_S:g} s predictions "
         f"{_by_axis(ahead.fit_percent)}; {replay}."
     )
 

@@ -43,7 +43,7 @@ def measure() -> list[Figure | Table]:
 
     return [
         at_most("crashes", count("crash"), 0, "", how=how),
-        at_most('"a fault of ours"', count("a fault of ours", "interrupted"), 0, "", how=how),
+        at_most('"an internal error"', count("an internal error", "interrupted"), 0, "", how=how),
         at_most("motors not at zero", count("motors", "a watchdog"), 0, "", how=how),
         at_most("errors without a cause or a fix", count("missing cause"), 0, "", how=how),
         Table(

@@ -1,4 +1,4 @@
-"""Plans are read, summarised, rendered reproducibly, and refused outside the envelope."""
+"""Plans are read, summarised, rendered reproducibly, and refused outside the profile's limits."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_a_target_outside_the_envelope_is_refused(target: tuple, message: str) -
 
 def test_a_plan_longer_than_the_envelope_allows_is_refused() -> None:
     plan = step_plan((1, None, None), duration_s=700)
-    with pytest.raises(PlanError, match=r"lasts 710 s; the envelope allows 600 s"):
+    with pytest.raises(PlanError, match=r"lasts 710 s; the profile allows 600 s"):
         check_plan(plan, plan.render(0.1, 0), default_profile())
 
 

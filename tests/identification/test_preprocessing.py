@@ -118,7 +118,7 @@ def test_a_nan_is_left_out_and_counted() -> None:
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda r: r.rows(slice(0, 2)), "holds 2 samples"),
+        (lambda r: r.rows(slice(0, 2)), "has only 2 samples; at least 3 are needed"),
         (lambda r: r.rows(slice(0, 1000)), "only 1.5 s in flight"),
         (lambda r: _set(r, "angle", np.s_[:, 1:], np.nan), "pitch, yaw was not measured"),
         (lambda r: _set(r, "voltage", np.s_[:], 7.4), "constant throughout"),

@@ -5,7 +5,7 @@ frames. Changed frames keep a valid checksum, as if the device itself stated non
 `firmware(seed)` flies the C firmware in real time with its fault switches, stopped or killed at a
 random moment.
 
-After every sequence: only errors of the project, no outcome "error" ("a fault of ours"), and the
+After every sequence: only errors of the project, no outcome "error" ("an internal error"), and the
 output at zero within the watchdog's time and the ramp after the host's last command.
 """
 
@@ -353,7 +353,7 @@ def _judge(flight: Flight, found: Result) -> None:
     if outcome.ending == "error":
         error = outcome.error
         where = "" if error is None else "".join(traceback.format_exception(error, limit=-6))
-        found.wrong.append(f"a fault of ours: {outcome.detail} {where}")
+        found.wrong.append(f"an internal error: {outcome.detail} {where}")
     flight_table(flight)
     flight_document(flight)
     summary(flight.recording)
@@ -367,8 +367,8 @@ def _judge(flight: Flight, found: Result) -> None:
 
 def _explains(problem: Heli3dofError, found: Result) -> None:
     text = str(problem.what)
-    if "fault of ours" in text or problem.exit_code == 1:
-        found.wrong.append(f"a fault of ours: {text}")
+    if "internal error" in text or problem.exit_code == 1:
+        found.wrong.append(f"an internal error: {text}")
     by_the_test = text.startswith(DirectLine.name)
     if isinstance(problem, DeviceError) and not ((problem.cause and problem.fix) or by_the_test):
         found.wrong.append(f"missing cause or fix: {text}")

@@ -1,4 +1,4 @@
-"""Any misbehaviour of a device: no crash, no fault of ours, motors at zero. See the bench."""
+"""Any misbehaviour of a device: no crash, no internal error, motors at zero. See the bench."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_crash_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_fault_of_ours_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(misbehaviour, "draw_faults", lambda rng: [])
     monkeypatch.setattr("heli3dof.experiment.control_loop.loop.Envelope.check", lambda *a: 1 / 0)
-    assert any("a fault of ours" in w for w in emulated(1).wrong)
+    assert any("an internal error" in w for w in emulated(1).wrong)
 
 
 def test_without_faults_the_flight_completes(monkeypatch: pytest.MonkeyPatch) -> None:

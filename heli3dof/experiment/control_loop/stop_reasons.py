@@ -9,7 +9,7 @@ BY_FLAG = {
     Flags.ESTOP: Trip(
         "an emergency stop is in force",
         "somebody pressed the rig's button, or another program stopped it.",
-        "find out who and why; release the button; then start again",
+        "find out who stopped it and why; release the button; then start again",
     ),
     Flags.LATCHED: Trip(
         "the device's watchdog expired: no command reached it in time",
@@ -35,11 +35,11 @@ STOPPED = sum(int(flag) for flag in BY_FLAG)
 BY_CAUSE = {
     "HOST_ESTOP": (
         "heli3dof estop or another program stopped it.",
-        "find out who and why; then start again: arming clears the stop",
+        "find out who stopped it and why; then start again: arming clears the stop",
     ),
     "BUTTON": (
         "somebody pressed the rig's button.",
-        "find out who and why; release the button; then start again",
+        "find out who stopped it and why; release the button; then start again",
     ),
     "OVERCURRENT": (
         "a blocked rotor, a short in a motor or its leads, or a saturated flight.",

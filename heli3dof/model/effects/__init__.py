@@ -164,7 +164,11 @@ def terms(names: Iterable[str]) -> tuple[Term, ...]:
     seen = [t.name for t in result]
     for n in seen:
         if seen.count(n) > 1:
-            raise UsageError(f"The effect {n!r} is named twice.", fix="name it once")
+            raise UsageError(
+                f"The effect {n!r} is named twice.",
+                cause="a repeated name, or a name with and without its axis.",
+                fix="name it once",
+            )
     return result
 
 

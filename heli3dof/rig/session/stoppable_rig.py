@@ -109,8 +109,8 @@ class StoppableRig:
             raise SafetyTrip(
                 f"The rig was not armed: an emergency stop was requested ({reason}).",
                 cause="heli3dof estop was run after this command began.",
-                fix="find out who and why; then start again (a program with commands of its own "
-                "calls heli3dof.rig.session.stop_stamp.start_command at the start of each)",
+                fix="find out who stopped it and why; then start again (a program of your own "
+                "first calls heli3dof.rig.session.stop_stamp.start_command)",
             )
 
     def _stop(self, reason: str) -> None:
