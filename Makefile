@@ -42,7 +42,7 @@ test: $(STAMP)
 
 test-browser: $(STAMP)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[browser]'
-	HELI3DOF_BROWSER=1 $(BIN)/python -m pytest -n 0 tests/report/test_browser.py
+	HELI3DOF_BROWSER=1 $(BIN)/python -m pytest -n 0 tests/report/pages/test_browser.py
 
 # Debian's qemu and kernel, unpacked into build/, never installed; CASES: words of the cases to run.
 test-kernel-usb: $(STAMP)

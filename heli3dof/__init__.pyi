@@ -49,10 +49,10 @@ from .recording.mcap_files.recover import recover as recover
 from .recording.recording import Recording as Recording
 from .recording.recording import make_recording as make_recording
 from .recording.write import write_recording as write_recording
-from .report.diagnosis_summary import diagnosis_summary as diagnosis_summary
-from .report.figures import comparison_figures as comparison_figures
-from .report.figures import flight_figure as flight_figure
-from .report.flight_report import flight_report as flight_report
+from .report.figures.comparison import comparison_figures as comparison_figures
+from .report.figures.flight import flight_figure as flight_figure
+from .report.pages.flight_report import flight_report as flight_report
+from .report.text.diagnosis_summary import diagnosis_summary as diagnosis_summary
 from .rig.drivers import find_rigs as find_rigs
 from .rig.profile import Profile as Profile
 from .rig.profile import default_profile as default_profile

@@ -80,9 +80,10 @@ def test_no_modules_of_a_package_import_one_another_in_a_circle(package: str) ->
     TopologicalSorter(edges).prepare()  # raises CycleError with the circle
 
 
-def test_no_folders_of_the_diagnosis_import_one_another_in_a_circle() -> None:
+@pytest.mark.parametrize("package", ["diagnosis", "report"])
+def test_no_folders_of_a_package_import_one_another_in_a_circle(package: str) -> None:
     """Modules at the top of the package count as folders of their own."""
-    modules = {_module(path): path for path in files("diagnosis")}
+    modules = {_module(path): path for path in files(package)}
     edges: dict[str, set[str]] = {}
     for name, path in modules.items():
         folder = _folder(name)

@@ -113,12 +113,12 @@ def show_comparison(
     ``paper``: also Table II; ``published``: the paper's numbers, if they are to be printed too.
     """
     from heli3dof.comparison.verdict import verdict
-    from heli3dof.report.comparison_tables import (
+    from heli3dof.report.text.comparison_tables import (
         comparison_grids,
         comparison_summary,
         published_table,
     )
-    from heli3dof.report.text_table import Grid, to_rich
+    from heli3dof.report.text.table import Grid, to_rich
 
     lines = comparison_summary(comparison, paper=paper)
     if verbose:
@@ -140,8 +140,8 @@ def write_figures(comparison: Comparison, folder: Path, *, force: bool) -> list[
     unless ``force`` is true.
     """
     from heli3dof.recording.atomic_write import new_folder
-    from heli3dof.report.figure_style import save
-    from heli3dof.report.figures import axis_figures
+    from heli3dof.report.figures.comparison import axis_figures
+    from heli3dof.report.figures.style import save
 
     new_folder(folder)
     return [

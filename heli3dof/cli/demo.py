@@ -39,11 +39,11 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     from heli3dof.experiment.plan import load_plan, step_plan
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.model.model_file import save_model
-    from heli3dof.report.diagnosis_figure_data import figure_data
-    from heli3dof.report.flight_report import Diagnosed, flight_report
-    from heli3dof.report.html import write_page
-    from heli3dof.report.identification_section import parameters_table
-    from heli3dof.report.text_table import to_rich
+    from heli3dof.report.figures.diagnosis_data import figure_data
+    from heli3dof.report.pages.flight_report import Diagnosed, flight_report
+    from heli3dof.report.pages.html import write_page
+    from heli3dof.report.text.identification_tables import parameters_table
+    from heli3dof.report.text.table import to_rich
 
     out = Output(as_json=as_json, quiet=quiet)
     folder = _new_folder(FOLDER)

@@ -68,8 +68,8 @@ def diagnose(
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.model.model_file import save_model
     from heli3dof.recording.atomic_write import check_outputs, default_output, stem
-    from heli3dof.report.diagnosis_page import diagnosis_page
-    from heli3dof.report.html import write_page
+    from heli3dof.report.pages.diagnosis_page import diagnosis_page
+    from heli3dof.report.pages.html import write_page
 
     out = Output(as_json=as_json, quiet=quiet)
     name = Path(f"{stem(recordings[0])}-extended.json")
@@ -125,9 +125,9 @@ def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
 
 def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = False) -> None:
     """Print the diagnosis ``document`` (that of ``diagnose --json``), ``verbose``: with tables."""
-    from heli3dof.report.diagnosis_summary import diagnosis_summary
-    from heli3dof.report.diagnosis_tables import diagnosis_tables
-    from heli3dof.report.text_table import Grid, to_rich
+    from heli3dof.report.text.diagnosis_summary import diagnosis_summary
+    from heli3dof.report.text.diagnosis_tables import diagnosis_tables
+    from heli3dof.report.text.table import Grid, to_rich
 
     for each in diagnosis_tables(document) if verbose else diagnosis_summary(document):
         out.show(to_rich(each) if isinstance(each, Grid) else each)

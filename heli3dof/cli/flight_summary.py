@@ -30,8 +30,8 @@ def metrics_of(recording: Recording) -> Mapping[str, AxisMetrics]:
 
 def recording_table(recording: Recording, title: str, note: str | None = None) -> Group:
     """Return a table to print: step metrics by step and axis, with a ``title`` and a ``note``."""
-    from heli3dof.report.comparison_tables import metrics_of as metrics_grid
-    from heli3dof.report.text_table import to_rich
+    from heli3dof.report.text.comparison_tables import metrics_of as metrics_grid
+    from heli3dof.report.text.table import to_rich
 
     grid = metrics_grid(metrics_of(recording), title)
     return to_rich(replace(grid, notes=[*grid.notes, note]) if note else grid)

@@ -109,11 +109,11 @@ def identify(
 
 def _show(out: Output, result: Identification, *, verbose: bool) -> None:
     """Print an identification: its summary, or with ``verbose`` all sentences and tables."""
-    from heli3dof.report.identification_section import (
+    from heli3dof.report.text.identification_tables import (
         identification_summary,
         identification_tables,
     )
-    from heli3dof.report.text_table import Grid, to_rich
+    from heli3dof.report.text.table import Grid, to_rich
 
     warnings = list(result.warnings)
     if verbose:
@@ -148,8 +148,8 @@ def _write_report(
     """
     from heli3dof.comparison.compare import compare
     from heli3dof.paper.models import load_model
-    from heli3dof.report.flight_report import flight_report
-    from heli3dof.report.html import write_page
+    from heli3dof.report.pages.flight_report import flight_report
+    from heli3dof.report.pages.html import write_page
 
     title = f"Identification from {', '.join(r.name for r in train)}"
     models = [load_model("hover", train[0].profile), result.model]

@@ -60,8 +60,8 @@ def info(
 
 def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | None) -> None:
     """Print a table of at most ``most`` steps of the references, if there are any (None: all)."""
-    from heli3dof.report.comparison_tables import metrics_of
-    from heli3dof.report.text_table import to_rich
+    from heli3dof.report.text.comparison_tables import metrics_of
+    from heli3dof.report.text.table import to_rich
 
     stepped = {a: replace(m, steps=_real_steps(m)) for a, m in metrics.items()}
     grid = metrics_of(stepped, "Steps of the reference")

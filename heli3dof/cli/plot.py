@@ -37,8 +37,8 @@ def plot(
     """Draw angles, references and voltages over time: heli3dof plot rec.mcap -o flight.svg."""
     from heli3dof.cli.inputs import load_all
     from heli3dof.recording.atomic_write import check_outputs, default_output, stem
-    from heli3dof.report.figure_style import check_ending, save
-    from heli3dof.report.figures import flight_figure
+    from heli3dof.report.figures.flight import flight_figure
+    from heli3dof.report.figures.style import check_ending, save
 
     out = Output(as_json=as_json, quiet=quiet)
     if output is None:

@@ -50,8 +50,8 @@ def report(
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.paper.reproduction import reproduce
     from heli3dof.recording.atomic_write import check_outputs, default_output, stem
-    from heli3dof.report.flight_report import flight_report
-    from heli3dof.report.html import write_page
+    from heli3dof.report.pages.flight_report import flight_report
+    from heli3dof.report.pages.html import write_page
     from heli3dof.rig.profile import default_profile
 
     out = Output(as_json=as_json, quiet=quiet)

@@ -24,10 +24,10 @@ from heli3dof.identification.greybox.freeflight import (
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.identification.greybox.multistep import search
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.report.comparison_tables import prediction_table
-from heli3dof.report.diagnosis_tables import diagnosis_tables
-from heli3dof.report.identification_section import parameters_table
-from heli3dof.report.text_table import Grid, to_markdown
+from heli3dof.report.text.comparison_tables import prediction_table
+from heli3dof.report.text.diagnosis_tables import diagnosis_tables
+from heli3dof.report.text.identification_tables import parameters_table
+from heli3dof.report.text.table import Grid, to_markdown
 from tests.bench import Figure
 from tests.paths import REAL_DATA, ROOT
 

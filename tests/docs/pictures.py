@@ -69,9 +69,9 @@ def terminal(outputs: list[str]) -> str:
 def cause(recording: Path) -> str:
     """Return the figure of the hidden cause: the measured torque and the fitted curve."""
     import heli3dof as h3
-    from heli3dof.report.diagnosis_figure_data import figure_data
-    from heli3dof.report.diagnosis_figures import evidence_figure
-    from heli3dof.report.figure_style import to_svg
+    from heli3dof.report.figures.diagnosis import evidence_figure
+    from heli3dof.report.figures.diagnosis_data import figure_data
+    from heli3dof.report.figures.style import to_svg
 
     flight = h3.load(recording)
     (evidence, *_) = figure_data(h3.diagnose(flight), [flight], []).evidence
@@ -83,7 +83,7 @@ def rig() -> str:
     import matplotlib
     from matplotlib.figure import Figure
 
-    from heli3dof.report.figure_style import RC, to_svg
+    from heli3dof.report.figures.style import RC, to_svg
 
     with matplotlib.rc_context(RC):
         figure = Figure(figsize=(7.2, 3.07))

@@ -23,7 +23,7 @@ from heli3dof.experiment.plan import load_plan
 from heli3dof.model.effects import term
 from heli3dof.model.greybox.model import nominal
 from heli3dof.recording.recording import Recording
-from heli3dof.report import diagnosis_text as words
+from heli3dof.report.text import diagnosis_sentences as words
 
 WRITTEN = ("simplified.couplings", "simplified.yaw_inertia")
 

@@ -22,12 +22,12 @@ from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox, model_of
 from heli3dof.model.effects import effects, term
 from heli3dof.recording.recording import Recording
-from heli3dof.report.diagnosis_figure_data import FigureData
-from heli3dof.report.diagnosis_figures import evidence_figure, stretch_figure
-from heli3dof.report.diagnosis_section import diagnosis_section
-from heli3dof.report.figure_style import to_svg
-from heli3dof.report.html import page
-from tests.report.test_diagnosis_tables import DOCUMENT
+from heli3dof.report.figures.diagnosis import evidence_figure, stretch_figure
+from heli3dof.report.figures.diagnosis_data import FigureData
+from heli3dof.report.figures.style import to_svg
+from heli3dof.report.pages.diagnosis_section import diagnosis_section
+from heli3dof.report.pages.html import page
+from tests.report.text.test_diagnosis_tables import DOCUMENT
 
 DAMPING = 0.1
 

@@ -1,0 +1,202 @@
+"""Plot curves over time with a label at each curve's end instead of a legend.
+
+Overlapping labels are moved apart. A curve ends early if its model diverged; its label is then at
+that point.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from heli3dof.report.figures.style import RC, SOFT, Line, plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LABEL_GAP = 0.062
+"""Height of one label, as a share of the axes' height"""
+
+TITLE_WIDTH, SUBTITLE_WIDTH, LABEL_WIDTH = 74, 120, 20
+"""Largest numbers of characters in a title, on a line of the subtitle, and in a label"""
+MIN_SPAN = 2.0
+"""Least range of a vertical axis, in degrees or volts (a convention)"""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A named curve: times t (M,) in s, values y (M,) in the figure's unit; NaN breaks the line."""
+
+    label: str
+    t: np.ndarray
+    y: np.ndarray
+    line: Line
+    cut_short: bool = False
+    """True: a cross marks the curve's last point, because the model diverged there."""
+    dotted_starts: bool = False
+    """True: a dot marks the start of each unbroken stretch, because a prediction starts there."""
+
+
+def angle_figure(
+    curves: Sequence[Curve], *, title: str, subtitle: str, ylabel: str, frame: Sequence[str] = ()
+) -> Figure:
+    """Draw angles over time with a label at each curve's end.
+
+    ``frame`` names the curves that determine the vertical range (empty: all). Other curves may
+    leave this range, so that a diverging model does not flatten the rest.
+    """
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    lines = textwrap.wrap(plain(subtitle, 4 * SUBTITLE_WIDTH), SUBTITLE_WIDTH) or [""]
+    with matplotlib.rc_context(RC):
+        height = 3.75 + 0.18 * len(lines)
+        top = 0.52 + 0.18 * len(lines)
+        figure = Figure(figsize=(8.6, height))
+        axes = figure.add_axes((0.085, 0.52 / height, 0.735, (height - top - 0.52) / height))
+        for c in curves:
+            axes.plot(c.t, c.y, label=c.label, **c.line.kwargs())
+            _marks(axes, c)
+        axes.set_ylim(*limits(curves, frame))
+        times = np.concatenate([c.t for c in curves])
+        axes.set_xlim(float(np.nanmin(times)), float(np.nanmax(times)))
+        axes.set_xlabel("time (s)")
+        axes.set_ylabel(ylabel)
+        label_ends(axes, curves)
+        headline(figure, title, height)
+        for i, line in enumerate(lines):
+            y = 1 - (0.46 + 0.18 * i) / height
+            figure.text(0.015, y, line, fontsize=9, color=SOFT, va="center")
+    return figure
+
+
+def headline(figure: Figure, title: str, height: float) -> None:
+    """Write ``title`` at the upper left of a figure that is ``height`` inches high."""
+    text = plain(title, TITLE_WIDTH)
+    figure.text(0.015, 1 - 0.21 / height, text, fontsize=11.5, fontweight="bold", va="center")
+
+
+def _marks(axes: Axes, c: Curve) -> None:
+    """Draw dots where predictions start on curve ``c``, and a cross where its model diverged."""
+    style: dict[str, Any] = {"color": c.line.color, "zorder": c.line.z + 1, "clip_on": True}
+    finite = np.isfinite(c.y)
+    if c.dotted_starts:
+        start = finite & ~np.concatenate([[False], finite[:-1]])
+        axes.plot(c.t[start], c.y[start], "o", markersize=4.5, markeredgecolor="white", **style)
+    if c.cut_short and finite.any():
+        last = int(np.flatnonzero(finite)[-1])
+        axes.plot(c.t[last], c.y[last], "x", markersize=7, markeredgewidth=2, **style)
+
+
+def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]:
+    """Return the lowest and highest angle to plot: the range of the curves named in ``frame``.
+
+    Other curves widen this range, at most threefold. If ``frame`` is empty, all curves count.
+    """
+    framed = [c.y[np.isfinite(c.y)] for c in curves if not frame or c.label in frame]
+    framed = [y for y in framed if len(y)]
+    low = min((float(y.min()) for y in framed), default=-1.0)
+    high = max((float(y.max()) for y in framed), default=1.0)
+    room = max(high - low, 1.0)
+    everything = [c.y[np.isfinite(c.y)] for c in curves if np.isfinite(c.y).any()]
+    low_all = min((float(y.min()) for y in everything), default=low)
+    high_all = max((float(y.max()) for y in everything), default=high)
+    low, high = max(low_all, low - room), min(high_all, high + room)
+    # Single encoder counts of an axis at rest must not fill the axes.
+    short = max(0.0, MIN_SPAN - (high - low)) / 2
+    margin = 0.06 * (high - low + 2 * short)
+    return low - short - margin, high + short + margin
+
+
+def label_ends(axes: Axes, curves: Sequence[Curve], gap: float = LABEL_GAP) -> None:
+    """Write each curve's name at the right edge, at least ``gap`` (share of axes' height) apart."""
+    low, high = axes.get_ylim()
+    ends: list[tuple[float, Curve]] = []
+    for c in curves:
+        finite = c.y[np.isfinite(c.y)]
+        if c.cut_short:
+            _label_exit(axes, c)
+        elif len(finite):
+            ends.append((float(np.clip((finite[-1] - low) / (high - low), 0, 1)), c))
+    ends.sort(key=lambda e: e[0])
+    places = spread(np.array([e[0] for e in ends]), gap)
+    for (end, c), place in zip(ends, places, strict=True):
+        axes.annotate(
+            plain(c.label, LABEL_WIDTH),
+            xy=(1.0, end),
+            xytext=(1.035, place),
+            xycoords="axes fraction",
+            color=c.line.color,
+            fontsize=9,
+            va="center",
+            annotation_clip=False,
+            arrowprops={
+                "arrowstyle": "-",
+                "color": c.line.color,
+                "linewidth": 0.7,
+                "relpos": (0.0, 0.5),
+                "shrinkA": 1,
+                "shrinkB": 1,
+            },
+        )
+
+
+def _label_exit(axes: Axes, c: Curve) -> None:
+    """Write the name of a diverged model's curve at the last visible point of the curve."""
+    from matplotlib import patheffects
+
+    low, high = axes.get_ylim()
+    with np.errstate(invalid="ignore"):
+        seen = np.flatnonzero((c.y >= low) & (c.y <= high))
+    if not len(seen):
+        return
+    t, y = float(c.t[seen[-1]]), float(c.y[seen[-1]])
+    below = y > low + 0.15 * (high - low)
+    halo = patheffects.withStroke(linewidth=3, foreground="white")
+    axes.annotate(
+        plain(c.label, LABEL_WIDTH),
+        xy=(t, y),
+        xytext=(9, -22 if below else 9),
+        textcoords="offset points",
+        color=c.line.color,
+        fontsize=9,
+        va="center",
+        zorder=9,
+        path_effects=[halo],
+    )
+
+
+def spread(places: np.ndarray, gap: float) -> np.ndarray:
+    """Return sorted label heights (0…1), moved apart to at least ``gap``, as little as possible.
+
+    >>> spread(np.array([0.5, 0.5]), 0.1).tolist()
+    [0.45, 0.55]
+    """
+    if not len(places):
+        return places
+    # Blocks of adjacent labels, each centred on the mean of its labels' places.
+    blocks: list[list[float]] = []
+    for place in places:
+        blocks.append([float(place)])
+        while len(blocks) > 1 and _start(blocks[-1], gap) < _end(blocks[-2], gap) + gap:
+            last = blocks.pop()
+            blocks[-1] += last
+    return np.concatenate([_start(b, gap) + gap * np.arange(len(b), dtype=float) for b in blocks])
+
+
+def _start(block: list[float], gap: float) -> float:
+    """Return the height (0…1) of the lowest of a block of labels that are ``gap`` apart.
+
+    ``block``: the heights (0…1) of the curves' ends. The labels are centred on their mean.
+    """
+    length = gap * (len(block) - 1)
+    return float(np.clip(np.mean(block) - length / 2, 0.0, max(1.0 - length, 0.0)))
+
+
+def _end(block: list[float], gap: float) -> float:
+    return _start(block, gap) + gap * (len(block) - 1)

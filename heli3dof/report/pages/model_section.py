@@ -1,0 +1,162 @@
+"""Write the report's section on models: orders, poles, parameters, Bode diagrams.
+
+A grey-box model is linearised about level hover for poles and Bode diagrams.
+
+The channels of the Bode diagrams follow the rig's symmetry: from the common voltage (V_F = V_B = V)
+to roll, from the difference (V_F = −V_B = V) to pitch and yaw. With the sampling interval Δt,
+
+    G(jω) = C (e^{jωΔt} I − A)⁻¹ B,     ω up to 80 % of π/Δt
+
+where A, B, C are the discrete model's matrices. V_F and V_B are the front and back motor's voltage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.errors import CheckFailed
+from heli3dof.model.base import Model
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.linear.model import LinearModel
+from heli3dof.report.figures.models import LOWEST, BodeCurve, bode_figure
+from heli3dof.report.pages.html import figure, table
+from heli3dof.report.text.number_format import NONE, fixed, significant
+from heli3dof.report.text.table import Grid
+from heli3dof.rig.profile import Profile
+
+CHANNELS = {
+    "roll / both motors (rad/V)": ("roll", np.array([1.0, 1.0])),
+    "pitch / front − back (rad/V)": ("pitch", np.array([1.0, -1.0])),
+    "yaw / front − back (rad/V)": ("yaw", np.array([1.0, -1.0])),
+}
+HIGHEST = 100.0
+
+
+def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
+    """Return HTML strings: tables of the models, poles and parameters, and Bode diagrams.
+
+    The closed-loop poles need the controller in ``profile``; without a controller they are left
+    out.
+    """
+    if not models:
+        return []
+    blocks = [table(models_table(models, profile))]
+    blocks += [table(parameters_of(m)) for m in models if isinstance(m, GreyBoxModel)]
+    linear = [x for m in models if (x := linearised(m)) is not None]
+    if linear:
+        omega, channels = bode_of(linear)
+        drawn = bode_figure(omega, channels, title="Bode diagrams of the models")
+        blocks.append(figure(drawn, "Magnitude and phase of every model over frequency"))
+    return blocks
+
+
+def linearised(model: Model) -> LinearModel | None:
+    """Return a linear model, or a grey box linearised; None if it cannot hover level."""
+    if isinstance(model, LinearModel):
+        return model
+    if not isinstance(model, GreyBoxModel):
+        return None
+    try:
+        return model.linear()
+    except CheckFailed:
+        return None
+
+
+def parameters_of(model: GreyBoxModel) -> Grid:
+    """Return a table of a grey-box model's parameters with their standard deviations."""
+    rows = [
+        [
+            f.name,
+            significant(float(v), float(s)),
+            significant(float(s), float(s)),
+            significant(f.start if f.term is None else f.null),
+            "" if f.unit == "–" else f.unit,
+        ]
+        for f, v, s in zip(model.structure.free, model.values, model.std, strict=True)
+    ]
+    heads = ["parameter", "value", "standard deviation", "nominal", "unit"]
+    return Grid(f"Parameters of {model.name}", heads, rows, prose_columns=1)
+
+
+def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
+    """Return a table of models: name, kind, order, poles; with ``profile`` closed-loop poles."""
+    rows = []
+    for m in models:
+        order, poles = NONE, NONE
+        if (linear := linearised(m)) is not None:
+            order, poles = str(linear.order), poles_text(plant_poles(linear))
+        loop = NONE
+        if profile is not None and profile.controller is not None:
+            loop = poles_text(m.loop_poles(profile.controller, profile.dt))
+        rows.append([m.name, m.kind.replace("_", " "), order, poles, loop])
+    return Grid(
+        "Models and their poles, in rad/s",
+        ["model", "kind", "order", "poles", "closed-loop poles"],
+        rows,
+        notes=["A closed-loop pole in the right half plane means that the model diverges."],
+        text_columns=2,
+        prose_columns=2,
+    )
+
+
+def plant_poles(model: LinearModel) -> np.ndarray:
+    """Return the continuous-time poles (n,) of a discrete model, rad/s: log(z)/Δt.
+
+    The poles of a discretised continuous model are computed from the continuous model. The repeated
+    eigenvalue z = 1 of a chain of integrators would be ill-conditioned.
+    """
+    if model.exact_hold:
+        return np.asarray(np.linalg.eigvals(model.continuous().A))
+    z = np.linalg.eigvals(model.A).astype(complex)
+    return np.asarray(np.log(z[np.abs(z) > 1e-12]) / model.dt)
+
+
+def poles_text(poles: np.ndarray, most: int = 12) -> str:
+    """Format poles by decreasing real part: conjugate pairs once, repeated poles with their number.
+
+    >>> poles_text(np.array([-1.5 - 0.79j, -0.1, -1.5 + 0.79j, 0.0, 0.0]))
+    '0 (twice), −0.10, −1.50 ± 0.79j'
+    """
+    upper = sorted((p for p in poles if p.imag >= -1e-9), key=lambda p: (-p.real, p.imag))
+    words: list[str] = []
+    for p in upper:
+        at_zero = abs(p) < 5e-3
+        word = "0" if at_zero else fixed(p.real)
+        words.append(word if abs(p.imag) < 5e-3 else f"{word} ± {fixed(p.imag)}j")
+    parts: list[str] = []
+    for word in dict.fromkeys(words):
+        n = words.count(word)
+        parts.append(word if n == 1 else f"{word} ({'twice' if n == 2 else f'{n} times'})")
+    return ", ".join(parts[:most]) + (", …" if len(parts) > most else "")
+
+
+def bode_of(
+    models: Sequence[LinearModel], points: int = 240
+) -> tuple[np.ndarray, dict[str, list[BodeCurve]]]:
+    """Return ``points`` frequencies ω in rad/s, and channel name → the models' Bode curves."""
+    fastest = min(HIGHEST, *(0.8 * np.pi / m.dt for m in models))
+    omega = np.geomspace(LOWEST, fastest, points)
+    channels: dict[str, list[BodeCurve]] = {}
+    for m in models:
+        response = discrete_response(m.A, m.B, m.C, m.dt, omega)
+        for name, (axis, motors) in CHANNELS.items():
+            if axis in m.axes:
+                g = response[:, AXES.index(axis)] @ motors
+                channels.setdefault(name, []).append(BodeCurve(m.name, m.kind, g))
+    return omega, channels
+
+
+def discrete_response(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, dt: float, omega: np.ndarray
+) -> np.ndarray:
+    """Return C (e^{jω·dt} I − A)⁻¹ B at ω (M,) rad/s, shape (M, 3, 2); ``dt`` is the step in s."""
+    z = np.exp(1j * omega * dt)
+    n = len(A)
+    resolvent = np.linalg.solve(
+        z[:, None, None] * np.eye(n) - A,
+        np.broadcast_to(B.astype(complex), (len(z), n, B.shape[1])),
+    )
+    return np.asarray(C @ resolvent)

@@ -1,0 +1,419 @@
+"""Write the sentences of a diagnosis from the JSON document of ``diagnose --json``.
+
+Each function's argument ``document`` is that document, ``finding`` an entry of its list of causes.
+`verdict` and the functions that yield strings write whole sentences. The sentences of `faults` and
+`next_steps` name an action. docs/reference/contract.md defines the document's keys.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.conclusion.encoder_scales import flyable
+from heli3dof.errors import UsageError
+from heli3dof.model.effects import term
+from heli3dof.report.text.number_format import NONE, fixed, significant
+
+Document = Mapping[str, Any]
+
+VERDICTS = {
+    "explained": "The causes below explain the simulation error.",
+    "nothing_found": "No simulation error beyond noise was found.",
+    "off_calibration": "Only the profile's numbers are wrong: refitted, they explain the error.",
+    "ambiguous": "The simulation is wrong; this recording does not separate the possible causes.",
+    "unexplained": "Part of the simulation error has no known cause.",
+    "not_identifiable": "These recordings carry too little information to name a cause.",
+    "bad_data": "The recording itself is faulty: correct it before looking for physical causes.",
+}
+UNCONFIRMED = "A further effect would fit better, but held-out data do not confirm it."
+LISTED = 6
+"""Largest number of names that a sentence lists; it then gives the number of the others."""
+NOISE_EXCESS = 1.5
+"""Ratio of noise floor to simulation error, above which `limits` warns (a convention)."""
+SCALE_PREFIX = "encoder.scale."
+NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
+"""Effects that no flight identifies (only a cable depends on yaw's zero): not mentioned."""
+
+
+def name_of(finding: Document) -> str:
+    """Return a cause's name: its effect and, if it has one, its axis (``friction.coulomb.yaw``)."""
+    axis = finding.get("axis")
+    return str(finding["effect"]) if axis is None else f"{finding['effect']}.{axis}"
+
+
+def variable(name: str) -> str:
+    """Return in words the key of a variable on which a residual torque depends.
+
+    >>> variable("pitch*roll_rate")
+    'pitch × roll rate'
+    """
+    return name.replace("_", " ").replace("*", " × ")
+
+
+def listed(names: Sequence[str], word: str = "and") -> str:
+    """Return names joined for a sentence, with ``word`` before the last.
+
+    >>> listed(["a", "b", "c"]), listed(["a"], "or")
+    ('a, b and c', 'a')
+    """
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}"
+
+
+def summary_of(name: str) -> str:
+    """Return the description of the effect called ``name``; empty for an unknown effect."""
+    try:
+        return term(name).effect.summary
+    except UsageError:
+        return ""
+
+
+def verdict(document: Document) -> str:
+    """Return a diagnosis' verdict and what it means, in one to three sentences."""
+    word = str(document["verdict"])
+    meaning = VERDICTS[word]
+    if word == "nothing_found":
+        if document.get("dropped"):
+            meaning = UNCONFIRMED
+        doubtful = [str(c["parameter"]) for c in possibly_off(document)]
+        if doubtful:
+            meaning += f" But {listed(doubtful)} may be off: see the calibration."
+    return f"Verdict: {word.replace('_', ' ')}. {meaning}"
+
+
+def before_and_after(gain: Document) -> str:
+    """Return the RMSE in degrees by axis, before → after, of a gain of the JSON document."""
+    error = gain["holdout_rmse_deg"]
+    return ", ".join(
+        f"{axis} {fixed(number(error['before'][axis]), 2, '°')} → "
+        f"{fixed(number(error['after'][axis]), 2, '°')}"
+        for axis in AXES
+        if error["before"].get(axis) is not None
+    )
+
+
+def calibration_change(document: Document) -> Iterator[str]:
+    """Yield, for the verdict off_calibration, the gain of a refit and the ratios that are off."""
+    if document["verdict"] != "off_calibration":
+        return
+    falls = before_and_after(document["calibration_gain"])
+    yield f"With refitted parameters, the RMSE of 1 s predictions changes: {falls}."
+    off = [
+        f"{r['ratio']} = {significant(r['value'], r['std'])} ± {significant(r['std'], r['std'])} "
+        f"(profile: {significant(r['nominal'], r['std'])})"
+        for r in document["ratios"]
+        if abs(r["value"] - r["nominal"]) > 2 * r["std"]
+    ]
+    if off:
+        yield f"Determined by these recordings and not as in the profile: {', '.join(off)}."
+
+
+def possibly_off(document: Document) -> list[Document]:
+    """Return the entries of ``calibration`` that may exceed the tolerance.
+
+    Their estimates exceed it, but without statistical significance.
+    """
+    return [c for c in document["calibration"] if c.get("beyond_tolerance") == "not_surely"]
+
+
+def calibration_doubts(document: Document) -> Iterator[str]:
+    """Yield a sentence per rig parameter that may be off the profile, then how to measure it."""
+    doubtful = possibly_off(document)
+    for c in doubtful:
+        off = number(c["value"]) / c["nominal"] - 1
+        spread = fixed(100 * number(c["std"]) / abs(c["nominal"]), 1, " %")
+        yield (
+            f"{c['parameter']} is estimated {fixed(100 * abs(off), 1, ' %')} "
+            f"{'above' if off > 0 else 'below'} the profile's value (± {spread}). This is not "
+            f"significantly beyond the tolerance of {100 * c['tolerance']:g} %, so it is no "
+            "finding."
+        )
+    if doubtful:
+        yield (
+            f"To settle {listed([str(c['parameter']) for c in doubtful])}: weigh and measure the "
+            "rig (docs/reference/profile.md), or diagnose these recordings together with a larger "
+            "flight (heli3dof run large)."
+        )
+
+
+def faults(document: Document) -> Iterator[str]:
+    """Yield a sentence per fault of the recordings, with its likely cause and remedy."""
+    for f in document.get("integrity", ()):
+        if not isinstance(f, Mapping):
+            yield str(f)
+            continue
+        note = "Note: " if f["kind"] == "note" else ""
+        cause = f" Likely cause: {f['cause']}" if f.get("cause") else ""
+        fix = f" Try: {f['fix']}" if f.get("fix") else ""
+        yield f"{note}{f['sentence']}{cause}{fix}"
+
+
+def limits(document: Document) -> Iterator[str]:
+    """Yield sentences: which recordings were not fitted, which errors are missing or unreliable."""
+    not_fitted = document.get("about", {}).get("not_fitted")
+    if not_fitted:
+        yield (
+            "Not fitted, because an angle is missing; used to check the fitted model: "
+            f"{', '.join(not_fitted)}."
+        )
+    fitted = document["verdict"] not in ("bad_data", "not_identifiable")
+    error = document["simulation_error"]
+    if fitted and error and all(e["rmse_deg"] is None for e in error.values()):
+        seconds = next(iter(error.values()))["horizon_s"]
+        yield (
+            f"The simulation error was not measured: no stretch without a gap or a stop is long "
+            f"enough to predict {seconds:g} s ahead."
+        )
+    noisy = [
+        axis
+        for axis, e in error.items()
+        if number(e["noise_floor_deg"]) > NOISE_EXCESS * number(e["rmse_deg"])
+    ]
+    if noisy:
+        yield (
+            f"On {listed(noisy)} the fitted noise is larger than the simulation error. Part of it "
+            "is not noise (dry friction and backlash look like this), so sizes on that axis are "
+            "rough."
+        )
+
+
+def causes(document: Document) -> Iterator[str]:
+    """Yield a paragraph per cause: description, confidence, and effects confounded with it."""
+    unmodelled = {rest["axis"] for rest in document["leftover"]}
+    for f in document["findings"]:
+        name = name_of(f)
+        what = summary_of(name)
+        text = f"{name}: {what}" if what else f"{name}."
+        confidence = f["confidence"]
+        if f["tied_with"]:
+            text += f" An effect is present (confidence {percent(confidence)}), confounded with "
+            text += _confounded(name, [str(x) for x in f["tied_with"]])
+        elif confidence is not None:
+            text += f" Confidence: {percent(confidence)}."
+        if f["gain"]["holdout_log_likelihood"] is not None and f["axis"] in unmodelled:
+            text += (
+                f" An unmodelled effect also acts on {f['axis']} and may account for part of "
+                f"this: read it as {name}-like."
+            )
+        elif f.get("like"):
+            text += (
+                f" Read it as {name}-like: its size is uncertain, it may compensate for another "
+                "cause's model error, or held-out data do not confirm it."
+            )
+        yield text
+
+
+def _confounded(name: str, others: Sequence[str]) -> str:
+    """Return a text: ``others`` are confounded with the cause ``name``; how to separate them."""
+    scales = [n for n in others if n.startswith(SCALE_PREFIX)]
+    flights = flyable(name, others)
+    weights = [n for n in others if n not in flights and n not in scales]
+    parts = []
+    if flights:
+        parts.append(f"{listed(flights, 'or')} in these recordings: each fits about as well.")
+    if scales:
+        parts.append(f"{listed(scales, 'or')} in any flight: {turn_by_hand(scales)}.")
+    if weights:
+        parts.append(
+            "motor.thrust_gain in any flight: thrust and weight scale together. Put a scale under "
+            "the arm, or use known masses."
+        )
+    return " Also confounded with ".join(parts)
+
+
+def turn_by_hand(scales: Sequence[str]) -> str:
+    """Return a text: how to check these encoder ``scales`` (counts per revolution) by hand.
+
+    >>> turn_by_hand(["encoder.scale.yaw"])[:35]
+    'turn yaw by hand through a known an'
+    """
+    axes = listed([n.removeprefix(SCALE_PREFIX) for n in scales])
+    return (
+        f"turn {axes} by hand through a known angle and compare with the angle that "
+        "`heli3dof monitor` shows"
+    )
+
+
+def adopted(document: Document) -> bool:
+    """Return True if the diagnosis added at least one cause or unmodelled torque to the model.
+
+    The diagnosis also reports faults of a recording and wrong calibration values, but adds them to
+    no model.
+    """
+    causes = any(
+        f["gain"]["holdout_log_likelihood"] is not None or "measured_on" in f["gain"]
+        for f in document["findings"]
+    )
+    return causes or any(rest.get("term") for rest in document["leftover"])
+
+
+def measured_on(document: Document) -> str:
+    """Return the data on which the gain was measured, in words."""
+    if document["gain"].get("measured_on") == "the recordings themselves":
+        return "the fitted recordings themselves, which is optimistic"
+    return "the held-out recordings" if document["holdout"] else "blocks left out of the fit"
+
+
+def unmodelled_effects(document: Document) -> Iterator[str]:
+    """Yield a sentence per residual torque without a known cause: its axis, what it depends on."""
+    for rest in document["leftover"]:
+        share = number(rest["share"])
+        text = (
+            f"Unmodelled effect: a torque on {rest['axis']} that depends on "
+            f"{variable(rest['depends_on'])}"
+        )
+        if math.isfinite(share):
+            text += f", {share * 100:.0f} % of the unexplained variance"
+        if rest.get("also"):
+            also = listed([variable(str(v)) for v in rest["also"]], "or")
+            text += f" (or on {also}: this flight hardly separates them)"
+        if rest.get("like"):
+            text += f"; it is {rest['like']}, but that cause is not confirmed"
+        yield f"{text}."
+        yield _torque_term(rest, measured_on(document))
+
+
+def slow_noise(document: Document) -> Iterator[str]:
+    """Yield a sentence on residual torques that depend on time only, if there are any."""
+    each = [f"{x['axis']} ({x['rms_Nm']:.2g} N·m RMS)" for x in document.get("slow_noise", ())]
+    if each:
+        yield (
+            f"Slow torque noise on {listed(each, 'and')}: it depends on nothing that was measured, "
+            "so no model predicts it. Draughts or a swinging cable cause such noise."
+        )
+
+
+def _torque_term(rest: Document, where: str) -> str:
+    """Return a sentence on the extended model's term for an unmodelled torque, and its gain."""
+    if not rest.get("term"):
+        return "The extended model does not contain this torque."
+    gain = f"Its contribution on {where}: {before_and_after(rest['gain'])}."
+    if not rest["formula"]:
+        return f"The extended model contains it as a curve; no formula fits as well. {gain}"
+    c = rest["formula_parameters"]["c"]
+    product = variable(rest["formula"].removeprefix("c * ").replace(" * ", "*"))
+    size = f"{significant(c['value'], c['std'])} ± {significant(c['std'], c['std'])} {c['unit']}"
+    others = [variable(p) for p in rest["formula_alternatives"]]
+    instead = f" (as good: {listed(others, 'or')})" if others else ""
+    return f"The extended model contains it as c × {product}{instead}, c = {size}. {gain}"
+
+
+def not_adopted(document: Document) -> Iterator[str]:
+    """Yield sentences on candidate effects that were not adopted, or that are not identifiable."""
+    for x in document.get("dropped", ()):
+        span = x["gain"].get("holdout_log_likelihood_interval", (None, None))
+        if span is None:  # compared by multi-step predictions
+            yield f"Not adopted: {x['effect']} does not improve predictions of left-out blocks."
+            continue
+        low, high = span
+        reason = str(x.get("why", "held-out data do not confirm its gain"))
+        if high is not None and high < 0:
+            reason = "held-out data contradict it" + (
+                ": is the hold-out from the same rig?" if document["holdout"] else ""
+            )
+        change = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"
+        yield f"Not adopted: {x['effect']} fits these recordings better, but {reason} ({change})."
+    hidden = [str(x) for x in document["not_identifiable"] if x not in NEVER_SHOWN]
+    scales = [x for x in hidden if x.startswith(SCALE_PREFIX)]
+    hidden = [x for x in hidden if x not in scales]
+    if hidden:
+        more = f" and {len(hidden) - LISTED} more" if len(hidden) > LISTED else ""
+        yield (
+            f"Not identifiable from these recordings, even if large: {', '.join(hidden[:LISTED])}"
+            f"{more}."
+        )
+    if scales:
+        yield (
+            f"{listed(scales, 'or')} within the profile's tolerance is not identifiable from such "
+            f"flights: {turn_by_hand(scales)}."
+        )
+
+
+def equation_changes(document: Document) -> Iterator[str]:
+    """Yield a sentence per simplification of the equations of motion that the data support."""
+    yield from map(str, document.get("about", {}).get("written", ()))
+
+
+def kept_terms(document: Document) -> Iterator[str]:
+    """Yield a sentence per effect that is in the extended model, but is not reported as a cause."""
+    for x in document.get("about", {}).get("kept_within_what_is_known", ()):
+        sizes = ", ".join(
+            f"{fixed(q['value'], 3)} ± {fixed(q['std'], 3)} {q['unit']} (prior: "
+            f"{fixed(q['prior_mean'], 3)} ± {fixed(q['prior_std'], 3)})"
+            for q in x["parameters"].values()
+        )
+        yield f"Kept in the model, not reported as a cause: {x['term']}, {sizes}; {x['why']}."
+
+
+def model_deviations(document: Document) -> Iterator[str]:
+    """Yield a sentence per deviation of the extended model from data, residual torques excepted."""
+    for x in document.get("about", {}).get("still_hidden", ()):
+        yield f"Not explained: {x['sentence']}"
+
+
+def next_steps(document: Document) -> Iterator[str]:
+    """Yield sentences on what the user can do next, each with its command."""
+    if document["verdict"] == "bad_data":
+        yield "Correct the log or record again, then run heli3dof diagnose again."
+        return
+    upcoming = document["next_experiment"]
+    if upcoming is not None:
+        yield f"Next experiment: heli3dof run {upcoming['plan']}. Reason: {upcoming['why']}."
+    elif reason := document.get("about", {}).get("no_next_experiment"):
+        yield f"No next experiment is recommended: {reason}."
+    elif document["verdict"] == "nothing_found":
+        yield (
+            "A larger flight shows smaller effects: heli3dof run large, then diagnose it together "
+            "with these recordings."
+        )
+    nulls = str(document.get("about", {}).get("nulls", "simulated"))
+    if not nulls.startswith("simulated"):
+        yield (
+            "The controller of these recordings is unknown, so there are no null simulations and "
+            "only clear causes are reported. If you know the controller, add [controller] to the "
+            "profile."
+        )
+    if any(rest.get("formula") for rest in document["leftover"]) and document["model"]:
+        yield (
+            "To turn the formula of the unmodelled torque into an effect: heli3dof effect new "
+            f"--from {document['model']}"
+        )
+    off = document["verdict"] == "off_calibration" or any(
+        c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]
+    )
+    if document["model"] and off:
+        yield (
+            "To write a profile with the calibrated values: heli3dof profile update --from "
+            f"{document['model']} --profile rig.toml -o rig2.toml"
+        )
+    if any(not rest.get("formula") for rest in document["leftover"]):
+        yield (
+            "For the unmodelled effect: study its figure (--report FILE.html), find what on the "
+            "rig could cause it, and add it as an effect (CONTRIBUTING.md)."
+        )
+    if not document["model"] or not adopted(document):
+        return
+    if not document["holdout"]:
+        yield (
+            "The gain was measured on blocks left out of the fit. To measure it on another "
+            "flight: heli3dof diagnose REC... --holdout ANOTHER-REC"
+        )
+    yield f"To simulate the extended model: heli3dof simulate steps --model {document['model']}"
+
+
+def percent(confidence: float | None) -> str:
+    """Format a confidence (0 to 1) in percent; above 99 % as ``> 99 %``, None as a dash.
+
+    >>> percent(0.9999), percent(0.873), percent(None)
+    ('> 99 %', '87 %', '–')
+    """
+    if confidence is None or not math.isfinite(confidence):
+        return NONE
+    return "> 99 %" if confidence > 0.99 else f"{confidence * 100:.0f} %"
+
+
+def number(value: float | None) -> float:
+    """Return a number of the JSON document as a float; None (undefined) becomes NaN."""
+    return math.nan if value is None else float(value)

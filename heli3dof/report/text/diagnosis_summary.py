@@ -1,0 +1,92 @@
+"""Summarise a diagnosis in about ten lines: what `heli3dof diagnose` prints without --verbose.
+
+The lines answer in this order: how wrong the simulation is, the causes and how certain they are,
+what the extended model gains, what no effect explains, and what to do next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from heli3dof.axes import AXES
+from heli3dof.report.text import diagnosis_sentences as words
+from heli3dof.report.text.diagnosis_sentences import Document, listed, name_of, percent
+from heli3dof.report.text.diagnosis_tables import split_unit
+from heli3dof.report.text.number_format import fixed, significant
+
+MOST_CAUSES = 4
+"""Causes that the summary states; the tables list all"""
+
+
+def diagnosis_summary(document: Document) -> list[str]:
+    """Return the lines of the summary; ``document`` is that of ``diagnose --json``."""
+    return [
+        words.verdict(document),
+        *faults(document),
+        *simulation_error(document),
+        *words.calibration_change(document),
+        *causes(document),
+        *_weaker(document),
+        *gain(document),
+        *words.unmodelled_effects(document),
+        *words.slow_noise(document),
+        *_next(document),
+    ]
+
+
+def faults(document: Document) -> list[str]:
+    """Return the faults that make a recording unusable; notes are left to the tables."""
+    stated = [f for f in document.get("integrity", ()) if f["kind"] in ("bad_data", "finding")]
+    return list(dict.fromkeys(words.faults({"integrity": stated})))
+
+
+def simulation_error(document: Document) -> Iterator[str]:
+    """Yield a line with RMSE and noise floor by axis; nothing if no error was measured."""
+    error = document["simulation_error"]
+    known = [axis for axis in AXES if error[axis]["rmse_deg"] is not None]
+    parts = []
+    for axis in known:
+        floor = error[axis]["noise_floor_deg"]
+        noise = "" if floor is None else f" (noise {fixed(floor, 2, '°')})"
+        parts.append(f"{axis} {fixed(error[axis]['rmse_deg'], 2, '°')}{noise}")
+    if parts:
+        seconds = error[known[0]]["horizon_s"]
+        yield f"Simulation error, RMSE of {seconds:g} s predictions: {', '.join(parts)}."
+
+
+def causes(document: Document) -> Iterator[str]:
+    """Yield a line per cause: name, size, confidence, and the effects confounded with it."""
+    found = document["findings"]
+    for n, f in enumerate(found[:MOST_CAUSES], start=1):
+        sizes = []
+        for key, estimate in f["parameters"].items():
+            parameter, unit = split_unit(key)
+            value, std = estimate["value"], estimate["std"]
+            unit = f" {unit}" if unit else ""
+            sizes.append(
+                f"{parameter.replace('_', ' ')} {significant(value, std)} ± "
+                f"{significant(std, std)}{unit}"
+            )
+        sure = "" if f["confidence"] is None else f" (confidence {percent(f['confidence'])})"
+        others = [str(x) for x in f["tied_with"]]
+        confounded = f"; or {listed(others, 'or')}: these recordings do not tell" if others else ""
+        like = "; likely, not confirmed" if f.get("like") else ""
+        yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{sure}{confounded}{like}."
+
+
+def _weaker(document: Document) -> list[str]:
+    weaker = len(document["findings"]) - MOST_CAUSES
+    return [f"{weaker} weaker causes: see --verbose."] if weaker > 0 else []
+
+
+def gain(document: Document) -> Iterator[str]:
+    """Yield a line with the RMSE before and after; nothing if no effect was added."""
+    if not words.adopted(document):
+        return
+    where, falls = words.measured_on(document), words.before_and_after(document["gain"])
+    yield f"The extended model reduces this error on {where}: {falls}."
+
+
+def _next(document: Document) -> list[str]:
+    """Return the first recommended step."""
+    return list(words.next_steps(document))[:1]

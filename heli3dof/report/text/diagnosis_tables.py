@@ -1,0 +1,192 @@
+"""Make the tables of a diagnosis, and its terminal output: tables and sentences in reading order.
+
+Each function's argument ``document`` is the JSON document of ``diagnose --json`` (schema
+``heli3dof.diagnosis/1``). So a diagnosis read from a file looks like a new diagnosis.
+`heli3dof.report.text.diagnosis_sentences` writes the sentences.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from heli3dof.axes import AXES
+from heli3dof.report.text import diagnosis_sentences as words
+from heli3dof.report.text.diagnosis_sentences import Document, name_of, number
+from heli3dof.report.text.number_format import NONE, fixed, significant
+from heli3dof.report.text.table import Grid
+
+
+def split_unit(key: str) -> tuple[str, str]:
+    """Split a parameter's key in the JSON document into name and unit.
+
+    >>> split_unit("torque_Nm"), split_unit("ratio")
+    (('torque', 'N·m'), ('ratio', ''))
+    """
+    for ending, unit in UNITS.items():
+        if key.endswith(f"_{ending}"):
+            return key[: -len(ending) - 1], unit
+    return key, ""
+
+
+CAUSES = "Causes, strongest first"
+UNITS = {
+    "Nms_per_rad": "N·m·s/rad",
+    "Nms2_per_rad2": "N·m·s²/rad²",
+    "Nm_per_rad": "N·m/rad",
+    "Nms_per_V": "N·m·s/V",
+    "s_per_V": "s/V",
+    "s_per_m": "s/m",
+    "per_V": "1/V",
+    "Nm": "N·m",
+    "kg": "kg",
+    "deg": "°",
+    "rad": "rad",
+    "Hz": "Hz",
+    "V": "V",
+    "m": "m",
+    "s": "s",
+}
+
+
+def diagnosis_tables(document: Document) -> list[Grid | str]:
+    """Return a diagnosis' tables and sentences in reading order; empty tables are left out."""
+    out: list[Grid | str] = [words.verdict(document), *words.faults(document)]
+    out += words.calibration_change(document)
+    out += words.limits(document)
+    for grid in (simulation_error(document), findings(document), gains(document)):
+        out += [grid] if grid.rows else []
+        if grid.title == CAUSES:
+            out += dict.fromkeys(words.causes(document))  # two recordings may share a fault
+    grid = calibration(document)
+    out += [grid] if grid.rows else []
+    out += words.calibration_doubts(document)
+    out += document.get("about", {}).get("explains", ())
+    for sentences in (
+        words.equation_changes,
+        words.kept_terms,
+        words.unmodelled_effects,
+        words.slow_noise,
+        words.model_deviations,
+        words.not_adopted,
+        words.next_steps,
+    ):
+        out += sentences(document)
+    return out
+
+
+def simulation_error(document: Document) -> Grid:
+    """Return a table by axis: RMSE of predictions with the rig profile's values, noise floor."""
+    error = document["simulation_error"]
+    rows = [
+        [axis, _degrees(error[axis]["rmse_deg"]), _degrees(error[axis]["noise_floor_deg"])]
+        for axis in AXES
+        if error[axis]["rmse_deg"] is not None
+    ]
+    seconds = next((e["horizon_s"] for e in error.values()), 1.0)
+    return Grid(
+        f"Simulation error: RMSE of {seconds:g} s predictions",
+        ["axis", "RMSE °", "noise floor °"],
+        rows,
+        notes=["The simulation has the profile's parameters; nothing is fitted.", *_worst(error)],
+    )
+
+
+def _worst(error: Document) -> list[str]:
+    """Return a sentence on the parts of recordings with the largest errors; empty if unknown."""
+    stretches = [
+        f"{axis} {fixed(w['start_s'], 1)} to {fixed(w['stop_s'], 1)} s of {w['recording']} "
+        f"({fixed(w['rmse_deg'], 2, '°')})"
+        for axis in AXES
+        for w in error[axis].get("worst", ())
+    ]
+    return [f"Worst: {', '.join(stretches)}."] if stretches else []
+
+
+def findings(document: Document) -> Grid:
+    """Return a table of the causes: parameter ± standard deviation, gain in log-likelihood."""
+    rows = []
+    for f in document["findings"]:
+        gain = fixed(number(f["gain"]["holdout_log_likelihood"]), 0)
+        for key, estimate in f["parameters"].items() or [("", {"value": None, "std": None})]:
+            parameter, unit = split_unit(key)
+            value, std = estimate["value"], estimate["std"]
+            size = [significant(value, std), significant(std, std)]
+            rows.append([name_of(f), parameter, *size, unit, gain])
+            gain = ""
+    note = "±: one standard deviation. Δ ln L: gain in log-likelihood on held-out data."
+    return Grid(
+        CAUSES,
+        ["cause", "parameter", "value", "±", "unit", "Δ\u00a0ln\u00a0L"],
+        rows,
+        notes=[note] if rows else [],
+        text_columns=2,
+    )
+
+
+def gains(document: Document) -> Grid:
+    """Return a table of held-out RMSE (degrees) by axis, without and with the diagnosed causes."""
+    heads = ["axis", "before °", "after °", "reduction °", "95 % interval", "noise floor °"]
+    if not words.adopted(document):
+        return Grid("", heads, [])
+    gain = document["gain"]
+    error = gain["holdout_rmse_deg"]
+    before, after, floor = (error[k] for k in ("before", "after", "noise_floor"))
+    rows = []
+    for axis in AXES:
+        if before.get(axis) is None:
+            continue
+        fall = gain.get("rmse_reduction_deg", {}).get(axis) or {}
+        reduction = fixed(number(fall.get("value")), 3, sign=True)
+        span = interval(fall.get("interval", (None, None)))
+        sides = (_degrees(side.get(axis)) for side in (before, after))
+        rows.append([axis, *sides, reduction, span, _degrees(floor.get(axis))])
+    notes = [
+        f"Measured on {words.measured_on(document)}. Before: the base simulation with its own "
+        "parameters refitted; calibration alone is therefore not counted as a gain."
+    ]
+    L = gain.get("holdout_log_likelihood")
+    if L is not None:
+        span = interval(gain.get("holdout_log_likelihood_interval", (None, None)), 0)
+        notes.append(f"Gain in log-likelihood there: {fixed(L, 0, sign=True)} ({span}).")
+    title = f"Gain of the extended model: RMSE of {gain['horizon_s']:g} s predictions"
+    return Grid(title, heads, rows, notes)
+
+
+def interval(ends: Sequence[float | None], digits: int = 3) -> str:
+    """Format the two ends of an interval; a dash if one is missing.
+
+    >>> interval((0.1, 0.25)), interval((None, None))
+    ('0.100 … 0.250', '–')
+    """
+    low, high = (number(x) for x in ends)
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return NONE
+    return f"{fixed(low, digits)} … {fixed(high, digits)}"
+
+
+def calibration(document: Document) -> Grid:
+    """Return a table of the refitted rig parameters and their change (%) from the profile."""
+    rows = []
+    for c in document["calibration"]:
+        nominal, value = c["nominal"], c["value"]
+        off = (value / nominal - 1) * 100 if nominal and value is not None else math.nan
+        rows.append(
+            [
+                c["parameter"],
+                significant(nominal),
+                significant(value, c["std"]),
+                significant(c["std"], c["std"]),
+                c["unit"],
+                fixed(off, 1, " %", sign=True),
+            ]
+        )
+    return Grid(
+        "Calibration of the base simulation",
+        ["parameter", "nominal", "value", "±", "unit", "difference"],
+        rows,
+    )
+
+
+def _degrees(value: float | None) -> str:
+    return fixed(number(value), 3)

@@ -1,0 +1,186 @@
+"""`Grid`: a table of strings, rendered for a terminal, in Markdown or in HTML."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, Group, RenderResult
+    from rich.table import Table
+
+GAP = 2
+"""Spaces between the columns of a table on a terminal, as rich draws it: padding and divider"""
+
+
+NAME = 20
+"""Number of characters up to which a cell of text stays on one line (a convention)"""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table of strings. Text columns align left, columns of numbers right (`is_number`)."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    notes: Sequence[str] = ()
+    text_columns: int = 1
+    prose_columns: int = 0
+    """Number of last columns with sentences, which align left too"""
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(f"{self.title}: {len(row)} cells in {len(self.columns)} columns")
+
+    def is_number(self, column: int) -> bool:
+        """Return True if the column with this index (from 0) holds numbers, which align right."""
+        return self.text_columns <= column < len(self.columns) - self.prose_columns
+
+
+def to_rich(grid: Grid) -> Group:
+    """Return the table and its notes as an object that the library rich prints on a terminal.
+
+    No word is broken. If a table is wider than the terminal, its last columns follow below, with
+    the columns of text repeated.
+    """
+    from rich.console import Group
+    from rich.text import Text
+
+    notes = [Text(f"· {n}", style="dim") for n in grid.notes]
+    return Group(Text(grid.title, style="bold"), _FittingTable(grid), *notes)
+
+
+class _FittingTable:
+    """A table that rich draws in as many parts, one below the other, as the terminal's width asks.
+
+    ``grid``: its contents. Title and notes are not drawn.
+    """
+
+    def __init__(self, grid: Grid) -> None:
+        self.grid = grid
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for columns in self._parts(options.max_width):
+            yield self._table(columns)
+
+    def _parts(self, width: int) -> list[list[int]]:
+        """Return the columns of each part; a part has the columns of text, and others that fit."""
+        least = [self._least_width(i) + GAP for i in range(len(self.grid.columns))]
+        always = list(range(self.grid.text_columns))
+        parts, room = [list(always)], width - sum(least[i] for i in always)
+        left = room
+        for i in range(self.grid.text_columns, len(least)):
+            if least[i] > left + GAP and len(parts[-1]) > len(always):
+                parts.append(list(always))
+                left = room
+            parts[-1].append(i)
+            left -= least[i]
+        return parts
+
+    def _least_width(self, column: int) -> int:
+        """Return the width of a column's longest cell; of long texts, that of the longest word."""
+        from rich.cells import cell_len
+
+        cells = [row[column] for row in self.grid.rows]
+        if not self.grid.is_number(column):
+            cells = [c for cell in cells for c in ([cell] if len(cell) <= NAME else cell.split())]
+        return max(map(cell_len, (*self._head(column), *cells)), default=0)
+
+    def _head(self, column: int) -> list[str]:
+        """Return the lines of a column's title; units are below the names, to save width."""
+        head = self.grid.columns[column]
+        return head.rsplit(" ", 1) if self.grid.is_number(column) else [head]
+
+    def _table(self, columns: Sequence[int]) -> Table:
+        from rich import box
+        from rich.table import Table
+        from rich.text import Text
+
+        # One space of padding per column, so that wide tables fit 80 columns.
+        table = Table(
+            box=box.SIMPLE_HEAD,
+            padding=(0, 1, 0, 0),
+            pad_edge=False,
+            show_edge=False,
+            header_style="bold",
+        )
+        height = max(len(self._head(i)) for i in columns)
+        for i in columns:
+            number = self.grid.is_number(i)
+            head = self._head(i)
+            above = [] if number else [""] * (height - len(head))
+            table.add_column(
+                Text("\n".join([*above, *head])),
+                justify="right" if number else "left",
+                no_wrap=number,
+                min_width=self._least_width(i),
+                overflow="fold",
+            )
+        before: Sequence[str] = ()
+        for row in self.grid.rows:
+            if before and row[0] != before[0] and _groups(self.grid):
+                table.add_row()
+            shown = list(row)
+            if before and row[0] == before[0] and _groups(self.grid):
+                shown[0] = ""
+            table.add_row(*(Text(shown[i]) for i in columns))
+            before = row
+        return table
+
+
+def to_markdown(grid: Grid) -> str:
+    """Return the table in Markdown, with a bold title and the notes as a list."""
+    lines = [f"**{_md(grid.title)}**", ""]
+    lines.append("| " + " | ".join(_md(c) for c in grid.columns) + " |")
+    marks = ["--:" if grid.is_number(i) else ":--" for i in range(len(grid.columns))]
+    lines.append("| " + " | ".join(marks) + " |")
+    lines += ["| " + " | ".join(_md(c) for c in row) + " |" for row in grid.rows]
+    if grid.notes:
+        lines += ["", *(f"- {_md(n)}" for n in grid.notes)]
+    return "\n".join(lines) + "\n"
+
+
+def to_html(grid: Grid) -> str:
+    """Return the table in HTML, with a caption and all text escaped."""
+    heads = "".join(
+        f'<th scope="col"{_css(grid, i)}>{html.escape(c)}</th>' for i, c in enumerate(grid.columns)
+    )
+    body, before = [], None
+    for row in grid.rows:
+        opens = _groups(grid) and row[0] != before
+        cells = []
+        for i, cell in enumerate(row):
+            text = "" if i == 0 and _groups(grid) and not opens else html.escape(cell)
+            cells.append(f"<td{_css(grid, i)}>{text}</td>")
+        # A row with an indented name belongs to the row above.
+        aside = any(cell.startswith("  ") for cell in row)
+        classes = " ".join(c for c, on in (("opens", opens), ("aside", aside)) if on)
+        row_class = f' class="{classes}"' if classes else ""
+        body.append(f"<tr{row_class}>{''.join(cells)}</tr>")
+        before = row[0]
+    notes = "".join(f"<li>{html.escape(n)}</li>" for n in grid.notes)
+    return (
+        f'<div class="table"><table><caption>{html.escape(grid.title)}</caption>'
+        f"<thead><tr>{heads}</tr></thead><tbody>{''.join(body)}</tbody></table></div>"
+        + (f'<ul class="notes">{notes}</ul>' if notes else "")
+    )
+
+
+def _groups(grid: Grid) -> bool:
+    """Return True if the first column repeats names; the table then prints each name once."""
+    first = [row[0] for row in grid.rows]
+    return len(set(first)) < len(first)
+
+
+def _css(grid: Grid, column: int) -> str:
+    if grid.is_number(column):
+        return ' class="n"'
+    return ' class="t"' if column < grid.text_columns else ""
+
+
+def _md(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")

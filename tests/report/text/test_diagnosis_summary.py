@@ -1,0 +1,73 @@
+"""The summary of a diagnosis fits a screen and has the important line first."""
+
+from __future__ import annotations
+
+import json
+from copy import deepcopy
+from typing import Any
+
+import pytest
+
+from heli3dof.report.text.diagnosis_summary import diagnosis_summary
+from tests.golden.commands import KEPT
+
+MOST_LINES = 10
+DOCUMENTS = ("diagnose.json", "diagnose-linear.json")
+
+
+def kept(name: str) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads((KEPT / name).read_text(encoding="utf-8"))["document"]
+    return document
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_a_summary_has_at_most_ten_lines_and_begins_with_the_verdict(name: str) -> None:
+    lines = diagnosis_summary(kept(name))
+    assert len(lines) <= MOST_LINES
+    assert lines[0].startswith("Verdict: ")
+    assert lines[1].startswith("Simulation error, RMSE of 1 s predictions: roll ")
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_each_cause_is_named_with_what_it_is_confounded_with(name: str) -> None:
+    document = kept(name)
+    text = "\n".join(diagnosis_summary(document))
+    for n, finding in enumerate(document["findings"], start=1):
+        axis = f".{finding['axis']}" if finding["axis"] else ""
+        assert f"Cause {n}: {finding['effect']}{axis}, " in text
+        assert all(other in text for other in finding["tied_with"])
+
+
+def test_more_than_four_causes_refer_to_the_tables() -> None:
+    document = deepcopy(kept("diagnose.json"))
+    document["findings"] = document["findings"][:1] * 6
+    lines = diagnosis_summary(document)
+    assert "2 weaker causes: see --verbose." in lines
+
+
+def test_terms_that_are_no_causes_are_left_to_the_tables() -> None:
+    document = deepcopy(kept("diagnose.json"))
+    parameters = {"torque_Nm": {"value": 0.1, "std": 0.1, "unit": "N·m", "prior_mean": 0.0,
+                                "prior_std": 0.1}}  # fmt: skip
+    term = {"term": "bias.torque.pitch", "parameters": parameters, "why": "within the prior"}
+    document["about"]["kept_within_what_is_known"] = [term] * 16
+    assert diagnosis_summary(document) == diagnosis_summary(kept("diagnose.json"))
+
+
+@pytest.mark.parametrize(
+    ("alternatives", "shown"),
+    [([], "c × pitch rate, c ="), (["roll*pitch"], "c × pitch rate (as good: roll × pitch), c =")],
+)
+def test_a_formula_is_shown_with_and_without_alternatives(
+    alternatives: list[str], shown: str
+) -> None:
+    document = deepcopy(kept("diagnose.json"))
+    document["leftover"] = [
+        {
+            "axis": "yaw", "depends_on": "pitch_rate", "share": 0.5, "term": "empirical.yaw.1",
+            "formula": "c * pitch_rate", "formula_alternatives": alternatives,
+            "formula_parameters": {"c": {"value": 0.1, "std": 0.01, "unit": "N·m·s/rad"}},
+            "gain": document["gain"],
+        }
+    ]  # fmt: skip
+    assert shown in "\n".join(diagnosis_summary(document))

@@ -1,0 +1,265 @@
+"""The tables and sentences of a diagnosis, written from its document."""
+
+from __future__ import annotations
+
+import copy
+import doctest
+import re
+from typing import Any
+
+from heli3dof.report.text import diagnosis_sentences
+from heli3dof.report.text import diagnosis_tables as diagnosis_tables_module
+from heli3dof.report.text.diagnosis_sentences import VERDICTS, slow_noise
+from heli3dof.report.text.diagnosis_tables import diagnosis_tables, split_unit
+from heli3dof.report.text.table import Grid, to_markdown
+from tests.paths import ROOT
+
+ROLL_PITCH_YAW = ("roll", "pitch", "yaw")
+DOCUMENT: dict[str, Any] = {
+    "schema": "heli3dof.diagnosis/1",
+    "recordings": ["step"],
+    "holdout": [],
+    "verdict": "ambiguous",
+    "simulation_error": {
+        a: {"rmse_deg": 2.0, "noise_floor_deg": 0.25, "horizon_s": 1.0} for a in ROLL_PITCH_YAW
+    },
+    "calibration": [
+        {"parameter": "T_g", "nominal": 1.0, "value": 1.1, "std": 0.004, "unit": "N·m"}
+    ],
+    "findings": [
+        {
+            "effect": "friction.coulomb",
+            "axis": "yaw",
+            "parameters": {"torque_Nm": {"value": 0.0301, "std": 0.0004}},
+            "score": 400.0,
+            "confidence": 0.93,
+            "tied_with": ["friction.viscous.yaw"],
+            "gain": {
+                "holdout_rmse_deg": {"before": {}, "after": {}},
+                "holdout_log_likelihood": 123.4,
+            },
+        },
+        {
+            "effect": "disturbance.periodic",
+            "axis": "roll",
+            "parameters": {
+                "torque_Nm": {"value": 0.1, "std": 0.01},
+                "frequency_Hz": {"value": 0.5, "std": None},
+            },
+            "score": 40.0,
+            "confidence": None,
+            "tied_with": [],
+            "gain": {
+                "holdout_rmse_deg": {"before": {}, "after": {}},
+                "holdout_log_likelihood": None,
+            },
+        },
+    ],
+    "not_identifiable": ["motor.delay"],
+    "leftover": [{"axis": "yaw", "depends_on": "pitch_rate", "share": 0.4, "table": [[0.0, 0.0]]}],
+    "next_experiment": {
+        "plan": "coast-down",
+        "separates": ["friction.coulomb.yaw", "friction.viscous.yaw"],
+        "why": "several speeds and reversals",
+    },
+    "gain": {
+        "horizon_s": 1.0,
+        "holdout_rmse_deg": {
+            "before": {"roll": 1.0, "pitch": None, "yaw": 3.0},
+            "after": {"roll": 0.5, "pitch": None, "yaw": 0.3},
+            "noise_floor": {"roll": 0.4, "pitch": None, "yaw": 0.2},
+        },
+        "rmse_reduction_deg": {
+            "roll": None,
+            "pitch": None,
+            "yaw": {"value": 2.7, "interval": [2.5, 2.9]},
+        },
+    },
+    "model": "step-extended.json",
+}
+
+
+def text_of(document: dict[str, Any]) -> str:
+    return "\n".join(
+        to_markdown(g) if isinstance(g, Grid) else g for g in diagnosis_tables(document)
+    )
+
+
+def changed(**keys: Any) -> dict[str, Any]:
+    return {**copy.deepcopy(DOCUMENT), **keys}
+
+
+def test_the_doctests_pass() -> None:
+    assert doctest.testmod(diagnosis_tables_module).failed == 0
+    assert doctest.testmod(diagnosis_sentences).failed == 0
+
+
+def test_size_confidence_confounding_gain_and_next_experiment_are_reported() -> None:
+    text = text_of(DOCUMENT)
+    for expected in (
+        "friction.coulomb.yaw | torque | 0.03010 | 0.00040 | N·m | 123",
+        "An effect is present (confidence 93 %)",
+        "frequency | 0.5 | – | Hz",
+        "confounded with friction.viscous.yaw in these recordings: each fits about as well.",
+        "| yaw | 3.000 | 0.300 | +2.700 | 2.500 … 2.900 | 0.200 |",
+        "depends on pitch rate, 40 % of the unexplained variance",
+        "Not identifiable from these recordings, even if large: motor.delay.",
+        "heli3dof run coast-down",
+        "+10.0 %",
+    ):
+        assert expected in text
+    assert "| pitch | – |" not in text  # an axis that was not measured has no row
+
+
+def test_the_worst_stretch_is_reported() -> None:
+    document = changed()
+    worst = {"recording": "step", "start_s": 4.5, "stop_s": 7.5, "rmse_deg": 6.408}
+    document["simulation_error"]["pitch"]["worst"] = [worst]
+    assert "Worst: pitch 4.5 to 7.5 s of step (6.41°)." in text_of(document)
+
+
+def test_kept_terms_and_model_deviations_are_reported() -> None:
+    size = {"value": 0.009, "std": 0.019, "prior_mean": 0.0, "prior_std": 0.05, "unit": "N·m"}
+    kept = {"term": "friction.coulomb.roll", "parameters": {"torque_Nm": size}, "why": "small"}
+    about = {
+        "not_fitted": ["open-roll-5V-1"],
+        "kept_within_what_is_known": [kept],
+        "still_hidden": [{"what": "creep", "sentence": "The arm creeps."}],
+    }
+    text = text_of(changed(about=about))
+    assert (
+        "Kept in the model, not reported as a cause: friction.coulomb.roll, 0.009 ± 0.019 N·m "
+        "(prior: 0.000 ± 0.050); small." in text
+    )
+    assert "Not explained: The arm creeps." in text
+    assert "used to check the fitted model: open-roll-5V-1." in text
+
+
+def test_without_findings_no_gain_is_reported() -> None:
+    text = text_of(
+        changed(
+            verdict="nothing_found",
+            findings=[],
+            leftover=[],
+            not_identifiable=[],
+            next_experiment=None,
+        )
+    )
+    assert VERDICTS["nothing_found"] in text
+    assert "Gain" not in text
+    assert "Next experiment" not in text
+
+
+def test_inertias_off_by_one_factor_need_a_scale_and_not_a_flight() -> None:
+    scaled = changed()
+    scaled["findings"][0].update(effect="inertia", axis="roll", tied_with=["motor.thrust_gain"])
+    assert "motor.thrust_gain in any flight: thrust and weight scale together" in text_of(scaled)
+
+
+def test_the_reason_for_no_next_experiment_is_reported() -> None:
+    text = text_of(changed(next_experiment=None, about={"no_next_experiment": "nothing is open"}))
+    assert "No next experiment is recommended: nothing is open." in text
+    assert "Next experiment" not in text
+
+
+def test_a_faulty_recording_is_reported_with_cause_and_remedy() -> None:
+    fault = {
+        "check": "encoder.sign",
+        "kind": "bad_data",
+        "sentence": "step: roll turns the wrong way.",
+        "cause": "the encoder's sign is wrong.",
+        "fix": "set encoder.roll = 4096",
+    }
+    bad = changed(
+        verdict="bad_data", findings=[], leftover=[], next_experiment=None, model=None,
+        calibration=[], not_identifiable=[], integrity=[fault, {**fault, "kind": "note"}],
+    )  # fmt: skip
+    text = text_of(bad)
+    sentence = "step: roll turns the wrong way. Likely cause: the encoder's sign is wrong. Try: set"
+    assert f"\n{sentence}" in text
+    assert f"\nNote: {sentence}" in text
+    assert "run heli3dof diagnose again" in text
+    assert "{" not in text  # sentences, not dictionaries
+
+
+def test_a_noise_floor_above_the_error_gives_a_warning() -> None:
+    noisy = changed()
+    noisy["simulation_error"]["pitch"]["noise_floor_deg"] = 9.0
+    warning = "the fitted noise is larger than the simulation error"
+    assert f"On pitch {warning}" in text_of(noisy)
+    assert warning not in text_of(DOCUMENT)
+
+
+def test_a_cause_on_an_axis_with_an_unmodelled_effect_is_only_similar() -> None:
+    assert "read it as friction.coulomb.yaw-like" in text_of(DOCUMENT)
+    assert "roll-like" not in text_of(DOCUMENT)
+
+
+def test_a_cause_that_held_out_data_do_not_confirm_is_only_similar() -> None:
+    alone = changed(leftover=[])
+    assert "yaw-like" not in text_of(alone)
+    alone["findings"][0]["like"] = True
+    assert "Read it as friction.coulomb.yaw-like" in text_of(alone)
+
+
+def test_slow_noise_is_stated_in_one_sentence() -> None:
+    torque = {"axis": "roll", "rms_Nm": 0.0147, "share": 0.4, "table": []}
+    (sentence,) = slow_noise({"slow_noise": [torque, {**torque, "axis": "yaw", "rms_Nm": 0.006}]})
+    assert sentence.startswith(
+        "Slow torque noise on roll (0.015 N·m RMS) and yaw (0.006 N·m RMS): it depends on nothing"
+    )
+    assert list(slow_noise({})) == []
+
+
+def test_an_unconfirmed_candidate_is_reported_as_not_adopted() -> None:
+    dropped = {
+        "effect": "motor.delay",
+        "gain": {"holdout_log_likelihood_interval": [-24.0, 110.0]},
+    }
+    text = text_of(changed(verdict="nothing_found", findings=[], dropped=[dropped]))
+    assert "held-out data do not confirm it" in text
+    assert "Not adopted: motor.delay" in text
+    assert "(ln L −24 … 110)" in text
+
+
+def test_an_encoder_scale_needs_a_turn_by_hand_and_not_a_larger_flight() -> None:
+    hidden = ["motor.delay", "encoder.scale.pitch", "encoder.scale.yaw"]
+    text = text_of(changed(not_identifiable=hidden))
+    assert "even if large: motor.delay.\n" in text
+    assert "encoder.scale.pitch or encoder.scale.yaw within the profile's tolerance is not" in text
+    assert "turn pitch and yaw by hand through a known angle" in text
+
+
+def test_a_parameter_insignificantly_beyond_its_tolerance_is_no_finding() -> None:
+    plain = changed(verdict="nothing_found", findings=[], leftover=[], next_experiment=None)
+    row = {**plain["calibration"][0], "value": 0.79, "std": 0.031, "tolerance": 0.15}
+    plain["calibration"] = [{**row, "beyond_tolerance": "not_surely"}]
+    text = text_of(plain)
+    assert (
+        "T_g is estimated 21.0 % below the profile's value (± 3.1 %). This is not significantly "
+        "beyond the tolerance of 15 %, so it is no finding." in text
+    )
+    assert "But T_g may be off" in text
+    assert "To settle T_g: weigh" in text
+    for clear in ("no", "surely"):
+        plain["calibration"] = [{**row, "beyond_tolerance": clear}]
+        assert "not significantly" not in text_of(plain)
+
+
+def test_the_readmes_session_shows_the_verdict_and_the_cause() -> None:
+    assert "docs/pictures/terminal.svg" in (ROOT / "README.md").read_text(encoding="utf-8")
+    picture = (ROOT / "docs" / "pictures" / "terminal.svg").read_text(encoding="utf-8")
+    text = re.sub(r"<[^>]*>|\s+", " ", picture.replace("&#160;", " "))
+    assert VERDICTS["explained"] in text
+    assert "Cause 1: stiffness.cable.yaw, stiffness 0.1002 ± 0.0032 N·m/rad" in text
+
+
+def test_the_consequence_of_an_unknown_controller_is_reported() -> None:
+    log = changed(about={"nulls": "Bonferroni over the probes, doubled"})
+    assert "add [controller] to the profile" in text_of(log)
+    assert "[controller]" not in text_of(DOCUMENT)
+
+
+def test_an_unknown_unit_stays_in_the_parameter_name() -> None:
+    assert split_unit("flux_Wb") == ("flux_Wb", "")
+    assert split_unit("damping_Nms_per_rad") == ("damping", "N·m·s/rad")
