@@ -70,7 +70,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
         comparison = compare([step], models)
         write_figures(comparison, folder, force=False)
     show_comparison(out, comparison)
-    out.note("Diagnosing the rich flight …")
+    out.note("Diagnosing the rich flight, and measuring the gain on the step flight …")
     with stages(out) as stage:
         diagnosis = diagnose(train, step, quick=True, seed=seed, says=stage)
         assert diagnosis.fitted is not None  # the emulated rig's recordings have no faults

@@ -98,6 +98,8 @@ def diagnose(
     document = to_document(result, written, upcoming)
     if (exercises := _exercises([*train, *test])) is not None:
         document["about"]["exercises"] = exercises
+    if (device := _device([*train, *test])) is not None:
+        document["about"]["device"] = device
     show_diagnosis(out, document, verbose=verbose)
     if written is not None:
         out.note(f"Model: {written}")
@@ -105,11 +107,18 @@ def diagnose(
         with out.working("Drawing the report …"):
             write_page(diagnosis_page(result, document, train, test), report, force=force)
         out.note(f"Report: {report}")
-    elif result.fitted is not None:
+    elif result.fitted is not None and not verbose:
         out.note("For all tables add --verbose, for figures --report FILE.html")
     out.emit(document)
     if result.verdict == "bad_data":
         _end_with_bad_data(out, result)
+
+
+def _device(recordings: Sequence[Recording]) -> str | None:
+    """Return the URL of the device that flew all the recordings; None if unknown or several."""
+    urls = {r.meta.get("device") for r in recordings}
+    url = urls.pop() if len(urls) == 1 else None
+    return str(url) if url else None
 
 
 def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:

@@ -160,5 +160,5 @@ def identify_both(train: Sequence[Recording], test: Sequence[Recording]) -> list
 
     return [
         identify(train, holdout=test, method=method, name=name)
-        for method, name in (("pem", "identification"), ("greybox", "grey box"))
+        for method, name in (("pem", "black box"), ("greybox", "grey box"))
     ]

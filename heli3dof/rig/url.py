@@ -39,7 +39,7 @@ class DeviceUrl:
 
 
 def parse_url(text: str) -> DeviceUrl:
-    """Return a parsed device URL. Raises UsageError if the scheme is missing.
+    """Return a parsed device URL. Raises UsageError without scheme, or with options before ``?``.
 
     >>> parse_url("mock:?seed=1").one("seed")
     '1'
@@ -51,7 +51,13 @@ def parse_url(text: str) -> DeviceUrl:
             cause="the scheme is missing; a device URL is SCHEME:PLACE.",
             fix="--device mock: or --device serial:///dev/ttyACM0; heli3dof devices lists them",
         )
-    where, _, query = rest.partition("?")
+    where, mark, query = rest.partition("?")
+    if "=" in where and not mark and "/" not in where:
+        raise UsageError(
+            f"{text}: options need a question mark before them.",
+            cause="without it, they are read as the device's place.",
+            fix=f"--device '{scheme}:?{where}'",
+        )
     options: dict[str, tuple[str, ...]] = {}
     for name, value in parse_qsl(query, keep_blank_values=True):
         options[name] = (*options.get(name, ()), value)

@@ -59,3 +59,9 @@ def test_repeated_options_are_collected_or_the_last_one_counts() -> None:
     options = MockOptions.of(parse_url("mock:?hide=a:1&hide=b:2&seed=1&seed=2&speed=max&rate_hz="))
     assert (options.hide, options.seed, options.rate_hz) == (("a:1", "b:2"), 2, None)
     assert options.speed == math.inf
+
+
+def test_options_without_a_question_mark_are_refused() -> None:
+    with pytest.raises(UsageError, match="need a question mark") as caught:
+        parse_url("mock:speed=max&hide=motor.lag:0.1")
+    assert "'mock:?speed=max&hide=motor.lag:0.1'" in caught.value.fix

@@ -46,6 +46,8 @@ from heli3dof.parallel import parallel_map
 
 COMPLETED_AT_ONCE = 2
 """Plans that are simulated completely before the best is determined again. Chosen."""
+MOST_FLIGHTS = 20
+"""Largest number of flights that are recommended; beyond it, measuring by hand is less work."""
 MAX_CAUSES = 4
 """Largest number of confounded causes that are simulated, first ones first. Chosen."""
 
@@ -163,8 +165,25 @@ def _why(best: Outlook, names: Sequence[str]) -> str:
     what = " and ".join(names) if len(names) == 2 else ", ".join(names)
     text = f"in simulation, {seconds} of it separate {what} by a margin of {best.margin:.0f}"
     if best.certainty < MIN_CERTAINTY:
-        return f"{text}: more than any other plan, but hardly enough; fly it several times"
+        return f"{text}, more than any other plan; {_flights_needed(best.margin)}"
     return f"{text} ({percent(best.certainty)} probability of a decision)"
+
+
+def _flights_needed(margin: float) -> str:
+    """Return how many such flights decide, because the margins of flights add.
+
+    >>> _flights_needed(2.0)
+    'about 3 such flights are needed for a decision'
+    >>> _flights_needed(0.1)
+    'more than 20 such flights are needed for a decision, so measure one of them by hand'
+    """
+    for flights in range(2, MOST_FLIGHTS + 1):
+        if _probability_decided(flights * margin) >= MIN_CERTAINTY:
+            return f"about {flights} such flights are needed for a decision"
+    return (
+        f"more than {MOST_FLIGHTS} such flights are needed for a decision, so measure one of them "
+        "by hand"
+    )
 
 
 def _probability_decided(margin: float) -> float:

@@ -17,10 +17,7 @@ from heli3dof.recording.row import CLOSED_LOOP
 def why_not_replayed(recording: Recording) -> str | None:
     """Return why a closed-loop simulation cannot replay the recording; None if it can."""
     if recording.profile.controller is None:
-        return (
-            "the controller is unknown: the profile has no [controller], so nothing may depend on "
-            "replaying it"
-        )
+        return "the controller is unknown, because the profile has no [controller]"
     if not any(recording.has_reference(axis) for axis in AXES):
         return "no reference was recorded, so there is nothing to replay"
     if missing := [axis for axis in AXES if axis not in recording.axes]:

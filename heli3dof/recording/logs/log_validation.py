@@ -169,19 +169,19 @@ def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> 
     """
     warnings: list[str] = []
     for name, v in (("v_front_V", front), ("v_back_V", back)):
-        top = float(np.abs(v).max())
+        top, command = float(np.abs(v).max()), f"{name[:-2]}_cmd_V"
         if top > 20 * v_max:
             raise RecordingError(
                 f"{source}: {name} reaches {top:.6g}; the profile's limit is ±{v_max:.6g} V.",
                 cause="millivolts or DAC counts instead of volts, or the command instead of the "
                 "limiter's output.",
-                fix=f"convert it to volts: --map {name}={name}/1000; "
-                f"rename a command to {name[:-2]}_cmd_V",
+                fix=f"convert it to volts: --map {name}={name}/1000; rename a command to {command}",
             )
         if top > 1.001 * v_max:
             warnings.append(
                 f"{name} reaches {top:.4g} V, beyond the profile's limit of ±{v_max:.4g} V: "
-                "another rig's profile, or the command before the limiter."
+                "another rig's profile, or the command before the limiter. A command is mapped to "
+                f"{command}, and --map '{name}=clip({command},{-v_max:.4g},{v_max:.4g})'."
             )
     if np.ptp(front) == 0 and np.ptp(back) == 0:
         warnings.append(

@@ -8,6 +8,7 @@ Each function's argument ``document`` is that document, ``finding`` an entry of 
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -360,7 +361,11 @@ def next_steps(document: Document) -> Iterator[str]:
         return
     upcoming = document["next_experiment"]
     if upcoming is not None:
-        yield f"Next experiment: heli3dof run {upcoming['plan']}. Reason: {upcoming['why']}."
+        device = document.get("about", {}).get("device")
+        where = f" --device {shlex.quote(device)}" if device else ""
+        yield (
+            f"Next experiment: heli3dof run {upcoming['plan']}{where}. Reason: {upcoming['why']}."
+        )
     elif reason := document.get("about", {}).get("no_next_experiment"):
         yield f"No next experiment is recommended: {reason}."
     elif document["verdict"] == "nothing_found":

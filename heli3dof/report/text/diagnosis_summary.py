@@ -80,11 +80,11 @@ def _weaker(document: Document) -> list[str]:
 
 
 def gain(document: Document) -> Iterator[str]:
-    """Yield a line with the RMSE before and after; nothing if no effect was added."""
+    """Yield a line with the RMSE without and with the causes; nothing if no effect was added."""
     if not words.adopted(document):
         return
     where, falls = words.measured_on(document), words.before_and_after(document["gain"])
-    yield f"The extended model reduces this error on {where}: {falls}."
+    yield f"RMSE after refitting, without → with these causes, on {where}: {falls}."
 
 
 def _next(document: Document) -> list[str]:

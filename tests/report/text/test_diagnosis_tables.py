@@ -156,6 +156,13 @@ def test_inertias_off_by_one_factor_need_a_scale_and_not_a_flight() -> None:
     assert "motor.thrust_gain in any flight: thrust and weight scale together" in text_of(scaled)
 
 
+def test_the_next_experiment_is_flown_on_the_same_device() -> None:
+    device = "mock:?seed=3&hide=motor.lag:0.1"
+    text = text_of(changed(about={"device": device}))
+    assert f"heli3dof run coast-down --device '{device}'. Reason:" in text
+    assert "--device" not in text_of(changed(about={}))
+
+
 def test_the_reason_for_no_next_experiment_is_reported() -> None:
     text = text_of(changed(next_experiment=None, about={"no_next_experiment": "nothing is open"}))
     assert "No next experiment is recommended: nothing is open." in text
