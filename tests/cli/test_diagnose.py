@@ -81,7 +81,7 @@ def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(result: Resul
     assert set(finding) >= {"score", "confidence", "tied_with", "gain"}
     gain = finding["gain"]["holdout_rmse_deg"]
     assert gain["after"]["yaw"] < 0.25 * gain["before"]["yaw"]
-    for words in ("Simulation error", "Cause 1: stiffness.cable.yaw", "The extended model"):
+    for words in ("Simulation error", "Cause 1: stiffness.cable.yaw", "RMSE after refitting"):
         assert words in result.err
     assert "Screening against 8 simulated nulls …\n" in result.err
     assert "nulls … " not in result.err  # how far it has come is for terminals

@@ -125,7 +125,7 @@ def test_compare_without_arguments_uses_the_supplied_recordings(
     monkeypatch.chdir(tmp_path)
     result = heli3dof("compare")
     assert result.code == 0, result.err
-    for words in ("Table II", "identification", "grey box", "hover", "never published"):
+    for words in ("Table II", "black box", "grey box", "hover", "never published"):
         assert words in result.out
     assert len(list(tmp_path.glob("comparisons/*/*.svg"))) == 6
 
