@@ -85,6 +85,7 @@ bench-rules: $(STAMP)
 docs: $(STAMP)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,docs]'
 	$(BIN)/python -m tests.docs.pictures
+	$(BIN)/python -m tests.docs.gallery
 	$(BIN)/python -m tests.docs.site
 	$(BIN)/python -m pytest -q -m tutorial tests/docs
 
