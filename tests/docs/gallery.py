@@ -60,7 +60,7 @@ FORMULA = (
     "-o odd.mcap --quiet",
     "heli3dof diagnose odd.mcap -o odd.json --quiet",
 )
-FLYING = f"heli3dof run-step --roll 10 {REAL_TIME} -o flying.mcap --quiet & sleep 14"
+FLYING = f"heli3dof run-step --roll 10 {REAL_TIME} -o flying.mcap --quiet --force > log 2>&1 & sleep 14"
 LANDED = "sleep 20"
 
 
@@ -180,15 +180,15 @@ EXAMPLES = {
     "exercise": Example(
         "`exercise` hides effects in an emulated rig and marks the answers of students.",
         (
-            "heli3dof exercise new --seed 7 --level 2 -o rig.exercise --force",
+            "heli3dof exercise new --seed 8 --level 2 -o next.exercise",
             "heli3dof exercise mark answers",
         ),
         before=(
             "heli3dof exercise new --seed 7 --level 2 -o rig.exercise --quiet",
             "mkdir answers; heli3dof run rich --device 'mock:?exercise=rig.exercise&speed=max' "
             "-o answers/first.mcap --quiet",
-            "heli3dof diagnose answers/first.mcap --json > answers/diagnosis.json",
-            "heli3dof exercise submit answers/diagnosis.json --name Ada -o answers/ada.json",
+            "heli3dof diagnose answers/first.mcap --json > diagnosis.json",
+            "heli3dof exercise submit diagnosis.json --name Ada -o answers/ada.json",
         ),
     ),
 }
@@ -260,7 +260,9 @@ def lines(example: Example, folder: Path, ran: set[str]) -> Iterator[str]:
         first, *more = command.split("\n")
         yield f"\x1b[1;32m$\x1b[0m \x1b[1m{first}\x1b[0m"
         yield from (f"\x1b[1m{line}\x1b[0m" for line in more)
-        screens = list(frames(in_terminal(command, folder)))
+        shown, exit_code = in_terminal(command, folder)
+        assert exit_code == 0 or command.startswith("heli3dof doctor"), f"{command}\n{shown}"
+        screens = list(frames(shown))
         live = next(
             (s for s in screens[:-1] if example.frame and example.frame in "\n".join(s)), []
         )
@@ -294,8 +296,8 @@ def _hidden(command: str, folder: Path, ran: set[str]) -> None:
     assert done.returncode == 0, f"{command}\n{done.stderr}"
 
 
-def in_terminal(command: str, folder: Path) -> str:
-    """Run a command by sh in a terminal of `COLUMNS` × `ROWS`; return what it sends to it."""
+def in_terminal(command: str, folder: Path) -> tuple[str, int]:
+    """Run a command by sh in a terminal of `COLUMNS` × `ROWS`; return what it prints, exit code."""
     import fcntl
     import pty
     import termios
@@ -317,8 +319,7 @@ def in_terminal(command: str, folder: Path) -> str:
             break
         received += part
     os.close(ours)
-    process.wait()
-    return received.decode("utf-8")
+    return received.decode("utf-8"), process.wait()
 
 
 TOKEN = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\r|\n|[^\x1b\r\n]+")
@@ -352,6 +353,8 @@ def frames(stream: str) -> Iterator[list[str]]:
 
 MASKS = (
     (r"\bpid \d+", "pid …"),
+    (r"comparisons/\d{8}-\d{6}", "comparisons/…"),
+    (r"(host_time_s .*│ s +).*", r"\1│       … │       … │        … │"),
     (r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?(\.\d+)?", "…"),
     (r"(clock: )\S+, resolution .*", r"\1…"),
     (r"(other work: ).* programs ready to run, on \d+", r"\1… programs ready to run, on …"),
