@@ -95,6 +95,10 @@ def test_a_long_stage_reports_progress_and_a_short_one_does_not(
     for done, at in ((1, 0.4), (2, 0.9), (3, 1.3), (4, 1.8), (5, 2.4)):
         now[0] = at
         clock.counts("flights", done, 8)
-    assert shown == ["Screening …", "Screening … flights: 3 of 8", "Screening … flights: 5 of 8"]
+    assert shown == [
+        "Screening …",
+        "Screening … flights: 3 of 8, 2 s left",  # 2 items in 0.9 s, 5 to go: 2.25 s
+        "Screening … flights: 5 of 8, 2 s left",  # 4 items in 2.0 s, 3 to go: 1.5 s
+    ]
     clock.stop()
     assert clock.seconds == {"screen 1": 2.4}
