@@ -60,7 +60,9 @@ FORMULA = (
     "-o odd.mcap --quiet",
     "heli3dof diagnose odd.mcap -o odd.json --quiet",
 )
-FLYING = f"heli3dof run-step --roll 10 {REAL_TIME} -o flying.mcap --quiet --force > log 2>&1 & sleep 14"
+FLYING = (
+    f"heli3dof run-step --roll 10 {REAL_TIME} -o flying.mcap --quiet --force > log 2>&1 & sleep 14"
+)
 LANDED = "sleep 20"
 
 
