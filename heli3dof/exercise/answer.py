@@ -112,11 +112,11 @@ def make_answer(
 ) -> Answer:
     """Return an answer from the student's own claims and from diagnosis documents by file name.
 
-    The first claim of a name counts, the student's own ones first. The hold-out error is that of
-    the first document. Raises UsageError for a document of other recordings, RecordingError for an
-    incomplete one.
+    Own claims replace those of the documents; of several claims of a name, the first one counts.
+    The hold-out error is that of the first document. Raises UsageError for a document of other
+    recordings, RecordingError for an incomplete one.
     """
-    claims = list(own)
+    claims: list[Claim] = []
     flown_on: list[str | None] = []
     documents = diagnoses or {}
     for file, document in documents.items():
@@ -136,7 +136,7 @@ def make_answer(
                 cause="it was edited by hand, or another version of heli3dof wrote it.",
                 fix="heli3dof diagnose REC.mcap --json again",
             ) from error
-    causes = list({c.name: c for c in reversed(claims)}.values())[::-1]
+    causes = list({c.name: c for c in reversed(own or claims)}.values())[::-1]
     if any(c.name != NONE for c in causes):
         causes = [c for c in causes if c.name != NONE]
     gain = next(iter(documents.values()), {}).get("gain", {})
@@ -222,7 +222,11 @@ def _sizes(name: str, value: str | None, half: str | None) -> dict[str, Size]:
     """Check the name and return its sizes. Raises UsageError or ValueError."""
     if name == NONE or name in [f"{UNMODELLED}.{a}" for a in AXES]:
         if value is not None:
-            raise ValueError
+            raise UsageError(
+                f"--cause {name} has no size.",
+                cause="only an effect of the catalogue has a parameter.",
+                fix=f"--cause {name}",
+            )
         return {}
     parameters = term(name).effect.parameters
     if value is None:

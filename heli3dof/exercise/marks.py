@@ -1,14 +1,14 @@
 """Marks answers against the sealed truth: names, sizes, honesty, hold-out error. Pure functions.
 
 Honesty is the Brier score: the sum of (c − o)² over all claimed and all hidden causes. c is the
-stated confidence, 0 for a cause that is not claimed; o is 1 for a hidden cause and 0 for any other.
+stated confidence, 1 if none is stated, 0 for a cause that is not claimed; o is 1 for a hidden cause
+and 0 for any other.
 The score is proper: in expectation, stating the true probabilities gives the lowest sum. 0 is best.
 A sum, since wrong claims of confidence 0 would lower a mean.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -46,8 +46,7 @@ class Mark:
     confounded: tuple[str, ...]
     """Missed causes that the answer calls indistinguishable from a wrong one"""
     sizes: tuple[SizeMark, ...]
-    brier: float | None
-    """None if there is no claim, or one without a confidence"""
+    brier: float
 
 
 def mark(answer: Answer, truth: Truth) -> Mark:
@@ -56,11 +55,11 @@ def mark(answer: Answer, truth: Truth) -> Mark:
     right: list[str] = []
     wrong: list[Claim] = []
     sizes: list[SizeMark] = []
-    brier = 0.0 if answer.causes else math.nan
+    brier = 0.0
     for claim in answer.causes:
         found = next((n for n in open_causes if claim.name in right_names(n)), None)
         is_right = found is not None or (claim.name == NONE and not truth.causes)
-        confidence = math.nan if claim.confidence is None else claim.confidence
+        confidence = 1.0 if claim.confidence is None else claim.confidence
         brier += (confidence - is_right) ** 2
         if found is not None:
             cause = open_causes.pop(found)
@@ -77,7 +76,7 @@ def mark(answer: Answer, truth: Truth) -> Mark:
         missed=tuple(open_causes),
         confounded=tuple(confounded),
         sizes=tuple(sizes),
-        brier=None if math.isnan(brier) else brier,
+        brier=brier,
     )
 
 

@@ -46,17 +46,17 @@ class TransferFunctions:
     def zeros(self, axis: int, motor: int) -> list[tuple[complex, float]]:
         """Return zeros (1/s) of num[axis, motor], rightmost first.
 
-        Their standard deviations are √(var Re + var Im).
+        Their standard deviations are √(var Re + var Im); NaN for a double zero, where N′ = 0.
         """
         n = _without_rounding(self.num[axis, motor], float(np.abs(self.num[axis]).max()))
         k = len(self.den)
         out = []
         for z in rightmost_first(np.roots(n)):
             std = np.nan
-            if self.covariance is not None:
+            slope = np.polyval(np.polyder(n), z)
+            if self.covariance is not None and slope != 0:
                 first = k - 1 + (axis * 2 + motor + 1) * k - len(n)
                 cov = self.covariance[first : first + len(n), first : first + len(n)]
-                slope = np.polyval(np.polyder(n), z)
                 g = -(z ** np.arange(len(n) - 1, -1, -1)) / slope
                 var = g.real @ cov @ g.real + g.imag @ cov @ g.imag
                 std = float(np.sqrt(max(var, 0)))

@@ -31,11 +31,18 @@ def test_a_quiet_diagnosis_claims_that_nothing_is_hidden() -> None:
     assert [c.name for c in make_answer("A", EXERCISE, own, {"d": quiet}).causes] == ["inertia.yaw"]
 
 
-def test_the_students_own_statement_counts_before_the_diagnosis() -> None:
+def test_the_students_own_statements_replace_the_diagnosis() -> None:
     own = statements(["friction.coulomb.yaw=0.05±0.01"], [0.5])
     made = make_answer("Ada", EXERCISE, own, {"d.json": diagnosis(EXERCISE)})
-    assert [c.name for c in made.causes] == ["friction.coulomb.yaw", "unmodelled.roll"]
+    assert [c.name for c in made.causes] == ["friction.coulomb.yaw"]
     assert made.causes[0].parameters["torque_Nm"].value == 0.05
+    none = make_answer("Ada", EXERCISE, statements(["none"], []), {"d": diagnosis(EXERCISE)})
+    assert [c.name for c in none.causes] == ["none"]
+
+
+def test_an_unmodelled_torque_has_no_size() -> None:
+    with pytest.raises(UsageError, match=r"unmodelled\.yaw has no size"):
+        statements(["unmodelled.yaw=0.1"], [])
 
 
 def test_a_diagnosis_of_another_rig_is_refused() -> None:

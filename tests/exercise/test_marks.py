@@ -42,9 +42,12 @@ def test_claims_of_confidence_0_do_not_improve_the_score() -> None:
     assert mark(answer(claim(CABLE[0], 0.7), *many), truth(CABLE)).brier == honest
 
 
-def test_no_score_without_a_claim_or_a_confidence() -> None:
-    assert mark(answer(), truth()).brier is None
-    assert mark(answer(claim(CABLE[0]), claim("motor.lag", 0.1)), truth(CABLE)).brier is None
+def test_a_claim_without_a_confidence_is_one_of_certainty() -> None:
+    assert mark(answer(), truth()).brier == 0
+    assert mark(answer(claim(CABLE[0]), claim("motor.lag", 0.1)), truth(CABLE)).brier == (
+        pytest.approx(0.01)
+    )
+    assert mark(answer(claim("motor.lag")), truth(CABLE)).brier == 2
 
 
 def test_none_is_right_if_nothing_is_hidden() -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from heli3dof.errors import UsageError
-from heli3dof.model.effects import all_names, effects, term, terms
+from heli3dof.model.effects import Effect, Parameter, all_names, effects, term, terms
 from heli3dof.model.physics import state_layout as at
 from heli3dof.model.physics.compiled_effects import address
 from heli3dof.model.physics.parametrisation import Structure, context
@@ -161,3 +163,33 @@ def test_a_rotor_that_rises_at_twice_the_hover_thrust_loses_as_its_exponent_says
     out = np.array([2 * F_h, 2 * F_h, 0.0])
     inflow(s, par, np.zeros(at.MEMORY), out)
     assert out[:2] == pytest.approx((2 - lost) * F_h, rel=1e-12)
+
+
+SIZE = Parameter("torque_Nm", "N·m", 0.0, -1.0, 1.0, 0.1, "its size")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"low": 1.0, "high": -1.0}, "low is 1, not below high, -1"),
+        ({"null": 3.0}, "null is 3, outside the bounds"),
+        ({"typical": 0.0}, "typical is 0, which is not positive"),
+    ],
+)
+def test_a_mistake_in_a_parameter_is_stated(wrong: dict[str, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        replace(SIZE, **wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"parameters": SIZE}, "a single one needs a comma"),
+        ({"axes": ("travel",)}, "axes contains 'travel'; axes are roll, pitch, yaw"),
+        ({"hooks": {"torque": print}}, "not Stage.TORQUE"),
+        ({"evidence": "yaw_angle"}, "evidence is 'yaw_angle', which is none of roll, pitch"),
+    ],
+)
+def test_a_mistake_in_an_effect_is_stated(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=message):
+        replace(Effect("magnet", "A magnet.", (SIZE,), {}), **wrong)

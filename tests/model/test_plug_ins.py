@@ -91,7 +91,7 @@ def test_a_model_file_without_its_plug_in_names_the_package_to_install(
     assert "m.json cannot be used here: Its effect 'acme.wobble' is of the plug-in" in error.what
     assert "acme_wobble:EFFECT of the package acme-wobble 1.2" in error.what
     assert error.cause == "the package is not installed here."
-    assert error.fix == "pip install acme-wobble==1.2"
+    assert error.fix == "install acme-wobble 1.2 from where you got it: pip install FOLDER"
 
 
 @pytest.mark.parametrize(

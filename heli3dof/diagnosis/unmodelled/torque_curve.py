@@ -126,6 +126,8 @@ def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | 
     if name == "time" and frequency:
         z, name, unit = (z * frequency) % 1.0, f"phase of {frequency:.3g} Hz", "turns"
     rows = flight.flown & np.isfinite(flight.torque[:, i])
+    if not rows.any():
+        return None
     z = _in_unit(z, unit)[rows]
     curve_z, curve, _ = _binned(z, cause[rows, i], flight.data.h[rows], 3 * BINS)
     return TorqueCurve(

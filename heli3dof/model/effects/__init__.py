@@ -41,8 +41,10 @@ class PlugIn:
     def install(self) -> str:
         if not self.distribution:
             return f"pip install the package that provides {self.entry_point}"
-        at = f"=={self.version}" if self.version else ""
-        return f"pip install {self.distribution}{at}"
+        return (
+            f"install {f'{self.distribution} {self.version}'.strip()} from where you got it: "
+            "pip install FOLDER"
+        )
 
 
 @dataclass(frozen=True)

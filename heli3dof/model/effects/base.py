@@ -48,6 +48,14 @@ class Parameter:
     prior_std: float | None = None
     start: float | None = None
 
+    def __post_init__(self) -> None:
+        if not self.low < self.high:
+            raise ValueError(f"{self.name}: low is {self.low:g}, not below high, {self.high:g}")
+        if not self.low <= self.null <= self.high and not self.log:
+            raise ValueError(f"{self.name}: null is {self.null:g}, outside the bounds")
+        if not self.typical > 0:
+            raise ValueError(f"{self.name}: typical is {self.typical:g}, which is not positive")
+
     @property
     def started(self) -> float:
         """Return the parameter's starting value in a fit, which is also the mean of its prior."""
@@ -129,6 +137,19 @@ class Effect:
     probes: tuple[tuple[float, ...], ...] = ()
     probe_quantiles: tuple[float, ...] = ()
     scan: Literal["", "frequency", "instant"] = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.parameters, tuple):
+            raise TypeError(f"{self.name}: parameters is not a tuple; a single one needs a comma")
+        if wrong := [a for a in self.axes if a not in AXES]:
+            raise ValueError(f"{self.name}: axes contains {wrong[0]!r}; axes are {', '.join(AXES)}")
+        if not all(isinstance(stage, Stage) for stage in self.hooks):
+            raise TypeError(f"{self.name}: the keys of hooks are not Stage.TORQUE or another Stage")
+        known = (*ABSCISSAE, "", "{axis}", "{axis}_rate")
+        if self.evidence not in known:
+            raise ValueError(
+                f"{self.name}: evidence is {self.evidence!r}, which is none of {', '.join(known)}"
+            )
 
     @property
     def of_base(self) -> bool:
