@@ -46,7 +46,8 @@ class Mark:
     confounded: tuple[str, ...]
     """Missed causes that the answer calls indistinguishable from a wrong one"""
     sizes: tuple[SizeMark, ...]
-    brier: float
+    brier: float | None
+    """None if the answer was not marked"""
 
 
 def mark(answer: Answer, truth: Truth) -> Mark:
