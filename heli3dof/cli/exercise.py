@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from heli3dof.axes import AXES
 from heli3dof.cli.options import AsJson, Force, OutputFile, Quiet, Seed
 from heli3dof.cli.output import Output, verb
 from heli3dof.errors import CheckFailed, UsageError
@@ -206,23 +207,29 @@ def _truths(rows: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def _table(rows: list[dict[str, Any]]) -> Table:
-    """Return the table of the marks. Texts of students are shown without markup."""
+    """Return the table of the marks, by name. Texts of students are shown without markup.
+
+    The exercise is a column only if there are several: `_truths` names it.
+    """
     from rich.table import Table
     from rich.text import Text
 
+    several = len({row["exercise"] for row in rows if row["exercise"]}) > 1
+    headings = ("answer", "names", "size error", "Brier", "RMSE roll/pitch/yaw", "exercise")
     table = Table()
-    for heading in ("answer", "exercise", "names", "size error", "Brier", "hold-out RMSE"):
+    for heading in headings if several else headings[:-1]:
         table.add_column(heading, overflow="fold")
-    for row in rows:
+    for row in sorted(rows, key=lambda r: (r["reason"] is not None, r["name"] or r["file"])):
         marked = row["reason"] is None
-        table.add_row(
+        cells = (
             Text(row["name"] if marked else row["file"]),
-            row["exercise"] or "–",
             Text(_names(row) if marked else f"not marked: {row['reason']}"),
             _sizes(row),
             _number(row["brier"]),
             _holdout(row["holdout_rmse_deg"]) if marked else "–",
+            row["exercise"] or "–",
         )
+        table.add_row(*cells[: len(table.columns)])
     return table
 
 
@@ -242,8 +249,9 @@ def _sizes(row: dict[str, Any]) -> str:
 
 
 def _holdout(errors: dict[str, float | None] | None) -> str:
-    lines = [f"{axis} {v:.2f}°" for axis, v in (errors or {}).items() if v is not None]
-    return "\n".join(lines) or "–"
+    """Return the RMSE in degrees of roll, pitch and yaw, as in 0.20/0.30/0.09°."""
+    values = [_number((errors or {}).get(axis)) for axis in AXES]
+    return "/".join(values) + "°" if errors else "–"
 
 
 def _number(value: float | None) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from heli3dof.cli.diagnose import _exercises
+from heli3dof.cli.exercise import _holdout
 from heli3dof.recording.mcap_files.reader import read_recording
 from tests.cli.running import Result, heli3dof
 from tests.exercise.making import EXERCISE, diagnosis, key_file
@@ -162,3 +163,8 @@ def test_bad_input_has_the_exit_codes_of_the_contract(lab: Class, tmp_path: Path
     lab.exercise.write_text(changed)
     assert lab.fly().code == 5
     assert not lab.flight.exists()
+
+
+def test_the_errors_of_the_three_axes_fit_one_line() -> None:
+    assert _holdout({"roll": 0.2, "pitch": None, "yaw": 0.09}) == "0.20/–/0.09°"
+    assert _holdout(None) == "–"
