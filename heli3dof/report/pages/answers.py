@@ -54,18 +54,15 @@ def _wrong(document: Document) -> Answer | None:
         if e["rmse_deg"] is not None
     }
     styles = {"simulation error": VERMILION, "noise floor": SOFT}
-    return Answer(WRONG, sentence, bars(groups, styles, sentence))
+    seconds = next(iter(document["simulation_error"].values()))["horizon_s"]
+    title = f"RMSE of {seconds:g} s predictions"
+    return Answer(WRONG, sentence, bars(groups, styles, title, sentence))
 
 
 def _cause(document: Document, data: FigureData) -> Answer:
     stated = [*summary.faults(document), *words.unmodelled_effects(document)]
     if causes := list(summary.causes(document)):
-        first, *others = document["findings"]
-        weaker = {words.name_of(f): words.percent(f["confidence"]) for f in others}
-        weaker.pop(words.name_of(first), None)  # two recordings may share a fault
-        names = [f"{name} (confidence {sure})" for name, sure in weaker.items()]
-        more = [f"Further: {words.listed(names[: summary.MOST_CAUSES])}."] if names else []
-        stated = [" ".join([causes[0], *more])]
+        stated = [" ".join(causes)]
     sentence = stated[0] if stated else words.verdict(document)
     seen = [*data.evidence, *data.leftover_evidence]
     drawn = figure(evidence_figure(seen[0]), evidence_alt(seen[0])) if seen else ""
@@ -86,7 +83,9 @@ def _gain(document: Document) -> Answer:
         for axis in AXES
         if error["before"].get(axis) is not None
     }
-    return Answer(question, sentence, bars(groups, BEFORE_AFTER, sentence))
+    seconds = f"{document['gain']['horizon_s']:g} s"
+    title = f"RMSE of {seconds} predictions"
+    return Answer(question, sentence, bars(groups, BEFORE_AFTER, title, sentence))
 
 
 def _next(document: Document, dt: float) -> Answer | None:
@@ -146,7 +145,10 @@ def _best(comparison: Comparison) -> list[Answer]:
     }
     lines = model_lines([m.kind for m in flight.models])
     styles = {m.name: line.color for m, line in zip(flight.models, lines, strict=True)}
-    drawn = bars(groups, {**styles, ConstantAngles.name: SOFT}, alt)
+    title = f"RMSE of predictions in {flight.recording.name}"
+    if flight.constant_angles is not None:
+        title += f", over {flight.constant_angles.window_s:g} s"
+    drawn = bars(groups, {**styles, ConstantAngles.name: SOFT}, title, alt)
     return [Answer("Which model predicts best?", " ".join(verdict(comparison)), drawn)]
 
 
@@ -162,5 +164,7 @@ def identification_answer(found: Identification) -> Answer:
     }
     styles = dict(zip(rmse, (SKY, BLUE, GREEN, PURPLE), strict=False))
     return Answer(
-        f"How well does {found.model.name} predict?", sentence, bars(groups, styles, sentence)
+        f"How well does {found.model.name} predict?",
+        sentence,
+        bars(groups, styles, "RMSE of predictions", sentence),
     )

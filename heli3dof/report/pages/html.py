@@ -118,11 +118,13 @@ def listing(value: Any) -> str:
     return f"<pre>{html.escape(text)}</pre>"
 
 
-def bars(groups: Mapping[str, Mapping[str, float]], styles: Mapping[str, str], alt: str) -> str:
+def bars(
+    groups: Mapping[str, Mapping[str, float]], styles: Mapping[str, str], title: str, alt: str
+) -> str:
     """Return horizontal bars, each with its number in degrees: group → name → value.
 
-    ``styles``: name → colour of the figure style; ``alt``: alternative text. A value that is NaN
-    has no bar.
+    ``styles``: name → colour of the figure style; ``title``: the quantity, before the legend;
+    ``alt``: alternative text. A value that is NaN has no bar.
     """
     colors = {name: f"background:var(--{variable_of(color)})" for name, color in styles.items()}
     known = [(n, v) for values in groups.values() for n, v in values.items() if np.isfinite(v)]
@@ -142,7 +144,7 @@ def bars(groups: Mapping[str, Mapping[str, float]], styles: Mapping[str, str], a
     )
     return (
         f'<figure class="bars" role="img" aria-label="{html.escape(alt, quote=True)}">'
-        f"<p>{legend}</p>{rows}</figure>"
+        f"<p>{html.escape(title)}: {legend}</p>{rows}</figure>"
     )
 
 

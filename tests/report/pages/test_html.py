@@ -174,7 +174,8 @@ def test_bands_error_bars_and_stems_reach_the_live_figure() -> None:
 
 
 def test_bars_state_their_numbers_and_leave_out_missing_ones() -> None:
-    text = bars({"yaw": {"a": 2.0, "b": np.nan}}, {"a": BLUE, "b": SOFT}, "alt")
+    text = bars({"yaw": {"a": 2.0, "b": np.nan}}, {"a": BLUE, "b": SOFT}, "RMSE", "alt")
+    assert "RMSE: " in text
     assert "2.00°" in text
     assert "width:80.0%" in text
     assert text.count("%") == 1
