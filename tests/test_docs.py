@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.util
+import json
 import re
 import textwrap
 
@@ -52,6 +53,28 @@ def test_the_readme_names_every_verb_of_the_contract() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     for verb in promised_verbs():
         assert f"`{verb}" in text, verb
+
+
+def test_the_readmes_numbers_are_those_of_the_benchmarks() -> None:
+    stored = json.loads((ROOT / "docs/results/benchmarks.json").read_text(encoding="utf-8"))
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    figures = {f["what"]: f for name in ("hidden", "kill") for f in stored[name]["figures"]}
+    right = figures["right cause first, rich plan, medium and large"]
+    share, _, flights = counts(right["value"])
+    assert f"In **{share} %** of {flights} rich flights with one hidden effect" in text
+    assert f"({right['how']})" in text
+    alarms = [counts(f["value"]) for what, f in figures.items() if what.startswith("false alarms")]
+    false, quiet = sum(int(k) for _, k, _ in alarms), sum(int(n) for *_, n in alarms)
+    assert f"In **{false} of {quiet}** flights without a hidden effect" in text
+    worst = figures["kill -9: last command to zero volts, worst"]["value"]
+    assert f"at most **{worst}** after the last command" in text
+
+
+def counts(value: str) -> tuple[str, str, str]:
+    """Return (share, k, n) of a figure's value such as ``98.3 % (59/60)``."""
+    found = re.fullmatch(r"([\d.]+) % \((\d+)/(\d+)\)", value)
+    assert found is not None
+    return found[1], found[2], found[3]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))

@@ -250,8 +250,9 @@ def _sizes(row: dict[str, Any]) -> str:
 
 def _holdout(errors: dict[str, float | None] | None) -> str:
     """Return the RMSE in degrees of roll, pitch and yaw, as in 0.20/0.30/0.09°."""
-    values = [_number((errors or {}).get(axis)) for axis in AXES]
-    return "/".join(values) + "°" if errors else "–"
+    if not errors:
+        return "–"
+    return "/".join(_number(errors.get(axis)) for axis in AXES) + "°"
 
 
 def _number(value: float | None) -> str:

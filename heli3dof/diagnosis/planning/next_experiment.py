@@ -170,20 +170,18 @@ def _why(best: Outlook, names: Sequence[str]) -> str:
 
 
 def _flights_needed(margin: float) -> str:
-    """Return how many such flights decide, because the margins of flights add.
+    """Return how many such flights decide with `MIN_CERTAINTY`; the margins of flights add.
 
     >>> _flights_needed(2.0)
-    'about 3 such flights are needed for a decision'
+    '3 such flights decide with a probability of 50 %'
     >>> _flights_needed(0.1)
-    'more than 20 such flights are needed for a decision, so measure one of them by hand'
+    'not even 20 such flights decide with a probability of 50 %; measure one effect by hand'
     """
+    decide = f"such flights decide with a probability of {percent(MIN_CERTAINTY)}"
     for flights in range(2, MOST_FLIGHTS + 1):
         if _probability_decided(flights * margin) >= MIN_CERTAINTY:
-            return f"about {flights} such flights are needed for a decision"
-    return (
-        f"more than {MOST_FLIGHTS} such flights are needed for a decision, so measure one of them "
-        "by hand"
-    )
+            return f"{flights} {decide}"
+    return f"not even {MOST_FLIGHTS} {decide}; measure one effect by hand"
 
 
 def _probability_decided(margin: float) -> float:

@@ -145,8 +145,8 @@ class Effect:
             raise ValueError(f"{self.name}: axes contains {wrong[0]!r}; axes are {', '.join(AXES)}")
         if not all(isinstance(stage, Stage) for stage in self.hooks):
             raise TypeError(f"{self.name}: the keys of hooks are not Stage.TORQUE or another Stage")
-        known = (*ABSCISSAE, "", "{axis}", "{axis}_rate")
-        if self.evidence not in known:
+        known = (*ABSCISSAE, "{axis}", "{axis}_rate")
+        if self.evidence and self.evidence not in known:
             raise ValueError(
                 f"{self.name}: evidence is {self.evidence!r}, which is none of {', '.join(known)}"
             )

@@ -169,7 +169,8 @@ def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> 
     """
     warnings: list[str] = []
     for name, v in (("v_front_V", front), ("v_back_V", back)):
-        top, command = float(np.abs(v).max()), f"{name[:-2]}_cmd_V"
+        top = float(np.abs(v).max())
+        command = f"{name[:-2]}_cmd_V"
         if top > 20 * v_max:
             raise RecordingError(
                 f"{source}: {name} reaches {top:.6g}; the profile's limit is ±{v_max:.6g} V.",
@@ -180,8 +181,9 @@ def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> 
         if top > 1.001 * v_max:
             warnings.append(
                 f"{name} reaches {top:.4g} V, beyond the profile's limit of ±{v_max:.4g} V: "
-                "another rig's profile, or the command before the limiter. A command is mapped to "
-                f"{command}, and --map '{name}=clip({command},{-v_max:.4g},{v_max:.4g})'."
+                "another rig's profile, or the command before the limiter. If it is the command, "
+                f"map it to {command} and add "
+                f"--map '{name}=clip({command},{-v_max:.4g},{v_max:.4g})'."
             )
     if np.ptp(front) == 0 and np.ptp(back) == 0:
         warnings.append(

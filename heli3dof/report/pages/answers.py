@@ -83,8 +83,7 @@ def _gain(document: Document) -> Answer:
         for axis in AXES
         if error["before"].get(axis) is not None
     }
-    seconds = f"{document['gain']['horizon_s']:g} s"
-    title = f"RMSE of {seconds} predictions"
+    title = f"RMSE of {document['gain']['horizon_s']:g} s predictions"
     return Answer(question, sentence, bars(groups, BEFORE_AFTER, title, sentence))
 
 

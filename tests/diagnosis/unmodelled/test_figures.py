@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.sensitivity.residual_torque import UNITS
+from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail, trail_at
+from heli3dof.diagnosis.unmodelled import torque_curve as module
 from heli3dof.diagnosis.unmodelled.torque_curve import (
     TorqueCurve,
     residual_evidence,
@@ -90,6 +94,18 @@ def test_a_residual_torque_is_drawn_against_its_variable(base: Estimate) -> None
     )
     assert e.curve_z == pytest.approx([-28.6479, 28.6479], rel=1e-4)
     assert np.corrcoef(e.z, e.torque)[0, 1] < -0.9
+
+
+def test_an_effect_whose_torque_was_not_measured_has_no_figure(
+    base: Estimate, with_friction: Estimate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unmeasured(*known: Any) -> Trail:
+        flight = trail_at(*known)
+        return replace(flight, noise=np.full_like(flight.noise, np.nan))
+
+    monkeypatch.setattr(module, "trail_at", unmeasured)
+    friction = term("friction.viscous.yaw")
+    assert torque_curve(with_friction, friction, base.optimum.noise) is None
 
 
 def test_every_torque_effect_has_a_variable() -> None:
