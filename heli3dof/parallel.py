@@ -24,10 +24,31 @@ X = TypeVar("X")
 _watcher: ContextVar[Watcher | None] = ContextVar("watcher", default=None)
 
 
-def worker_count() -> int:
-    """Return the number of threads to use: the cores available to this process, at most `MOST`."""
+_limit = MOST
+
+
+def core_count() -> int:
+    """Return the number of cores available to this process."""
     affinity = getattr(os, "sched_getaffinity", None)
-    return min(MOST, len(affinity(0)) if affinity else os.cpu_count() or 1)
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
+
+
+def worker_count() -> int:
+    """Return the number of threads to use: one per core, at most `MOST` or `limit_threads`."""
+    return min(_limit, core_count())
+
+
+def limit_threads(count: int) -> None:
+    """Let estimation and BLAS in this process use at most ``count`` threads from now on.
+
+    For a process that shares the cores with others, such as a worker of a batch.
+    """
+    from threadpoolctl import threadpool_limits
+
+    global _limit
+    _limit = max(1, min(count, MOST))
+    _free.cache_clear()
+    threadpool_limits(limits=_limit, user_api="blas")
 
 
 def one_blas_thread(function: Callable[P, X]) -> Callable[P, X]:

@@ -54,11 +54,13 @@ class Result:
         return f"<pre>{escape(self.summary())}</pre>"
 
 
-def optional(library: str) -> Any:
-    """Import and return an optional library; the pip extra of the same name installs it (pandas).
+def optional(library: str, *, extra: str = "") -> Any:
+    """Import and return an optional library, which the pip extra ``extra`` installs.
 
-    Raises UsageError with the installation command if it is missing.
+    By default the extra has the library's name. Raises UsageError with the installation command if
+    the library is missing.
     """
+    extra = extra or library
     try:
         return importlib.import_module(library)
     except ModuleNotFoundError as error:
@@ -66,6 +68,6 @@ def optional(library: str) -> Any:
             raise
         raise UsageError(
             f"{library} is not installed.",
-            cause=f"it is needed only for this conversion, so it is the extra {library!r}.",
-            fix=f"pip install 'heli3dof[{library}]'",
+            cause=f"only this needs it, so it is the extra {extra!r}.",
+            fix=f"pip install 'heli3dof[{extra}]'",
         ) from None

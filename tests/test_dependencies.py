@@ -34,6 +34,10 @@ MAY_IMPORT = {
         "errors", "results", "arrays", "axes", "parallel", "rig", "recording", "model",
         "experiment", "identification", "comparison",
     },
+    "batch": {
+        "errors", "results", "axes", "parallel", "toml_file", "write_errors", "rig", "recording",
+        "model", "experiment", "identification", "comparison", "diagnosis", "paper",
+    },
     "report": {
         "errors", "axes", "rig", "recording", "model", "experiment", "identification",
         "comparison", "diagnosis", "paper",
@@ -41,6 +45,7 @@ MAY_IMPORT = {
     "cli": {
         "errors", "axes", "write_errors", "rig", "recording", "model", "experiment", "exercise",
         "identification", "comparison", "diagnosis", "report", "toml_file", "paper", "plugins",
+        "batch",
     },
 }  # fmt: skip
 

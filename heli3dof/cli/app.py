@@ -25,7 +25,7 @@ from heli3dof.cli.estop import estop_without_typer
 from heli3dof.plugins import use_plugins
 
 GROUP = "heli3dof.verbs"
-FAMILIES = ("Fly", "Model", "Files", "Plans and rigs", "Teach")
+FAMILIES = ("Fly", "Model", "Files", "Many recordings", "Plans and rigs", "Teach")
 """Headings of ``heli3dof --help`` in order; headings that are not in it follow"""
 MORE = "More"
 """Heading of the verbs that state none"""

@@ -151,6 +151,11 @@ EXAMPLES = {
         ("heli3dof recover torn.mcap",),
         before=(STEPS, "head -c 700000 steps.mcap > torn.mcap"),
     ),
+    "batch": Example(
+        "`batch` runs a verb on many recordings and writes a table with a row for each.",
+        ("heli3dof batch identify term -o results --where 'plan=\"rich\"' --workers 1",),
+        before=(RICH, STEPS, "mkdir term; cp cable.mcap steps.mcap term"),
+    ),
     "devices": Example(
         "`devices` lists the rigs that heli3dof finds, the installed drivers, and the rigs in use.",
         ("heli3dof devices",),

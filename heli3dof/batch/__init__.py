@@ -1,0 +1,11 @@
+"""Run a verb on many recordings: one row of a table for each, and its JSON document beside it.
+
+::
+
+    sources → tasks → engine (processes or a Dask cluster) → outcomes → folder → table
+
+A task is one verb on one recording (`task`). `run_task` does it and never raises: a failure is an
+outcome with an exit code. `engines` distribute tasks; results do not depend on the engine, on the
+number of workers or on their order. `output_folder` keeps each outcome as it arrives, and
+`results_table` writes the table. Each module of `analyses` is one verb.
+"""

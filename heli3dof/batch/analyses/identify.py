@@ -1,0 +1,109 @@
+"""``batch identify``: a model of each recording, and its parameters as columns.
+
+Two columns combine parameters of the grey box:
+
+- ``thrust_gain_ratio``: K_f over its nominal value. The identification keeps K_f at the profile's
+  value, so a gain of g times K_f appears as inertias J/g. ln g is the generalised least-squares
+  mean of ln(J_nominal/Ĵ) over the three axes, with their covariance.
+- ``hover_voltage_V``: V_o T̂_g/T_g, the voltage per motor at hover.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from heli3dof.batch.analyses.base import Analysis, Document, Job, Row, with_std
+from heli3dof.diagnosis.integrity import Kind, integrity
+
+INERTIAS = ("J_roll", "J_pitch", "J_yaw")
+FITS = ("one_step", "0.5_s", "1_s")
+"""Horizons of predictions whose fit is a column"""
+
+
+def run(job: Job) -> Document:
+    from heli3dof.identification.greybox.method import chosen_terms
+    from heli3dof.identification.identify import identify
+    from heli3dof.model.model_file import save_model
+
+    terms = job.options.get("terms")
+    result = identify(
+        job.recording,
+        method=job.options.get("method", "greybox"),
+        order=job.options.get("order"),
+        terms=None if terms is None else chosen_terms(terms),
+    )
+    path = save_model(result.model, job.output("models", ".json"))
+    faults = [f.check for f in integrity(job.recording) if f.kind == Kind.BAD_DATA]
+    return {
+        "schema": "heli3dof.identification/1",
+        "models": [result.to_dict(str(path))],
+        "faults": faults,
+        "nominal_hover_voltage_V": job.recording.profile.motor.V_o,
+    }
+
+
+def columns(document: Document) -> Row:
+    model = document["models"][0]
+    parameters = model["parameters"] or {}
+    fits = {
+        f"fit_{horizon}_{axis}_percent": fit.get(horizon)
+        for axis, fit in (model["fit_percent"] or {}).items()
+        for horizon in FITS
+    }
+    return {
+        "faults": ";".join(document["faults"]),
+        "model": model["file"],
+        "method": model["method"],
+        "order": model["order"],
+        "warnings": len(model["warnings"]),
+        **_thrust(parameters, model.get("correlation"), document["nominal_hover_voltage_V"]),
+        **with_std(parameters),
+        **fits,
+    }
+
+
+def _thrust(
+    parameters: Mapping[str, Mapping[str, Any]], correlation: Sequence[Any] | None, V_o: float
+) -> Row:
+    """Return thrust gain ratio and hover voltage with standard deviations; empty without a fit."""
+    if not correlation or any(n not in parameters for n in (*INERTIAS, "T_g")):
+        return {}
+    names = list(parameters)
+    at = [names.index(n) for n in INERTIAS]
+    J, std, nominal = (
+        np.array([parameters[n][key] for n in INERTIAS], float)
+        for key in ("value", "std", "nominal")
+    )
+    s = std / J
+    covariance = np.array(correlation, float)[np.ix_(at, at)] * np.outer(s, s)
+    ln_gain, ln_std = generalised_mean(np.log(nominal / J), covariance)
+    T_g = parameters["T_g"]
+    ratio = T_g["value"] / T_g["nominal"]
+    return {
+        "thrust_gain_ratio": math.exp(ln_gain),
+        "thrust_gain_ratio_std": math.exp(ln_gain) * ln_std,
+        "hover_voltage_V": V_o * ratio,
+        "hover_voltage_V_std": V_o * T_g["std"] / T_g["nominal"],
+    }
+
+
+def generalised_mean(x: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
+    """Return the generalised least-squares mean (1ᵀΣ⁻¹x)/(1ᵀΣ⁻¹1) and its standard deviation.
+
+    ``x``: (n,); ``covariance``: Σ (n, n). NaN if Σ is not positive definite.
+    """
+    try:
+        weight = np.linalg.solve(covariance, np.ones(len(x)))
+    except np.linalg.LinAlgError:
+        return math.nan, math.nan
+    total = float(weight.sum())
+    if not total > 0:
+        return math.nan, math.nan
+    return float(weight @ x) / total, total**-0.5
+
+
+ANALYSIS = Analysis("identify", run, columns, memory_MB=600)

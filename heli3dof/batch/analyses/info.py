@@ -1,0 +1,40 @@
+"""``batch info``: what each recording contains; torn ones are described too."""
+
+from __future__ import annotations
+
+from heli3dof.batch.analyses.base import Analysis, Document, Job, Row
+from heli3dof.diagnosis.integrity import Kind, integrity
+from heli3dof.recording.info import read_with_info
+from heli3dof.recording.recording import Recording
+
+
+def run(job: Job) -> Document:
+    flight, about = read_with_info(job.file, job.profile)
+    faults = [f.to_dict() for f in integrity(flight)]
+    return {"schema": "heli3dof.info/1", **about, "integrity": faults}
+
+
+def columns(document: Document) -> Row:
+    bad = [f["check"] for f in document["integrity"] if f["kind"] == Kind.BAD_DATA]
+    return {
+        "faults": ";".join(bad),
+        "torn": document["torn"],
+        "bytes": document["bytes"],
+        "samples": document["samples"],
+        **{
+            f"{axis}_{end}_deg": angle[f"{end}_deg"]
+            for axis, angle in document["angles"].items()
+            for end in ("min", "max")
+        },
+        "min_V": document["voltage"]["min_V"],
+        "max_V": document["voltage"]["max_V"],
+        "controller_is_known": document["loop_is_known"],
+        "warnings": "; ".join(document["warnings"]),
+    }
+
+
+def intact_part(job: Job) -> Recording:
+    return read_with_info(job.file, job.profile)[0]
+
+
+ANALYSIS = Analysis("info", run, columns, intact_part, memory_MB=400)

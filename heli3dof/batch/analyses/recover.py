@@ -1,0 +1,31 @@
+"""``batch recover``: the intact part of each torn recording, as a new file."""
+
+from __future__ import annotations
+
+from heli3dof.batch.analyses.base import Analysis, Document, Job, Row
+from heli3dof.batch.analyses.info import intact_part
+from heli3dof.recording.info import file_info
+from heli3dof.recording.mcap_files.recover import recover
+
+
+def run(job: Job) -> Document:
+    if not file_info(job.file, job.profile)["torn"]:
+        return {"schema": "heli3dof.recovery/1", "file": None, "torn": False}
+    saved = recover(job.file, job.output("recordings", ".mcap"))
+    return {
+        "schema": "heli3dof.recovery/1",
+        "torn": True,
+        "file": str(saved.path),
+        "samples": saved.samples,
+        "duration_s": saved.seconds,
+        "bytes_lost": saved.bytes_lost,
+        "chunks_damaged": saved.chunks_damaged,
+    }
+
+
+def columns(document: Document) -> Row:
+    names = ("torn", "file", "samples", "bytes_lost", "chunks_damaged")
+    return {name: document.get(name) for name in names}
+
+
+ANALYSIS = Analysis("recover", run, columns, intact_part, memory_MB=400)

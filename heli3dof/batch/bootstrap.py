@@ -1,0 +1,109 @@
+"""Block bootstrap of one recording: replicates of it, and how often each cause is named.
+
+A replicate consists of ⌊T/L⌋ blocks of L = `BLOCK_S`, drawn from the recording with replacement and
+kept in the order of time (Künsch, Annals of Statistics 17, 1989). Within a block the samples remain
+as they were, so noise that is correlated over less than L is reproduced. A pause of `PAUSE_S`
+without samples separates the blocks: the estimation starts each of them with a state of its own.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from heli3dof.errors import RecordingError
+from heli3dof.recording.recording import Recording
+
+BLOCK_S = 5.0
+"""s, length of a block: more than three times the rise time of a step (with the default controller
+0.7 to 1.4 s, see ``heli3dof info``), so that a block contains a whole response. Chosen."""
+PAUSE_S = 1.0
+"""s between two blocks; longer than any gap across which the estimation continues. Chosen."""
+LEAST_BLOCKS = 6
+"""Fewest blocks: with 6, two replicates are equal with a probability of less than 1 %"""
+OF_THE_PAUSES = "timing."
+"""Beginning of the names of effects that the pauses themselves cause"""
+
+
+def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Recording:
+    """Return replicate 1, 2, … of a recording, or for 0 the recording itself.
+
+    Raises RecordingError if it is shorter than `LEAST_BLOCKS` blocks.
+    """
+    if replicate == 0:
+        return recording
+    n = round(BLOCK_S / recording.dt)
+    blocks = len(recording) // n
+    if blocks < LEAST_BLOCKS:
+        raise RecordingError(
+            f"{recording.name} is too short for a bootstrap: {recording.duration:.0f} s.",
+            cause=f"it needs {LEAST_BLOCKS} blocks of {BLOCK_S:g} s.",
+            fix="fly a longer plan: heli3dof run rich",
+        )
+    drawn = np.sort(np.random.default_rng([seed, replicate]).integers(0, blocks, blocks))
+    rows = (drawn[:, None] * n + np.arange(n)).ravel()
+    clock = recording.t[rows] - np.repeat(recording.t[drawn * n], n)
+    start = np.repeat(np.arange(blocks) * (BLOCK_S + PAUSE_S), n)
+    return replace(recording.rows(rows), t=start + clock, channels={})
+
+
+@dataclass(frozen=True)
+class NamedShare:
+    """A cause and the share of the replicates that name it, alone or confounded with others."""
+
+    cause: str
+    named: int
+    of: int
+    in_recording: bool
+    """True if the diagnosis of the recording itself names it"""
+
+    @property
+    def share(self) -> float:
+        return self.named / self.of
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Return Wilson's 95 % interval of the share."""
+        from scipy.stats import binomtest
+
+        low, high = binomtest(self.named, self.of).proportion_ci(0.95, method="wilson")
+        return float(low), float(high)
+
+    def to_dict(self) -> dict[str, Any]:
+        low, high = self.interval
+        return {
+            "cause": self.cause,
+            "share": self.share,
+            "interval": [low, high],
+            "replicates": self.of,
+            "in_recording": self.in_recording,
+        }
+
+
+def named_shares(rows: Iterable[Mapping[str, Any]]) -> list[NamedShare]:
+    """Return the share of each cause among the replicates of one recording, largest first.
+
+    ``rows``: rows of ``batch diagnose``; their column ``replicate`` is 0 for the recording itself.
+    Failed replicates do not count.
+    """
+    diagnosed = [row for row in rows if row["exit_code"] == 0]
+    replicates = [row for row in diagnosed if row["replicate"]]
+    counts = Counter(cause for row in replicates for cause in causes_of(row))
+    own = {cause for row in diagnosed if not row["replicate"] for cause in causes_of(row)}
+    shares = [NamedShare(c, counts[c], len(replicates), c in own) for c in {*counts, *own}]
+    return sorted(shares, key=lambda s: (-s.named, s.cause)) if replicates else []
+
+
+def causes_of(row: Mapping[str, Any]) -> set[str]:
+    """Return the causes that a row names, those confounded with them too.
+
+    >>> sorted(causes_of({"causes": "timing.gaps; friction.coulomb.yaw|motor.lag"}))
+    ['friction.coulomb.yaw', 'motor.lag']
+    """
+    groups = (row["causes"] or "").split("; ")
+    names = {name for group in groups for name in group.split("|") if name}
+    return {n for n in names if not n.startswith(OF_THE_PAUSES)}

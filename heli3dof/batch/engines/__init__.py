@@ -1,0 +1,28 @@
+"""Engines distribute independent work: processes on this machine, or a Dask cluster."""
+
+from __future__ import annotations
+
+import os
+
+from heli3dof.batch.engines.base import Engine, Lost
+
+SCHEDULER = "DASK_SCHEDULER_ADDRESS"
+"""Environment variable with the address of a Dask scheduler"""
+__all__ = ["SCHEDULER", "Engine", "Lost", "engine"]
+
+
+def engine(cluster: str | None = None, workers: int | None = None, *, memory_MB: int = 0) -> Engine:
+    """Return the engine: a Dask cluster if one is named, else processes on this machine.
+
+    ``cluster``: the scheduler's address, by default that in the environment variable `SCHEDULER`.
+    ``workers``: number of processes, by default one per core. ``memory_MB``: memory of one piece of
+    work, which a cluster reserves. Raises UsageError or DeviceError for a cluster out of reach.
+    """
+    address = cluster or (os.environ.get(SCHEDULER) if workers is None else None)
+    if address:
+        from heli3dof.batch.engines.dask_cluster import DaskCluster
+
+        return DaskCluster(address, memory_MB=memory_MB)
+    from heli3dof.batch.engines.processes import Processes
+
+    return Processes(workers)

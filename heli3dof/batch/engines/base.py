@@ -1,0 +1,46 @@
+"""`Engine`: distributes independent work and yields its results as they arrive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import dataclass
+from typing import Protocol, Self, TypeVar
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+AHEAD = 2
+"""Items that wait for each worker, so that it never waits for this process. Chosen: more would only
+fill the memory with the contents of files."""
+
+
+@dataclass(frozen=True)
+class Lost:
+    """In place of a result: the workers ended while they worked on the item."""
+
+    why: str
+
+
+class Engine(Protocol):
+    """Distributes work. An engine may be used for several runs, one after another."""
+
+    remote: bool
+    """True if the workers may not see this machine's files"""
+
+    @property
+    def workers(self) -> int:
+        """Return how many items are worked on at the same time."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, *error: object) -> None: ...
+
+    def run(self, work: Callable[[T], R], items: Iterable[T]) -> Generator[tuple[int, R | Lost]]:
+        """Yield (number of the item, ``work(item)``) in the order in which they finish.
+
+        ``work`` must be importable in the workers, or picklable with cloudpickle on a cluster. An
+        exception of ``work`` is raised here. Items are taken as workers get free. Work that waits
+        is cancelled if the caller stops early.
+        """
+        ...

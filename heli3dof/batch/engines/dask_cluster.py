@@ -1,0 +1,178 @@
+"""`DaskCluster`: distributes work to a Dask distributed cluster.
+
+Dask moves work away from a worker that ends. If the scheduler is restarted, this engine connects
+again and sends what had no result. The workers must run the same code as this process.
+"""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable, Generator, Iterable
+from typing import TYPE_CHECKING, Any, Self
+
+from heli3dof.batch.code_version import code_version
+from heli3dof.batch.engines.base import AHEAD, Lost, R, T
+from heli3dof.errors import DeviceError, UsageError
+from heli3dof.parallel import limit_threads
+from heli3dof.results import optional
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+ANSWER_S = 10
+"""s that the scheduler has for its first answer. Chosen."""
+RESTART_S = 60
+"""s that a scheduler has to come back after its connection broke. Chosen."""
+MEMORY = "memory"
+"""Name of the workers' resource in bytes, as in ``dask worker ADDRESS --resources memory=8e9``"""
+
+
+class DaskCluster:
+    """The workers of the Dask cluster whose scheduler has this address.
+
+    ``memory_MB``: what each piece of work reserves of the workers' resource `MEMORY`; ignored if
+    no worker states how much it has.
+    """
+
+    remote = True
+
+    def __init__(self, address: str, *, memory_MB: int = 0) -> None:
+        self._address, self._memory = address, memory_MB * 1e6
+        optional("distributed", extra="cluster")
+        self._client = self._connected(ANSWER_S)
+        self._check_code()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._client.close()
+
+    @property
+    def workers(self) -> int:
+        return max(1, sum(int(w["nthreads"]) for w in self._workers().values()))
+
+    def run(self, work: Callable[[T], R], items: Iterable[T]) -> Generator[tuple[int, R | Lost]]:
+        from distributed import KilledWorker, as_completed
+        from distributed.client import FutureCancelledError
+
+        waiting = enumerate(items)
+        running: dict[str, tuple[int, T]] = {}
+        arrived = as_completed(loop=self._client.loop, raise_errors=False)
+
+        def send(n: int, item: T) -> None:
+            future = self._submit(work, item)
+            running[future.key] = n, item
+            arrived.add(future)
+
+        def send_more() -> None:
+            while len(running) < (1 + AHEAD) * self.workers:
+                following = next(waiting, None)
+                if following is None:
+                    return
+                send(*following)
+
+        try:
+            send_more()
+            while running:
+                future = next(arrived)
+                if future.key not in running:
+                    continue
+                n, item = running.pop(future.key)
+                if future.status == "finished":
+                    yield n, future.result()
+                elif future.status == "error" and isinstance(future.exception(), KilledWorker):
+                    yield n, Lost("several workers of the cluster ended while they did it")
+                elif future.status == "error" and not isinstance(
+                    future.exception(), FutureCancelledError
+                ):
+                    raise future.exception()
+                else:  # the scheduler lost it
+                    lost = [(n, item), *running.values()]
+                    running.clear()
+                    self._reconnect()
+                    arrived = as_completed(loop=self._client.loop, raise_errors=False)
+                    for each in lost:
+                        send(*each)
+                future.release()
+                send_more()
+        finally:
+            for future in list(arrived.futures):
+                future.cancel()
+
+    def _submit(self, work: Callable[[T], R], item: T) -> Any:
+        resources = {MEMORY: self._memory} if self._memory and self._states_memory() else None
+        return self._client.submit(
+            _in_worker, work, item, code_version(), key=f"heli3dof-{uuid.uuid4().hex}",
+            retries=0, pure=False, resources=resources,
+        )  # fmt: skip
+
+    def _connected(self, timeout_s: float) -> Client:
+        from distributed import Client
+
+        try:
+            return Client(self._address, timeout=timeout_s, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise DeviceError(
+                f"The Dask scheduler {self._address} does not answer: {error}.",
+                cause="it is not running, or the address is another one.",
+                fix="dask scheduler, on its machine, prints the address; --cluster ADDRESS",
+            ) from None
+
+    def _reconnect(self) -> None:
+        """Connect again to a scheduler that was restarted, and wait for its first worker."""
+        self._client.close(timeout=1)
+        until = time.monotonic() + RESTART_S
+        while True:
+            try:
+                self._client = self._connected(ANSWER_S)
+                break
+            except DeviceError:
+                if time.monotonic() > until:
+                    raise
+                time.sleep(1)
+        self._client.wait_for_workers(1, timeout=RESTART_S)
+        self._check_code()
+
+    def _workers(self) -> dict[str, Any]:
+        return dict(self._client.scheduler_info(n_workers=-1)["workers"])
+
+    def _states_memory(self) -> bool:
+        return any(MEMORY in w["resources"] for w in self._workers().values())
+
+    def _check_code(self) -> None:
+        """Raise DeviceError without workers, UsageError if a worker runs other code than this."""
+        if not self._workers():
+            raise DeviceError(
+                f"The Dask scheduler {self._address} has no worker.",
+                cause="no worker was started, or none has found the scheduler yet.",
+                fix=f"dask worker {self._address} --nthreads 1",
+            )
+        mine = code_version()
+        for worker, other in self._client.run(_version_of_worker).items():
+            if other != mine:
+                raise other_code(worker, other)
+
+
+def other_code(worker: str, other: str) -> UsageError:
+    """Return the error for a worker that runs another version of heli3dof."""
+    return UsageError(
+        f"The worker {worker} runs heli3dof {other}; here it is {code_version()}.",
+        cause="another version is installed there, or a file was changed here.",
+        fix="install the same version of heli3dof on every worker, and restart the workers",
+    )
+
+
+def _version_of_worker() -> str:
+    return code_version()
+
+
+def _in_worker(work: Callable[[T], R], item: T, version: str) -> R:
+    """Run ``work(item)`` with one thread; raise UsageError if the worker runs another version."""
+    if code_version() != version:  # a worker that joined later
+        from distributed import get_worker
+
+        raise other_code(get_worker().address, code_version())
+    limit_threads(1)
+    return work(item)

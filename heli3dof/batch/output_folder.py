@@ -1,0 +1,135 @@
+"""`OutputFolder`: keeps what a batch computes, outcome by outcome, so that it can be resumed.
+
+::
+
+    OUT/results.parquet, results.csv   one row per recording
+    OUT/documents/NAME-KEY.json        what the verb prints with --json
+    OUT/models/, OUT/recordings/       files that the verb writes
+    OUT/journal.jsonl                  a line per outcome: key, row, cost
+
+An outcome's files are complete before its line is added. A line that an interruption cut off does
+not count, so its task is done again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from filelock import FileLock, Timeout
+
+from heli3dof.batch.task import Outcome
+from heli3dof.errors import OutputExists, UsageError
+from heli3dof.recording.atomic_write import new_folder, write_file
+from heli3dof.write_errors import write_errors_explained
+
+JOURNAL = "journal.jsonl"
+RECORDINGS = "recordings"
+RESUME = "another folder with -o; add --resume to continue in it when there is space"
+Line = dict[str, Any]
+
+
+def is_output_folder(folder: Path) -> bool:
+    """Return True if a batch has written to the folder."""
+    return (folder / JOURNAL).is_file()
+
+
+class OutputFolder:
+    """The folder of a batch, open for one process. Use it as a context manager."""
+
+    def __init__(self, path: Path, *, resume: bool) -> None:
+        """Open the folder ``path``. Raises OutputExists if it has results and not ``resume``."""
+        if is_output_folder(path) and not resume:
+            raise OutputExists(
+                f"{path} contains the results of a batch.",
+                cause="an earlier batch wrote them.",
+                fix="add --resume to do only what is missing, or choose another folder with -o",
+            )
+        if path.exists() and not path.is_dir():
+            raise UsageError(
+                f"{path} is a file, not a folder.", cause="-o names a folder.", fix="-o RESULTS"
+            )
+        self.path = new_folder(path)
+        self._lock = FileLock(path / ".lock")
+
+    def __enter__(self) -> Self:
+        try:
+            self._lock.acquire(timeout=0)
+        except Timeout:
+            raise UsageError(
+                f"Another batch writes to {self.path}.",
+                cause="it was started before and has not ended.",
+                fix="wait for it, or choose another folder with -o",
+            ) from None
+        self.lines = {line["key"]: line for line in _lines(self.path / JOURNAL)}
+        """Key → the last line of this task"""
+        with write_errors_explained(self.path / JOURNAL, fix=RESUME):
+            self._journal = (self.path / JOURNAL).open("ab", buffering=0)
+            _end_last_line(self.path / JOURNAL, self._journal.fileno())
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        self._journal.close()
+        self._lock.release()
+
+    def is_done(self, key: str) -> bool:
+        """Return True if the task has an outcome that another try would not change."""
+        return key in self.lines and bool(self.lines[key]["final"])
+
+    def add(self, outcome: Outcome, label: str) -> None:
+        """Keep an outcome. Raises NoSpace if the disk is full; what was kept before stays."""
+        text = json.dumps(outcome.document, ensure_ascii=False, indent=1, allow_nan=False)
+        document = f"documents/{label}.json"
+        for name, content in (
+            *outcome.files.items(), (document, text.encode("utf-8", "backslashreplace")),
+        ):  # fmt: skip
+            path = self.path / name
+            with write_errors_explained(path, fix=RESUME):
+                path.parent.mkdir(exist_ok=True)
+            write_file(path, content, force=True)
+        row = {**outcome.row, "document": document}
+        line: Line = {
+            "key": outcome.key, "final": outcome.is_final, "row": row, "cost": dict(outcome.cost),
+        }  # fmt: skip
+        text = json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n"
+        with write_errors_explained(self.path / JOURNAL, fix=RESUME):
+            _write_all(self._journal.fileno(), text.encode("utf-8", "backslashreplace"))
+        self.lines[outcome.key] = line
+
+
+def journal_lines(folder: Path) -> list[Line]:
+    """Return the lines of a batch's journal: key, row, cost."""
+    return list(_lines(folder / JOURNAL))
+
+
+def _lines(path: Path) -> Iterator[Line]:
+    if not path.exists():
+        return
+    with path.open("rb") as stream:
+        for text in stream:
+            try:
+                line = json.loads(text)
+            except ValueError:  # an interruption cut it off
+                continue
+            if isinstance(line, dict) and {"key", "final", "row", "cost"} <= line.keys():
+                yield line
+
+
+def _end_last_line(path: Path, descriptor: int) -> None:
+    """End a line that was cut off, so that the next line starts on its own."""
+    with path.open("rb") as stream:
+        if path.stat().st_size and stream.seek(-1, os.SEEK_END) >= 0 and stream.read() != b"\n":
+            _write_all(descriptor, b"\n")
+
+
+def _write_all(descriptor: int, data: bytes) -> None:
+    left = memoryview(data)
+    while left:
+        left = left[os.write(descriptor, left) :]

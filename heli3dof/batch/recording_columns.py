@@ -1,0 +1,77 @@
+"""The first columns of the results table: what a recording is, for every verb the same.
+
+``--where`` may use each of them. An angle's standard deviation is that of rounding to one count of
+its encoder: 360°/(counts √12).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.recording.info import summary
+from heli3dof.recording.recording import Recording
+
+COLUMNS: Mapping[str, str] = {
+    "recording": "path or URL as given",
+    "name": "the recording's name",
+    "rig": "name in the profile",
+    "serial": "serial number of the device",
+    "started_utc": "start, ISO 8601 in UTC",
+    "source": "flight, simulation or import",
+    "plan": "name of the plan",
+    "outcome": "how the flight ended",
+    "duration_s": "first to last sample",
+    "rate_hz": "nominal sample rate",
+    "jitter_s": "standard deviation of the sample interval",
+    "lost_share": "share of the samples that are missing",
+    "late_share": "share of the samples that came late",
+    "roll_start_deg": "roll at the first sample",
+    "roll_start_deg_std": "its rounding error",
+    "pitch_start_deg": "pitch at the first sample",
+    "pitch_start_deg_std": "its rounding error",
+    "digest": "SHA-256 of the samples",
+}
+STARTS = ("roll", "pitch")
+"""Axes with an absolute start angle: at rest on the table. Yaw may start anywhere."""
+
+
+def recording_columns(recording: Recording, path: str) -> dict[str, Any]:
+    """Return the columns `COLUMNS` of a recording; None where it does not contain the value."""
+    about = summary(recording)
+    made, timing = about["provenance"], about["timing"] or {}
+    identity, lateness, plan = made.get("identity"), about["lateness"] or {}, about["plan"]
+    values = {
+        "recording": path,
+        "name": about["name"],
+        "rig": about["profile"],
+        "serial": identity.get("serial") if isinstance(identity, Mapping) else None,
+        "started_utc": made.get("started_utc"),
+        "source": made.get("source"),
+        "plan": plan.get("name") if isinstance(plan, Mapping) else plan,
+        "outcome": about["outcome"],
+        "duration_s": about["duration_s"],
+        "rate_hz": about["rate_hz"],
+        "jitter_s": timing.get("jitter_s"),
+        "lost_share": timing.get("lost_share"),
+        "late_share": lateness.get("late_share"),
+        **_start_angles(recording),
+        "digest": about["digest"],
+    }
+    return {name: values[name] for name in COLUMNS}
+
+
+def _start_angles(recording: Recording) -> dict[str, float | None]:
+    out: dict[str, float | None] = {}
+    for axis in STARTS:
+        i = AXES.index(axis)
+        known = axis in recording.axes and len(recording) > 0
+        start = float(np.rad2deg(recording.angle[0, i])) if known else math.nan
+        count_deg = float(np.rad2deg(abs(recording.profile.encoder.rad_per_count[i])))
+        out[f"{axis}_start_deg"] = start if math.isfinite(start) else None
+        out[f"{axis}_start_deg_std"] = count_deg / math.sqrt(12) if math.isfinite(start) else None
+    return out

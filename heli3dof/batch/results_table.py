@@ -1,0 +1,112 @@
+"""The results table: one row per recording, as CSV and Parquet.
+
+A column is 64-bit integers, 64-bit floating-point numbers, booleans or text. Missing values are
+empty. The order of the columns is that of their first appearance, so that the files depend on the
+rows alone.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from heli3dof.errors import RecordingError, no_file
+from heli3dof.recording.atomic_write import write_file
+
+CSV, PARQUET = "results.csv", "results.parquet"
+TEXTS = ("recording", "name", "rig", "serial", "started_utc", "plan", "digest")
+"""Columns that are text even where they look like numbers, as a rig with the name 7"""
+Row = Mapping[str, Any]
+
+
+def write_table(rows: Sequence[Row], folder: Path) -> list[Path]:
+    """Write the rows to ``folder`` as CSV and, with pyarrow, as Parquet; return the paths.
+
+    An earlier table is replaced. Raises NoSpace or UsageError if that is not possible.
+    """
+    columns = typed(rows)
+    written = [write_file(folder / CSV, csv_bytes(columns), force=True)]
+    if (parquet := parquet_bytes(columns)) is not None:
+        written.insert(0, write_file(folder / PARQUET, parquet, force=True))
+    return written
+
+
+def typed(rows: Sequence[Row]) -> dict[str, list[Any]]:
+    """Return column → values of one type, None where a row has no value.
+
+    >>> typed([{"a": 1}, {"a": 0.5, "b": "x"}])
+    {'a': [1.0, 0.5], 'b': [None, 'x']}
+    """
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: _one_type([row.get(name) for row in rows]) for name in names}
+
+
+def _one_type(values: list[Any]) -> list[Any]:
+    values = [None if isinstance(v, float) and not math.isfinite(v) else v for v in values]
+    types = {type(v) for v in values} - {type(None)}
+    if len(types) <= 1:
+        return values
+    convert = float if types == {int, float} else str
+    return [None if v is None else convert(v) for v in values]
+
+
+def csv_bytes(columns: Mapping[str, Sequence[Any]]) -> bytes:
+    """Return the table as CSV in UTF-8, with shortest numbers that read back exactly."""
+    stream = io.StringIO(newline="")
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return stream.getvalue().encode("utf-8", "backslashreplace")
+
+
+def parquet_bytes(columns: Mapping[str, Sequence[Any]]) -> bytes | None:
+    """Return the table as a Parquet file, or None if pyarrow is not installed."""
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ModuleNotFoundError:
+        return None
+    kinds = {int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
+    arrays = {}
+    for name, values in columns.items():
+        kind = next((type(v) for v in values if v is not None), str)
+        arrays[name] = pa.array(values, kinds.get(kind, pa.string()))
+    sink = io.BytesIO()
+    parquet.write_table(pa.table(arrays), sink, compression="zstd")
+    return sink.getvalue()
+
+
+def read_rows(folder: Path) -> list[dict[str, Any]]:
+    """Return the rows of ``folder``'s results.csv: numbers as float, missing values as None.
+
+    Raises UsageError if there is no such file, RecordingError if it is not a table.
+    """
+    path = folder / CSV
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+    except FileNotFoundError:
+        raise no_file(path) from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(
+            f"{path} is not a table of results: {error}.", cause="it was changed or cut off.",
+            fix="heli3dof batch identify FOLDER -o OUT --resume, which writes it again",
+        ) from None  # fmt: skip
+    return [{k: _value(k, v) for k, v in row.items() if k is not None} for row in rows]
+
+
+def _value(column: str, text: str | None) -> Any:
+    if not text:
+        return None
+    if column in TEXTS:
+        return text
+    if text in ("True", "False"):
+        return text == "True"
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -1,0 +1,111 @@
+"""`run_batch`: distribute tasks, keep their outcomes, and write the table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from heli3dof.batch.code_version import code_version
+from heli3dof.batch.engines.base import Engine, Lost
+from heli3dof.batch.output_folder import OutputFolder
+from heli3dof.batch.results_table import write_table
+from heli3dof.batch.run_task import failed, run_task
+from heli3dof.batch.sources import Source
+from heli3dof.batch.task import Outcome, Task, key_of
+from heli3dof.errors import Heli3dofError
+from heli3dof.rig.profile import Profile
+
+Progress = Callable[["Batch"], None]
+
+
+@dataclass
+class Batch:
+    """The state of a batch; `Progress` callbacks receive it after each outcome."""
+
+    total: int
+    """Recordings"""
+    kept: int = 0
+    """Recordings whose outcome an earlier run has left"""
+    done: int = 0
+    """Recordings that this run has worked on"""
+    failed: int = 0
+    """Recordings of this and earlier runs whose verb failed"""
+    left_out: int = 0
+    """Recordings that do not meet the condition"""
+    tables: Sequence[Path] = ()
+
+    @property
+    def left(self) -> int:
+        return self.total - self.kept - self.done
+
+
+def tasks_of(
+    verb: str, sources: Sequence[Source], options: Sequence[Mapping[str, Any]],
+    profile: Profile | None, where: str,
+) -> Iterator[Task]:  # fmt: skip
+    """Yield a task for each recording and each of ``options``; reads the files for the keys."""
+    version = code_version()
+    for source in sources:
+        content = source.fingerprint()
+        for each in options:
+            key = key_of(verb, source.name, content, each, profile, version)
+            yield Task(verb, key, source.name, source.where, each, profile, where)
+
+
+def run_batch(
+    tasks: Sequence[Task], folder: OutputFolder, engine: Engine,
+    progress: Progress = lambda batch: None,
+) -> Batch:  # fmt: skip
+    """Do the tasks that the folder has no outcome of, and write the table of all.
+
+    The table is also written after Ctrl-C and after an error, then of what is done. Rows stand in
+    the order of the tasks.
+    """
+    # Two files of the same name and content are one task.
+    todo = list({t.key: t for t in tasks if not folder.is_done(t.key)}.values())
+    batch = Batch(len(tasks), kept=len(tasks) - len(todo))
+    progress(batch)
+    sent = (_with_content(t) if engine.remote else t for t in todo)
+    try:
+        with closing(engine.run(run_task, sent)) as outcomes:
+            for n, result in outcomes:
+                outcome = _lost(todo[n], result) if isinstance(result, Lost) else result
+                batch.done += 1
+                if outcome.selected:
+                    folder.add(outcome, todo[n].label)
+                else:
+                    batch.left_out += 1
+                progress(batch)
+    finally:
+        rows = [_row(task, folder) for task in tasks if task.key in folder.lines]
+        batch.failed = sum(row["exit_code"] != 0 for row in rows)
+        batch.tables = write_table(rows, folder.path) if rows else ()
+    return batch
+
+
+def _row(task: Task, folder: OutputFolder) -> Mapping[str, Any]:
+    row: Mapping[str, Any] = folder.lines[task.key]["row"]
+    return {**row, "recording": task.source} if task.source else row
+
+
+def _with_content(task: Task) -> Task:
+    """Return the task with the content of its file, if it is a file of this machine."""
+    source = Source(task.source)
+    if not task.source or source.is_url:
+        return task
+    try:
+        return replace(task, content=source.read())
+    except Heli3dofError:
+        return task  # the worker states that there is no such file
+
+
+def _lost(task: Task, lost: Lost) -> Outcome:
+    error = Heli3dofError(
+        f"There is no result: {lost.why}.",
+        cause="the memory was full, or somebody ended the worker.",
+        fix="the same command with --resume and fewer --workers",
+    )
+    return failed(task, error, final=False)

@@ -1,0 +1,122 @@
+"""`run_task`: do one verb on one recording. It runs in a worker and never raises.
+
+The verb reads and writes in a temporary folder. Paths in its document are replaced: the recording's
+by the one that the user gave, those of written files by paths relative to the output folder.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from heli3dof.batch.analyses import analysis
+from heli3dof.batch.analyses.base import Job
+from heli3dof.batch.condition import holds
+from heli3dof.batch.recording_columns import COLUMNS, recording_columns
+from heli3dof.batch.sources import Source
+from heli3dof.batch.task import Outcome, Task, is_final
+from heli3dof.errors import Heli3dofError, no_file
+from heli3dof.model.model_file import jsonable
+
+FAILURE = ("exit_code", "error", "cause", "fix")
+"""Columns of every row that state how a verb ended; the last three are empty if it succeeded"""
+
+
+def run_task(task: Task) -> Outcome:
+    """Return the outcome of a task; a failed one has an ``error`` and its ``exit_code``, not 0."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    with tempfile.TemporaryDirectory(prefix="heli3dof-") as folder:
+        outcome = _replaced(_run(task, Path(folder)), folder, task.source)
+    cost = {
+        "wall_s": time.perf_counter() - wall,
+        "cpu_s": time.process_time() - cpu,
+        "sent_bytes": len(json.dumps(outcome.document)) + sum(map(len, outcome.files.values())),
+    }
+    return replace(outcome, cost={**outcome.cost, **cost})
+
+
+def failed(task: Task, error: BaseException, *, final: bool) -> Outcome:
+    """Return the outcome of a task that ended with ``error``; see `Outcome.is_final`."""
+    if not isinstance(error, Heli3dofError):
+        error = Heli3dofError(
+            f"{type(error).__name__}: {error}",
+            cause="an internal error (a bug in heli3dof), or too little memory.",
+            fix=f"heli3dof {task.verb} {task.source}, and report the message",
+        )
+    ending = {
+        "exit_code": error.exit_code, "error": error.what, "cause": error.cause, "fix": error.fix,
+    }  # fmt: skip
+    row = {**dict.fromkeys(COLUMNS), "recording": task.source, "name": task.name, **ending}
+    document = {"schema": "heli3dof.error/1", **ending}
+    return Outcome(task.key, row, document, is_final=final)
+
+
+def _run(task: Task, folder: Path) -> Outcome:
+    verb = analysis(task.verb)
+    columns: dict[str, Any] = {"recording": task.source or None, "name": task.name}
+    read_bytes = 0.0
+    try:
+        path = _local(task, folder)
+        read_bytes = float(path.stat().st_size) if path else 0.0
+        job = Job(path, task.label, folder / "out", task.options, task.profile)
+        if task.source:
+            recording = verb.recording(job)
+            columns = recording_columns(recording, task.source)
+            if task.where and not holds(task.where, columns):
+                return Outcome(task.key, columns, {}, selected=False)
+        document = verb.run(job)
+        row = {**columns, **dict.fromkeys(FAILURE), "exit_code": 0, **verb.columns(document)}
+        return Outcome(
+            task.key, row, dict(document), _files(job.folder), cost={"read_bytes": read_bytes}
+        )
+    except Exception as error:
+        outcome = failed(task, error, final=is_final(error))
+        row = {**outcome.row, **columns, **{k: outcome.row[k] for k in FAILURE}}
+        cost = {"read_bytes": read_bytes}
+        return replace(outcome, row=row, files=_files(folder / "out"), cost=cost)
+
+
+def _local(task: Task, folder: Path) -> Path | None:
+    """Return the path of the recording on this machine; its content is written there if it came."""
+    if not task.source:
+        return None
+    source = Source(task.source)
+    if task.content is None and not source.is_url:
+        path = Path(task.source)
+        if not path.is_file():
+            raise no_file(path)
+        return path
+    path = folder / source.file_name
+    path.write_bytes(source.read() if task.content is None else task.content)
+    return path
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    """Return the content of the files that a verb wrote, by their paths relative to ``folder``."""
+    paths = sorted(p for p in folder.rglob("*") if p.is_file())
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in paths}
+
+
+def _replaced(outcome: Outcome, folder: str, source: str) -> Outcome:
+    """Return the outcome as JSON types, with the user's paths instead of the temporary folder's."""
+
+    def text(value: str) -> str:
+        value = value.replace(f"{folder}/out/", "")
+        value = value.replace(f"{folder}/{Source(source).file_name}", source)
+        return value.replace(folder, source.rpartition("/")[0] or ".")
+
+    def each(value: Any) -> Any:
+        if isinstance(value, str):
+            return text(value) if folder in value else value
+        if isinstance(value, Mapping):
+            return {k: each(v) for k, v in value.items()}
+        return [each(v) for v in value] if isinstance(value, (list, tuple)) else value
+
+    return replace(
+        outcome, row=each(jsonable(outcome.row)), document=each(jsonable(outcome.document))
+    )

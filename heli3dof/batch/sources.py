@@ -1,0 +1,173 @@
+"""Find the recordings that a batch is to work on: files, folders, patterns, lists and URLs.
+
+====================  ===========================================================
+word                  recordings
+====================  ===========================================================
+``flight.mcap``       this file
+``term-1/``           all recordings and logs in the folder and in those below it
+``'term-1/*.mcap'``   the files that match the pattern; ``**`` stands for any folders
+``list.txt``, ``-``   a path, pattern or URL in each line of the file, or of stdin
+``s3://lab/*.mcap``   a URL or pattern of any file system of fsspec
+====================  ===========================================================
+"""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from heli3dof.errors import RecordingError, UsageError, no_file
+from heli3dof.recording.atomic_write import stem
+from heli3dof.recording.logs.importers import endings
+from heli3dof.results import optional
+
+if TYPE_CHECKING:
+    from fsspec import AbstractFileSystem
+
+LIST = ".txt"
+"""Ending of a file that lists recordings, one a line"""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording by its path or URL, as the user gave it."""
+
+    where: str
+
+    @property
+    def is_url(self) -> bool:
+        return "://" in self.where
+
+    @property
+    def file_name(self) -> str:
+        return self.where.rsplit("/", 1)[-1] if self.is_url else Path(self.where).name
+
+    @property
+    def name(self) -> str:
+        """Return the recording's name: that of the file without its ending."""
+        return stem(Path(self.file_name))
+
+    def fingerprint(self) -> str:
+        """Return a hash that changes with the file's content; empty if it cannot be read.
+
+        For a URL it is the file system's checksum (on S3: of ETag, size and date), so that the
+        content need not be transferred. A worker reports why a file cannot be read.
+        """
+        try:
+            if self.is_url:
+                files, path = _file_system(self.where)
+                return f"{files.checksum(path)}"
+            with open(self.where, "rb") as stream:
+                return hashlib.file_digest(stream, "sha256").hexdigest()
+        except OSError:
+            return ""
+
+    def read(self) -> bytes:
+        """Return the file's content. Raises RecordingError or UsageError if it cannot be read."""
+        try:
+            if self.is_url:
+                files, path = _file_system(self.where)
+                return bytes(files.cat_file(path))
+            return Path(self.where).read_bytes()
+        except FileNotFoundError:
+            if self.is_url:
+                raise RecordingError(
+                    f"There is no file {self.where}.", cause="a typing error in the URL."
+                ) from None
+            raise no_file(Path(self.where)) from None
+        except OSError as error:
+            raise RecordingError(
+                f"{self.where} cannot be read: {error.strerror or error}.",
+                cause="it belongs to another user, is a folder, or the network failed.",
+            ) from None
+
+
+def find(words: Sequence[str]) -> list[Source]:
+    """Return the recordings that ``words`` name, each once, in the order of the words.
+
+    The recordings of one folder or pattern are sorted by path. A file that is named itself need not
+    exist: its row then states so. Raises UsageError for a folder, pattern or list without any.
+    """
+    found = dict.fromkeys(each for word in words for each in _expanded(word))
+    return [Source(each) for each in found]
+
+
+def _expanded(word: str) -> list[str]:
+    if word == "-" or (word.endswith(LIST) and "://" not in word):
+        lines = [line.strip() for line in _lines(word)]
+        listed = [line for line in lines if line and not line.startswith("#")]
+        return _not_empty([p for line in listed for p in _expanded(line)], word, "list")
+    if "://" in word:
+        if not glob.has_magic(word):
+            return [word]
+        files, path = _file_system(word)
+        matches = sorted(files.unstrip_protocol(p) for p in files.glob(path))
+        return _not_empty(matches, word, "pattern")
+    if Path(word).is_dir():
+        return _not_empty(sorted(map(str, _in_folder(Path(word)))), word, "folder")
+    if glob.has_magic(word) and not Path(word).exists():
+        return _not_empty(sorted(glob.glob(word, recursive=True)), word, "pattern")
+    return [word]
+
+
+def _lines(word: str) -> Iterable[str]:
+    if word == "-":
+        return sys.stdin.read().splitlines()
+    try:
+        return Path(word).read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        raise no_file(Path(word)) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(
+            f"The list {word} cannot be read: {error}.",
+            cause="it is not a text file with one recording a line.",
+            fix=f"ls /data/*.mcap > {word}",
+        ) from None
+
+
+def _in_folder(folder: Path) -> Iterator[Path]:
+    """Yield the recordings and logs in a folder and in those below it, hidden ones left out."""
+    from heli3dof.batch.output_folder import RECORDINGS, is_output_folder
+
+    if is_output_folder(folder):  # its results.csv is no log
+        folder = folder / RECORDINGS
+        if not folder.is_dir():
+            return
+    wanted = (".mcap", *endings())
+    for path in folder.iterdir():
+        if path.name.startswith("."):
+            continue
+        if path.is_dir():
+            yield from _in_folder(path)
+        elif path.name.lower().endswith(wanted):
+            yield path
+
+
+def _not_empty(found: list[str], word: str, kind: str) -> list[str]:
+    if not found:
+        known = ", ".join(sorted({".mcap", *endings()}))
+        raise UsageError(
+            f"There is no recording in the {kind} {word}.",
+            cause=f"a typing error, or other endings than {known}.",
+            fix=f"ls {word}",
+        )
+    return found
+
+
+def _file_system(url: str) -> tuple[AbstractFileSystem, str]:
+    """Return the file system of a URL and the path on it. Raises UsageError if it is not known."""
+    fsspec: Any = optional("fsspec", extra="cluster")
+    try:
+        files, path = fsspec.url_to_fs(url)
+    except (ValueError, ImportError) as error:
+        raise UsageError(
+            f"{url} cannot be opened: {error}.",
+            cause="fsspec does not know the URL's scheme, or its library is not installed.",
+            fix="pip install s3fs, for s3:// (gcsfs for gs://, adlfs for abfs://)",
+        ) from None
+    return files, str(path)

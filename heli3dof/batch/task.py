@@ -1,0 +1,90 @@
+"""`Task`: one verb on one recording; `Outcome`: its result. Both travel between processes.
+
+The key of a task is a hash of all that its result depends on: the verb, its options, the profile,
+the recording's content and name, and the version of heli3dof with its code.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from heli3dof.errors import CheckFailed, NoSpace, RecordingError
+from heli3dof.rig.profile import Profile
+
+KEY_SHOWN = 12
+"""Hexadecimal digits of the key in the names of files: 48 bits, so that among 10⁶ recordings of the
+same name two have the same digits with a probability of 0.2 %"""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One verb on one recording, or, without a source, one flight of a sweep."""
+
+    verb: str
+    key: str
+    """`key_of` this task"""
+    name: str
+    """The recording's name: that of its file without the ending"""
+    source: str = ""
+    """Path or URL of the recording as the user gave it; empty in a sweep"""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """The verb's options, JSON-able"""
+    profile: Profile | None = None
+    """The profile for logs, which contain none"""
+    where: str = ""
+    """Condition on the row's first columns; a recording that does not meet it is left out"""
+    content: bytes | None = None
+    """The file's content, for a worker that cannot read it itself"""
+
+    @property
+    def label(self) -> str:
+        """Return the name of this task's files in the output folder."""
+        return f"{self.name}-{self.key[:KEY_SHOWN]}"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The result of a task; a failure is one too."""
+
+    key: str
+    row: Mapping[str, Any]
+    """Column → value of the results table"""
+    document: Mapping[str, Any]
+    """What the verb prints with ``--json``"""
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    """Path relative to the output folder → content: models, recordings"""
+    selected: bool = True
+    """False if the recording does not meet the condition ``where``"""
+    is_final: bool = True
+    """False if the same task may succeed when it is tried again: after a crash or a full disk"""
+    cost: Mapping[str, float] = field(default_factory=dict)
+    """What the task needed, which differs from run to run: seconds, bytes"""
+
+
+def key_of(
+    verb: str, name: str, content: str, options: Mapping[str, Any], profile: Profile | None,
+    version: str,
+) -> str:  # fmt: skip
+    """Return the SHA-256 (hexadecimal) of all that a task's result depends on.
+
+    ``content``: hash of the recording's content; ``version``: that of heli3dof and its code.
+    """
+    parts = {
+        "verb": verb, "name": name, "content": content, "options": options, "version": version,
+        "profile": None if profile is None else profile.to_dict(),
+    }  # fmt: skip
+    text = json.dumps(parts, sort_keys=True, ensure_ascii=False, default=str)
+    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def is_final(error: BaseException) -> bool:
+    """Return True if a task that failed with ``error`` will fail again: the recording is at fault.
+
+    >>> is_final(RecordingError("torn")), is_final(NoSpace("full")), is_final(MemoryError())
+    (True, False, False)
+    """
+    return isinstance(error, (RecordingError, CheckFailed)) and not isinstance(error, NoSpace)
