@@ -212,6 +212,6 @@ def regressors(kind: str, places: Places, t: FloatArray) -> FloatArray:
     """Return the regressors (models, n) of a kind with one size, for flights at ``t`` (n,)."""
     flights, at = np.arange(len(t)), np.array(places[kind])
     if kind == "drift":
-        course: FloatArray = (t - t[0]) / (t[-1] - t[0])
-        return course[None, :]
+        time = t - t[0] if t[-1] > t[0] else flights.astype(float)
+        return np.asarray(time / time[-1])[None, :]
     return np.asarray(flights >= at if kind == "step" else flights == at, dtype=float)
