@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from heli3dof.fleet.change_search import find_changes, normal_scores, track_prior
+from tests.fleet.calibration import SERIES, TERMS, false_alarms, steps_found
 
 ONE_OF_TWENTY = track_prior(20)
 N = 50
@@ -20,16 +21,7 @@ def noise(seed: int, n: int = N) -> np.ndarray:
 @pytest.mark.parametrize("scatter", [0.0, 2.0])
 def test_at_most_one_rig_term_in_100_without_a_change_has_a_report(flights, scatter) -> None:
     """A rig with ten quantities; 100 rig-terms, so at most one report."""
-    rng = np.random.default_rng(flights)
-    prior, reports = track_prior(10), 0
-    for _ in range(100):
-        tracks = []
-        for _ in range(10):
-            s = np.exp(rng.normal(0, 0.5, flights))
-            y = rng.normal(0, np.hypot(s, scatter))
-            tracks.append(find_changes(T[:flights], y, s, prior))
-        reports += any(tracks)
-    assert reports <= 1
+    assert false_alarms(flights, scatter, seed=flights) <= 0.01 * TERMS
 
 
 def test_heavy_tails_without_standard_deviations_are_no_change() -> None:
@@ -43,14 +35,7 @@ def test_heavy_tails_without_standard_deviations_are_no_change() -> None:
 @pytest.mark.parametrize("size", [4, 6, 10])
 def test_steps_are_dated_within_one_flight(size) -> None:
     """The step is between flights 5 and 45 of 50; at least 95 of 100 are found."""
-    rng = np.random.default_rng(size)
-    found = 0
-    for _ in range(100):
-        k = int(rng.integers(5, 46))
-        y = rng.normal(size=N) + size * (np.arange(N) >= k)
-        steps = [c for c in find_changes(T, y, np.ones(N), ONE_OF_TWENTY) if c.kind == "step"]
-        found += len(steps) == 1 and abs(steps[0].first - k) <= 1
-    assert found >= 95
+    assert steps_found(size, seed=size) >= 0.95 * SERIES
 
 
 def test_a_step_has_its_size_and_dates() -> None:
