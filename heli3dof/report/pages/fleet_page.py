@@ -1,4 +1,8 @@
-"""Write the HTML page of a fleet: what changed and which rigs differ, then each quantity."""
+"""Write the HTML page of a fleet: what changed and which rigs differ, then each quantity.
+
+At most `MOST_FIGURES` quantities have a figure: those with a finding, then the main ones, then
+others. Every quantity has a table.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +15,32 @@ from heli3dof.report.text.fleet_sentences import (
     difference_sentence,
     remark_sentences,
 )
-from heli3dof.report.text.fleet_tables import bad_table, quantity_table, rig_table
+from heli3dof.report.text.fleet_tables import bad_table, main_quantities, quantity_table, rig_table
+
+MOST_FIGURES = 12
+"""Bounds the page's size: a figure of 3000 flights has 1 MB (a convention)"""
 
 
 def fleet_page(fleet: Fleet, *, title: str = "Fleet") -> str:
-    """Return the HTML page of a fleet, with one figure for each quantity."""
+    """Return the HTML page of a fleet."""
+    drawn = drawn_quantities(fleet)
+    others = [q for q in fleet.quantities if q not in drawn]
     sections = [Section("Rigs", [table(rig_table(fleet))])]
-    sections += [_section(fleet, q) for q in fleet.quantities]
+    sections += [_section(fleet, q) for q in drawn]
+    sections.append(Section("Other quantities", (), [table(quantity_table(q)) for q in others]))
     if fleet.bad:
         sections.append(Section("Bad data", [table(bad_table(fleet))]))
     subtitle = f"{len(fleet.rigs)} rigs, {fleet.recordings} recordings"
     return page(title, subtitle, sections, answers=_answers(fleet), footer=REPORT_LIMIT)
+
+
+def drawn_quantities(fleet: Fleet) -> list[FleetQuantity]:
+    """Return the quantities with a figure, at most `MOST_FIGURES`, the most important first."""
+    stated = [track.quantity for track, _ in fleet.changes()]
+    stated += [quantity for quantity, _ in fleet.differences()]
+    first = [q for name in dict.fromkeys(stated) for q in fleet.quantities if q.name == name]
+    main = [q for q, _ in main_quantities(fleet)]
+    return list(dict.fromkeys([*first, *main, *fleet.quantities]))[:MOST_FIGURES]
 
 
 def _answers(fleet: Fleet) -> list[Answer]:

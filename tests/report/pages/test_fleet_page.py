@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from heli3dof.fleet.analyse import analyse
-from heli3dof.report.pages.fleet_page import fleet_page
-from tests.fleet.making import term_rows
+from heli3dof.report.pages.fleet_page import MOST_FIGURES, drawn_quantities, fleet_page
+from tests.fleet.making import DEVIATING, DIFFERS, DRIFT, STEP, term_rows
 from tests.report.pages.test_html import NASTY, checked
 
 
@@ -18,6 +18,15 @@ def test_the_page_is_well_formed_and_has_a_figure_for_each_quantity() -> None:
     assert "What changed?" in text
     assert f"{NASTY}: thrust_gain_ratio changed by −0.06" in text
     assert document.count("<img") == len(fleet.quantities) + 1
+
+
+def test_quantities_with_findings_and_the_main_ones_are_drawn_first() -> None:
+    same = {f"a{i}{end}": 1.0 for i in range(20) for end in ("", "_std")}
+    rows = [same | row for row in term_rows()]
+    names = [q.name for q in drawn_quantities(analyse(rows))]
+    assert names[:4] == [STEP[1], DRIFT[1], DEVIATING[1], DIFFERS[1]]
+    assert set(names[4:7]) == {"hover_voltage_V", "jitter_s", "lost_share"}
+    assert len(names) == MOST_FIGURES
 
 
 def test_a_fleet_without_findings_says_so() -> None:
