@@ -29,6 +29,7 @@ MAY_IMPORT = {
         "errors", "results", "arrays", "axes", "parallel", "plugins", "rig", "recording", "model",
     },
     "comparison": {"errors", "results", "arrays", "axes", "rig", "recording", "model"},
+    "fleet": {"errors", "results", "arrays"},
     "paper": {"errors", "axes", "rig", "recording", "model", "comparison"},
     "diagnosis": {
         "errors", "results", "arrays", "axes", "parallel", "rig", "recording", "model",
@@ -40,12 +41,12 @@ MAY_IMPORT = {
     },
     "report": {
         "errors", "axes", "rig", "recording", "model", "experiment", "identification",
-        "comparison", "diagnosis", "paper",
+        "comparison", "diagnosis", "fleet", "paper",
     },
     "cli": {
         "errors", "axes", "write_errors", "rig", "recording", "model", "experiment", "exercise",
-        "identification", "comparison", "diagnosis", "report", "toml_file", "paper", "plugins",
-        "batch",
+        "identification", "comparison", "diagnosis", "fleet", "report", "toml_file", "paper",
+        "plugins", "batch",
     },
 }  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Run a verb on many recordings: one row of a table for each, and its JSON document beside it.
+"""Run a verb on many recordings: one row of a table for each, and its JSON document.
 
 ::
 

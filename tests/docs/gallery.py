@@ -126,6 +126,11 @@ EXAMPLES = {
         ("heli3dof report cable.mcap --model hover --model model.json -o report.html",),
         before=(RICH, f"{DIAGNOSE} --quiet"),
     ),
+    "fleet": Example(
+        "`fleet` states what changed on which rig of a laboratory, and which rigs differ.",
+        ("heli3dof fleet term",),
+        before=("python -m tests.fleet.making term",),
+    ),
     "export": Example(
         "`export` writes a recording as a table, or for a viewer.",
         ("heli3dof export steps.mcap -o steps.csv", "heli3dof export steps.mcap --to foxglove"),

@@ -1,0 +1,84 @@
+"""``heli3dof fleet``: what the recordings of many rigs say together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from heli3dof.cli.options import AsJson, Force, Quiet, Verbose
+from heli3dof.cli.output import Output, verb
+
+if TYPE_CHECKING:
+    from heli3dof.fleet.result import Fleet
+
+MOST_LINES = 12
+"""Sentences on the first screen: with a table of 20 rigs they fit 40 lines (a convention)"""
+
+
+def register(app: typer.Typer) -> None:
+    app.command("fleet", rich_help_panel="Many recordings")(fleet)
+
+
+@verb
+def fleet(
+    folder: Annotated[
+        Path, typer.Argument(metavar="OUT", help="The folder of a batch, with results.csv.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="FILE.html", help="Write an HTML page with figures."
+        ),
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """State what changed on which rig, which rigs differ, and which recordings are bad data.
+
+    Example: heli3dof fleet term -o term.html
+    """
+    from heli3dof.fleet.analyse import analyse
+    from heli3dof.fleet.rows import RESULTS, read_rows
+    from heli3dof.recording.atomic_write import check_outputs
+
+    out = Output(as_json=as_json, quiet=quiet)
+    if output is not None:
+        check_outputs(output, force=force, inputs=[folder / RESULTS])
+    rows = read_rows(folder)
+    with out.working("Searching for changes …"):
+        found = analyse(rows)
+    _show(out, found, verbose=verbose)
+    if output is not None:
+        from heli3dof.report.pages.fleet_page import fleet_page
+        from heli3dof.report.pages.html import write_page
+
+        with out.working("Drawing …"):
+            text = fleet_page(found, title=f"Fleet: {folder.name}")
+        write_page(text, output, force=force)
+        out.note(f"Page: {output}")
+    out.emit(found.to_dict())
+
+
+def _show(out: Output, found: Fleet, *, verbose: bool) -> None:
+    """Print the sentences and the table of rigs; with ``verbose`` all quantities and bad data."""
+    from heli3dof.report.text.fleet_sentences import finding_sentences, remark_sentences
+    from heli3dof.report.text.fleet_tables import bad_table, quantity_tables, rig_table
+    from heli3dof.report.text.table import to_rich
+
+    sentences = finding_sentences(found)
+    shown = sentences if verbose else sentences[:MOST_LINES]
+    out.show(*shown)
+    if len(shown) < len(sentences):
+        out.show(f"{len(sentences) - len(shown)} more findings: add --verbose")
+    out.show(*remark_sentences(found))
+    out.show("", to_rich(rig_table(found)))
+    if verbose:
+        grids = [*quantity_tables(found), *([bad_table(found)] if found.bad else [])]
+        for grid in grids:
+            out.show("", to_rich(grid))
+    else:
+        out.note("For all quantities and the bad recordings add --verbose")

@@ -1,0 +1,59 @@
+"""Analyse the rows of a batch: estimates, changes and differing rigs of each quantity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from heli3dof.errors import RecordingError
+from heli3dof.fleet.change_search import find_changes, track_prior
+from heli3dof.fleet.random_effects import random_effects
+from heli3dof.fleet.result import Fleet, FleetQuantity, RigQuantity
+from heli3dof.fleet.siblings import differing_rigs, fleet_estimate
+from heli3dof.fleet.tracks import Row, Track, bad_recordings, quantities_of, tracks_of
+
+
+def analyse(rows: Sequence[Row]) -> Fleet:
+    """Return what the rows of a batch have in common (`heli3dof.fleet.rows.read_rows`).
+
+    Raises RecordingError if no recording can be used.
+    """
+    bad = bad_recordings(rows)
+    names = quantities_of(rows)
+    if not names:
+        raise RecordingError(
+            f"None of the {len(rows)} recordings has a quantity that can be used.",
+            cause=f"all are bad data; the first: {bad[0].recording}: {bad[0].reason}."
+            if len(bad) == len(rows)
+            else "the verb of the batch states no numbers with standard deviations.",
+            fix=f"heli3dof diagnose {bad[0].recording}" if bad
+            else "heli3dof batch identify REC... -o FOLDER",
+        )  # fmt: skip
+    tracks = tracks_of(rows, names)
+    quantities = tuple(
+        _quantity(name, [t for t in tracks if t.quantity == name], len(names)) for name in names
+    )
+    return Fleet(len(rows), quantities, bad)
+
+
+def _quantity(name: str, tracks: Sequence[Track], quantities: int) -> FleetQuantity:
+    rigs = [_rig(track, quantities) for track in tracks]
+    estimates = {r.track.rig: r.estimate for r in rigs}
+    differing = {d.rig: d for d in differing_rigs(estimates, quantities)}
+    return FleetQuantity(
+        name,
+        tuple(replace(r, difference=differing.get(r.track.rig)) for r in rigs),
+        fleet_estimate({rig: e for rig, e in estimates.items() if rig not in differing}),
+    )
+
+
+def _rig(track: Track, quantities: int) -> RigQuantity:
+    """Return a rig's changes in one of its ``quantities``, and the estimate since the last step."""
+    changes = find_changes(track.t, track.y, track.s, track_prior(quantities))
+    start = max((c.first for c in changes if c.kind == "step"), default=0)
+    deviating = [c.first for c in changes if c.kind == "deviating"]
+    present = np.setdiff1d(np.arange(start, len(track.y)), deviating)
+    s = np.zeros_like(track.y) if track.s is None else track.s
+    return RigQuantity(track, changes, present, random_effects(track.y[present], s[present]), None)

@@ -1,0 +1,217 @@
+"""Probabilities that a quantity changed during a series of flights, by Bayesian model comparison.
+
+n flights give values yᵢ with standard deviations sᵢ, in order of time. Each model of a change adds
+one regressor x to a constant::
+
+    yᵢ = m + δ·xᵢ + eᵢ,   eᵢ ~ N(0, φ²uᵢ),   uᵢ = (1 − a)(sᵢ/s̃)² + a,   δ ~ N(0, g²φ²)
+
+    step before flight k     xᵢ = 1 for i ≥ k, else 0      2 ≤ k ≤ n − 2 (flights from 0)
+    two steps                a step before j and one before k, j + 2 ≤ k, with two sizes δ
+    drift                    xᵢ = (tᵢ − t₀)/(tₙ₋₁ − t₀)     δ: change over all flights
+    deviating flight j       xᵢ = 1 for i = j, else 0
+
+φ is the standard deviation of a typical flight (s̃: median of s), and a the share of the scatter
+between flights in its variance. A step needs two flights on each side, because one flight alone is
+a deviating flight. Two steps need a model of their own: if the second undoes the first, or repeats
+it, one step describes the flights badly. Its j and k are on a grid of at most `MOST_BOUNDARIES`.
+
+Priors: m flat; p(φ) ∝ 1/φ, so a common factor of all sᵢ has no influence; a on `SHARES`, dense
+near 0; g on `SIZES`: a change has equal probability in each octave of 1 to 32 standard deviations.
+m, δ and φ integrate in closed form. With wᵢ = 1/uᵢ and sums over values from which the weighted
+mean is subtracted::
+
+    p(y | x, a, g) ∝ √(Πwᵢ/Σwᵢ) · (1 + g²Sxx)^(−½) · R^(−(n−1)/2)
+    R = Syy − Sxy²·B,   B = g²/(1 + g²Sxx)
+    δ | x, a, g, y ~ Student t with n − 1 degrees of freedom, mean B·Sxy, scale² B·R/(n − 1)
+
+The constant has g = 0. For two steps, Sxx is a matrix and Sxy a vector: 1 + g²Sxx becomes
+det(I + g²Sxx), and Sxy²·B becomes Sxyᵀ(Sxx + I/g²)⁻¹Sxy. Sums over a, g and the flights of a
+change give the probability of each kind (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from heli3dof.arrays import FloatArray
+
+SHARES = np.linspace(0.0, 1.0, 9) ** 2
+"""Grid of a, 1: the share of the scatter between flights in a typical flight's variance. Chosen."""
+SIZES: FloatArray = np.exp2(np.arange(6.0))
+"""Grid of g, 1: standard deviations of a flight. Chosen: below 1 no flight shows a change, and
+above 32 every value of the prior's width gives the same answer."""
+KINDS = ("step", "two_steps", "drift", "deviating")
+SINGLE = ("step", "drift", "deviating")
+"""Kinds with one size δ"""
+Places = Mapping[str, tuple[tuple[int, ...], ...]]
+LEAST_SIDE = 2
+"""Flights on each side of a step: one flight alone is a deviating flight (definition)"""
+MOST_BOUNDARIES = 30
+"""Grid points of two steps. Chosen: bounds the models to about 400; the search computes both steps
+again without a grid."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Prior probabilities of the kinds of change in one series of flights."""
+
+    step: float
+    two_steps: float
+    drift: float
+    deviating: float
+
+    def scaled(self, factor: float) -> Prior:
+        """Return these probabilities times ``factor``."""
+        return Prior(
+            factor * self.step, factor * self.two_steps, factor * self.drift,
+            factor * self.deviating,
+        )  # fmt: skip
+
+    @property
+    def change(self) -> float:
+        """Return the probability of any change."""
+        return self.step + self.two_steps + self.drift + self.deviating
+
+
+@dataclass(frozen=True, eq=False)
+class ChangePosterior:
+    """Posterior probabilities of each change in n flights, and the size δ of each.
+
+    The models of a kind: steps before flights 2 … n − 2; pairs of steps; one drift; n deviating
+    flights.
+    """
+
+    places: Places
+    """Kind → for each model, the flight that a step precedes, those of two, the deviating flight"""
+    constant: float
+    """Probability that nothing changed"""
+    probability: Mapping[str, FloatArray]
+    """Kind → probability of each model; they and ``constant`` sum to 1"""
+    size: Mapping[str, FloatArray]
+    """Kind, without ``two_steps`` → posterior mean of δ for each model, in the unit of y"""
+    size_std: Mapping[str, FloatArray]
+    """Kind, without ``two_steps`` → posterior standard deviation of δ for each model"""
+
+    def kind(self, name: str) -> float:
+        """Return the probability of a kind of `KINDS`."""
+        return float(self.probability[name].sum())
+
+    @property
+    def most_probable(self) -> str:
+        """Return the most probable kind of change."""
+        return max(KINDS, key=self.kind)
+
+    def best(self, kind: str) -> int:
+        """Return the index of the most probable model of a kind."""
+        return int(np.argmax(self.probability[kind]))
+
+
+def change_posterior(y: FloatArray, s: FloatArray, t: FloatArray, prior: Prior) -> ChangePosterior:
+    """Return the probabilities of all changes in n ≥ 4 flights.
+
+    ``y``, ``s`` (n,): values and standard deviations s > 0; ``t`` (n,): times in any unit, growing.
+    """
+    from scipy.special import logsumexp
+
+    n = len(y)
+    places = change_places(n)
+    x = {kind: regressors(kind, places, t) for kind in SINGLE}
+    ratio = (s / np.median(s)) ** 2
+    w = 1.0 / ((1 - SHARES)[:, None] * ratio + SHARES[:, None])  # (a, i)
+    sum_w = w.sum(axis=1)
+    r = y - ((w @ y) / sum_w)[:, None]  # (a, i)
+    s_yy = np.einsum("ai,ai->a", w, r**2)
+    if not np.all(s_yy > (np.finfo(float).eps * np.abs(y).max()) ** 2 * n):  # equal values
+        zeros = {kind: np.zeros(len(places[kind])) for kind in KINDS}
+        return ChangePosterior(places, 1.0, zeros, zeros, zeros)
+    evidence = 0.5 * (np.log(w).sum(axis=1) - np.log(sum_w) - (n - 1) * np.log(s_yy))
+    s_xy = {kind: (w * r) @ x[kind].T for kind in SINGLE}  # (a, model)
+    s_xx = {kind: w @ (x[kind] ** 2).T - (w @ x[kind].T) ** 2 / sum_w[:, None] for kind in SINGLE}
+
+    square = np.square(SIZES)[:, None, None]  # (g, a, model) from here on
+    occam = {kind: 1 + square * s_xx[kind] for kind in SINGLE}
+    shrink = {kind: square / occam[kind] for kind in SINGLE}
+    gain = {kind: s_xy[kind] ** 2 * shrink[kind] for kind in SINGLE}
+    gain["two_steps"], occam["two_steps"] = _two_steps(places, w, x["step"], s_xy, s_xx, square)
+    left = {kind: np.maximum(1 - gain[kind] / s_yy[:, None], 1e-12) for kind in KINDS}  # R/Syy
+    each = {
+        kind: evidence[:, None] - 0.5 * np.log(occam[kind]) - 0.5 * (n - 1) * np.log(left[kind])
+        for kind in KINDS
+    }
+    log_constant = logsumexp(evidence) - np.log(len(SHARES)) + np.log(1 - prior.change)
+    models = {kind: _log_sum(each[kind]) for kind in KINDS}
+    weight = {
+        kind: models[kind]
+        + np.log(getattr(prior, kind) / (max(len(places[kind]), 1) * len(SIZES) * len(SHARES)))
+        for kind in KINDS
+    }
+    total = logsumexp(np.concatenate([[log_constant], *weight.values()]))
+    size, spread = {}, {}
+    for kind in SINGLE:
+        share = np.exp(each[kind] - models[kind])  # of each (g, a) in a model
+        mean = s_xy[kind] * shrink[kind]
+        # Variance of Student's t with n − 1 degrees of freedom
+        variance = shrink[kind] * left[kind] * s_yy[:, None] / (n - 3)
+        size[kind] = (share * mean).sum(axis=(0, 1))
+        spread[kind] = (share * (variance + (mean - size[kind]) ** 2)).sum(axis=(0, 1))
+    return ChangePosterior(
+        places,
+        float(np.exp(log_constant - total)),
+        {kind: np.exp(weight[kind] - total) for kind in KINDS},
+        size,
+        {kind: np.sqrt(spread[kind]) for kind in SINGLE},
+    )
+
+
+def _log_sum(each: FloatArray) -> FloatArray:
+    """Return the logarithm of the sum of exp(``each``) over g and a, for each model."""
+    rows = each.reshape(len(SIZES) * len(SHARES), each.shape[2])
+    total: FloatArray = np.logaddexp.reduce(rows, axis=0)
+    return total
+
+
+def _two_steps(
+    places: Places,
+    w: FloatArray,
+    x: FloatArray,
+    s_xy: Mapping[str, FloatArray],
+    s_xx: Mapping[str, FloatArray],
+    square: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return Sxyᵀ(Sxx + I/g²)⁻¹Sxy and det(I + g²Sxx), each (g, a, pair), of all pairs of steps.
+
+    ``w`` (a, n): weights; ``x``: regressors of the steps; ``square`` (g, 1, 1): g².
+    """
+    pairs = np.array(places["two_steps"], dtype=int).reshape(-1, 2) - LEAST_SIDE
+    j, k = pairs.T
+    total = w @ x.T  # (a, step); the later step's regressor is the product of both
+    b_j, b_k = s_xy["step"][:, j], s_xy["step"][:, k]
+    s_jk = total[:, k] - total[:, j] * total[:, k] / w.sum(axis=1)[:, None]
+    jj, kk = (s_xx["step"][:, i] + 1 / square for i in (j, k))
+    det = jj * kk - s_jk**2
+    gain = (kk * b_j**2 - 2 * s_jk * b_j * b_k + jj * b_k**2) / det
+    return gain, square**2 * det
+
+
+def change_places(n: int) -> Places:
+    """Return kind → the flights of each model of n flights, as in `ChangePosterior.places`."""
+    firsts = range(LEAST_SIDE, n - LEAST_SIDE + 1)
+    grid = firsts[:: -(-len(firsts) // MOST_BOUNDARIES)]
+    return {
+        "step": tuple((k,) for k in firsts),
+        "two_steps": tuple((j, k) for j in grid for k in grid if k - j >= LEAST_SIDE),
+        "drift": ((0,),),
+        "deviating": tuple((j,) for j in range(n)),
+    }
+
+
+def regressors(kind: str, places: Places, t: FloatArray) -> FloatArray:
+    """Return the regressors (models, n) of a kind with one size, for flights at ``t`` (n,)."""
+    flights, at = np.arange(len(t)), np.array(places[kind])
+    if kind == "drift":
+        time = t - t[0] if t[-1] > t[0] else flights.astype(float)
+        return np.asarray(time / time[-1])[None, :]
+    return np.asarray(flights >= at if kind == "step" else flights == at, dtype=float)

@@ -1,0 +1,238 @@
+"""Changes of one quantity of one rig: steps, drifts, deviating flights.
+
+The search takes the most probable change of all flights (`change_posterior`). A step divides the
+flights, and both sides are searched; two steps make three parts. A deviating flight is removed,
+and the search starts again. Several deviating flights would hide each other, so a Hampel filter
+proposes candidates first, and each is tested in the absence of the other candidates. At the end,
+the date, size and probability of each step are computed from the flights between its neighbours.
+
+A change is reported if its probability is at least `REPORTED`. Prior probabilities come from
+`CHANGES_PER_RIG_TERM`, divided by the rig's number of quantities. Among tracks without a change, a
+calibrated posterior reports at most the share π·(1 − p)/p, with π the prior and p = `REPORTED`: one
+report in 20 is false. For a rig with all its quantities, this is 0.15 · 0.05/0.95 = 0.8 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from heli3dof.arrays import FloatArray
+from heli3dof.fleet.change_posterior import (
+    LEAST_SIDE,
+    SINGLE,
+    ChangePosterior,
+    Prior,
+    change_posterior,
+)
+
+REPORTED = 0.95
+"""Least probability of a reported change: at most one report in 20 is false (a convention)"""
+CHANGES_PER_RIG_TERM = Prior(step=1 / 40, two_steps=1 / 40, drift=1 / 20, deviating=1 / 20)
+"""Expected changes of a rig in a term, in all its quantities. Chosen: a room of twenty rigs sees
+one step, one drift and one deviating flight a term. Half of the steps come in pairs (a repair)."""
+LEAST_FLIGHTS = 8
+"""Flights that a search needs: the least number for which the calibration is tested"""
+DATES = 0.95
+"""Probability that the stated dates of a step contain the true one (a convention)"""
+MOST_DEVIATING = 0.2
+"""Share of flights that may deviate; beyond it the others are no reference. Chosen."""
+HAMPEL_WIDTH = 5
+"""Flights of the running median: keeps a step of two flights at an end (a convention)"""
+HAMPEL_SIGMAS = 5.0
+"""Proposed flights deviate by more standard deviations. Chosen: only proposes, and the posterior
+decides"""
+MAD_TO_STD = 1.4826
+"""Standard deviation over median absolute deviation of a normal distribution: 1/Φ⁻¹(¾)"""
+REFINEMENTS = 5
+"""Passes over the steps for each step; the second already changes few. Chosen."""
+NORMAL_95 = 1.96
+"""Half width of a 95 % interval in standard deviations"""
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """A change of a quantity. Flights have the indices of the arrays searched."""
+
+    kind: str
+    """``step``, ``drift`` or ``deviating``"""
+    first: int
+    """Step: first flight after it. Drift: its first flight. Deviating: the flight"""
+    last: int
+    """Step: last flight before it. Drift: its last flight. Deviating: the flight"""
+    probability: float
+    """Probability of any change in these flights"""
+    kinds: Mapping[str, float]
+    """Probability of each kind; they sum to ``probability``"""
+    dates: Mapping[int, float]
+    """Step: first flight after it → its probability, if it is a step; the likeliest, 95 %"""
+    size: float
+    """In the quantity's unit; of a drift, between its first and last flight"""
+    interval: tuple[float, float]
+    """95 % limits of ``size``"""
+
+
+def track_prior(quantities: int) -> Prior:
+    """Return the prior of one of a rig's ``quantities``."""
+    return CHANGES_PER_RIG_TERM.scaled(1 / quantities)
+
+
+def find_changes(
+    t: FloatArray, y: FloatArray, s: FloatArray | None, prior: Prior
+) -> tuple[Change, ...]:
+    """Return the changes in n flights: steps and drifts in order of time, then deviating flights.
+
+    ``t``, ``y``, ``s`` (n,): growing times, values, standard deviations. Without ``s``, the search
+    is on the normal scores of the values, because no normal distribution can be assumed.
+    """
+    series = _Series(t, y, s, prior)
+    deviating = list(_candidates(series))
+    kept = np.setdiff1d(np.arange(len(y)), [c.first for c in deviating])
+    while True:
+        found = list(_search(series, kept))
+        outside = [c for c in found if c.kind == "deviating"]
+        if not outside or len(deviating) + 1 > MOST_DEVIATING * len(y):
+            break
+        worst = max(outside, key=lambda c: c.probability)
+        deviating.append(worst)
+        kept = kept[kept != worst.first]
+    steps = _refined(series, kept, [c for c in found if c.kind == "step"])
+    drifts = [c for c in found if c.kind == "drift"]
+    in_order = sorted([*steps, *drifts], key=lambda c: c.first)
+    return (*in_order, *sorted(deviating, key=lambda c: c.first))
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    t: FloatArray
+    y: FloatArray
+    s: FloatArray | None
+    prior: Prior
+
+    def posterior(self, flights: np.ndarray) -> ChangePosterior:
+        """Return the posterior of these flights; the prior of a part is smaller in proportion."""
+        t, y = self.t[flights], self.y[flights]
+        prior = self.prior.scaled(len(flights) / len(self.y))
+        if self.s is not None:
+            return change_posterior(y, self.s[flights], t, prior)
+        equal = np.ones(len(y))
+        by_rank = change_posterior(normal_scores(y), equal, t, prior)
+        sized = change_posterior(y, equal, t, prior)
+        return ChangePosterior(
+            by_rank.places, by_rank.constant, by_rank.probability, sized.size, sized.size_std
+        )
+
+
+def normal_scores(y: FloatArray) -> FloatArray:
+    """Return the normal quantiles of the ranks of ``y`` (n,), Φ⁻¹((rank − ½)/n), without unit."""
+    from scipy.special import ndtri
+    from scipy.stats import rankdata
+
+    scores: FloatArray = ndtri((rankdata(y) - 0.5) / len(y))
+    return scores
+
+
+def _candidates(series: _Series) -> Iterator[Change]:
+    """Yield the flights that a Hampel filter proposes, and that deviate from those not proposed."""
+    from scipy.ndimage import median_filter
+
+    n = len(series.y)
+    if series.s is None or n < LEAST_FLIGHTS:
+        return
+    off = np.abs(series.y - median_filter(series.y, size=HAMPEL_WIDTH, mode="mirror"))
+    order = np.argsort(-off)[: int(MOST_DEVIATING * n)]
+    proposed = order[off[order] > HAMPEL_SIGMAS * MAD_TO_STD * np.median(off)]
+    others = np.setdiff1d(np.arange(n), proposed)
+    for flight in proposed:
+        flights = np.sort(np.append(others, flight))
+        change = _single(series, flights)
+        if change is not None and (change.kind, change.first) == ("deviating", flight):
+            yield change
+
+
+def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
+    """Yield the change of these flights; of a step, also the changes on both sides."""
+    if len(flights) < LEAST_FLIGHTS:
+        return
+    posterior = series.posterior(flights)
+    if 1 - posterior.constant < REPORTED:
+        return
+    kind = posterior.most_probable
+    if kind in ("drift", "deviating"):
+        yield _change(posterior, flights, kind)
+        return
+    start = 0
+    for end in posterior.places[kind][posterior.best(kind)]:
+        yield from _search(series, flights[start:end])
+        yield _change(posterior, flights, "step", end)
+        start = end
+    yield from _search(series, flights[start:])
+
+
+def _single(series: _Series, flights: np.ndarray) -> Change | None:
+    """Return the most probable change with one size; None if constant flights are too probable."""
+    posterior = series.posterior(flights)
+    if 1 - posterior.constant < REPORTED:
+        return None
+    return _change(posterior, flights, max(SINGLE, key=posterior.kind))
+
+
+def _refined(series: _Series, kept: np.ndarray, steps: list[Change]) -> list[Change]:
+    """Return the steps as computed from the flights between their neighbours, if still probable.
+
+    The dates converge first. Then the least probable step goes, if it is not probable enough.
+    """
+    for _ in range(REFINEMENTS * len(steps)):
+        before = [c.first for c in steps]
+        for i in range(len(steps)):
+            start = steps[i - 1].first if i else 0
+            end = steps[i + 1].first if i + 1 < len(steps) else len(series.y)
+            window = kept[(kept >= start) & (kept < end)]
+            steps[i] = _change(series.posterior(window), window, "step")
+        if [c.first for c in steps] != before:
+            continue
+        weak = [c for c in steps if c.probability < REPORTED or c.kinds[c.kind] < 0.5]
+        if not weak:
+            break
+        steps.remove(min(weak, key=lambda c: c.kinds[c.kind]))
+    return steps
+
+
+def _change(
+    posterior: ChangePosterior, flights: np.ndarray, kind: str, before: int | None = None
+) -> Change:
+    """Return the change of a kind; a step ``before`` this flight of ``flights`` if it is given."""
+    model = posterior.best(kind)
+    size, std = posterior.size[kind], posterior.size_std[kind]
+    value, variance = float(size[model]), float(std[model]) ** 2
+    first, last = posterior.places[kind][model][0], len(flights) - 1
+    dates: dict[int, float] = {}
+    if kind == "deviating":
+        last = first
+    if kind == "step":
+        first = first if before is None else before
+        last = first - 1
+        share = posterior.probability[kind] / posterior.kind(kind)
+        dates = _dates(share, flights)
+        value = float(share @ size)
+        variance = float(share @ (std**2 + (size - value) ** 2))
+    kinds = {k: posterior.kind(k) for k in SINGLE}
+    kinds["step"] += posterior.kind("two_steps")
+    half = NORMAL_95 * sqrt(variance)
+    return Change(
+        kind, int(flights[first]), int(flights[last]), 1 - posterior.constant,
+        kinds, dates, value, (value - half, value + half),
+    )  # fmt: skip
+
+
+def _dates(share: FloatArray, flights: np.ndarray) -> dict[int, float]:
+    """Return the first flights after a step that have the probability `DATES`, the likeliest.
+
+    ``share``: probability of each step, from that before flight 2 of ``flights``.
+    """
+    order = np.argsort(-share, kind="stable")
+    many = int(np.searchsorted(np.cumsum(share[order]), DATES)) + 1
+    return {int(flights[i + LEAST_SIDE]): float(share[i]) for i in sorted(order[:many])}

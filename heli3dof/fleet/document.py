@@ -1,0 +1,129 @@
+"""``fleet --json``: the fleet as one JSON document, schema ``heli3dof.fleet/1``.
+
+::
+
+    schema, recordings, rigs[], ordered_by_name[] (rigs without starts)
+    quantities[]       quantity, fleet (an estimate, or null)
+      rigs[]           rig, flights, estimate, own[] (recording, value, std)
+    steps[]            rig, quantity, probability, kinds, size, interval, before, after
+      dates[]          before, after, probability: the flights between which the step may be
+    drifts[]           rig, quantity, probability, kinds, size, interval, first, last
+    deviating[]        rig, quantity, probability, kinds, size, interval, flight
+    differing[]        rig, quantity, difference, std, p_value
+    bad_recordings[]   recording, rig, reason
+
+An estimate has ``value std interval scatter flights``: all in the quantity's unit, with 95 %
+intervals; ``scatter`` is that between flights, in ``fleet`` that between rigs. ``own`` holds each
+flight's estimate, shrunken towards the rig's mean. A flight is ``recording``, ``day`` (days since
+1970-01-01 UTC; null if the order is that of the names). ``kinds`` gives the probability of each
+kind of change, ``p_value`` the chance of such a difference if all rigs are alike.
+Undefined numbers are null.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from heli3dof.fleet.random_effects import shrunken
+
+if TYPE_CHECKING:
+    from heli3dof.fleet.change_search import Change
+    from heli3dof.fleet.random_effects import Estimate
+    from heli3dof.fleet.result import Fleet, FleetQuantity, RigQuantity
+    from heli3dof.fleet.tracks import Track
+
+SCHEMA = "heli3dof.fleet/1"
+
+
+def fleet_document(fleet: Fleet) -> dict[str, Any]:
+    """Return the fleet as a dict of JSON types, with the keys of the module's docstring."""
+    changes = {
+        kind: [_change(track, c) for track, c in fleet.changes() if c.kind == kind]
+        for kind in ("step", "drift", "deviating")
+    }
+    return {
+        "schema": SCHEMA,
+        "recordings": fleet.recordings,
+        "rigs": list(fleet.rigs),
+        "ordered_by_name": list(fleet.undated),
+        "quantities": [_quantity(q) for q in fleet.quantities],
+        "steps": changes["step"],
+        "drifts": changes["drift"],
+        "deviating": changes["deviating"],
+        "differing": [
+            {"rig": d.rig, "quantity": quantity, "difference": d.size, "std": d.std,
+             "p_value": d.p_value}
+            for quantity, d in fleet.differences()
+        ],
+        "bad_recordings": [
+            {"recording": b.recording, "rig": b.rig, "reason": b.reason} for b in fleet.bad
+        ],
+    }  # fmt: skip
+
+
+def _quantity(q: FleetQuantity) -> dict[str, Any]:
+    return {
+        "quantity": q.name,
+        "fleet": None if q.fleet is None else _estimate(q.fleet),
+        "rigs": [
+            {"rig": r.track.rig, "flights": len(r.track.y), "estimate": _estimate(r.estimate),
+             "own": _own(r)}
+            for r in q.rigs
+        ],
+    }  # fmt: skip
+
+
+def _estimate(e: Estimate) -> dict[str, Any]:
+    return {
+        "value": e.value,
+        "std": _number(e.std),
+        "interval": [_number(limit) for limit in e.interval],
+        "scatter": _number(e.scatter),
+        "flights": e.n,
+    }
+
+
+def _own(r: RigQuantity) -> list[dict[str, Any]]:
+    """Return the estimate of each flight since the last step; empty without deviations."""
+    if r.track.s is None or r.estimate.n < 2:
+        return []
+    value, std = shrunken(r.track.y[r.present], r.track.s[r.present], r.estimate)
+    return [
+        {"recording": r.track.flights[i], "value": float(v), "std": float(d)}
+        for i, v, d in zip(r.present, value, std, strict=True)
+    ]
+
+
+def _change(track: Track, change: Change) -> dict[str, Any]:
+    common = {
+        "rig": track.rig,
+        "quantity": track.quantity,
+        "probability": change.probability,
+        "kinds": dict(change.kinds),
+        "size": change.size,
+        "interval": list(change.interval),
+    }
+    if change.kind == "drift":
+        return {
+            **common,
+            "first": _flight(track, change.first),
+            "last": _flight(track, change.last),
+        }
+    if change.kind == "deviating":
+        return {**common, "flight": _flight(track, change.first)}
+    dates = [
+        {"before": _flight(track, k - 1), "after": _flight(track, k), "probability": p}
+        for k, p in change.dates.items()
+    ]
+    ends = {"before": _flight(track, change.last), "after": _flight(track, change.first)}
+    return {**common, **ends, "dates": dates}
+
+
+def _flight(track: Track, i: int) -> dict[str, Any]:
+    return {"recording": track.flights[i], "day": float(track.t[i]) if track.dated else None}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,116 @@
+"""Estimate of one quantity from several measurements that also scatter among themselves.
+
+Random-effects model of n measurements yᵢ with standard deviations sᵢ, all in the quantity's unit::
+
+    yᵢ = θ + bᵢ + eᵢ,   bᵢ ~ N(0, τ²),   eᵢ ~ N(0, sᵢ²),   wᵢ = 1/(sᵢ² + τ²)
+    θ̂ = Σwᵢyᵢ / Σwᵢ,    Q(τ²) = Σwᵢ(yᵢ − θ̂)²
+
+θ is the quantity, bᵢ the scatter between measurements, eᵢ the error of one measurement. Q has the
+expected value n − 1 at the true τ², and falls as τ² grows. So τ² is the root of Q(τ²) = n − 1, or
+0 if Q(0) < n − 1 (Paule and Mandel, J. Res. NBS 87, 1982).
+
+The interval of θ is θ̂ ± t(n−1) · √(Q/(n−1)/Σwᵢ) (Hartung and Knapp, Stat. Med. 20, 2001). With
+equal sᵢ it is the t interval of the mean, whatever the sᵢ are. Without sᵢ (sᵢ = 0), too.
+
+One measurement's own value θ + bᵢ has the estimate θ̂ + B(yᵢ − θ̂) with B = τ²/(τ² + sᵢ²) and the
+variance B·sᵢ² + (1 − B)²·var θ̂.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isfinite, sqrt
+
+import numpy as np
+
+from heli3dof.arrays import FloatArray
+
+LEVEL = 0.95
+"""Coverage of all intervals (a convention)"""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimate of a quantity from n measurements, in the quantity's unit."""
+
+    n: int
+    value: float
+    std: float
+    """Standard error of ``value``; NaN if it is not known"""
+    freedom: float
+    """Degrees of freedom of ``std``"""
+    scatter: float
+    """τ, the standard deviation between measurements; NaN for one measurement"""
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Return the limits of the interval with coverage `LEVEL`; NaN for one measurement."""
+        from scipy.stats import t
+
+        if self.n < 2:
+            return np.nan, np.nan
+        half = float(t.ppf(0.5 + LEVEL / 2, self.freedom)) * self.std
+        return self.value - half, self.value + half
+
+
+def random_effects(y: FloatArray, s: FloatArray) -> Estimate:
+    """Return the estimate of θ from measurements ``y`` (n,) with standard deviations ``s`` (n,).
+
+    ``s`` = 0 means that the error of a measurement is not known apart from the scatter.
+    """
+    n = len(y)
+    if n == 1:
+        std = float(s[0]) if s[0] > 0 else np.nan
+        return Estimate(1, float(y[0]), std, inf, np.nan)
+    variance = scatter_variance(y, s)
+    w = _weights(s, variance)
+    value = float(w @ y / w.sum())
+    q = float(w @ (y - value) ** 2) / (n - 1)
+    return Estimate(n, value, sqrt(q / w.sum()), n - 1, sqrt(variance))
+
+
+def scatter_variance(y: FloatArray, s: FloatArray) -> float:
+    """Return τ² by Paule and Mandel, for two or more measurements ``y`` (n,) with ``s`` (n,)."""
+    from scipy.optimize import brentq
+
+    n = len(y)
+    # Σwᵢ(yᵢ−θ̂)² ≤ Σ(yᵢ−ȳ)²/τ², so the root is at most the variance of y.
+    most = float(np.var(y, ddof=1))
+    if most <= np.finfo(float).tiny:
+        return 0.0
+
+    def excess(variance: float) -> float:
+        w = _weights(s, variance)
+        return float(w @ (y - w @ y / w.sum()) ** 2) - (n - 1)
+
+    if not np.any(s > 0):
+        return most
+    least = 0.0 if np.all(s > 0) else 1e-12 * most
+    if excess(least) <= 0:
+        return 0.0
+    if excess(most) >= 0:  # by rounding, where all s are tiny compared with the scatter
+        return most
+    return float(brentq(excess, least, most, xtol=1e-12 * most, rtol=1e-12))
+
+
+def _weights(s: FloatArray, variance: float) -> FloatArray:
+    total = s**2 + variance
+    if not np.all(total > 0):  # equal measurements without standard deviations
+        return np.ones_like(s)
+    return 1.0 / total
+
+
+def shrunken(y: FloatArray, s: FloatArray, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
+    """Return the estimates (n,) of the measurements' own values, and their standard deviations.
+
+    ``estimate``: θ̂ and τ of these measurements, two or more.
+    """
+    total = s**2 + estimate.scatter**2
+    share = np.divide(estimate.scatter**2, total, out=np.zeros_like(s), where=total > 0)
+    value = estimate.value + share * (y - estimate.value)
+    return value, np.sqrt(share * s**2 + (1 - share) ** 2 * estimate.std**2)
+
+
+def is_known(estimate: Estimate) -> bool:
+    """Return True if the estimate has a standard error."""
+    return isfinite(estimate.std)

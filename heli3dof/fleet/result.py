@@ -1,0 +1,113 @@
+"""The result classes of `fleet`: of the fleet, of each quantity, of each rig's track."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from heli3dof.fleet.change_search import Change
+from heli3dof.fleet.document import fleet_document
+from heli3dof.fleet.random_effects import Estimate
+from heli3dof.fleet.siblings import Difference
+from heli3dof.fleet.tracks import BadRecording, Track
+from heli3dof.results import Result, optional
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True, eq=False)
+class RigQuantity:
+    """One quantity of one rig."""
+
+    track: Track
+    changes: tuple[Change, ...]
+    present: np.ndarray
+    """Indices of the flights since the last step, without deviating ones"""
+    estimate: Estimate
+    """Estimate from the flights ``present``"""
+    difference: Difference | None
+    """Difference from the siblings, if the rig differs"""
+
+    def has(self, kind: str) -> bool:
+        """Return True if a change of this kind was found."""
+        return any(c.kind == kind for c in self.changes)
+
+
+@dataclass(frozen=True, eq=False)
+class FleetQuantity:
+    """One quantity of all rigs that have it."""
+
+    name: str
+    rigs: tuple[RigQuantity, ...]
+    fleet: Estimate | None
+    """Mean of the rigs that do not differ, with their scatter; None if none has a standard error"""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fleet(Result):
+    """The result of `heli3dof.fleet.analyse`: what the recordings of a fleet have in common."""
+
+    recordings: int
+    quantities: tuple[FleetQuantity, ...]
+    bad: tuple[BadRecording, ...]
+
+    @property
+    def rigs(self) -> tuple[str, ...]:
+        """Return the names of the rigs with a usable recording, sorted."""
+        return tuple(sorted({r.track.rig for r in self.tracks()}))
+
+    @property
+    def undated(self) -> tuple[str, ...]:
+        """Return the rigs whose flights are in the order of their names."""
+        return tuple(sorted({r.track.rig for r in self.tracks() if not r.track.dated}))
+
+    def tracks(self) -> Iterator[RigQuantity]:
+        """Yield each quantity of each rig."""
+        for quantity in self.quantities:
+            yield from quantity.rigs
+
+    def changes(self) -> list[tuple[Track, Change]]:
+        """Return all changes: steps, drifts, deviating flights; the most probable first."""
+        found = [(r.track, c) for r in self.tracks() for c in r.changes]
+        kinds = ("step", "drift", "deviating")
+        return sorted(found, key=lambda tc: (kinds.index(tc[1].kind), -tc[1].probability))
+
+    def differences(self) -> list[tuple[str, Difference]]:
+        """Return (quantity, difference) of all rigs that differ, the clearest first."""
+        found = [(r.track.quantity, r.difference) for r in self.tracks() if r.difference]
+        return sorted(found, key=lambda qd: qd[1].p_value)
+
+    def summary(self) -> str:
+        """Return a short text: numbers of rigs, recordings, changes and differing rigs."""
+        count = {k: sum(c.kind == k for _, c in self.changes()) for k in ("step", "drift")}
+        return (
+            f"Fleet of {len(self.rigs)} rigs, {self.recordings} recordings, "
+            f"{len(self.bad)} of them bad data\n"
+            f"  steps: {count['step']}, drifts: {count['drift']}, "
+            f"deviating flights: {len(self.changes()) - sum(count.values())}\n"
+            f"  rigs that differ from their siblings: "
+            f"{', '.join(sorted({d.rig for _, d in self.differences()})) or 'none'}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fleet as ``fleet --json`` prints it."""
+        return fleet_document(self)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return a pandas data frame with a row per rig and quantity.
+
+        Columns: ``value``, ``low``, ``high``, ``scatter``, ``flights``. Raises UsageError if pandas
+        is missing.
+        """
+        rows = []
+        for r in self.tracks():
+            low, high = r.estimate.interval
+            rows.append({
+                "rig": r.track.rig, "quantity": r.track.quantity, "value": r.estimate.value,
+                "low": low, "high": high, "scatter": r.estimate.scatter, "flights": r.estimate.n,
+            })  # fmt: skip
+        return optional("pandas").DataFrame(rows).set_index(["rig", "quantity"])

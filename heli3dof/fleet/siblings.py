@@ -1,0 +1,98 @@
+"""Rigs whose quantity differs from that of the other rigs, by leave-one-out prediction.
+
+R rigs have estimates θ̂ᵣ with standard errors vᵣ. The mean of the others is θ̄, their standard
+deviation S, the mean of their squared standard errors v². For a rig like its siblings::
+
+    z = (θ̂ᵣ − θ̄)/√(S²·(1 + 1/(R − 1)) + max(vᵣ² − v², 0)) ~ Student t with R − 2 degrees of freedom
+
+S² contains the scatter between rigs and v². With equally many flights on each rig, this is the
+exact prediction of one more normal value. A rig with fewer flights has its larger error added.
+
+The p-value of z is multiplied by the number of rigs and of quantities (Bonferroni). Two differing
+rigs would hide each other, so the search removes the most deviating rig, and tests the next against
+the rest. The last rig with a small p-value, and those removed before it, differ (Rosner,
+Technometrics 25, 1983).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import hypot, sqrt
+
+import numpy as np
+
+from heli3dof.fleet.random_effects import Estimate, is_known, random_effects
+
+LARGEST_P = 0.05
+"""Chance that any rig of any quantity is named although all rigs are alike (a convention)"""
+MOST_DIFFERING = 0.25
+"""Share of the rigs that may differ; beyond it the others are no reference. Chosen."""
+LEAST_RIGS = 3
+"""Two siblings are the least number that has a scatter"""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A rig that differs from its siblings in one quantity."""
+
+    rig: str
+    size: float
+    """The rig's value minus the siblings' mean, in the quantity's unit"""
+    std: float
+    """Predicted standard deviation of ``size`` for a rig like its siblings"""
+    p_value: float
+    """Chance of such a difference anywhere in the fleet if all rigs are alike"""
+
+
+def fleet_estimate(rigs: Mapping[str, Estimate]) -> Estimate | None:
+    """Return the estimate of μ, with ω as its scatter; None if no rig has a standard error."""
+    known = [e for e in rigs.values() if is_known(e)]
+    return _mean(known) if known else None
+
+
+def differing_rigs(rigs: Mapping[str, Estimate], quantities: int) -> tuple[Difference, ...]:
+    """Return the rigs that differ from their siblings in one quantity, the clearest first.
+
+    ``rigs``: rig → its estimate; ``quantities``: number of quantities tested in the fleet.
+    """
+    known = {name: e for name, e in rigs.items() if is_known(e)}
+    between = [e.scatter for e in known.values() if e.n > 1]
+    typical = float(np.median(between)) if between else 0.0
+    left = {name: _with_scatter(e, typical) for name, e in known.items()}
+    removed: list[Difference] = []
+    while len(left) >= LEAST_RIGS and len(removed) < max(1, MOST_DIFFERING * len(known)):
+        found = [_difference(name, left, len(left) * quantities) for name in left]
+        found = [d for d in found if d.std > 0]
+        if not found:
+            break
+        removed.append(min(found, key=lambda d: (d.p_value, -abs(d.size) / d.std)))
+        del left[removed[-1].rig]
+    last = max((i for i, d in enumerate(removed) if d.p_value <= LARGEST_P), default=-1)
+    return tuple(removed[: last + 1])
+
+
+def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Difference:
+    """Return the difference of a rig from the others, with its p-value among so many ``tests``."""
+    from scipy.stats import t
+
+    rig, others = rigs[name], [e for other, e in rigs.items() if other != name]
+    values, errors = (np.array([getattr(e, key) for e in others]) for key in ("value", "std"))
+    n = len(others)
+    variance = float(values.var(ddof=1)) * (1 + 1 / n)
+    variance += max(rig.std**2 - float(np.mean(errors**2)), 0.0)
+    size, std = rig.value - float(values.mean()), sqrt(variance)
+    if std == 0:  # equal values, such as a share of lost samples that is always 0
+        return Difference(name, size, 0.0, 1.0)
+    return Difference(name, size, std, min(1.0, tests * 2 * float(t.sf(abs(size) / std, n - 1))))
+
+
+def _with_scatter(estimate: Estimate, scatter: float) -> Estimate:
+    """Return the estimate of one flight with the ``scatter`` between flights in its error."""
+    if estimate.n > 1:
+        return estimate
+    return replace(estimate, std=hypot(estimate.std, scatter))
+
+
+def _mean(rigs: Sequence[Estimate]) -> Estimate:
+    return random_effects(np.array([e.value for e in rigs]), np.array([e.std for e in rigs]))

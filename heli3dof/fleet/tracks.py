@@ -1,0 +1,150 @@
+"""Tracks: one quantity of one rig over its flights, in order of time.
+
+A quantity is a column with a partner ``NAME_std``, or one of `WITHOUT_STD`. A recording is bad data
+if its command failed (``exit_code``), or if an integrity check did (``faults``). Bad data are in no
+track. A flight without a finite value, or without a standard deviation > 0, is not in the track of
+that quantity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from heli3dof.arrays import FloatArray
+
+STD = "_std"
+WITHOUT_STD = ("jitter_s", "lost_share", "late_share")
+DAY = 86400.0
+"""s per day"""
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class BadRecording:
+    """A recording that is not used, and why."""
+
+    recording: str
+    rig: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A quantity of a rig over n flights in order of time."""
+
+    rig: str
+    quantity: str
+    t: FloatArray
+    """(n,) days since 1970-01-01 UTC; number of the flight from 0 if a start is not known"""
+    y: FloatArray
+    """(n,) values in the quantity's unit"""
+    s: FloatArray | None
+    """(n,) standard deviations; None: the scatter is estimated"""
+    flights: tuple[str, ...]
+    """Names of the recordings"""
+    dated: bool
+    """True if the starts of all of the rig's flights are known"""
+
+
+def bad_recordings(rows: Sequence[Row]) -> tuple[BadRecording, ...]:
+    """Return the recordings that are bad data, each with the reason."""
+    return tuple(
+        BadRecording(str(row["recording"]), rig_of(row), reason)
+        for row in rows
+        if (reason := _reason(row))
+    )
+
+
+def _reason(row: Row) -> str:
+    if row.get("faults"):
+        return str(row["faults"])
+    if row.get("exit_code") != 0:
+        code = row.get("exit_code")
+        stated = f"exit code {code:g}" if isinstance(code, float | int) else "no exit code"
+        return f"{stated}: {row['error']}" if row.get("error") else stated
+    return ""
+
+
+def rig_of(row: Row) -> str:
+    """Return the rig's name; a dash if the row has none."""
+    return str(row.get("rig") or "–")
+
+
+def quantities_of(rows: Sequence[Row]) -> tuple[str, ...]:
+    """Return the quantities of the usable rows, in the order of their columns."""
+    columns = dict.fromkeys(column for row in rows for column in row)
+    named = [c for c in columns if c in WITHOUT_STD or c + STD in columns]
+    usable = [row for row in rows if not _reason(row)]
+    return tuple(q for q in named if any(_value(row, q) is not None for row in usable))
+
+
+def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ...]:
+    """Return the tracks of all rigs, in order of the rigs' names; none is empty."""
+    rigs: dict[str, list[Row]] = {}
+    for row in rows:
+        if not _reason(row):
+            rigs.setdefault(rig_of(row), []).append(row)
+    return tuple(
+        track
+        for rig in sorted(rigs)
+        for ordered, starts in [_in_order(rigs[rig])]
+        for quantity in quantities
+        if (track := _track(rig, quantity, ordered, starts)) is not None
+    )
+
+
+def _in_order(rows: Sequence[Row]) -> tuple[list[Row], list[float] | None]:
+    """Return rows in order of time and their starts in days; by name, None if a start is missing.
+
+    Equal starts would be no order, so they count as missing if all are equal.
+    """
+    named = sorted(rows, key=_name)
+    starts = {id(row): _start(row.get("started_utc")) for row in named}
+    known = [t for t in starts.values() if t is not None]
+    if len(known) < len(named) or (len(named) > 1 and len(set(known)) == 1):
+        return named, None
+    ordered = sorted(named, key=lambda row: starts[id(row)] or 0.0)
+    return ordered, [starts[id(row)] or 0.0 for row in ordered]
+
+
+def _start(text: object) -> float | None:
+    try:
+        start = datetime.fromisoformat(str(text))
+    except ValueError:
+        return None
+    return (start if start.tzinfo else start.replace(tzinfo=UTC)).timestamp() / DAY
+
+
+def _name(row: Row) -> str:
+    return str(row.get("name") or row["recording"])
+
+
+def _track(
+    rig: str, quantity: str, rows: Sequence[Row], starts: list[float] | None
+) -> Track | None:
+    values = [_value(row, quantity) for row in rows]
+    kept = [i for i, value in enumerate(values) if value is not None]
+    if not kept:
+        return None
+    y, s = np.array([values[i] for i in kept], dtype=float).T
+    return Track(
+        rig, quantity, np.array([float(i) if starts is None else starts[i] for i in kept]),
+        y, None if quantity in WITHOUT_STD else s, tuple(_name(rows[i]) for i in kept),
+        starts is not None,
+    )  # fmt: skip
+
+
+def _value(row: Row, quantity: str) -> tuple[float, float] | None:
+    """Return value and standard deviation (0 if the quantity has none); None if not usable."""
+    with_std = quantity not in WITHOUT_STD
+    value, std = row.get(quantity), row.get(quantity + STD) if with_std else 0.0
+    if not isinstance(value, float | int) or not isinstance(std, float | int):
+        return None
+    usable = isfinite(value) and isfinite(std) and (std > 0 or not with_std)
+    return (float(value), float(std)) if usable else None

@@ -1,0 +1,139 @@
+"""Sentences of a fleet: changes with date and size, rigs that differ, bad data."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+
+from heli3dof.fleet.change_search import LEAST_FLIGHTS, REPORTED, Change
+from heli3dof.fleet.result import Fleet
+from heli3dof.fleet.siblings import Difference
+from heli3dof.fleet.tracks import Track
+from heli3dof.report.text.number_format import significant
+
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+WORDS = {"step": "a step", "drift": "a drift", "deviating": "one deviating flight"}
+MOST_REASONS = 3
+"""Reasons for bad data that the sentence names (a convention)"""
+
+
+def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
+    """Return what changed, then which rigs differ from their siblings."""
+    found = [change_sentence(track, c) for track, c in fleet.changes()]
+    if not found:
+        found = [f"No quantity of {_count(len(fleet.rigs), 'rig')} changed."]
+    different = [difference_sentence(quantity, d) for quantity, d in fleet.differences()]
+    return (*found, *different)
+
+
+def change_sentence(track: Track, change: Change) -> str:
+    """Return one change as a sentence: which rig and quantity, when, by how much, how probable."""
+    size = signed_size(change.size, change.interval)
+    what = f"{track.rig}: {track.quantity}"
+    others = [
+        f"{WORDS[k]} {percent(p)}" for k, p in change.kinds.items() if k != change.kind and p > 0.05
+    ]
+    sure = f"probability {percent(change.probability)}"
+    if others:
+        sure += f", of which {WORDS[change.kind]} {percent(change.kinds[change.kind])}, "
+        sure += ", ".join(others)
+    if change.kind == "drift":
+        ends = f"from {moment(track, change.first)} to {moment(track, change.last)}"
+        return f"{what} drifted by {size} {ends} ({sure})."
+    if change.kind == "deviating":
+        return f"{what} deviates by {size} in {moment(track, change.first)} only ({sure})."
+    level = abs(change.size) / abs(_level(track, change)) if _level(track, change) else 0.0
+    relative = f" ({100 * level:.2g} %)" if 0 < level < 1 else ""
+    between = f"between {moment(track, change.last)} and {moment(track, change.first)}"
+    many = "" if len(change.dates) == 1 else f", {len(change.dates)} dates possible"
+    return f"{what} changed by {size}{relative} {between} ({sure}{many})."
+
+
+def difference_sentence(quantity: str, d: Difference) -> str:
+    """Return how far a rig's quantity is from that of its siblings, as a sentence."""
+    side = "above" if d.size > 0 else "below"
+    return (
+        f"{d.rig}: {quantity} is {significant(abs(d.size), d.std)} {side} the mean of its "
+        f"siblings, which scatter by {significant(d.std, d.std)} (chance if all rigs are alike: "
+        f"{_chance(d.p_value)})."
+    )
+
+
+def remark_sentences(fleet: Fleet) -> Iterator[str]:
+    """Yield how many recordings are bad data, and what limits the search for changes."""
+    if fleet.bad:
+        reasons = Counter(part for b in fleet.bad for part in b.reason.split(";"))
+        named = [f"{reason} ({n})" for reason, n in reasons.most_common(MOST_REASONS)]
+        more = len(reasons) - len(named)
+        named += [f"{more} more"] if more else []
+        yield (
+            f"{len(fleet.bad)} of {_count(fleet.recordings, 'recording')} "
+            f"{'is' if len(fleet.bad) == 1 else 'are'} bad data and not used: {', '.join(named)}."
+        )
+    if fleet.undated:
+        yield (
+            f"Flights of {', '.join(fleet.undated)} are in the order of their names, because "
+            "starts (started_utc) are missing or equal."
+        )
+    longest: dict[str, int] = {}
+    for r in fleet.tracks():
+        longest[r.track.rig] = max(longest.get(r.track.rig, 0), len(r.track.y))
+    few = sorted(rig for rig, n in longest.items() if n < LEAST_FLIGHTS)
+    if few:
+        yield f"Fewer than {LEAST_FLIGHTS} flights, so no search for changes: {', '.join(few)}."
+
+
+def moment(track: Track, flight: int) -> str:
+    """Return a flight's name, with its date if known."""
+    name = track.flights[flight]
+    if not track.dated:
+        return name
+    return f"{name} ({date(track.t[flight])})"
+
+
+def date(day: float) -> str:
+    """Return the date of a time in days since 1970-01-01 UTC.
+
+    >>> date(20703.4)
+    '2026-09-07'
+    """
+    return f"{EPOCH + timedelta(days=float(day)):%Y-%m-%d}"
+
+
+def signed_size(size: float, interval: tuple[float, float]) -> str:
+    """Return a signed size ± half of its 95 % interval, both to two digits of the latter.
+
+    >>> signed_size(-0.0612, (-0.0672, -0.0552))
+    '−0.0612 ± 0.0060'
+    """
+    half = 0.5 * (interval[1] - interval[0])
+    sign = "+" if size > 0 else ""
+    return f"{sign}{significant(size, half)} ± {significant(half, half)}"
+
+
+def percent(probability: float) -> str:
+    """Return a probability in percent, and never 100 %.
+
+    >>> percent(0.953), percent(0.99998)
+    ('95 %', '> 99.9 %')
+    """
+    if probability > 0.999:
+        return "> 99.9 %"
+    return f"{100 * probability:.1f} %" if probability > 0.99 else f"{100 * probability:.0f} %"
+
+
+def _chance(p: float) -> str:
+    return f"1 in {1 / p:.0f}" if p > 1e-6 else "less than 1 in a million"
+
+
+def _level(track: Track, change: Change) -> float:
+    """Return the mean value before a step."""
+    return float(track.y[: change.first].mean())
+
+
+def _count(n: int, noun: str) -> str:
+    return f"{n} {noun}{'s' * (n != 1)}"
+
+
+REPORT_LIMIT = f"Changes with a probability of at least {100 * REPORTED:.0f} % are reported."

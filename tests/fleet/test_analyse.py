@@ -1,0 +1,114 @@
+"""A term with known changes, from the rows to the JSON document."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from heli3dof.cli.output import jsonable
+from heli3dof.errors import RecordingError
+from heli3dof.fleet.analyse import analyse
+from heli3dof.fleet.result import Fleet
+from tests.fleet.making import DEVIATING, DIFFERS, DRIFT, STEP, term_rows
+
+
+@pytest.fixture(scope="module")
+def fleet() -> Fleet:
+    return analyse(term_rows())
+
+
+@pytest.fixture(scope="module")
+def document(fleet) -> dict[str, Any]:
+    return fleet.to_dict()
+
+
+def test_the_step_has_its_date_and_size(document) -> None:
+    (step,) = document["steps"]
+    assert (step["rig"], step["quantity"]) == STEP[:2]
+    assert (step["before"]["recording"], step["after"]["recording"]) == ("rig-02-13", "rig-02-14")
+    assert step["interval"][0] < STEP[3] < step["interval"][1]
+    assert step["probability"] > 0.99
+    assert sum(step["kinds"].values()) == pytest.approx(step["probability"])
+
+
+def test_the_drift_the_deviating_flight_and_the_differing_rig(document) -> None:
+    (drift,) = document["drifts"]
+    assert (drift["rig"], drift["quantity"]) == DRIFT[:2]
+    assert drift["interval"][0] < DRIFT[2] < drift["interval"][1]
+    (flight,) = document["deviating"]
+    assert (flight["rig"], flight["quantity"]) == DEVIATING[:2]
+    assert flight["flight"]["recording"] == "rig-01-09"
+    (rig,) = document["differing"]
+    assert (rig["rig"], rig["quantity"]) == DIFFERS[:2]
+    assert abs(rig["difference"] - DIFFERS[2]) < 2 * rig["std"]
+
+
+def test_bad_recordings_are_listed_with_their_reasons(document) -> None:
+    assert document["bad_recordings"] == [
+        {"recording": "term/rig-03-04.mcap", "rig": "rig-03", "reason": "clock.gaps"},
+        {"recording": "term/rig-03-20.mcap", "rig": "rig-03",
+         "reason": "exit code 5: the file is torn"},
+    ]  # fmt: skip
+
+
+def test_an_estimate_is_of_the_flights_since_the_last_step(fleet) -> None:
+    (gain,) = [r for r in fleet.tracks() if (r.track.rig, r.track.quantity) == STEP[:2]]
+    assert gain.present.tolist() == list(range(14, 24))
+    assert gain.estimate.value == pytest.approx(gain.track.y[14:].mean(), abs=1e-6)
+
+
+def test_the_mean_of_the_fleet_is_without_the_rig_that_differs(fleet) -> None:
+    (lag,) = [q for q in fleet.quantities if q.name == DIFFERS[1]]
+    others = [r.estimate.value for r in lag.rigs if r.track.rig != DIFFERS[0]]
+    assert lag.fleet.value == pytest.approx(np.mean(others), abs=1e-4)
+
+
+def test_the_document_is_json(document) -> None:
+    assert document["schema"] == "heli3dof.fleet/1"
+    json.dumps(jsonable(document), allow_nan=False)
+
+
+def test_each_flights_own_estimate_is_between_its_value_and_the_mean(fleet, document) -> None:
+    (gain,) = [q for q in document["quantities"] if q["quantity"] == STEP[1]]
+    own = np.array([o["value"] for o in gain["rigs"][0]["own"]])
+    measured = next(r for r in fleet.tracks() if r.track.quantity == STEP[1])
+    mean = measured.estimate.value
+    assert len(own) == 24
+    assert np.all(np.abs(own - mean) < np.abs(measured.track.y - mean))
+
+
+def test_methods_for_notebooks(fleet) -> None:
+    assert "Fleet of 5 rigs, 120 recordings, 2 of them bad data" in repr(fleet)
+    assert fleet.to_dataframe().loc[("rig-01", "hover_voltage_V"), "flights"] == 24
+    assert fleet.plot().texts[0].get_text() == STEP[1]
+
+
+@pytest.mark.parametrize("flights", [1, 2])
+def test_few_flights_a_rig_give_estimates_and_no_changes(flights) -> None:
+    rows = [r for r in term_rows() if int(r["name"][-2:]) < flights]
+    found = analyse(rows)
+    assert found.changes() == []
+    assert found.to_dict()["quantities"][0]["rigs"][0]["estimate"]["flights"] == flights
+
+
+def test_one_rig_has_changes_and_no_siblings() -> None:
+    found = analyse([r for r in term_rows() if r["rig"] == STEP[0]])
+    assert [(c.kind, c.first) for _, c in found.changes()] == [("step", STEP[2])]
+    assert found.differences() == []
+
+
+def test_no_usable_recording_is_an_error() -> None:
+    rows = [{**r, "exit_code": 5, "error": "torn"} for r in term_rows()]
+    with pytest.raises(RecordingError, match="None of the 120") as raised:
+        analyse(rows)
+    assert "rig-01-00.mcap: exit code 5: torn" in raised.value.cause
+
+
+def test_rows_without_quantities_are_an_error() -> None:
+    rows = [{"recording": "a", "rig": "r", "exit_code": 0, "score": 1.0}]
+    with pytest.raises(RecordingError) as raised:
+        analyse(rows)
+    assert "no numbers" in raised.value.cause
