@@ -23,6 +23,7 @@ ROOT = FOLDER.parent.parent
 
 SLOW = (
     "peers",
+    "fleet",
     "hidden",
     "loop",
     "misbehaviour",
