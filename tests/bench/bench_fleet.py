@@ -216,8 +216,8 @@ def judged(document: Mapping[str, Any], planted: Sequence[PlantedRig]) -> list[F
                f"{100 * share:.1f} % ({found}/{changes})", "≥ 95 %", share >= 0.95, "gain −8 %, friction doubled, zero moved by 1°"),
         Figure("rig-terms without a change that are flagged",
                f"{100 * wrong:.1f} % ({len(false)}/{quiet})", "≤ 1 %", wrong <= 0.01, "steps, drifts and deviating flights"),
-        Figure("swapped cables listed as bad data", f"{len(swapped & bad)}/{len(swapped)}",
-               "all", swapped <= bad, f"{len(bad - swapped)} other flights are listed too"),
+        Figure("swapped cables listed as bad data", f"{len(swapped & bad)}/{len(swapped)}", "all",
+               swapped <= bad, f"{len(bad - swapped)} other flights are listed too"),
     ]  # fmt: skip
 
 
