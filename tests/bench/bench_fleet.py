@@ -33,7 +33,7 @@ from tests.bench import Figure
 from tests.paths import ROOT
 
 TITLE = "A fleet of rigs"
-INTRO = """1,000 flights of 20 emulated rigs, one a day, identified by `heli3dof batch identify`. Gain,
+INTRO = """1,000 flights of 20 emulated rigs, one a day, identified by `batch identify`. Gain,
 friction and zero scatter from day to day. The seed draws which of them changes on which rig, and
 when."""
 SEED = int(os.environ.get("FLEET_SEED", "0"))
@@ -213,9 +213,11 @@ def judged(document: Mapping[str, Any], planted: Sequence[PlantedRig]) -> list[F
     share, wrong = found / changes, len(false) / quiet
     return [
         Figure("planted changes found with the date ± 1 flight",
-               f"{100 * share:.1f} % ({found}/{changes})", "≥ 95 %", share >= 0.95, "gain −8 %, friction doubled, zero moved by 1°"),
+               f"{100 * share:.1f} % ({found}/{changes})", "≥ 95 %", share >= 0.95,
+               "gain −8 %, friction doubled, zero moved by 1°"),
         Figure("rig-terms without a change that are flagged",
-               f"{100 * wrong:.1f} % ({len(false)}/{quiet})", "≤ 1 %", wrong <= 0.01, "steps, drifts and deviating flights"),
+               f"{100 * wrong:.1f} % ({len(false)}/{quiet})", "≤ 1 %", wrong <= 0.01,
+               "steps, drifts and deviating flights"),
         Figure("swapped cables listed as bad data", f"{len(swapped & bad)}/{len(swapped)}", "all",
                swapped <= bad, f"{len(bad - swapped)} other flights are listed too"),
     ]  # fmt: skip
