@@ -29,7 +29,7 @@ MAY_IMPORT = {
         "errors", "results", "arrays", "axes", "parallel", "plugins", "rig", "recording", "model",
     },
     "comparison": {"errors", "results", "arrays", "axes", "rig", "recording", "model"},
-    "fleet": {"errors", "results", "arrays"},
+    "fleet": {"errors", "results", "arrays", "batch"},
     "paper": {"errors", "axes", "rig", "recording", "model", "comparison"},
     "diagnosis": {
         "errors", "results", "arrays", "axes", "parallel", "rig", "recording", "model",

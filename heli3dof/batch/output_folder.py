@@ -24,7 +24,7 @@ from filelock import FileLock, Timeout
 
 from heli3dof.batch.task import Outcome
 from heli3dof.errors import OutputExists, UsageError
-from heli3dof.recording.atomic_write import new_folder, write_file
+from heli3dof.recording.atomic_write import new_folder, write_all, write_file
 from heli3dof.write_errors import write_errors_explained
 
 JOURNAL = "journal.jsonl"
@@ -69,7 +69,8 @@ class OutputFolder:
         """Key → the last line of this task"""
         with write_errors_explained(self.path / JOURNAL, fix=RESUME):
             self._journal = (self.path / JOURNAL).open("ab", buffering=0)
-            _end_last_line(self.path / JOURNAL, self._journal.fileno())
+            if _is_cut_off(self.path / JOURNAL):
+                write_all(self._journal, b"\n")
         return self
 
     def __exit__(
@@ -100,7 +101,7 @@ class OutputFolder:
         }  # fmt: skip
         text = json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n"
         with write_errors_explained(self.path / JOURNAL, fix=RESUME):
-            _write_all(self._journal.fileno(), text.encode("utf-8", "backslashreplace"))
+            write_all(self._journal, text.encode("utf-8", "backslashreplace"))
         self.lines[outcome.key] = line
 
 
@@ -122,14 +123,10 @@ def _lines(path: Path) -> Iterator[Line]:
                 yield line
 
 
-def _end_last_line(path: Path, descriptor: int) -> None:
-    """End a line that was cut off, so that the next line starts on its own."""
+def _is_cut_off(path: Path) -> bool:
+    """Return True if the last line has no end, so that the next line would continue it."""
     with path.open("rb") as stream:
-        if path.stat().st_size and stream.seek(-1, os.SEEK_END) >= 0 and stream.read() != b"\n":
-            _write_all(descriptor, b"\n")
-
-
-def _write_all(descriptor: int, data: bytes) -> None:
-    left = memoryview(data)
-    while left:
-        left = left[os.write(descriptor, left) :]
+        if not stream.seek(0, os.SEEK_END):
+            return False
+        stream.seek(-1, os.SEEK_END)
+        return stream.read() != b"\n"

@@ -14,11 +14,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from heli3dof.errors import RecordingError, no_file
+from heli3dof.errors import RecordingError, UsageError
 from heli3dof.recording.atomic_write import write_file
 
 CSV, PARQUET = "results.csv", "results.parquet"
-TEXTS = ("recording", "name", "rig", "serial", "started_utc", "plan", "digest")
+TEXTS = (
+    "recording", "name", "rig", "serial", "started_utc", "plan", "outcome", "error", "faults",
+    "digest",
+)  # fmt: skip
 """Columns that are text even where they look like numbers, as a rig with the name 7"""
 Row = Mapping[str, Any]
 
@@ -80,27 +83,43 @@ def parquet_bytes(columns: Mapping[str, Sequence[Any]]) -> bytes | None:
     return sink.getvalue()
 
 
-def read_rows(folder: Path) -> list[dict[str, Any]]:
+def read_rows(folder: Path, *, needed: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Return the rows of ``folder``'s results.csv: numbers as float, missing values as None.
 
-    Raises UsageError if there is no such file, RecordingError if it is not a table.
+    Raises UsageError if there is no such file, RecordingError if it cannot be used: if it is no
+    table, or if columns ``needed`` are named and one of them, or every row, is missing.
     """
     path = folder / CSV
+    if not path.is_file():
+        raise UsageError(
+            f"There is no {CSV} in {folder}." if folder.is_dir()
+            else f"There is no folder {folder}.",
+            cause="no batch has written its results there, or a typing error in the path.",
+            fix=f"heli3dof batch identify REC... -o {folder}",
+        )  # fmt: skip
     try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream))
-    except FileNotFoundError:
-        raise no_file(path) from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise RecordingError(
-            f"{path} is not a table of results: {error}.", cause="it was changed or cut off.",
-            fix="heli3dof batch identify FOLDER -o OUT --resume, which writes it again",
-        ) from None  # fmt: skip
-    return [{k: _value(k, v) for k, v in row.items() if k is not None} for row in rows]
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.DictReader(stream, restkey="")
+            rows, columns = list(reader), reader.fieldnames or []
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise _unusable(path, str(error)) from error
+    if missing := [column for column in needed if column not in columns]:
+        raise _unusable(path, f"the column {missing[0]} is missing")
+    if needed and not rows:
+        raise _unusable(path, "it has no rows")
+    return [{k: _value(k, v) for k, v in row.items() if k} for row in rows]
+
+
+def _unusable(path: Path, why: str) -> RecordingError:
+    return RecordingError(
+        f"{path} cannot be used: {why}.",
+        cause="another program wrote the file, or the batch was interrupted.",
+        fix=f"heli3dof batch identify REC... -o {path.parent}",
+    )
 
 
 def _value(column: str, text: str | None) -> Any:
-    if not text:
+    if text is None or not text.strip():
         return None
     if column in TEXTS:
         return text

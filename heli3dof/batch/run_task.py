@@ -76,9 +76,10 @@ def _run(task: Task, folder: Path) -> Outcome:
         )
     except Exception as error:
         outcome = failed(task, error, final=is_final(error))
-        row = {**outcome.row, **columns, **{k: outcome.row[k] for k in FAILURE}}
-        cost = {"read_bytes": read_bytes}
-        return replace(outcome, row=row, files=_files(folder / "out"), cost=cost)
+        return replace(
+            outcome, row={**outcome.row, **columns}, files=_files(folder / "out"),
+            cost={"read_bytes": read_bytes},
+        )  # fmt: skip
 
 
 def _local(task: Task, folder: Path) -> Path | None:

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from heli3dof.batch.output_folder import RECORDINGS, is_output_folder
 from heli3dof.errors import RecordingError, UsageError, no_file
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.importers import endings
@@ -132,8 +133,6 @@ def _lines(word: str) -> Iterable[str]:
 
 def _in_folder(folder: Path) -> Iterator[Path]:
     """Yield the recordings and logs in a folder and in those below it, hidden ones left out."""
-    from heli3dof.batch.output_folder import RECORDINGS, is_output_folder
-
     if is_output_folder(folder):  # its results.csv is no log
         folder = folder / RECORDINGS
         if not folder.is_dir():

@@ -268,7 +268,6 @@ def run_tasks(
     out: Output,
 ) -> None:  # fmt: skip
     """Do the tasks of a batch with progress, and print and emit what became of them."""
-    from heli3dof.batch.analyses import analysis
     from heli3dof.batch.engines import engine
     from heli3dof.batch.output_folder import OutputFolder
     from heli3dof.batch.run_batch import run_batch
@@ -282,7 +281,7 @@ def run_tasks(
         )
     with (
         OutputFolder(output, resume=resume) as folder,
-        engine(cluster, workers, memory_MB=analysis(name).memory_MB) as used,
+        engine(cluster, workers) as used,
         _progress(out, name) as progress,
     ):
         batch = run_batch(tasks, folder, used, progress)

@@ -7,6 +7,7 @@ import errno
 import os
 import threading
 from collections.abc import Iterable, Iterator
+from io import RawIOBase
 from pathlib import Path
 from typing import BinaryIO
 
@@ -206,7 +207,12 @@ def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
 def write_file(path: str | Path, data: bytes, *, force: bool = False) -> Path:
     """Write ``data`` to a new file, completely or not at all; return its path. See `new_file`."""
     with new_file(path, force=force) as stream:
-        left = memoryview(data)
-        while left:
-            left = left[stream.write(left) :]
+        write_all(stream, data)
     return Path(path)
+
+
+def write_all(stream: RawIOBase | BinaryIO, data: bytes | memoryview) -> None:
+    """Write all of ``data`` to an unbuffered stream, which may take a part of it at a time."""
+    left = memoryview(data)
+    while left:
+        left = left[stream.write(left) or 0 :]

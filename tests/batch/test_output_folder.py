@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import os
 from pathlib import Path
 
 import pytest
@@ -71,10 +70,10 @@ def test_a_full_disk_keeps_what_was_done(tmp_path: Path, monkeypatch: pytest.Mon
     with OutputFolder(tmp_path, resume=False) as out:
         out.add(OUTCOME, "a-1")
 
-        def full(descriptor: int, data: bytes) -> int:
+        def full(stream: object, data: bytes) -> None:
             raise OSError(errno.ENOSPC, "No space left on device")
 
-        monkeypatch.setattr(os, "write", full)
+        monkeypatch.setattr("heli3dof.batch.output_folder.write_all", full)
         with pytest.raises(NoSpace, match="no space left"):
             out.add(Outcome("key-2", {"exit_code": 0}, {}), "b-2")
     monkeypatch.undo()

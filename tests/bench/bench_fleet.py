@@ -196,7 +196,6 @@ def judged(document: Mapping[str, Any], planted: Sequence[PlantedRig]) -> list[F
     for rig in planted:
         for kind, first in rig.changes.items():
             changes += 1
-            # The number of flights may be one less where a flight is bad data.
             numbers = flagged.get((rig.name, AFFECTED[kind][0]), [])
             found += any(abs(n - first) <= 1 for n in numbers)
         moved = [q for kind in rig.changes for q in AFFECTED[kind]]

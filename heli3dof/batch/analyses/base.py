@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from heli3dof.diagnosis.integrity import Kind
+from heli3dof.recording.info import read_with_info
 from heli3dof.recording.load import load
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
@@ -33,6 +35,11 @@ class Job:
     def recording(self) -> Recording:
         """Return the recording. Raises RecordingError or UsageError if it cannot be read."""
         return load(self.file, self.profile)
+
+    @cached_property
+    def intact(self) -> tuple[Recording, dict[str, Any]]:
+        """Return the recording, or of a torn one the intact part, and its `file_info`."""
+        return read_with_info(self.file, self.profile)
 
     @property
     def file(self) -> Path:
@@ -60,10 +67,16 @@ class Analysis:
     """Return the verb's JSON document. Raises Heli3dofError"""
     columns: Callable[[Document], Row]
     """Return the columns of the results table that follow from the document"""
-    recording: Callable[[Job], Recording] = field(default=whole_recording)
+    recording: Callable[[Job], Recording] = whole_recording
     """Return the recording for the first columns; info and recover also read torn ones"""
-    memory_MB: int = 1000
-    """Memory of one task, which a cluster reserves: measured for a minute of flight, rounded up"""
+
+
+def bad_data(integrity: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return the names of the checks that found bad data.
+
+    ``integrity``: the faults of a recording as in the JSON document of a diagnosis.
+    """
+    return [f["check"] for f in integrity if f["kind"] == Kind.BAD_DATA]
 
 
 def with_std(parameters: Mapping[str, Mapping[str, Any]]) -> Row:

@@ -53,4 +53,4 @@ def columns(document: Document) -> Row:
     return row
 
 
-ANALYSIS = Analysis("compare", run, columns, memory_MB=600)
+ANALYSIS = Analysis("compare", run, columns)

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.batch.analyses.base import Analysis, Document, Job, Row, with_std
+from heli3dof.batch.analyses.base import Analysis, Document, Job, Row, bad_data, with_std
 from heli3dof.batch.bootstrap import block_replicate
-from heli3dof.diagnosis.integrity import Kind
+from heli3dof.diagnosis.cause_name import name_of
 
 
 def run(job: Job) -> Document:
@@ -34,13 +34,12 @@ def run(job: Job) -> Document:
 def columns(document: Document) -> Row:
     findings = document["findings"]
     first: Mapping[str, Any] = findings[0] if findings else {}
-    bad = [f["check"] for f in document["integrity"] if f["kind"] == Kind.BAD_DATA]
     row: Row = {
         "replicate": document["replicate"],
-        "faults": ";".join(bad),
+        "faults": ";".join(bad_data(document["integrity"])),
         "verdict": document["verdict"],
-        "causes": "; ".join("|".join((full_name(f), *f["tied_with"])) for f in findings),
-        "first_cause": full_name(first) if first else None,
+        "causes": "; ".join("|".join((name_of(f), *f["tied_with"])) for f in findings),
+        "first_cause": name_of(first) if first else None,
         "confidence": first.get("confidence"),
         "model": document["model"],
         **{
@@ -53,14 +52,8 @@ def columns(document: Document) -> Row:
         **with_std({c["parameter"]: c for c in document["calibration"]}),
     }  # fmt: skip
     for f in findings:
-        row |= with_std({f"{full_name(f)}.{name}": p for name, p in f["parameters"].items()})
+        row |= with_std({f"{name_of(f)}.{name}": p for name, p in f["parameters"].items()})
     return row
-
-
-def full_name(finding: Mapping[str, Any]) -> str:
-    """Return a finding's effect with its axis, as in friction.coulomb.yaw."""
-    axis = finding["axis"]
-    return str(finding["effect"]) if axis is None else f"{finding['effect']}.{axis}"
 
 
 def _gains(errors: Mapping[str, Mapping[str, float | None]]) -> Row:
@@ -71,4 +64,4 @@ def _gains(errors: Mapping[str, Mapping[str, float | None]]) -> Row:
     }
 
 
-ANALYSIS = Analysis("diagnose", run, columns, memory_MB=1200)
+ANALYSIS = Analysis("diagnose", run, columns)

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.batch.analyses.base import Analysis, Document, Job, Row, with_std
-from heli3dof.diagnosis.integrity import Kind, integrity
+from heli3dof.batch.analyses.base import Analysis, Document, Job, Row, bad_data, with_std
+from heli3dof.diagnosis.integrity import integrity
 
 INERTIAS = ("J_roll", "J_pitch", "J_yaw")
 FITS = ("one_step", "0.5_s", "1_s")
@@ -37,7 +37,7 @@ def run(job: Job) -> Document:
         terms=None if terms is None else chosen_terms(terms),
     )
     path = save_model(result.model, job.output("models", ".json"))
-    faults = [f.check for f in integrity(job.recording) if f.kind == Kind.BAD_DATA]
+    faults = bad_data(f.to_dict() for f in integrity(job.recording))
     return {
         "schema": "heli3dof.identification/1",
         "models": [result.to_dict(str(path))],
@@ -106,4 +106,4 @@ def generalised_mean(x: np.ndarray, covariance: np.ndarray) -> tuple[float, floa
     return float(weight @ x) / total, total**-0.5
 
 
-ANALYSIS = Analysis("identify", run, columns, memory_MB=600)
+ANALYSIS = Analysis("identify", run, columns)

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from heli3dof.batch.analyses.base import Analysis, Document, Job, Row
-from heli3dof.diagnosis.integrity import Kind, integrity
-from heli3dof.recording.info import read_with_info
+from heli3dof.batch.analyses.base import Analysis, Document, Job, Row, bad_data
+from heli3dof.diagnosis.integrity import integrity
 from heli3dof.recording.recording import Recording
 
 
 def run(job: Job) -> Document:
-    flight, about = read_with_info(job.file, job.profile)
+    flight, about = job.intact
     faults = [f.to_dict() for f in integrity(flight)]
     return {"schema": "heli3dof.info/1", **about, "integrity": faults}
 
 
 def columns(document: Document) -> Row:
-    bad = [f["check"] for f in document["integrity"] if f["kind"] == Kind.BAD_DATA]
     return {
-        "faults": ";".join(bad),
+        "faults": ";".join(bad_data(document["integrity"])),
         "torn": document["torn"],
         "bytes": document["bytes"],
         "samples": document["samples"],
@@ -34,7 +32,7 @@ def columns(document: Document) -> Row:
 
 
 def intact_part(job: Job) -> Recording:
-    return read_with_info(job.file, job.profile)[0]
+    return job.intact[0]
 
 
-ANALYSIS = Analysis("info", run, columns, intact_part, memory_MB=400)
+ANALYSIS = Analysis("info", run, columns, intact_part)

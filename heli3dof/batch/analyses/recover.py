@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from heli3dof.batch.analyses.base import Analysis, Document, Job, Row
 from heli3dof.batch.analyses.info import intact_part
-from heli3dof.recording.info import file_info
 from heli3dof.recording.mcap_files.recover import recover
 
 
 def run(job: Job) -> Document:
-    if not file_info(job.file, job.profile)["torn"]:
+    if not job.intact[1]["torn"]:
         return {"schema": "heli3dof.recovery/1", "file": None, "torn": False}
     saved = recover(job.file, job.output("recordings", ".mcap"))
     return {
@@ -28,4 +27,4 @@ def columns(document: Document) -> Row:
     return {name: document.get(name) for name in names}
 
 
-ANALYSIS = Analysis("recover", run, columns, intact_part, memory_MB=400)
+ANALYSIS = Analysis("recover", run, columns, intact_part)

@@ -31,4 +31,4 @@ def columns(document: Document) -> Row:
     return {**{name: document[name] for name in names}, **document["varied"]}
 
 
-ANALYSIS = Analysis("run", run, columns, memory_MB=400)
+ANALYSIS = Analysis("run", run, columns)

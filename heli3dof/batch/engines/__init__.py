@@ -11,18 +11,18 @@ SCHEDULER = "DASK_SCHEDULER_ADDRESS"
 __all__ = ["SCHEDULER", "Engine", "Lost", "engine"]
 
 
-def engine(cluster: str | None = None, workers: int | None = None, *, memory_MB: int = 0) -> Engine:
+def engine(cluster: str | None = None, workers: int | None = None) -> Engine:
     """Return the engine: a Dask cluster if one is named, else processes on this machine.
 
     ``cluster``: the scheduler's address, by default that in the environment variable `SCHEDULER`.
-    ``workers``: number of processes, by default one per core. ``memory_MB``: memory of one piece of
-    work, which a cluster reserves. Raises UsageError or DeviceError for a cluster out of reach.
+    ``workers``: number of processes, by default one per core. Raises UsageError or DeviceError for
+    a cluster out of reach.
     """
     address = cluster or (os.environ.get(SCHEDULER) if workers is None else None)
     if address:
         from heli3dof.batch.engines.dask_cluster import DaskCluster
 
-        return DaskCluster(address, memory_MB=memory_MB)
+        return DaskCluster(address)
     from heli3dof.batch.engines.processes import Processes
 
     return Processes(workers)

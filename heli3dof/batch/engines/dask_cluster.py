@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 import uuid
 from collections.abc import Callable, Generator, Iterable
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Self
 
 from heli3dof.batch.code_version import code_version
@@ -26,19 +27,18 @@ RESTART_S = 60
 """s that a scheduler has to come back after its connection broke. Chosen."""
 MEMORY = "memory"
 """Name of the workers' resource in bytes, as in ``dask worker ADDRESS --resources memory=8e9``"""
+RESERVED = 1e9
+"""Bytes of `MEMORY` that each piece of work reserves, if a worker states how much it has. Chosen: a
+whole diagnosis of a minute of flight needs 0.3 GB, so there is room for longer flights."""
 
 
 class DaskCluster:
-    """The workers of the Dask cluster whose scheduler has this address.
-
-    ``memory_MB``: what each piece of work reserves of the workers' resource `MEMORY`; ignored if
-    no worker states how much it has.
-    """
+    """The workers of the Dask cluster whose scheduler has this address."""
 
     remote = True
 
-    def __init__(self, address: str, *, memory_MB: int = 0) -> None:
-        self._address, self._memory = address, memory_MB * 1e6
+    def __init__(self, address: str) -> None:
+        self._address = address
         optional("distributed", extra="cluster")
         self._client = self._connected(ANSWER_S)
         self._check_code()
@@ -51,7 +51,7 @@ class DaskCluster:
 
     @property
     def workers(self) -> int:
-        return max(1, sum(int(w["nthreads"]) for w in self._workers().values()))
+        return _threads(self._workers())
 
     def run(self, work: Callable[[T], R], items: Iterable[T]) -> Generator[tuple[int, R | Lost]]:
         from distributed import KilledWorker, as_completed
@@ -61,17 +61,20 @@ class DaskCluster:
         running: dict[str, tuple[int, T]] = {}
         arrived = as_completed(loop=self._client.loop, raise_errors=False)
 
-        def send(n: int, item: T) -> None:
-            future = self._submit(work, item)
-            running[future.key] = n, item
-            arrived.add(future)
+        def send(each: Iterable[tuple[int, T]], workers: dict[str, Any]) -> None:
+            states_memory = any(MEMORY in w["resources"] for w in workers.values())
+            for n, item in each:
+                future = self._client.submit(
+                    _in_worker, work, item, code_version(), key=f"heli3dof-{uuid.uuid4().hex}",
+                    retries=0, pure=False, resources={MEMORY: RESERVED} if states_memory else None,
+                )  # fmt: skip
+                running[future.key] = n, item
+                arrived.add(future)
 
         def send_more() -> None:
-            while len(running) < (1 + AHEAD) * self.workers:
-                following = next(waiting, None)
-                if following is None:
-                    return
-                send(*following)
+            workers = self._workers()
+            room = max(0, (1 + AHEAD) * _threads(workers) - len(running))
+            send(islice(waiting, room), workers)
 
         try:
             send_more()
@@ -93,20 +96,12 @@ class DaskCluster:
                     running.clear()
                     self._reconnect()
                     arrived = as_completed(loop=self._client.loop, raise_errors=False)
-                    for each in lost:
-                        send(*each)
+                    send(lost, self._workers())
                 future.release()
                 send_more()
         finally:
             for future in list(arrived.futures):
                 future.cancel()
-
-    def _submit(self, work: Callable[[T], R], item: T) -> Any:
-        resources = {MEMORY: self._memory} if self._memory and self._states_memory() else None
-        return self._client.submit(
-            _in_worker, work, item, code_version(), key=f"heli3dof-{uuid.uuid4().hex}",
-            retries=0, pure=False, resources=resources,
-        )  # fmt: skip
 
     def _connected(self, timeout_s: float) -> Client:
         from distributed import Client
@@ -138,9 +133,6 @@ class DaskCluster:
     def _workers(self) -> dict[str, Any]:
         return dict(self._client.scheduler_info(n_workers=-1)["workers"])
 
-    def _states_memory(self) -> bool:
-        return any(MEMORY in w["resources"] for w in self._workers().values())
-
     def _check_code(self) -> None:
         """Raise DeviceError without workers, UsageError if a worker runs other code than this."""
         if not self._workers():
@@ -153,6 +145,10 @@ class DaskCluster:
         for worker, other in self._client.run(_version_of_worker).items():
             if other != mine:
                 raise other_code(worker, other)
+
+
+def _threads(workers: dict[str, Any]) -> int:
+    return max(1, sum(int(w["nthreads"]) for w in workers.values()))
 
 
 def other_code(worker: str, other: str) -> UsageError:

@@ -28,6 +28,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from heli3dof.recording.atomic_write import write_all
 from heli3dof.recording.mcap_files.chunk import ChunkMaker
 from heli3dof.recording.mcap_files.chunk_index import chunk_indexes
 from heli3dof.recording.mcap_files.schema import RowFormat
@@ -176,9 +177,7 @@ class McapFile:
         self._write(memoryview(builder.end()))  # type: ignore[no-untyped-call]
 
     def _write(self, data: memoryview) -> None:
-        left = data
-        while left:
-            left = left[self._stream.write(left) :]
+        write_all(self._stream, data)
         self.good += len(data)
         self._crc = zlib.crc32(data, self._crc)
 

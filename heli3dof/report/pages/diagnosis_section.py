@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.cause_name import name_of
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.replay import Replayed
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
@@ -71,7 +72,7 @@ def _causes(document: Document, p: FigureData) -> list[str]:
             continue
         written.add(sentence)
         blocks.append(paragraph(sentence))
-        if e := evidence.get(words.name_of(finding)):
+        if e := evidence.get(name_of(finding)):
             blocks.append(figure(evidence_figure(e), evidence_alt(e)))
     return blocks + [paragraph(s) for s in document.get("about", {}).get("explains", ())]
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.cause_name import name_of
 from heli3dof.diagnosis.conclusion.encoder_scales import flyable
 from heli3dof.errors import UsageError
 from heli3dof.model.effects import term
@@ -37,12 +38,6 @@ NOISE_EXCESS = 1.5
 SCALE_PREFIX = "encoder.scale."
 NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
 """Effects that no flight identifies (only a cable depends on yaw's zero): not mentioned."""
-
-
-def name_of(finding: Document) -> str:
-    """Return a cause's name: its effect and, if it has one, its axis (``friction.coulomb.yaw``)."""
-    axis = finding.get("axis")
-    return str(finding["effect"]) if axis is None else f"{finding['effect']}.{axis}"
 
 
 def variable(name: str) -> str:

@@ -11,8 +11,9 @@ import math
 from collections.abc import Sequence
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.cause_name import name_of
 from heli3dof.report.text import diagnosis_sentences as words
-from heli3dof.report.text.diagnosis_sentences import Document, name_of, number
+from heli3dof.report.text.diagnosis_sentences import Document, number
 from heli3dof.report.text.number_format import NONE, fixed, significant
 from heli3dof.report.text.table import Grid
 
