@@ -106,9 +106,9 @@ def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cac
 fly_row = compiled(_fly_row, leaf=True, error_model="numpy")
 
 
-def _midpoint_without_friction(
+def _midpoint_without_friction(  # type: ignore[no-untyped-def]
     s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache
-):  # type: ignore[no-untyped-def]
+):  # fmt: skip
     """Advance the state x = (q, q̇) as `_step_without_friction` does, but by the midpoint rule.
 
     cache[3:6] holds the acceleration of the last step, which gives the rate in the middle of this
