@@ -36,8 +36,10 @@ from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
+    Remainder,
     in_order,
     physical,
+    remainders,
     tied_in,
     verdict_of,
 )
@@ -48,6 +50,7 @@ from heli3dof.diagnosis.selection.steps import (
     extended,
     screening_step,
 )
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects import term
 from heli3dof.parallel import report_progress
@@ -161,11 +164,13 @@ def _diagnosed(
     )  # fmt: skip
     first_is_like = any(isinstance(f, Finding) and f.like for f in physical(ordered)[:1])
     unsure = first_is_like and not setup.controller_is_known
-    verdict = verdict_of(ordered, settled.residual_torques, result.refit, unsure=unsure)
+    remaining = remainders(result, ordered, settled.slow_noise)
+    left: tuple[ResidualTorque | Remainder, ...] = (*settled.residual_torques, *remaining)
+    verdict = verdict_of(ordered, left, result.refit, unsure=unsure)
     return Diagnosis(
         *names, verdict, faults, result,
         findings, off, settled.dropped, settled.residual_torques, extended.terms,
-        settled.slow_noise,
+        remaining, settled.slow_noise,
         (*(n for n in first.not_identifiable if not term(n).effect.formal), *undetectable), about,
     )  # fmt: skip
 

@@ -60,6 +60,7 @@ from heli3dof.diagnosis.result import (
     Finding,
     Fitted,
     in_order,
+    remainders,
     tied_in,
     verdict_of,
 )
@@ -193,12 +194,13 @@ def diagnose_without_likelihood(
         "seed": seed,
     }  # fmt: skip
     each = in_order((), findings, off)
+    remaining = remainders(fitted, each, slow_noise)
     rest_rad = float(whole[0].profile.encoder.rest_rad[0])
     undetectable = undetectable_scales(tied_in(each), AXES, rest_rad=rest_rad, tolerance=tolerance)
     return Diagnosis(
         tuple(r.name for r in train), tuple(r.name for r in held),
-        verdict_of(each, residual, unfitted, unsure=quick), faults, fitted,
-        findings, off, dropped, residual, (), slow_noise,
+        verdict_of(each, (*residual, *remaining), unfitted, unsure=quick), faults, fitted,
+        findings, off, dropped, residual, (), remaining, slow_noise,
         (*not_identifiable(result.fit, causes), *undetectable), about,
     )  # fmt: skip
 

@@ -111,6 +111,26 @@ def test_size_confidence_confounding_gain_and_next_experiment_are_reported() -> 
     assert "| pitch | – |" not in text  # an axis that was not measured has no row
 
 
+def test_an_error_without_an_explanation_is_stated_in_degrees() -> None:
+    rest = {"axis": "pitch", "depends_on": None, "share": 0.0, "term": None, "formula": None}
+    rest["error_deg"] = {"simulation": 7.0, "extended_model": 6.2, "noise_floor": None}
+    document = changed(verdict="unexplained", leftover=[rest])
+    for e in document["simulation_error"].values():
+        e["noise_floor_deg"] = None
+    text = text_of(document)
+    assert "most of the simulation error remains, pitch 6.20° of 7.00° (RMSE of 1 s" in text
+    assert "How much of it is noise is unknown." in text
+    assert "study its figure" not in text  # it has none
+
+
+def test_without_a_noise_floor_no_cause_is_not_no_error() -> None:
+    document = changed(verdict="nothing_found", findings=[], leftover=[])
+    assert "No simulation error beyond noise was found." in text_of(document)
+    for e in document["simulation_error"].values():
+        e["noise_floor_deg"] = None
+    assert "No simulation error beyond noise was found." not in text_of(document)
+
+
 def test_the_worst_stretch_is_reported() -> None:
     document = changed()
     worst = {"recording": "step", "start_s": 4.5, "stop_s": 7.5, "rmse_deg": 6.408}
