@@ -10,7 +10,7 @@ from typing import Any
 from heli3dof.report.text import diagnosis_sentences
 from heli3dof.report.text import diagnosis_tables as diagnosis_tables_module
 from heli3dof.report.text.diagnosis_sentences import VERDICTS, slow_noise
-from heli3dof.report.text.diagnosis_tables import diagnosis_tables, split_unit
+from heli3dof.report.text.diagnosis_tables import diagnosis_tables
 from heli3dof.report.text.table import Grid, to_markdown
 from tests.paths import ROOT
 
@@ -285,8 +285,3 @@ def test_the_consequence_of_an_unknown_controller_is_reported() -> None:
     log = changed(about={"nulls": "Bonferroni over the probes, doubled"})
     assert "add [controller] to the profile" in text_of(log)
     assert "[controller]" not in text_of(DOCUMENT)
-
-
-def test_an_unknown_unit_stays_in_the_parameter_name() -> None:
-    assert split_unit("flux_Wb") == ("flux_Wb", "")
-    assert split_unit("damping_Nms_per_rad") == ("damping", "N·m·s/rad")
