@@ -10,7 +10,7 @@ import typer
 
 from heli3dof.cli.options import AsJson, Force, OutputFile, ProfileFile, Quiet, rig_profile
 from heli3dof.cli.output import Output, verb
-from heli3dof.errors import ProfileError, UnstableLoop
+from heli3dof.errors import ProfileError, UnstableLoop, UsageError
 
 if TYPE_CHECKING:
     from heli3dof.model.control.loop_check import LoopCheck
@@ -48,6 +48,13 @@ def new(
     start: Annotated[
         Path | None, typer.Option("--from", metavar="FILE", help="Start from this profile.")
     ] = None,
+    no_controller: Annotated[
+        bool,
+        typer.Option(
+            "--no-controller",
+            help="Write no [controller]: the controller of the rig's logs is unknown.",
+        ),
+    ] = False,
     output: OutputFile = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -72,11 +79,13 @@ def new(
     remarks: dict[str, str] = {}
     if value_at(data, COMPUTED) is None:
         _compute_hover_voltage(data, remarks)
-    if value_at(given, "controller.K") is None:
+    if no_controller:
+        _remove_controller(given, data)
+    elif value_at(given, "controller.K") is None:
         _design_gain(data, remarks)
     profile = profile_from_dict(data, source=SOURCE)
     loop = _check_loop(out, profile)
-    if not loop.stable:
+    if not loop.stable and profile.controller_is_known:
         from heli3dof.model.control.stability import check_hover_loop
 
         check_hover_loop(profile)  # raises, with the poles and the cause
@@ -88,7 +97,10 @@ def new(
             "(docs/reference/profile.md)"
         )
     is_designed = "controller.K" in remarks
-    out.note(f"Gain: {'designed for this rig by LQR' if is_designed else 'as given, or default'}")
+    gain = "designed for this rig by LQR" if is_designed else "as given, or default"
+    if no_controller:
+        gain = "unknown, as the profile has no [controller]; flights use the default gain"
+    out.note(f"Gain: {gain}")
     _report(out, path, profile, loop)
     out.note(f"Profile: {path}")
 
@@ -226,6 +238,17 @@ def _design_gain(data: dict[str, Any], remarks: dict[str, str]) -> None:
     )
 
 
+def _remove_controller(given: dict[str, Any], data: dict[str, Any]) -> None:
+    """Remove the controller from the profile ``data``; raise UsageError if ``given`` sets it."""
+    if "controller" in given:
+        raise UsageError(
+            "--no-controller contradicts --set controller.…",
+            cause="a profile without [controller] says that the controller is unknown.",
+            fix="one of the two",
+        )
+    data.pop("controller", None)
+
+
 def _check_loop(out: Output, profile: Profile) -> LoopCheck:
     from heli3dof.model.control.loop_check import check_loop_of
 
@@ -255,7 +278,10 @@ def _report(
             f"the {gain} does not stabilise this rig; heli3dof profile new --from FILE designs "
             "another"
         )
-        out.err.print(f"Error: {remarks[-1]}.", soft_wrap=True, style="bold red")
+        if profile.controller_is_known:
+            out.err.print(f"Error: {remarks[-1]}.", soft_wrap=True, style="bold red")
+        else:
+            out.warn(remarks[-1])
     out.emit(
         {
             "schema": "heli3dof.profile/1",
