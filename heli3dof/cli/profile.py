@@ -10,6 +10,7 @@ import typer
 
 from heli3dof.cli.options import AsJson, Force, OutputFile, ProfileFile, Quiet, rig_profile
 from heli3dof.cli.output import Output, verb
+from heli3dof.cli.output_encoding import minus
 from heli3dof.errors import ProfileError, UnstableLoop, UsageError
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ def show(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> No
         table.add_row(last, _shown(value), key.unit, key.meaning)
     table.add_section()
     for name, (number, unit, meaning) in _derived(profile).items():
-        table.add_row(name, f"{number:.4g}", unit, meaning)
+        table.add_row(name, minus(f"{number:.4g}"), unit, meaning)
     out.show(table)
     _report(out, file, profile, _check_loop(out, profile))
 
@@ -269,9 +270,9 @@ def _report(
     from heli3dof.rig.profile_remarks import unusual_values
 
     remarks = [*unusual_values(profile), *loop.unusual()]
-    out.show(*_loop_lines(loop))
+    out.show(*map(minus, _loop_lines(loop)))
     for remark in remarks:
-        out.warn(remark)
+        out.warn(minus(remark))
     if not loop.stable:
         gain = "default gain" if profile.controller is None else "gain"
         remarks.append(
@@ -318,8 +319,8 @@ def _derived(profile: Profile) -> dict[str, tuple[float, str, str]]:
 
 def _shown(value: Any) -> str:
     if isinstance(value, tuple):
-        return "\n".join(" ".join(f"{x:g}" for x in row) for row in value)
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
+        return minus("\n".join(" ".join(f"{x:g}" for x in row) for row in value))
+    return minus(f"{value:.5g}" if isinstance(value, float) else str(value))
 
 
 def _loop_lines(loop: LoopCheck) -> Iterator[str]:

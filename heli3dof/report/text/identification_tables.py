@@ -150,7 +150,8 @@ def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
     if correlation is None:
         return []
     return [
-        f"{_short(names[i])} and {_short(names[j])} are correlated by {correlation[i, j]:+.2f}."
+        f"{_short(names[i])} and {_short(names[j])} are correlated by "
+        f"{fixed(float(correlation[i, j]), 2, sign=True)}."
         for i in range(len(names))
         for j in range(i)
         if abs(correlation[i, j]) > MIXED
