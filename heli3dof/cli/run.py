@@ -156,7 +156,7 @@ def _fly_auto(
     quick: bool,
     seed: int,
 ) -> None:
-    from heli3dof.cli.diagnose import stages
+    from heli3dof.cli.output import stages
     from heli3dof.diagnosis.planning.run_auto import run_auto
 
     result = run_auto(

@@ -62,6 +62,12 @@ def test_the_default_is_the_grey_box_and_its_parameters_have_intervals(tmp_path:
     path = tmp_path / "grey.json"
     result = heli3dof("identify", *TRAIN, "--holdout", TEST[1], "-o", path, "--json")
     assert result.code == 0, result.err
+    stages = [line for line in result.err.splitlines() if line.endswith("…")]
+    assert stages[-3:] == [
+        "Selecting the rows to fit …",
+        "Fitting the model (greybox) …",
+        "Evaluating the model on held-out data …",
+    ]
     (model,) = result.document["models"]
     assert model["kind"] == "greybox"
     lag = model["parameters"]["motor.lag.time_constant_s"]
