@@ -62,7 +62,7 @@ def new(
     quiet: Quiet = False,
 ) -> None:
     """Write a commented profile: heli3dof profile new -o rig.toml asks for the numbers."""
-    from heli3dof.cli.profile_questions import COMPUTED, ask_missing, value_at
+    from heli3dof.cli.profile_questions import COMPUTED, ask_missing, check_keys, value_at
     from heli3dof.recording.atomic_write import check_output, write_file
     from heli3dof.rig.profile import load_profile, profile_from_dict
     from heli3dof.rig.profile_file import merged, new_text, settings
@@ -72,6 +72,7 @@ def new(
     path = output or Path("rig.toml")
     check_output(path, force=force)
     given = settings(words or ())
+    check_keys(given)
     data = given
     if start is not None:
         load_profile(start)  # raises ProfileError if it is invalid
@@ -97,12 +98,12 @@ def new(
             "a small difference of large torques: measure it before the first flight "
             "(docs/reference/profile.md)"
         )
-    is_designed = "controller.K" in remarks
-    gain = "designed for this rig by LQR" if is_designed else "as given, or default"
-    if no_controller:
-        gain = "unknown, as the profile has no [controller]; flights use the default gain"
-    out.note(f"Gain: {gain}")
-    _report(out, path, profile, loop)
+    if not no_controller:
+        is_designed = "controller.K" in remarks
+        out.note(
+            f"Gain: {'designed for this rig by LQR' if is_designed else 'as given, or default'}"
+        )
+    _report(out, path, profile, loop, with_loop=not no_controller)
     out.note(f"Profile: {path}")
 
 
@@ -264,16 +265,25 @@ def _exit_if_unstable(profile: Profile, loop: LoopCheck) -> None:
 
 
 def _report(
-    out: Output, file: Path | None, profile: Profile, loop: LoopCheck, **more: Any
+    out: Output,
+    file: Path | None,
+    profile: Profile,
+    loop: LoopCheck,
+    *,
+    with_loop: bool = True,
+    **more: Any,
 ) -> list[str]:
-    """Print the loop's poles, margins, step responses; return warnings. ``more``: JSON entries."""
+    """Print the loop's poles, margins, step responses; return warnings. ``more``: JSON entries.
+
+    Without ``with_loop``, nothing is printed on the loop, which only the JSON document then has.
+    """
     from heli3dof.rig.profile_remarks import unusual_values
 
-    remarks = [*unusual_values(profile), *loop.unusual()]
-    out.show(*map(minus, _loop_lines(loop)))
+    remarks = [*unusual_values(profile), *(loop.unusual() if with_loop else ())]
+    out.show(*map(minus, _loop_lines(loop) if with_loop else ()))
     for remark in remarks:
         out.warn(minus(remark))
-    if not loop.stable:
+    if not loop.stable and with_loop:
         gain = "default gain" if profile.controller is None else "gain"
         remarks.append(
             f"the {gain} does not stabilise this rig; heli3dof profile new --from FILE designs "

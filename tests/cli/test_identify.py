@@ -136,6 +136,12 @@ def test_compare_without_arguments_uses_the_supplied_recordings(
     assert len(list(tmp_path.glob("comparisons/*/*.svg"))) == 6
 
 
+def test_a_model_with_a_typing_error_is_no_missing_recording() -> None:
+    result = heli3dof("compare", TEST[0], "hoover")
+    assert result.code == 2
+    assert "did you mean 'hover'?" in result.err
+
+
 def test_models_without_recordings_are_refused() -> None:
     result = heli3dof("compare", "hover")
     assert result.code == 2

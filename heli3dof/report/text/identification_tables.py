@@ -53,7 +53,7 @@ def _scores(found: Identification) -> str:
         return f"{name}: there are no held-out data to evaluate it."
     replay = f"closed-loop replay {_by_axis(metrics.replay.fit_percent)}"
     if metrics.replay_note:
-        replay = f"no closed-loop replay ({metrics.replay_note})"
+        replay = f"closed-loop replay {metrics.replay_note}"
     return (
         f"{name}, fit on held-out data: {SUMMARY_HORIZON_S:g} s predictions "
         f"{_by_axis(ahead.fit_percent)}; {replay}."
