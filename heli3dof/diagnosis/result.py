@@ -97,7 +97,7 @@ class Remainder:
     simulation_deg: float
     """Error of the simulation with the profile's numbers"""
     extended_deg: float
-    """Error of the extended model, on held-out data"""
+    """Error of the extended model; both on held-out data"""
     noise_deg: float | None
     """Noise floor; None if it is unknown"""
 
@@ -188,8 +188,9 @@ def remainders(
 ) -> tuple[Remainder, ...]:
     """Return the errors that remain, largest first; empty if the causes explain most of the error.
 
-    With the RMSE e_0 of the simulation with the profile's numbers, e_1 of the extended model and
-    e_n of the noise (0 if unknown), most of the error remains if, with sums over the axes,
+    With the RMSE e_0 of the simulation with the profile's numbers, e_1 of the extended model, both
+    on held-out data, and e_n of the noise (0 if unknown), most of the error remains if, with sums
+    over the axes,
 
         Σ max(e_1² − e_n², 0) > ½ Σ e_0²
 
@@ -197,13 +198,13 @@ def remainders(
     e_n does not contain it. Without a physical cause there is no claim to refute, so the result is
     empty.
     """
-    if not physical(findings):
+    if not physical(findings) or f.refit is None:
         return ()
     each = []
     for axis in (a for a in AXES if a not in {x.axis for x in slow_noise}):
-        e_0, e_n = f.wrong.at(HORIZON_S, axis)
-        e_1 = f.gain.after.get(axis)
-        if e_1 is not None and isfinite(e_1) and isfinite(e_0):
+        e_0, e_1 = f.refit.before.get(axis), f.gain.after.get(axis)
+        e_n = f.wrong.at(HORIZON_S, axis)[1]
+        if e_0 is not None and e_1 is not None and isfinite(e_0) and isfinite(e_1):
             each.append(Remainder(axis, e_0, e_1, e_n if isfinite(e_n) else None))
     if sum(map(_unexplained, each)) <= sum(r.simulation_deg**2 for r in each) / 2:
         return ()

@@ -87,6 +87,7 @@ def errors(before: tuple[float, ...], after: tuple[float, ...], noise: tuple[flo
     known = {a: (b, n) for a, b, n in zip(AXES, before, noise, strict=True)}
     return SimpleNamespace(
         wrong=SimpleNamespace(at=lambda horizon_s, axis: known[axis]),
+        refit=SimpleNamespace(before=dict(zip(AXES, before, strict=True))),
         gain=SimpleNamespace(after=dict(zip(AXES, after, strict=True))),
     )
 

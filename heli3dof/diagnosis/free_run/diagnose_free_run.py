@@ -141,12 +141,15 @@ def diagnose_without_likelihood(
     model = model_of(result.fit, whole, "extended")
     base_model = model_of(base_fit, whole, "base")
     after, before = FreeRun.of(model, tested), FreeRun.of(base_model, tested)
+    profile_model = nominal(whole[0].profile, simpler)
+    as_profile = FreeRun.of(profile_model, tested)
     against = on
     if not held_out and not quick:
         against = BLOCKS
         after = cross_validated([model_of(f, whole, "") for f in result.halves], whole)
         folds = folds_of(base_fit)
         before = cross_validated([model_of(f, whole, "") for f, _ in folds], whole)
+        as_profile = cross_validated([profile_model] * len(folds), whole)
     causes, only_kept = select_causes(result)
     causes = with_confounded_terms(result, causes, seed=seed, says=says)
     if base == "hover" and not quick:
@@ -159,8 +162,7 @@ def diagnose_without_likelihood(
     poor = not pays(before, after)
     adopted = base_fit if poor else result.fit
     dropped = tuple(Dropped(f.choice.term.name, f.gain) for f in findings) if poor else ()
-    as_profile = FreeRun.of(nominal(whole[0].profile, simpler), tested)
-    unfitted = gain(as_profile, FreeRun.of(base_model, tested), on, seed)
+    unfitted = gain(as_profile, before, against, seed)
     fitted = Fitted(
         None, None, base_model if poor else model,
         gain(before, before if poor else after, against, seed), None, None,

@@ -100,8 +100,12 @@ def before_and_after(gain: Document) -> str:
 
 
 def calibration_change(document: Document) -> Iterator[str]:
-    """Yield, for the verdict off_calibration, the gain of a refit and the ratios that are off."""
-    if document["verdict"] != "off_calibration":
+    """Yield the gain of a refit and the ratios that are off, if only the refit changes the error.
+
+    That is the verdict off_calibration, or nothing_found without a noise floor.
+    """
+    unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
+    if document["verdict"] != "off_calibration" and not unknown:
         return
     falls = before_and_after(document["calibration_gain"])
     yield f"With refitted parameters, the RMSE of 1 s predictions changes: {falls}."
@@ -298,8 +302,8 @@ def _remaining(document: Document, remaining: Sequence[Document]) -> str:
     unknown = " How much of it is noise is unknown." if noise_is_unknown(document) else ""
     return (
         f"Not explained: most of the simulation error remains, {', '.join(each)} "
-        f"(RMSE of {seconds:g} s predictions).{unknown} To find its cause, diagnose several "
-        "flights of the rig together: heli3dof diagnose REC REC..."
+        f"(RMSE of {seconds:g} s predictions on {measured_on(document)}).{unknown} To find its "
+        "cause, diagnose several flights of the rig together: heli3dof diagnose REC REC..."
     )
 
 

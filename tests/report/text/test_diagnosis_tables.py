@@ -128,7 +128,12 @@ def test_without_a_noise_floor_no_cause_is_not_no_error() -> None:
     assert "No simulation error beyond noise was found." in text_of(document)
     for e in document["simulation_error"].values():
         e["noise_floor_deg"] = None
-    assert "No simulation error beyond noise was found." not in text_of(document)
+    gain = {"holdout_rmse_deg": {"before": {"pitch": 6.89}, "after": {"pitch": 5.79}}}
+    text = text_of({**document, "calibration_gain": gain, "ratios": []})
+    assert "No simulation error beyond noise was found." not in text
+    assert (
+        "With refitted parameters, the RMSE of 1 s predictions changes: pitch 6.89° → 5.79°" in text
+    )
 
 
 def test_the_worst_stretch_is_reported() -> None:
