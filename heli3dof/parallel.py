@@ -87,6 +87,12 @@ def report_progress(watcher: Watcher | None) -> Iterator[None]:
         _watcher.reset(token)
 
 
+def report_count(what: str, done: int, of: int) -> None:
+    """Report that a loop has finished ``done`` of its items, as `parallel_map` does."""
+    if (watcher := _watcher.get()) is not None:
+        watcher(what, done, of)
+
+
 def parallel_map(work: Callable[[int], X], count: int, *, what: str = "") -> list[X]:
     """Compute ``work(0)`` … ``work(count − 1)`` in parallel and return the results in order.
 
