@@ -63,11 +63,15 @@ class Candidate:
 
 
 def score_tests(fit: MultiStepFit) -> list[Candidate]:
-    """Return the test of the best probe of each effect that ``fit`` lacks, by falling Z²."""
+    """Return the test of the best probe of each effect that ``fit`` lacks, by falling Z².
+
+    Other forms of the body's equations (``formal`` effects) are no causes, so they are not tested.
+    """
     p = fit.problem
     V = np.concatenate([f.V for f in p.flights])
     present = [t.name for t in fit.structure.terms]
-    tested = [q for t in candidates(present) for q in probes(t, V)]
+    terms = [t for t in candidates(present) if not t.effect.formal]
+    tested = [q for t in terms for q in probes(t, V)]
     r = _residuals(fit, p, fit.z)
     H = fit.tangents @ fit.tangents.T + p.prior
     step = np.linalg.solve(H, fit.tangents @ r + p.prior @ (fit.z - p.start))

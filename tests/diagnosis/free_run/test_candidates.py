@@ -41,9 +41,11 @@ def test_the_doctest_passes() -> None:
 
 
 def test_an_effect_that_the_fit_lacks_has_the_largest_score(lacking: MultiStepFit) -> None:
-    best, second = score_tests(lacking)[:2]
+    tests = score_tests(lacking)
+    best, second = tests[:2]
     assert best.name == CABLE
     assert best.Z2 > threshold(60) > second.Z2
+    assert not any(c.probe.term.effect.formal for c in tests)
 
 
 def test_the_score_predicts_the_cost_of_the_refit(lacking: MultiStepFit) -> None:
