@@ -17,6 +17,7 @@ from dataclasses import replace
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
 from heli3dof.diagnosis.conclusion.encoder_scales import LEVEL, undetectable_scales, with_scale_ties
 from heli3dof.diagnosis.conclusion.inertia_ties import step_with_same_causes, with_confounded_causes
+from heli3dof.diagnosis.conclusion.recordings_agree import marked_if_recordings_disagree
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unnamed import Settled, settle_unmodelled
@@ -30,7 +31,6 @@ from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.estimate.voltage_replay import with_known_controller
 from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
-from heli3dof.diagnosis.free_run.recordings_agree import marked_if_recordings_disagree
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.result import (
     Diagnosis,

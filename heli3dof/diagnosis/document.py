@@ -130,14 +130,18 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
             "tolerance": tolerance,
             "beyond_tolerance": beyond(c),
         }
-        for c in (f.calibration if f.final is None else base_parameters(f.final))
+        for c in _base(f)
     ]
 
 
 def _measured(f: Fitted | None) -> dict[str, Measured]:
     """Return the base parameters in SI by name, including K_f; empty if none were fitted."""
-    numbers = () if f is None or f.final is None else base_parameters(f.final)
+    numbers = () if f is None else _base(f)
     return {c.name: Measured(c.nominal, c.value, c.std) for c in numbers}
+
+
+def _base(f: Fitted) -> tuple[BaseParameter, ...]:
+    return f.calibration if f.final is None else base_parameters(f.final)
 
 
 def _profile(f: Fitted | None) -> list[dict[str, Any]]:

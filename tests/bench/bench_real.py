@@ -16,6 +16,7 @@ from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.free_run.elimination import eliminate
 from heli3dof.diagnosis.free_run.explanations import settles_at
 from heli3dof.diagnosis.free_run.refits import STAGE_S, carried_over, restructured
+from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.identification.greybox.freeflight import (
     fit_freeflight,
     free_rows,
@@ -177,7 +178,7 @@ def diagnosed(
         ),
         Figure(
             f"{trial.rig}: causes reported",
-            ", ".join(x.choice.term.name for x in result.findings),
+            ", ".join(_with_ties(x.choice) for x in result.findings),
             how="kept in the model within their priors, not reported as causes: "
             f"{', '.join(x['term'] for x in about['kept_within_what_is_known']) or 'none'}; "
             f"verdict {result.verdict}",
@@ -192,6 +193,11 @@ def diagnosed(
             )
         )
     return "\n".join(lines), figures + open_loop(trial, f.model)
+
+
+def _with_ties(choice: Choice) -> str:
+    tied = f" (confounded with {', '.join(choice.tied_with)})" if choice.tied_with else ""
+    return choice.term.name + tied
 
 
 def folds(trial: Trial) -> list[Figure]:

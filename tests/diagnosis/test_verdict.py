@@ -157,7 +157,13 @@ def test_a_confounded_base_parameter_requests_the_plan_that_separates_it() -> No
 def test_beyond_tolerance_has_three_values() -> None:
     numbers = tuple(
         BaseParameter(name, 1.0, value, 0.03, "kg·m²", 0.03)
-        for name, value in (("T_g", 0.79), ("J_roll", 1.4), ("J_pitch", 1.12), ("J_yaw", 0.83))
+        for name, value in (
+            ("K_f", 1.0),
+            ("T_g", 0.79),
+            ("J_roll", 1.4),
+            ("J_pitch", 1.12),
+            ("J_yaw", 0.83),
+        )
     )
     model = SimpleNamespace(profile=default_profile())
     gain = SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on="holdout")
@@ -169,12 +175,31 @@ def test_beyond_tolerance_has_three_values() -> None:
     statuses = {c["parameter"]: c["beyond_tolerance"] for c in diagnosis_document(d)["calibration"]}
     # ln 0.85 = -0.163 is the edge below, ln 1.15 = 0.140 the one above.
     assert statuses == {
+        "K_f": "no",
         "T_g": "not_surely",
         "J_roll": "surely",
         "J_pitch": "no",
         "J_yaw": "not_surely",
     }
     assert {c["tolerance"] for c in diagnosis_document(d)["calibration"]} == {0.15}
+
+
+def test_a_log_without_a_likelihood_has_the_keys_of_the_profile_too() -> None:
+    """K_f 1.2 times, T_g 1.5 times nominal: V_o is 1.25 times nominal."""
+    profile = default_profile()
+    values = {"K_f": 1.2 * profile.motor.K_f, "T_g": 1.5 * profile.trim_torque}
+    values |= dict(zip(("J_roll", "J_pitch", "J_yaw"), profile.inertias, strict=True))
+    numbers = tuple(BaseParameter(n, 1.0, v, 0.03 * v, "", 0.03) for n, v in values.items())
+    fitted = SimpleNamespace(
+        refit=None, final=None, open=None, model=SimpleNamespace(profile=profile),
+        gain=SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on=""),
+        calibration=numbers, noise_floor={},
+        wrong=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),
+    )  # fmt: skip
+    document = diagnosis_document(Diagnosis(("a",), (), "explained", (), cast(Any, fitted)))
+    keys = {k["key"]: k["value"] for k in document["profile"]}
+    assert keys["motor.V_o"] == pytest.approx(1.25 * profile.motor.V_o)
+    assert {r["ratio"] for r in document["ratios"]} >= {"V_o"}
 
 
 def test_no_plan_separates_inertias_from_a_thrust_gain() -> None:

@@ -134,7 +134,7 @@ RULES = (
     Rule("pieces of the flight must agree", "conclusion.segments:with_segment_ties", _argument(0)),
     Rule(
         "recordings must agree",
-        "free_run.recordings_agree:marked_if_recordings_disagree",
+        "conclusion.recordings_agree:marked_if_recordings_disagree",
         _argument(0),
     ),
     Rule(

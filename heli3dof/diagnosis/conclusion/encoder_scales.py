@@ -27,6 +27,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from heli3dof.axes import AXES
 from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.result import Finding
 from heli3dof.model.effects import term
@@ -84,10 +85,32 @@ def flyable(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
 
     >>> flyable("inertia.roll", [SCALE, "encoder.scale.yaw"]), flyable("motor.dead_zone", [SCALE])
     ((), ('motor.thrust_gain',))
+    >>> flyable(SCALE, ["inertia.roll"])
+    ()
     """
-    depends_on_mass = of.startswith(WITH_MASS)
+
+    def is_scale_of_mass(a: str, b: str) -> bool:
+        return a == SCALE and b.startswith(WITH_MASS)
+
     return tuple(
-        n for n in tied_with if not n.startswith(EFFECT) and not (depends_on_mass and n == SCALE)
+        n
+        for n in tied_with
+        if not (n.startswith(EFFECT) or is_scale_of_mass(n, of) or is_scale_of_mass(of, n))
+    )
+
+
+def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
+    """Return the findings; with K_f among them, each is confounded with it.
+
+    Without simulated nulls nothing but the profile separates K_f from inertias that are all off by
+    the inverse factor (`estimate.thrust_scale`).
+    """
+    if not any(o.term.name == SCALE for o in off):
+        return tuple(off)
+    inertias = tuple(f"inertia.{axis}" for axis in AXES)
+    return tuple(
+        replace(o, tied_with=_joined(o.tied_with, inertias if o.term.name == SCALE else (SCALE,)))
+        for o in off
     )
 
 

@@ -28,7 +28,7 @@ import numpy as np
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import FALSE_ALARMS
 from heli3dof.diagnosis.estimate.thrust_scale import ThrustScale, thrust_scale
-from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.model.effects import Term, term
 
 SCALE_QUANTILE = 2.0  # standard deviations, chosen
@@ -85,7 +85,7 @@ def quantile() -> float:
     return float(norm.isf(FALSE_ALARMS / FAMILY))
 
 
-def base_parameters(fit: Estimate) -> tuple[BaseParameter, ...]:
+def base_parameters(fit: PhysicalFit) -> tuple[BaseParameter, ...]:
     """Return K_f, T_g and the three inertias, in this order."""
     scale = thrust_scale(fit)
     K_f = fit.structure.profile.motor.K_f
@@ -113,7 +113,9 @@ class OffNominal:
     """Causes confounded with it (`conclusion.inertia_ties`)"""
 
 
-def off_nominal(fit: Estimate, *, std_inflation: float = STD_INFLATION) -> tuple[OffNominal, ...]:
+def off_nominal(
+    fit: PhysicalFit, *, std_inflation: float = STD_INFLATION
+) -> tuple[OffNominal, ...]:
     """Return the parameters that are off by significantly more than the tolerance, by score.
 
     ``std_inflation`` is f.
@@ -152,7 +154,7 @@ def _off(c: BaseParameter) -> OffNominal:
     return OffNominal(cause, ratio, ratio_std, score, flight_score)
 
 
-def in_SI(fit: Estimate, scale: ThrustScale, name: str) -> dict[str, tuple[float, float]]:
+def in_SI(fit: PhysicalFit, scale: ThrustScale, name: str) -> dict[str, tuple[float, float]]:
     """Return {parameter: (value, standard deviation)} of the term ``name``, in SI."""
     return {
         f.name.removeprefix(f"{name}."): scale.applied(float(v), float(s), f.unit)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.physical_fit import PhysicalFit
 
 DEGREES_OF_FREEDOM = 3.0  # ν, chosen
 LOG_K_MAX = 1.5  # of the grid on which p is evaluated: a factor of 4.5, chosen
@@ -40,7 +40,7 @@ class ThrustScale:
         return value * self.k, self.k * float(np.hypot(std, value * self.std))
 
 
-def thrust_scale(fit: Estimate) -> ThrustScale:
+def thrust_scale(fit: PhysicalFit) -> ThrustScale:
     """Return k, estimated from the base's four parameters in ``fit`` and their nominal values."""
     nominal = np.array([f.start for f in fit.free[:4]])
     x = fit.values[:4] / nominal

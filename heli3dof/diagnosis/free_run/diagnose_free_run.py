@@ -4,6 +4,7 @@ The controller is unknown, and the log has sampling jitter or unmodelled fast mo
 (`identification.greybox.noise_check`).
 
 1. The full model (all terms) and the base simulation are fitted to predictions of up to 3 s.
+   `free_run.candidates` adds further effects of the catalogue that the recordings show.
 2. `free_run.elimination` tests which terms held-out blocks need; `free_run.naming` selects causes.
 3. `free_run.free_run_gain` compares the base simulation with the full model on held-out recordings,
    or on blocks left out. In the same way it compares the full model with and without each cause.
@@ -19,10 +20,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.conclusion.encoder_scales import undetectable_scales
+from heli3dof.diagnosis.conclusion.encoder_scales import (
+    undetectable_scales,
+    with_scale_ties,
+    with_thrust_gain_ties,
+)
+from heli3dof.diagnosis.conclusion.recordings_agree import marked_like
 from heli3dof.diagnosis.estimate.base_fit import BASES
-from heli3dof.diagnosis.estimate.base_parameters import BaseParameter
-from heli3dof.diagnosis.free_run.base_off import merged, off_profile
+from heli3dof.diagnosis.estimate.base_parameters import base_parameters, off_nominal
+from heli3dof.diagnosis.free_run.candidates import with_further_effects
 from heli3dof.diagnosis.free_run.elimination import (
     Elimination,
     TermResult,
@@ -41,6 +47,7 @@ from heli3dof.diagnosis.free_run.free_run_gain import (
     gain,
     pays,
 )
+from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
 from heli3dof.diagnosis.free_run.naming import (
     confidence,
     kept_terms,
@@ -49,7 +56,6 @@ from heli3dof.diagnosis.free_run.naming import (
     select_causes,
     sizes,
 )
-from heli3dof.diagnosis.free_run.recordings_agree import marked_like
 from heli3dof.diagnosis.free_run.refits import folds_of, refit
 from heli3dof.diagnosis.free_run.unexplained import unexplained_effects
 from heli3dof.diagnosis.free_run.weak_form import residual_torques
@@ -88,11 +94,10 @@ METHOD = (
 )
 WHY = METHOD + (
     "A term is a cause if left-out blocks need it and its size is significant; other terms keep "
-    "their prior. Sizes are in units of the profile's K_f; there is no noise floor."
+    "their prior. There is no noise floor."
 )
 QUICK = METHOD + (
-    "Quick mode leaves out no blocks, so causes rest on their sizes alone. Sizes are in units of "
-    "the profile's K_f; there is no noise floor."
+    "Quick mode leaves out no blocks, so causes rest on their sizes alone. There is no noise floor."
 )
 FITTING = "Fitting the full physical model to multi-step predictions …"
 EACH = "Refitting without each cause …"
@@ -131,6 +136,8 @@ def diagnose_without_likelihood(
     tested, on = (held_out, "holdout") if held_out else (whole, "the recordings themselves")
     says(FITTING)
     full = fit_freeflight(whole, say=lambda round_: says(f"{FITTING} {round_}"))
+    says("Testing the other effects of the catalogue …")
+    full = with_further_effects(full)
     result = (
         without_elimination(full) if quick else eliminate(full.problem, full, seed=seed, says=says)
     )
@@ -167,13 +174,18 @@ def diagnose_without_likelihood(
         None, None, base_model if poor else model,
         gain(before, before if poor else after, against, seed), None, None,
         _profile_error(tested, simpler), dict.fromkeys(AXES), unfitted,
-        _base_parameters(adopted),
+        base_parameters(MeanTrimFit(adopted)),
         None if poor else open_terms(result, model, causes, only_kept),
     )  # fmt: skip
-    findings = () if poor else findings
+    calibrated = MeanTrimFit(result.fit)
+    off = () if poor else with_thrust_gain_ties(off_nominal(calibrated, std_inflation=1.0))
+    of_base = {o.term.name for o in off}
+    findings = tuple(f for f in findings if not poor and f.choice.term.name not in of_base)
     tolerance = whole[0].profile.tolerance
-    off = () if poor else off_profile(result.begun, result.halves, tolerance)
-    findings, off = merged(findings, off)
+    rest_rad = float(whole[0].profile.encoder.rest_rad[0])
+    findings, off = with_scale_ties(
+        findings, off, base_parameters(calibrated), rest_rad=rest_rad, tolerance=tolerance
+    )
     if quick:
         findings = tuple(marked_like(f) for f in findings)
     residual, slow_noise = split(residual_torques(adopted))
@@ -197,7 +209,6 @@ def diagnose_without_likelihood(
     }  # fmt: skip
     each = in_order((), findings, off)
     remaining = remainders(fitted, each, slow_noise)
-    rest_rad = float(whole[0].profile.encoder.rest_rad[0])
     undetectable = undetectable_scales(tied_in(each), AXES, rest_rad=rest_rad, tolerance=tolerance)
     return Diagnosis(
         tuple(r.name for r in train), tuple(r.name for r in held),
@@ -266,12 +277,4 @@ def _profile_error(
     rmse = np.degrees(np.sqrt(np.nanmean(np.concatenate(e) ** 2, axis=0)))
     return SimulationError(
         tuple(HORIZONS_S), rmse, np.full_like(rmse, np.nan), "nothing: unknown", ()
-    )
-
-
-def _base_parameters(fit: Fit) -> tuple[BaseParameter, ...]:
-    """Return T_g and the inertias, in units of the profile's K_f."""
-    return tuple(
-        BaseParameter(f.name, f.start, float(v), float(s), f.unit)
-        for f, v, s in zip(fit.structure.free[:4], fit.values, fit.std, strict=False)
     )

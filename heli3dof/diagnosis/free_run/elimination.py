@@ -16,8 +16,8 @@ Windows overlap, so the bootstrap resamples cells (block bootstrap).
    - Training cost: Q on the training blocks increases by `LEAST_COST` or more without the term.
      Without such a term the model is wrong, and the tests of the other terms are invalid.
 2. The model is refitted. Retained terms correlated with the removed one are tested again.
-3. A removed term is confounded with a cause (`tied_with`) if it can replace it without significant
-   loss.
+3. An effect of the catalogue is confounded with a cause (`tied_with`) if it can replace it without
+   significant loss. `free_run.candidates` lists the effects to try.
 
 Terms that vary by recording are tested by leaving out whole recordings, if there are several. The
 filter (`heli3dof.model.estimation.ekf_jitter`) estimates their values in a left-out recording.
@@ -34,6 +34,7 @@ from math import erf, sqrt
 
 import numpy as np
 
+from heli3dof.diagnosis.free_run.candidates import possible_replacements, score_tests
 from heli3dof.diagnosis.free_run.refits import STAGE_S, FitWithFolds, recording_indices, refit
 from heli3dof.identification.greybox.multistep import FAR, MultiStep, MultiStepFit, robust, search
 from heli3dof.model.estimation.ekf_jitter import filter_jittered
@@ -87,7 +88,7 @@ class TermResult:
     term: str
     increase: LossIncrease
     tied_with: tuple[str, ...] = ()
-    """In `Elimination.gone`: correlated terms. After `with_confounded_terms`: confounded terms"""
+    """Effects confounded with the cause"""
     trial: Trial | None = None
 
 
@@ -138,7 +139,7 @@ def eliminate(
             break
         correlated = correlated_terms(current.fit, out)
         retained = {k: v for k, v in retained.items() if k not in correlated}
-        removed.append(TermResult(out, trial.increase, tuple(correlated)))
+        removed.append(TermResult(out, trial.increase))
         says(f"Without {out} … refitting the others")
         current = current.without_term(out, trial.fits_without)
     stays = [TermResult(t, trial.increase, (), trial) for t, trial in retained.items()]
@@ -186,12 +187,21 @@ def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -
 def with_confounded_terms(
     result: Elimination, causes: Sequence[TermResult], *, seed: int, says: Says = lambda s: None
 ) -> list[TermResult]:
-    """Return the causes, each ``tied_with`` the removed terms that can replace it."""
+    """Return the causes, each ``tied_with`` the effects that can replace it."""
+    fit = result.fit if result.last is None else result.last.fit
+    says("Testing the other effects of the catalogue …")
+    tests = score_tests(fit)
+
+    def replaces(other: str, name: str) -> bool:
+        if result.last is None:
+            return refit(fit, name, other).cost - fit.cost < LEAST_COST
+        return without_term(result.last, name, seed=seed, instead=other).increase.low <= 0
+
     out = []
     for r in causes:
         says(f"Searching for causes confounded with {r.term} …")
-        others = () if result.last is None else replacements(result.last, r.term, result.gone, seed)
-        out.append(replace(r, tied_with=others))
+        others = possible_replacements(fit, r.term, tests)
+        out.append(replace(r, tied_with=tuple(n for n in others if replaces(n, r.term))))
     return out
 
 
@@ -304,16 +314,4 @@ def bootstrap(increase: np.ndarray, seed: int) -> LossIncrease:
         float(high),
         float(means.std()),
         float((means > 0).mean()),
-    )
-
-
-def replacements(
-    current: FitWithFolds, name: str, gone: Sequence[TermResult], seed: int
-) -> tuple[str, ...]:
-    """Return the correlated removed terms that replace ``name`` without significant loss."""
-    correlated = [r.term for r in gone if name in r.tied_with]
-    return tuple(
-        other
-        for other in correlated
-        if without_term(current, name, seed=seed, instead=other).increase.low <= 0
     )

@@ -18,7 +18,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.free_run.elimination import CELL_S
 from heli3dof.diagnosis.free_run.refits import split_windows
-from heli3dof.diagnosis.validation.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
+from heli3dof.diagnosis.validation.gain import DRAWS, HORIZON_S, Gain, rmse_decreases
 from heli3dof.identification.greybox.freeflight import flight_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.multistep import errors
@@ -98,23 +98,16 @@ def free_run_errors(model: GreyBoxModel, recording: Recording, ahead: np.ndarray
 
 def gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
     """Return the decrease of the RMSE at 1 s of the same predictions, with bootstrap intervals."""
-    two = [dict(zip(AXES, x.rmse_deg(HORIZON_S).tolist(), strict=True)) for x in (before, after)]
-    rng = np.random.default_rng([seed, 5])
     k = round(HORIZON_S / STEP_S) - 1
-    names = np.unique(before.cell)
-    finite = np.isfinite(before.e[:, k])
-    count = np.array([finite[before.cell == c].sum(axis=0) for c in names])
-    sums = [
-        np.array([np.nansum(x.e[before.cell == c, k] ** 2, axis=0) for c in names])
-        for x in (before, after)
-    ]
-    drawn = rng.integers(0, len(names), (DRAWS, len(names)))
-    n = np.maximum(count[drawn].sum(axis=1), 1)
-    falls = np.subtract(*[np.degrees(np.sqrt(s[drawn].sum(axis=1) / n)) for s in sums])
-    tail = 50 * (1 - LEVEL)
-    low, high = np.percentile(falls, [tail, 100 - tail], axis=0)
-    won = {
-        a: Interval(two[0][a] - two[1][a], float(low[i]), float(high[i]))
-        for i, a in enumerate(AXES)
-    }
-    return Gain(on, two[0], two[1], won, None, None)
+    names, cell = np.unique(before.cell, return_inverse=True)
+    m = len(names)
+
+    def by_cell(x: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.bincount(cell, x[:, i], m) for i in range(x.shape[1])])
+
+    b, a = (by_cell(np.nan_to_num(x.e[:, k]) ** 2) for x in (before, after))
+    counts = by_cell(np.isfinite(before.e[:, k]).astype(float))
+    drawn = np.random.default_rng([seed, 5]).integers(0, m, (DRAWS, m))
+    decreases = rmse_decreases(b, a, counts, drawn)
+    rmse = [dict(zip(AXES, x.rmse_deg(HORIZON_S).tolist(), strict=True)) for x in (before, after)]
+    return Gain(on, rmse[0], rmse[1], decreases, None, None)

@@ -20,13 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from heli3dof.diagnosis.conclusion.single_recordings import CONSISTENT, SIGNIFICANT
 from heli3dof.diagnosis.free_run.refits import recording_indices
 from heli3dof.identification.greybox.multistep import MultiStepFit
 
-SIGNIFICANT = 1.645
-"""Least |u| in each half: the one-sided 95 % quantile of the normal distribution"""
-CONSISTENT = 3.0
-"""Largest δ of two estimates of one size. Chosen; not derived."""
 PRIOR_SHARE = 0.7
 """σ over the prior's σ above which the estimate rests mostly on the prior. Chosen; not derived."""
 

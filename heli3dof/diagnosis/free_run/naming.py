@@ -22,6 +22,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from heli3dof.diagnosis.estimate.thrust_scale import thrust_scale
 from heli3dof.diagnosis.free_run.elimination import (
     Elimination,
     TermResult,
@@ -29,6 +30,8 @@ from heli3dof.diagnosis.free_run.elimination import (
     known_beforehand,
 )
 from heli3dof.diagnosis.free_run.halves import PRIOR_SHARE, compare_halves, null_distance
+from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
+from heli3dof.diagnosis.free_run.refits import refit
 from heli3dof.diagnosis.outlook import Open
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.model.greybox.model import GreyBoxModel
@@ -95,7 +98,11 @@ def open_terms(
     """Return what a further flight should decide: confounded, else needed, else unseen terms."""
     for r in causes:
         if r.tied_with:
-            return Open(result.fit, model, (r.term, *r.tied_with), tied=True)
+            fit = result.fit
+            for other in r.tied_with:
+                if other not in {t.name for t in fit.structure.terms}:
+                    fit = refit(fit, "", other)
+            return Open(fit, model, (r.term, *r.tied_with), tied=True)
     needed = [r.term for r in only_kept if r not in result.gone]
     return Open(result.fit, model, tuple(needed or not_identifiable(result.fit, causes)))
 
@@ -129,17 +136,18 @@ def _why(result: Elimination, r: TermResult) -> str:
 
 
 def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
-    """Return {parameter: value and σ, prior mean and σ, unit} of the term."""
-    p = fit.problem
+    """Return {parameter: value and σ, prior mean and σ, unit} of the term, in SI."""
+    p, scale = fit.problem, thrust_scale(MeanTrimFit(fit))
     out: dict[str, dict[str, float | str]] = {}
     prior = p.start[: p.n]
     for j, f in enumerate(fit.structure.free):
         if f.term == name:
+            value, std = scale.applied(float(fit.values[j]), float(fit.std[j]), f.unit)
             out[f.name.removeprefix(f"{name}.")] = {
-                "value": float(fit.values[j]),
-                "std": float(fit.std[j]),
-                "prior_mean": float(f.outward(prior[j])),
-                "prior_std": float(fit.prior_std[j]),
+                "value": value,
+                "std": std,
+                "prior_mean": scale.applied(float(f.outward(prior[j])), 0.0, f.unit)[0],
+                "prior_std": scale.applied(float(fit.prior_std[j]), 0.0, f.unit)[0],
                 "unit": f.unit,
             }
     return out

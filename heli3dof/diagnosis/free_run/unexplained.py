@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from heli3dof.diagnosis.conclusion.recordings_agree import constant_voltage
 from heli3dof.diagnosis.free_run.explanations import arm_torque, hover_voltage, settles_at
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.weak_form import DIFFERENCE, SPANS_S, log_of, residuals
@@ -148,15 +149,6 @@ class CreepRun:
     @property
     def creeps(self) -> bool:
         return abs(self.late_deg - self.early_deg) > LEAST_CREEP_DEG
-
-
-def constant_voltage(recording: Recording) -> tuple[int, int] | None:
-    """Return the first and last row with voltage; None unless it is constant, the same on both."""
-    V = recording.voltage
-    on = np.flatnonzero((V > 0).all(axis=1))
-    if not len(on) or np.ptp(V[on]) > 1e-9 or on[-1] - on[0] + 1 != len(on):
-        return None
-    return int(on[0]), int(on[-1])
 
 
 def measure_creep(fit: MultiStepFit, recording: Recording) -> CreepRun | None:

@@ -128,26 +128,37 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
     delta = after.loglik - before.loglik
     tail = 50 * (1 - LEVEL)
     low, high = np.percentile(delta[drawn].sum(axis=1), [tail, 100 - tail])
-    rmse: dict[str, Interval | None] = {}
-    for i, axis in enumerate(AXES):
-        n = before.counts[:, i]
-        if not n.sum():
-            rmse[axis] = None
-            continue
-
-        def rmse_decrease(drawn_cells: np.ndarray, i: int = i, n: np.ndarray = n) -> np.ndarray:
-            count = n[drawn_cells].sum(axis=-1)
-            before_after = [
-                _rmse_deg(h.squares[drawn_cells, i].sum(axis=-1), count) for h in (before, after)
-            ]
-            return np.asarray(before_after[0] - before_after[1])
-
-        ends = np.nanpercentile(rmse_decrease(drawn), [tail, 100 - tail])
-        rmse[axis] = Interval(float(rmse_decrease(np.arange(m))), float(ends[0]), float(ends[1]))
     return Gain(
-        before.on, before.rmse_deg, after.rmse_deg, rmse,
+        before.on, before.rmse_deg, after.rmse_deg,
+        rmse_decreases(before.squares, after.squares, before.counts, drawn),
         Interval(float(delta.sum()), float(low), float(high)), worst(before, after),
     )  # fmt: skip
+
+
+def rmse_decreases(
+    before: np.ndarray, after: np.ndarray, counts: np.ndarray, drawn: np.ndarray
+) -> dict[str, Interval | None]:
+    """Return the decrease of the RMSE by axis in degrees; None for an axis without predictions.
+
+    ``before``, ``after`` (m, 3): Σ e² in rad² of m cells; ``counts`` (m, 3): numbers of
+    predictions; ``drawn`` (`DRAWS`, m): the cells of each bootstrap sample.
+    """
+    tail = 50 * (1 - LEVEL)
+    out: dict[str, Interval | None] = {}
+    for i, axis in enumerate(AXES):
+        n = counts[:, i]
+        if not n.sum():
+            out[axis] = None
+            continue
+
+        def decrease(cells: np.ndarray, i: int = i, n: np.ndarray = n) -> np.ndarray:
+            count = n[cells].sum(axis=-1)
+            b, a = (_rmse_deg(x[cells, i].sum(axis=-1), count) for x in (before, after))
+            return np.asarray(b - a)
+
+        ends = np.nanpercentile(decrease(drawn), [tail, 100 - tail])
+        out[axis] = Interval(float(decrease(np.arange(len(n)))), float(ends[0]), float(ends[1]))
+    return out
 
 
 def pays(g: Gain) -> bool:

@@ -67,10 +67,6 @@ class Estimate(PhysicalFit):
         return self.problem.structure
 
     @property
-    def free(self) -> tuple[Free, ...]:
-        return self.structure.free
-
-    @property
     def theta(self) -> np.ndarray:
         return self.optimum.theta
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.model.physics.parametrisation import Free, Structure
 
 
 class PhysicalFit(ABC):
@@ -16,6 +16,10 @@ class PhysicalFit(ABC):
     @property
     @abstractmethod
     def structure(self) -> Structure: ...
+
+    @property
+    def free(self) -> tuple[Free, ...]:
+        return self.structure.free
 
     @property
     @abstractmethod

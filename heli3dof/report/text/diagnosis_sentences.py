@@ -226,8 +226,8 @@ def _confounded(name: str, others: Sequence[str]) -> str:
         parts.append(f"{listed(scales, 'or')} in any flight: {turn_by_hand(scales)}.")
     if weights:
         parts.append(
-            "motor.thrust_gain in any flight: thrust and weight scale together. Put a scale under "
-            "the arm, or use known masses."
+            f"{listed(weights, 'or')} in any flight: thrust and weight scale together. Put a scale "
+            "under the arm, or use known masses."
         )
     return " Also confounded with ".join(parts)
 

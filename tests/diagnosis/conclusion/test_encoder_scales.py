@@ -12,6 +12,7 @@ from heli3dof.diagnosis.conclusion.encoder_scales import (
     flyable,
     undetectable_scales,
     with_scale_ties,
+    with_thrust_gain_ties,
 )
 from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.result import Finding
@@ -102,3 +103,15 @@ def test_an_encoder_scale_within_the_tolerance_is_not_identifiable() -> None:
 
 def test_no_plan_is_proposed_for_causes_that_no_flight_separates() -> None:
     assert flyable("inertia.yaw", ("motor.delay", "encoder.scale.yaw")) == ("motor.delay",)
+
+
+def test_no_flight_separates_the_thrust_gain_from_the_inertias() -> None:
+    found = with_thrust_gain_ties([off("motor.thrust_gain", 1.4), off("mass.imbalance", 0.4)])
+    assert found[0].tied_with == ("inertia.roll", "inertia.pitch", "inertia.yaw")
+    assert found[1].tied_with == ("motor.thrust_gain",)
+    assert flyable("motor.thrust_gain", found[0].tied_with) == ()
+
+
+def test_without_a_wrong_thrust_gain_a_weight_is_a_finding_of_its_own() -> None:
+    (found,) = with_thrust_gain_ties([off("mass.imbalance", 0.4)])
+    assert found.tied_with == ()

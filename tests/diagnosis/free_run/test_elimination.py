@@ -7,12 +7,21 @@ import pytest
 
 from heli3dof.diagnosis.free_run import elimination as module
 from heli3dof.diagnosis.free_run.elimination import (
+    TermResult,
     bootstrap,
     known_beforehand,
     split_at_climb_end,
+    with_confounded_terms,
     without_elimination,
 )
-from heli3dof.diagnosis.free_run.refits import BLOCK_S, STAGE_S, WINDOW_S, refit, split_windows
+from heli3dof.diagnosis.free_run.refits import (
+    BLOCK_S,
+    STAGE_S,
+    WINDOW_S,
+    FitWithFolds,
+    refit,
+    split_windows,
+)
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.identification.greybox.multistep import search
 from heli3dof.identification.greybox.weak_form import weak_start
@@ -87,6 +96,21 @@ def test_blocks_decide_the_causes_and_the_model_keeps_all_terms(
     assert [r.term for r in result.gone] == ["bias.torque.yaw"]
     assert {t.name for t in result.begun.structure.terms} == set(names)
     assert len(result.halves) == 2
+
+
+@pytest.mark.parametrize(("low", "tied"), [(-0.1, ("motor.delay",)), (0.1, ())])
+def test_a_cause_is_confounded_with_what_replaces_it_without_loss(
+    monkeypatch: pytest.MonkeyPatch, low: float, tied: tuple[str, ...]
+) -> None:
+    problem = problem_of([fly(1022).recording.between(0, 25)], ("motor.lag",))
+    full = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=1)
+    increase = module.LossIncrease(0.1, low, 0.3, 0.1, 0.9)
+    monkeypatch.setattr(module, "score_tests", lambda fit: [])
+    monkeypatch.setattr(module, "possible_replacements", lambda *_: ["motor.delay"])
+    monkeypatch.setattr(module, "without_term", lambda *_, **__: module.Trial(increase))
+    result = module.Elimination(full, full, (), (), last=FitWithFolds(full, ()))
+    (found,) = with_confounded_terms(result, [TermResult("motor.lag", increase)], seed=0)
+    assert found.tied_with == tied
 
 
 def test_a_refit_without_a_term_keeps_the_scale_and_reaches_the_optimum() -> None:

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.conclusion.recordings_agree import constant_voltage
 from heli3dof.diagnosis.free_run.explanations import arm_torque, hover_voltage, settles_at
 from heli3dof.diagnosis.free_run.unexplained import (
     CreepRun,
     compare_runs,
-    constant_voltage,
     creep,
     take_off,
 )

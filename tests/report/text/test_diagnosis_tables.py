@@ -94,6 +94,13 @@ def test_the_doctests_pass() -> None:
     assert doctest.testmod(diagnosis_sentences).failed == 0
 
 
+def test_a_thrust_gain_is_confounded_with_the_inertias_and_not_with_itself() -> None:
+    finding = copy.deepcopy(DOCUMENT["findings"][0])
+    finding |= {"effect": "motor.thrust_gain", "axis": None, "tied_with": ["inertia.roll"]}
+    text = text_of(changed(findings=[finding]))
+    assert "confounded with inertia.roll in any flight" in text
+
+
 def test_size_confidence_confounding_gain_and_next_experiment_are_reported() -> None:
     text = text_of(DOCUMENT)
     for expected in (

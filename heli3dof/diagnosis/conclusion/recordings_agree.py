@@ -12,7 +12,7 @@ like. These findings are marked, with a confidence of `MOST_CONFIDENCE` at most:
 2. `mass.change` with more than one recording, or at a constant voltage. A change at the same time
    after the first sample of each flight is a drift, for example of warming motors. At a constant
    voltage, a weight and a thrust are the same torque.
-3. A cause that no recording confirms on its own (`free_run.single_recordings`).
+3. A cause that no recording confirms on its own (`conclusion.single_recordings`).
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.free_run.single_recordings import not_confirmed
-from heli3dof.diagnosis.free_run.unexplained import constant_voltage
+from heli3dof.diagnosis.conclusion.single_recordings import not_confirmed
 from heli3dof.diagnosis.result import Finding
 from heli3dof.recording.recording import Recording
 
@@ -57,6 +56,15 @@ def _is_doubtful(f: Finding, recordings: Sequence[Recording]) -> bool:
     if name == "disturbance.periodic":
         return any(is_in_motion(r, f.values["frequency_Hz"][0]) for r in recordings)
     return False
+
+
+def constant_voltage(recording: Recording) -> tuple[int, int] | None:
+    """Return the first and last row with voltage; None unless it is constant, the same on both."""
+    V = recording.voltage
+    on = np.flatnonzero((V > 0).all(axis=1))
+    if not len(on) or np.ptp(V[on]) > 1e-9 or on[-1] - on[0] + 1 != len(on):
+        return None
+    return int(on[0]), int(on[-1])
 
 
 def is_in_motion(recording: Recording, frequency_Hz: float) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from heli3dof.diagnosis.free_run.single_recordings import confirmed, not_confirmed, size
+from heli3dof.diagnosis.conclusion.single_recordings import confirmed, not_confirmed, size
 from heli3dof.identification.greybox.method import fit_greybox
 from heli3dof.recording.recording import Recording
 from tests.identification.known_flights import fly

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.free_run.recordings_agree import is_in_motion, line_share
+from heli3dof.diagnosis.conclusion.recordings_agree import is_in_motion, line_share
 from tests.identification.known_flights import fly
 
 T = np.arange(0, 60, 0.002)

@@ -17,7 +17,6 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from heli3dof.diagnosis.free_run.halves import CONSISTENT, SIGNIFICANT
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
@@ -25,6 +24,11 @@ from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
+SIGNIFICANT = 1.645
+"""Least distance from θ_0 in standard deviations: the one-sided 95 % quantile of the normal
+distribution"""
+CONSISTENT = 3.0
+"""Largest difference of two estimates of one size, in its standard deviations. Chosen."""
 ONE_TIME = ("mass.change",)
 """Effects at one instant of one recording, which the other recordings cannot confirm"""
 

@@ -1,0 +1,161 @@
+"""Score test of every effect that a multi-step fit lacks, without fitting any.
+
+r (R,) are the fit's weighted residuals and Q = r·r + prior its cost, which is like −2 ln L
+(`heli3dof.identification.greybox.multistep`). D (dim, R) are their tangents by the coordinates z,
+z_0 and Λ the prior's mean and precision, H = D Dᵀ + Λ. A probe (`screening.catalogue`) changes r by
+d (R,), which one simulation gives. With the fit's parameters projected out,
+
+    v = d·d − (D d)ᵀ H⁻¹ D d                                   information
+    u = −d·r + (D d)ᵀ H⁻¹ (D r + Λ (z − z_0))                  efficient score
+    Z² = u²/v                                                  decrease of Q by a refit with it
+
+Let w (R,) be the change of r if a cause c of the fit is removed, without the share of the fit's
+other parameters, and d̃ the same of a probe. To first order, the probe's effect makes up for a share
+ρ² = (d̃·w)²/(d̃·d̃ w·w) of what the removal costs. It may be confounded with c if ρ² exceeds
+`REPLACES`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from heli3dof.diagnosis.estimate.setup import FALSE_ALARMS
+from heli3dof.diagnosis.free_run.refits import (
+    STAGE_S,
+    carried_over,
+    recording_indices,
+    refit,
+    restructured,
+)
+from heli3dof.diagnosis.screening.catalogue import Probe, candidates, probes
+from heli3dof.diagnosis.selection.select import MAX_CAUSES, one_sided
+from heli3dof.identification.greybox.multistep import (
+    MultiStep,
+    MultiStepFit,
+    least_squares_problem,
+)
+from heli3dof.parallel import parallel_map
+
+REPLACES = 0.25
+"""ρ² from which on a candidate may be confounded with a cause: a correlation of 0.5. Chosen."""
+LEAST_SHARE = 1e-6
+"""Share of d·d below which a probe changes only what the fit's parameters can."""
+MAX_FITS = 3
+"""Most candidates that are fitted in full per step of the forward selection. Chosen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """The score test of one probe."""
+
+    probe: Probe
+    change: np.ndarray
+    """(R,) d, the change of the residuals"""
+    Z2: float
+    """Z²; zero if the effect would have the wrong sign, such as a negative friction"""
+
+    @property
+    def name(self) -> str:
+        return self.probe.name
+
+
+def score_tests(fit: MultiStepFit) -> list[Candidate]:
+    """Return the test of the best probe of each effect that ``fit`` lacks, by falling Z².
+
+    Other forms of the body's equations (``formal`` effects) are no causes, so they are not tested.
+    """
+    p = fit.problem
+    V = np.concatenate([f.V for f in p.flights])
+    present = [t.name for t in fit.structure.terms]
+    terms = [t for t in candidates(present) if not t.effect.formal]
+    tested = [q for t in terms for q in probes(t, V)]
+    r = _residuals(fit, p, fit.z)
+    H = fit.tangents @ fit.tangents.T + p.prior
+    step = np.linalg.solve(H, fit.tangents @ r + p.prior @ (fit.z - p.start))
+    q = r - step @ fit.tangents
+
+    def one(i: int) -> Candidate:
+        d = _with_probe(fit, tested[i]) - r
+        d_own = project_out(fit.tangents, H, d)
+        v = float(d @ d_own)
+        if not v > LEAST_SHARE * float(d @ d):
+            return Candidate(tested[i], d, 0.0)
+        u = -float(d @ q)
+        wrong_sign = u < 0 and one_sided(tested[i])
+        return Candidate(tested[i], d, 0.0 if wrong_sign else u * u / v)
+
+    best: dict[str, Candidate] = {}
+    for c in parallel_map(one, len(tested), what="candidates"):
+        if c.name not in best or c.Z2 > best[c.name].Z2:
+            best[c.name] = c
+    return sorted(best.values(), key=lambda c: -c.Z2)
+
+
+def threshold(tests: int) -> float:
+    """Return the Z² that the largest of so many tests exceeds by chance with `FALSE_ALARMS`.
+
+    >>> round(threshold(60), 1)
+    16.4
+    """
+    from scipy.stats import chi2
+
+    return float(chi2.isf(FALSE_ALARMS / tests, 1))
+
+
+def with_further_effects(fit: MultiStepFit) -> MultiStepFit:
+    """Return the fit with those further effects of the catalogue that reduce Q significantly."""
+    for _ in range(MAX_CAUSES):
+        tests = score_tests(fit)
+        least = threshold(len(tests))
+        names = [c.name for c in tests if least <= c.Z2][:MAX_FITS]
+        wider = [refit(fit, "", instead=name) for name in names]
+        best = min(wider, key=lambda w: w.cost, default=fit)
+        if fit.cost - best.cost < least:
+            break
+        fit = best
+    return fit
+
+
+def possible_replacements(fit: MultiStepFit, name: str, tests: Sequence[Candidate]) -> list[str]:
+    """Return the tested effects that may replace the term ``name`` of the fit, best first."""
+    p = fit.problem
+    own = np.zeros(p.dim, dtype=bool)
+    absent = fit.z.copy()
+    for j, f in enumerate(fit.structure.free):
+        if f.term == name:
+            at = [j, *(recording_indices(p, j) if f.name in p.varying else [])]
+            own[at] = True
+            absent[at] = f.inward(f.low if f.log else f.null)
+    D = fit.tangents[~own]
+    H = D @ D.T + p.prior[np.ix_(~own, ~own)]
+    w = project_out(D, H, (absent - fit.z)[own] @ fit.tangents[own])
+
+    def share(c: Candidate) -> float:
+        d = project_out(D, H, c.change)
+        return float((d @ w) ** 2 / max((d @ d) * (w @ w), 1e-300))
+
+    shares = {c.name: share(c) for c in tests}
+    return sorted((n for n, s in shares.items() if s > REPLACES), key=lambda n: -shares[n])
+
+
+def project_out(D: np.ndarray, H: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return d (R,) without the part that the parameters with tangents D (dim, R) can produce."""
+    return np.asarray(d - np.linalg.solve(H, D @ d) @ D)
+
+
+def _with_probe(fit: MultiStepFit, probe: Probe) -> np.ndarray:
+    """Return the residuals (R,) with the probe's effect added to the fit."""
+    p = fit.problem
+    new = restructured(p, [*(t.name for t in fit.structure.terms), probe.name])
+    z, _ = carried_over(fit, new)
+    z[p.n : new.n] = [
+        f.inward(value) for f, value in zip(new.structure.free[p.n :], probe.values, strict=True)
+    ]
+    return _residuals(fit, new, z)
+
+
+def _residuals(fit: MultiStepFit, p: MultiStep, z: np.ndarray) -> np.ndarray:
+    return least_squares_problem(p, fit.noise, STAGE_S, fit.scale).residuals(z)
