@@ -22,6 +22,7 @@ FOLDER = Path(__file__).parent
 ROOT = FOLDER.parent.parent
 
 SLOW = (
+    "batch",
     "peers",
     "fleet",
     "hidden",
@@ -32,6 +33,7 @@ SLOW = (
     "rigs",
     "rules",
     "soak",
+    "unit_costs",
     "watches",
 )
 """Topics that take many minutes or need further tools; they run only when named"""
