@@ -84,18 +84,27 @@ def fly(seed: int) -> None:
 
 @dataclass
 class Arrivals:
-    """Times at which the outcomes of a batch were kept."""
+    """When the outcomes of a batch were kept, and the CPU time of this process until then."""
 
+    hashes_s: float
+    """s of CPU time per recording for the hashes of the files"""
     seconds: list[float] = field(default_factory=list)
+    cpu_s: list[float] = field(default_factory=list)
 
     def __call__(self, batch: Batch) -> None:
         if batch.done:
             self.seconds.append(time.perf_counter())
+            self.cpu_s.append(time.process_time())
 
     @property
     def each_s(self) -> float:
         """s per recording, without the first one, which waits for the process to start."""
         return (self.seconds[-1] - self.seconds[0]) / (len(self.seconds) - 1)
+
+    @property
+    def own_s(self) -> float:
+        """s of CPU time of this process per recording, without the start."""
+        return self.hashes_s + (self.cpu_s[-1] - self.cpu_s[0]) / (len(self.cpu_s) - 1)
 
 
 @contextmanager
@@ -103,12 +112,12 @@ def batch(
     verb: str, options: Mapping[str, Any], paths: Sequence[str], used: Engine
 ) -> Iterator[tuple[Path, Arrivals]]:
     """Run a batch; yields its folder, which is deleted afterwards, and the times of arrival."""
-    arrivals = Arrivals()
+    before = time.process_time()
+    tasks = list(tasks_of(verb, find(paths), [options], None, ""))
+    arrivals = Arrivals((time.process_time() - before) / len(paths))
     with tempfile.TemporaryDirectory(dir=FOLDER) as name:
         with OutputFolder(Path(name), resume=True) as folder:
-            done = run_batch(
-                list(tasks_of(verb, find(paths), [options], None, "")), folder, used, arrivals
-            )
+            done = run_batch(tasks, folder, used, arrivals)
         assert not done.failed, f"{verb}: {done.failed} of {done.total} failed"
         yield Path(name), arrivals
 

@@ -7,9 +7,10 @@ the table of this topic.
 from __future__ import annotations
 
 import sys
-import time
+import tempfile
 import tracemalloc
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,8 @@ VERBS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 }
 RECORDINGS = 6
 """Recordings per verb; their costs differ by less than a factor of two"""
+COPIES = 200
+"""Copies of each row when the memory is measured. Chosen: 1,200 rows need some MB."""
 HEAD = (
     "verb", "CPU s", "MB in", "MB out", "CPU s of `batch` itself", "kB of documents and models",
     "kB of journal", "kB of results.csv", "kB of memory",
@@ -57,22 +60,31 @@ def costs(paths: Sequence[str]) -> list[tuple[str, ...]]:
     """
     rows = []
     for name, (verb, options) in VERBS.items():
-        before = time.process_time()
-        with batch(verb, options, paths, Processes()) as (folder, _):
-            own_s = (time.process_time() - before) / len(paths)
-            tracemalloc.start()
+        with batch(verb, options, paths, Processes()) as (folder, arrivals):
             lines = journal_lines(folder)
-            write_table([line["row"] for line in lines], folder)
-            _, memory = tracemalloc.get_traced_memory()
-            tracemalloc.stop()
-            table = len((folder / CSV).read_bytes().partition(b"\n")[2])
             kept = sum(p.stat().st_size for p in folder.rglob("*") if p.parent != folder)
             journal = (folder / JOURNAL).stat().st_size
+            memory, table = memory_and_table(folder)
         cost = {k: float(np.median([x["cost"][k] for x in lines])) for k in lines[0]["cost"]}
         rows.append((
             name, f"{cost['cpu_s']:.2f}", f"{cost['read_bytes'] / MB:.2f}",
-            f"{cost['sent_bytes'] / MB:.3f}", f"{own_s:.3f}",
+            f"{cost['sent_bytes'] / MB:.3f}", f"{arrivals.own_s:.4f}",
             *(f"{x / len(lines) / KB:.1f}" for x in (kept, journal, table, memory)),
         ))  # fmt: skip
         print(f"  {rows[-1]}", file=sys.stderr)
     return rows
+
+
+def memory_and_table(folder: Path) -> tuple[float, float]:
+    """(bytes of memory to write the table, bytes of results.csv), for the folder's recordings.
+
+    Measured with `COPIES` of each row, so that what does not grow with the rows does not count.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        copies = Path(name)
+        (copies / JOURNAL).write_bytes((folder / JOURNAL).read_bytes() * COPIES)
+        tracemalloc.start()
+        write_table([line["row"] for line in journal_lines(copies)], copies)
+        _, memory = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return memory / COPIES, (copies / CSV).stat().st_size / COPIES
