@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from heli3dof.fleet.change_search import find_changes, normal_scores, track_prior
-from tests.fleet.calibration import SERIES, TERMS, false_alarms, steps_found
+from tests.fleet.calibration import (
+    RIGS,
+    SERIES,
+    TERMS,
+    false_alarms,
+    false_alarms_in_rooms,
+    steps_found,
+)
 
 ONE_OF_TWENTY = track_prior(20)
 N = 50
@@ -22,6 +29,18 @@ def noise(seed: int, n: int = N) -> np.ndarray:
 def test_at_most_one_rig_term_in_100_without_a_change_has_a_report(flights, scatter) -> None:
     """A rig with ten quantities; 100 rig-terms, so at most one report."""
     assert false_alarms(flights, scatter, seed=flights) <= 0.01 * TERMS
+
+
+@pytest.mark.parametrize(("spread", "odd"), [(0.0, 1.0), (0.3, 1.0), (0.0, 4.0)])
+def test_the_siblings_scale_causes_no_false_alarms(spread, odd) -> None:
+    """8 flights; ``odd``: one rig of each room scatters four times as much as its siblings."""
+    assert false_alarms_in_rooms(8, spread, odd, seed=10) <= 0.01 * TERMS
+
+
+def test_steps_in_few_flights_are_found_if_siblings_state_the_scatter() -> None:
+    """6 standard deviations in 12 flights: alone it is a scatter of 3 as probably as a step."""
+    alone, known = (steps_found(6, 11, flights=12, siblings=n) for n in (0, RIGS - 1))
+    assert known >= 0.75 * SERIES > alone
 
 
 def test_heavy_tails_without_standard_deviations_are_no_change() -> None:

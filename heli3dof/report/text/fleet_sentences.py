@@ -76,6 +76,13 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
             f"Flights of {', '.join(fleet.undated)} are in the order of their names, because "
             "starts (started_utc) are missing or equal."
         )
+    plans = sorted({p for r in fleet.tracks() for p in r.track.plans.tolist()})
+    if len(plans) > 1:
+        several = ", ".join(p or "none" for p in plans)
+        yield (
+            f"Flights of different plans ({several}) are not compared with each other. Estimates "
+            f"are of {fleet.plan or 'flights without a plan'}, the plan of most flights."
+        )
     longest: dict[str, int] = {}
     for r in fleet.tracks():
         longest[r.track.rig] = max(longest.get(r.track.rig, 0), len(r.track.y))
