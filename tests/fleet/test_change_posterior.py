@@ -140,8 +140,9 @@ def test_each_kind_of_change_is_recognised(kind, y) -> None:
 
     The strongest rival is a second small step in addition to the first. Of 28 pairs, 6 contain the
     true step before flight 6; of 9 steps one is the true one. With 2 and 4 flights on the new
-    step's sides, Sxx = 2·4/6, and g = 16: the odds are (0.1·6/28)/(0.15/9)/√(1 + 16²·4/3) = 0.07. The best of 6
-    places fits chance by χ² of about 2, which makes them 0.07·e = 0.19, and 1/1.19 = 0.84.
+    step's sides, Sxx = 2·4/6, and g = 16: the odds are (0.1·6/28)/(0.15/9)/√(1 + 16²·4/3) = 0.07.
+    The best of 6 places fits chance by χ² of about 2, which makes them 0.07·e = 0.19, and
+    1/1.19 = 0.84.
     """
     probabilities = []
     for seed in range(21):
