@@ -12,6 +12,7 @@ measurements that alternate in one run, so that other work on the computer affec
 from __future__ import annotations
 
 import os
+import pickle
 import sys
 import tempfile
 import time
@@ -19,7 +20,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -27,13 +28,17 @@ from heli3dof.batch.engines import engine
 from heli3dof.batch.engines.base import Engine
 from heli3dof.batch.engines.dask_cluster import DaskCluster
 from heli3dof.batch.engines.processes import Processes
+from heli3dof.batch.engines.replications import replications_on
 from heli3dof.batch.output_folder import OutputFolder
 from heli3dof.batch.run_batch import Batch, run_batch, tasks_of
 from heli3dof.batch.sources import find
+from heli3dof.diagnosis.diagnose import diagnose
+from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.integrity import integrity
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.identify import identify
+from heli3dof.parallel import distribute
 from heli3dof.recording.load import load
 from tests.bench import Figure, at_least, at_most
 from tests.paths import ROOT
@@ -42,7 +47,8 @@ TITLE = "Many recordings"
 INTRO = """Flights of the emulated rig on the plan `rich` (about a minute at 500 Hz) with hidden
 friction and lag. *Overhead*: `batch identify` with one process against `load`, `identify` and
 `integrity` in a loop; the start of the process does not count. *Scaling*: quick diagnoses by two
-Dask workers on this computer against one, one thread each."""
+Dask workers on this computer against one, one thread each. *One diagnosis on a cluster*: its null
+simulations go to the workers, the fits remain here."""
 FLIGHTS = int(os.environ.get("BATCH_FLIGHTS", "40"))
 ROUNDS = int(os.environ.get("BATCH_ROUNDS", "5"))
 FOLDER = ROOT / "bench-out" / "batch"
@@ -188,10 +194,44 @@ def scaling(paths: Sequence[str]) -> list[Figure]:
                 with batch("diagnose", QUICK, half.tolist(), clusters[workers]):
                     seconds[workers] += time.perf_counter() - start
                 print(f"  diagnosed, {workers} workers: {seconds}", file=sys.stderr)
+        here = on_a_cluster(paths[0], clusters[2])
     return [
+        here,
         at_least(
             "two Dask workers against one: diagnoses per hour", seconds[1] / seconds[2], 1.8, "x",
             how=f"{len(paths)} quick diagnoses, one thread each: {seconds[1]:.0f} and "
             f"{seconds[2]:.0f} s",
         )
     ]  # fmt: skip
+
+
+def on_a_cluster(path: str, cluster: Engine) -> Figure:
+    """Figure of what remains on this computer of one diagnosis on a cluster, in CPU time."""
+    sent: list[int] = []
+
+    class Counted:
+        """The cluster; notes the bytes that it is sent."""
+
+        workers = cluster.workers
+
+        def run(self, work: Any, items: Sequence[Any]) -> Any:
+            sent.append(len(items) * len(pickle.dumps(work)))
+            return cluster.run(work, items)
+
+    def diagnosed() -> tuple[Any, float]:
+        start = time.process_time()
+        document = diagnosis_document(diagnose(load(Path(path))))
+        document["about"].pop("seconds")
+        return document, time.process_time() - start
+
+    diagnosed()  # compiles
+    alone, all_s = diagnosed()
+    with distribute(replications_on(cast(Engine, Counted()))):
+        shared, here_s = diagnosed()
+    assert shared == alone, "the cluster gives other numbers"
+    return Figure(
+        "one diagnosis on a cluster: CPU time that remains here",
+        f"{100 * here_s / all_s:.0f} %",
+        how=f"{here_s:.1f} of {all_s:.1f} s, so it is at most {all_s / here_s:.1f} times as fast; "
+        f"same numbers; {sum(sent) / 1e6:.0f} MB sent to {cluster.workers} workers",
+    )

@@ -86,6 +86,8 @@ ROWS: tuple[tuple[str, str, str], ...] = (
      "`batch identify`: overhead per recording"),
     ("batch", "two Dask workers against one: diagnoses per hour",
      "two Dask workers against one: diagnoses per hour"),
+    ("batch", "one diagnosis on a cluster: CPU time that remains here",
+     "one diagnosis on a cluster: CPU time that remains here"),
     ("soak", "soak: growth of memory, upper limit of the 95 % interval",
      "30 min flight: growth of memory"),
 )  # fmt: skip
