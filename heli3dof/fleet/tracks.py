@@ -21,6 +21,8 @@ from heli3dof.arrays import FloatArray
 
 STD = "_std"
 WITHOUT_STD = ("jitter_s", "lost_share", "late_share")
+DIGITS = 12
+"""Significant digits of a value; differences beyond them are rounding errors of float64"""
 DAY = 86400.0
 """s per day"""
 Row = Mapping[str, Any]
@@ -177,4 +179,4 @@ def _value(row: Row, quantity: str) -> tuple[float, float] | None:
     if not isinstance(value, float | int) or not isinstance(std, float | int):
         return None
     usable = isfinite(value) and isfinite(std) and (std > 0 or not with_std)
-    return (float(value), float(std)) if usable else None
+    return (float(f"{value:.{DIGITS}g}"), float(std)) if usable else None

@@ -29,6 +29,7 @@ SLOW = (
     "loop",
     "misbehaviour",
     "ramp_down",
+    "real_fleet",
     "realtime",
     "rigs",
     "rules",

@@ -98,6 +98,12 @@ def test_values_without_a_usable_deviation_are_left_out() -> None:
     assert track.flights == ("a",)
 
 
+def test_rounding_errors_are_no_scatter() -> None:
+    rows = [row("a", g=-30.3668), row("b", g=-30.3668 * (1 + 2e-16)), row("c", g=-30.36680001)]
+    (track,) = tracks_of(rows, ["g"])
+    assert track.y.tolist() == [-30.3668, -30.3668, -30.36680001]
+
+
 def test_quantities_have_a_deviation_or_need_none() -> None:
     rows = [row("a", h=1.0, jitter_s=1e-5, k=None, k_std=None)]
     assert quantities_of(rows) == ("g", "jitter_s")

@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from heli3dof.fleet.analyse import analyse
+from heli3dof.fleet.result import Fleet
 from heli3dof.fleet.rows import read_rows
 from heli3dof.report.text.fleet_sentences import finding_sentences, remark_sentences
 from heli3dof.report.text.fleet_tables import rig_table
@@ -27,7 +28,9 @@ from tests.fleet.calibration import (
 )
 from tests.fleet.making import term_rows, write_results
 from tests.pages.page import Page, table
+from tests.paths import ROOT
 
+REAL = ROOT / "docs" / "results" / "data" / "real-fleet.txt"
 WIDTH = 100
 FIRST_SEED = 100
 """See `tests.fleet.calibration`"""
@@ -43,7 +46,16 @@ def output() -> str:
     """Markdown: the sentences and the table of the made term."""
     with tempfile.TemporaryDirectory() as name:
         write_results(Path(name), term_rows())
-        fleet = analyse(read_rows(Path(name)))
+        return printed("term", analyse(read_rows(Path(name))))
+
+
+def real() -> str:
+    """Markdown: the same of the public logs, as `bench_real_fleet` has stored it."""
+    return REAL.read_text(encoding="utf-8").rstrip()
+
+
+def printed(folder: str, fleet: Fleet) -> str:
+    """Markdown: what ``heli3dof fleet FOLDER`` prints."""
     text = io.StringIO()
     Console(file=text, width=WIDTH, no_color=True).print(to_rich(rig_table(fleet)))
     sentences = [*finding_sentences(fleet), *remark_sentences(fleet)]
@@ -51,7 +63,7 @@ def output() -> str:
         *(line for s in sentences for line in textwrap.wrap(s, WIDTH, subsequent_indent="  ")),
         "", *(line.rstrip() for line in text.getvalue().splitlines()),
     ]  # fmt: skip
-    return "\n".join(["```", "$ heli3dof fleet term", *lines, "```"])
+    return "\n".join(["```", f"$ heli3dof fleet {folder}", *lines, "```"])
 
 
 def calibration() -> str:
