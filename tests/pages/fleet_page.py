@@ -102,5 +102,5 @@ def power() -> str:
 
 PAGE = Page(
     "docs/explanation/fleet.md",
-    {"output": output, "calibration": calibration, "power": power},
+    {"output": output, "real": real, "calibration": calibration, "power": power},
 )
