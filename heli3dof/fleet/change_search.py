@@ -227,7 +227,8 @@ def _change(
     if kind == "step":
         first = first if before is None else before
         last = first - 1
-        share = posterior.probability[kind] / posterior.kind(kind)
+        share = posterior.probability[kind] + np.finfo(float).tiny  # 0 where all values are equal
+        share /= share.sum()
         dates = _dates(share, flights)
         value = float(share @ size)
         variance = float(share @ (std**2 + (size - value) ** 2))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.fleet.change_search import find_changes, normal_scores, track_prior
+from heli3dof.fleet.change_search import Change, find_changes, normal_scores, track_prior
 from tests.fleet.calibration import (
     RIGS,
     SERIES,
@@ -92,6 +92,26 @@ def test_a_step_is_found_under_two_deviating_flights() -> None:
     step, *deviating = find_changes(T, y, np.ones(N), ONE_OF_TWENTY)
     assert (step.kind, step.first) == ("step", 25)
     assert [c.first for c in deviating] == [10, 40]
+
+
+def two_steps_in_plans(plans: int, seed: int) -> tuple[Change, ...]:
+    """Changes found in 24 flights of so many plans, with steps of 8 and −8 at flights 10 and 17."""
+    rng, flight = np.random.default_rng(seed), np.arange(24)
+    plan = rng.integers(plans, size=24) if plans < 24 else flight
+    y = rng.normal(size=24) + 30 * plan + 8 * ((flight >= 10) & (flight < 17))
+    return find_changes(T[:24], y, np.ones(24), ONE_OF_TWENTY, plan)
+
+
+def test_two_steps_are_found_in_flights_of_two_plans() -> None:
+    found = [[c.first for c in two_steps_in_plans(2, seed)] for seed in range(10)]
+    assert found.count([10, 17]) >= 7
+
+
+def test_many_plans_in_few_flights_give_no_undefined_numbers() -> None:
+    """With 24 plans in 24 flights, nothing can be compared."""
+    changes = [c for seed in range(10) for c in two_steps_in_plans(6, seed)]
+    assert np.isfinite([(c.size, *c.interval) for c in changes]).all()
+    assert two_steps_in_plans(24, 0) == ()
 
 
 def test_a_drift_is_no_step() -> None:
