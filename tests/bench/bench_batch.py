@@ -29,7 +29,7 @@ from heli3dof.batch.engines.base import Engine
 from heli3dof.batch.engines.dask_cluster import DaskCluster
 from heli3dof.batch.engines.processes import Processes
 from heli3dof.batch.engines.replications import replications_on
-from heli3dof.batch.output_folder import OutputFolder
+from heli3dof.batch.output_folder import OutputFolder, journal_lines
 from heli3dof.batch.run_batch import Batch, run_batch, tasks_of
 from heli3dof.batch.sources import find
 from heli3dof.diagnosis.diagnose import diagnose
@@ -176,7 +176,7 @@ def scaling(paths: Sequence[str]) -> list[Figure]:
     except ModuleNotFoundError:
         print("  scaling: distributed is not installed", file=sys.stderr)
         return []
-    seconds = {1: 0.0, 2: 0.0}
+    seconds, cpu_s = {1: 0.0, 2: 0.0}, {1: 0.0, 2: 0.0}
     with ExitStack() as stack:
         clusters = {}
         for workers in seconds:
@@ -191,8 +191,9 @@ def scaling(paths: Sequence[str]) -> list[Figure]:
         for n, half in enumerate(np.array_split(np.array(paths), HALVES)):
             for workers in sorted(seconds, reverse=bool(n % 2)):
                 start = time.perf_counter()
-                with batch("diagnose", QUICK, half.tolist(), clusters[workers]):
+                with batch("diagnose", QUICK, half.tolist(), clusters[workers]) as (folder, _):
                     seconds[workers] += time.perf_counter() - start
+                    cpu_s[workers] += sum(x["cost"]["cpu_s"] for x in journal_lines(folder))
                 print(f"  diagnosed, {workers} workers: {seconds}", file=sys.stderr)
         here = on_a_cluster(paths[0], clusters[2])
     return [
@@ -200,7 +201,8 @@ def scaling(paths: Sequence[str]) -> list[Figure]:
         at_least(
             "two Dask workers against one: diagnoses per hour", seconds[1] / seconds[2], 1.8, "x",
             how=f"{len(paths)} quick diagnoses, one thread each: {seconds[1]:.0f} and "
-            f"{seconds[2]:.0f} s",
+            f"{seconds[2]:.0f} s; CPU time of one: {cpu_s[1] / len(paths):.1f} and "
+            f"{cpu_s[2] / len(paths):.1f} s",
         )
     ]  # fmt: skip
 
