@@ -6,11 +6,12 @@ STAMP  := $(VENV)/.installed
 JOBS   ?= auto
 PEERS  := .venv-peers
 
-.PHONY: help demo test test-browser test-kernel-usb check format bench bench-peers bench-hidden bench-rigs bench-rules docs pages recordings firmware test-firmware test-qemu fuzz clean
+.PHONY: help demo test test-accuracy test-browser test-kernel-usb check format bench bench-peers bench-hidden bench-rigs bench-rules docs pages recordings firmware test-firmware test-qemu fuzz clean
 
 help:
 	@echo "make demo        fly the mock rig, identify, compare, diagnose, report"
 	@echo "make test        the tests"
+	@echo "make test-accuracy  estimates and diagnoses of more simulated flights against the truth (10 minutes)"
 	@echo "make test-browser  the HTML report in headless Chromium (fetches 50 MB; apt-get install chromium)"
 	@echo "make test-kernel-usb  the USB and serial ports through a real Linux USB stack (Debian; fetches 100 MB)"
 	@echo "make check       lint, formatting, types and wording"
@@ -39,6 +40,9 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n $(JOBS)
+
+test-accuracy: $(STAMP)
+	$(BIN)/python -m pytest -n $(JOBS) -m accuracy
 
 test-browser: $(STAMP)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[browser]'

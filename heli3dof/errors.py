@@ -108,10 +108,21 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return "known: " + ", ".join(sorted(known))
 
 
+def why_missing(path: Path) -> str:
+    """Return the likely cause why no file ``path`` exists, with the nearest name in its folder."""
+    names = []
+    if path.parent.is_dir():
+        names = [p.name for p in path.parent.iterdir() if p.is_file()]
+    near = difflib.get_close_matches(path.name, names, n=1, cutoff=0.6)
+    if near:
+        return f"a typing error; did you mean {path.parent / near[0]}?"
+    return "a typing error in the path, or another working directory."
+
+
 def no_file(path: Path) -> UsageError:
     """Return the error for a path at which there is no file."""
     return UsageError(
         f"There is no file {path}.",
-        cause="a typing error in the path, or another working directory.",
+        cause=why_missing(path),
         fix=f"ls {path.parent}",
     )

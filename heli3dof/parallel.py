@@ -92,6 +92,12 @@ def report_progress(watcher: Watcher | None) -> Iterator[None]:
         _watcher.reset(token)
 
 
+def report_count(what: str, done: int, of: int) -> None:
+    """Report that a loop has finished ``done`` of its items, as `parallel_map` does."""
+    if (watcher := _watcher.get()) is not None:
+        watcher(what, done, of)
+
+
 @contextmanager
 def distribute(distributor: Distributor | None) -> Iterator[None]:
     """Context manager: inside it, `replicate` gives its calls to ``distributor``."""

@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, Validat
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError, core_schema
 
-from heli3dof.errors import UsageError, did_you_mean, nearest
+from heli3dof.errors import UsageError, did_you_mean, nearest, why_missing
 
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -137,7 +137,7 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
     except FileNotFoundError:
         raise error(
             f"There is no {what} {path}.",
-            cause="a typing error in the path, or another working directory.",
+            cause=why_missing(path),
             fix=f"ls {path.parent}",
         ) from None
     except (OSError, UnicodeDecodeError) as problem:

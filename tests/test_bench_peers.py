@@ -98,6 +98,7 @@ def test_the_rig_is_at_equilibrium_in_level_hover() -> None:
     np.testing.assert_allclose(rigid.derivative(*[0.0] * 8, V_h, V_h, P), np.zeros(8), atol=1e-12)
 
 
+@pytest.mark.accuracy
 def test_without_noise_the_true_model_replays_the_emulated_rig_within_a_count(
     tmp_path: Path,
 ) -> None:

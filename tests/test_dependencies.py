@@ -19,6 +19,7 @@ MAY_IMPORT = {
     "toml_file": {"errors"},
     "parallel": set(),
     "plugins": set(),
+    "stage_clock": set(),
     "results": {"errors"},
     "rig": {"errors", "arrays", "axes", "toml_file", "write_errors"},
     "recording": {"errors", "results", "arrays", "axes", "plugins", "rig", "write_errors"},
@@ -26,14 +27,15 @@ MAY_IMPORT = {
     "experiment": {"errors", "arrays", "axes", "toml_file", "rig", "recording", "model"},
     "exercise": {"errors", "axes", "rig", "model"},
     "identification": {
-        "errors", "results", "arrays", "axes", "parallel", "plugins", "rig", "recording", "model",
+        "errors", "results", "arrays", "axes", "parallel", "plugins", "stage_clock", "rig",
+        "recording", "model",
     },
     "comparison": {"errors", "results", "arrays", "axes", "rig", "recording", "model"},
     "fleet": {"errors", "results", "arrays", "batch"},
     "paper": {"errors", "axes", "rig", "recording", "model", "comparison"},
     "diagnosis": {
-        "errors", "results", "arrays", "axes", "parallel", "rig", "recording", "model",
-        "experiment", "identification", "comparison",
+        "errors", "results", "arrays", "axes", "parallel", "stage_clock", "rig", "recording",
+        "model", "experiment", "identification", "comparison",
     },
     "batch": {
         "errors", "results", "axes", "parallel", "toml_file", "write_errors", "rig", "recording",

@@ -8,10 +8,15 @@ from functools import cache
 
 import pytest
 
-from heli3dof import parallel
-from heli3dof.diagnosis import diagnose as stages
-from heli3dof.diagnosis.diagnose import Clock
-from heli3dof.parallel import distribute, parallel_map, replicate, report_progress
+from heli3dof import parallel, stage_clock
+from heli3dof.parallel import (
+    distribute,
+    parallel_map,
+    replicate,
+    report_count,
+    report_progress,
+)
+from heli3dof.stage_clock import StageClock
 
 
 def test_results_are_in_the_order_of_the_pieces() -> None:
@@ -84,13 +89,21 @@ def test_the_error_of_a_piece_is_raised() -> None:
     assert parallel_map(abs, 3) == [0, 1, 2], "the next call still works"
 
 
+def test_a_loop_reports_its_count_where_somebody_watches() -> None:
+    seen: list[tuple[str, int, int]] = []
+    report_count("models", 1, 3)  # without a watcher
+    with report_progress(lambda *each: seen.append(each)):
+        report_count("models", 2, 3)
+    assert seen == [("models", 2, 3)]
+
+
 def test_a_long_stage_reports_progress_and_a_short_one_does_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     now = [0.0]
-    monkeypatch.setattr(stages.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(stage_clock.time, "perf_counter", lambda: now[0])
     shown: list[str] = []
-    clock = Clock(shown.append)
+    clock = StageClock(shown.append)
     clock.start("screen 1", "Screening …")
     for done, at in ((1, 0.4), (2, 0.9), (3, 1.3), (4, 1.8), (5, 2.4)):
         now[0] = at

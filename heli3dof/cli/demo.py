@@ -31,8 +31,9 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     Example: heli3dof demo
     """
     from heli3dof.cli.compare import show_comparison, write_figures
-    from heli3dof.cli.diagnose import show_diagnosis, stages
+    from heli3dof.cli.diagnose import show_diagnosis
     from heli3dof.cli.inputs import identify_both
+    from heli3dof.cli.output import stages
     from heli3dof.comparison.compare import compare
     from heli3dof.diagnosis.diagnose import diagnose
     from heli3dof.diagnosis.document import diagnosis_document as to_document

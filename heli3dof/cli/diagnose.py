@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -25,7 +24,7 @@ from heli3dof.cli.options import (
     Verbose,
     rig_profile,
 )
-from heli3dof.cli.output import Output, live_allowed, verb
+from heli3dof.cli.output import Output, stages, verb
 from heli3dof.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -195,17 +194,3 @@ def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
     except RecordingError:
         return []
     return [f for f in faults if f.check == "columns.swapped"]
-
-
-@contextmanager
-def stages(out: Output) -> Iterator[Callable[[str], None]]:
-    """Context manager: yields a function that displays a text on what the diagnosis is doing.
-
-    On a terminal a spinner shows the text. Otherwise each text is printed as a line, but no counts
-    such as "Screening … flights: 31 of 64".
-    """
-    if out.quiet or not live_allowed():
-        yield lambda sentence: None if "… " in sentence else out.note(sentence)
-        return
-    with out.err.status("Reading …") as status:
-        yield status.update

@@ -15,7 +15,8 @@ from heli3dof.errors import CheckFailed, UsageError
 
 if TYPE_CHECKING:
     from nacl.signing import SigningKey
-    from rich.table import Table
+
+    from heli3dof.report.text.table import Grid
 
 Key = Annotated[
     Path | None,
@@ -148,11 +149,12 @@ def mark(
     """Mark a class: heli3dof exercise mark answers/."""
     from heli3dof.exercise.mark_folder import mark_folder
     from heli3dof.exercise.teacher_key import default_key
+    from heli3dof.report.text.table import to_rich
 
     out = Output(as_json=as_json, quiet=quiet)
     rows = mark_folder(folder, _key(out, key or default_key()))
     documents = [row.document() for row in rows]
-    out.show(*_truths(documents), _table(documents))
+    out.show(*_truths(documents), to_rich(_table(documents)))
     marked = sum(row.reason is None for row in rows)
     out.note(f"Marked: {marked} of {len(rows)}")
     out.emit({"schema": "heli3dof.marks/1", "rows": documents})
@@ -206,31 +208,29 @@ def _truths(rows: list[dict[str, Any]]) -> Iterator[str]:
         yield f"Exercise {exercise}, level {row['level']}, hides {hidden}."
 
 
-def _table(rows: list[dict[str, Any]]) -> Table:
-    """Return the table of the marks, by name. Texts of students are shown without markup.
+def _table(rows: list[dict[str, Any]]) -> Grid:
+    """Return the table of the marks, by name.
 
     The exercise is a column only if there are several: `_truths` names it.
     """
-    from rich.table import Table
-    from rich.text import Text
+    from heli3dof.report.text.table import Grid
 
     several = len({row["exercise"] for row in rows if row["exercise"]}) > 1
-    headings = ("answer", "names", "size error", "Brier", "RMSE roll/pitch/yaw", "exercise")
-    table = Table()
-    for heading in headings if several else headings[:-1]:
-        table.add_column(heading, overflow="fold")
+    heads = ("answer", "Brier", "RMSE roll/pitch/yaw", "names", "size error", "exercise")
+    width = len(heads) if several else len(heads) - 1
+    cells = []
     for row in sorted(rows, key=lambda r: (r["reason"] is not None, r["name"] or r["file"])):
         marked = row["reason"] is None
-        cells = (
-            Text(row["name"] if marked else row["file"]),
-            Text(_names(row) if marked else f"not marked: {row['reason']}"),
-            _sizes(row),
+        each = (
+            row["name"] if marked else row["file"],
             _number(row["brier"]),
             _holdout(row["holdout_rmse_deg"]) if marked else "–",
+            _names(row) if marked else f"not marked: {row['reason']}",
+            _sizes(row),
             row["exercise"] or "–",
         )
-        table.add_row(*cells[: len(table.columns)])
-    return table
+        cells.append(each[:width])
+    return Grid("Marks", heads[:width], cells, text_columns=1, prose_columns=width - 3)
 
 
 def _names(row: dict[str, Any]) -> str:

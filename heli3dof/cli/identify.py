@@ -20,7 +20,7 @@ from heli3dof.cli.options import (
     ReportFile,
     Verbose,
 )
-from heli3dof.cli.output import Output, verb
+from heli3dof.cli.output import Output, stages, verb
 from heli3dof.identification.methods import built_in
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def identify(
     test = load_all(out, holdout or [], profile)
     check_distinct(train, test)
     check_same_rig([*train, *test])
-    with out.working(f"Identifying ({method}) from {len(train)} recording(s) …"):
+    with stages(out) as stage:
         result = identify(
             train,
             method=method,
@@ -93,6 +93,7 @@ def identify(
             terms=None if terms is None else chosen_terms(terms),
             holdout=test or None,
             name=name,
+            says=stage,
         )
     save_model(result.model, path, force=force)
     if report is not None:

@@ -10,6 +10,7 @@ import typer
 
 from heli3dof.cli.options import AsJson, Columns, Force, LogProfile, OutputFile, Quiet, rig_profile
 from heli3dof.cli.output import Output, verb
+from heli3dof.cli.output_encoding import minus
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -109,7 +110,8 @@ def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
             table.add_row(*_row(each | {"source": "channel"}))
     yield table
     period, start = found["period_s"], found["start_s"]
-    clock = "no time" if period is None else f"from {start:g} s, every {period:g} s (median)"
+    clock = minus(f"from {start or 0:g} s, every {period or 0:g} s (median)")
+    clock = "no time" if period is None else clock
     n = found["samples"]
     yield f"{found['source']}: {n} sample{'s' * (n != 1)}, {clock}"
     for text in found["ignored"]:
@@ -118,7 +120,8 @@ def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
 
 def _row(column: Mapping[str, Any]) -> list[str]:
     numbers = (
-        "" if column[k] is None else f"{column[k] + 0.0:.4g}" for k in ("first", "min", "max")
+        "" if column[k] is None else minus(f"{column[k] + 0.0:.4g}")
+        for k in ("first", "min", "max")
     )
     return [column["name"], column["source"], column["unit"], *numbers]
 

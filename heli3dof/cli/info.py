@@ -10,6 +10,7 @@ import typer
 
 from heli3dof.cli.options import AsJson, Columns, LogProfile, Quiet, Recording, Verbose, log_profile
 from heli3dof.cli.output import Output, verb
+from heli3dof.cli.output_encoding import minus
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -107,9 +108,10 @@ def _rows(about: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for axis, angle in about["angles"].items():
         reference = "" if angle["reference"] else ", reference not logged"
         if angle["min_deg"] is not None:
-            yield axis, f"{angle['min_deg']:.2f}° to {angle['max_deg']:.2f}°{reference}"
+            seen = f"{angle['min_deg']:.2f}° to {angle['max_deg']:.2f}°"
+            yield axis, f"{minus(seen)}{reference}"
     if volts["min_V"] is not None:
-        yield "voltages", f"{volts['min_V']:.2f} V to {volts['max_V']:.2f} V"
+        yield "voltages", minus(f"{volts['min_V']:.2f} V to {volts['max_V']:.2f} V")
     known = "known" if about["loop_is_known"] else "unknown (no [controller] in the profile)"
     yield "profile", f"{about['profile']}; controller {known}"
     plan = about["plan"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from heli3dof.cli.options import log_profile
 from heli3dof.cli.output import Output
-from heli3dof.errors import RecordingError, UsageError
+from heli3dof.errors import RecordingError, UsageError, nearest
 
 if TYPE_CHECKING:
     from heli3dof.identification.identify import Identification
@@ -106,7 +106,17 @@ def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
     """
     from heli3dof.paper.models import BUILT_IN
 
-    models = [w for w in words if w in BUILT_IN or w.endswith(".json")]
+    def is_model(word: str) -> bool:
+        is_name = not Path(word).suffix and not Path(word).exists()
+        return (
+            word in BUILT_IN
+            or word.endswith(".json")
+            or (
+                is_name and nearest(word, BUILT_IN) is not None  # with a typing error
+            )
+        )
+
+    models = [w for w in words if is_model(w)]
     recordings = [Path(w) for w in words if w not in models]
     if not recordings:
         raise UsageError(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.axes import AXES, MOTORS
-from heli3dof.cli.output_encoding import printable
+from heli3dof.cli.output_encoding import minus, printable
 from heli3dof.cli.traces import Traces, fits
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class MonitorState:
         if "roll_deg" not in last:
             return "no answer"
         words = [f"{axis} {last[f'{axis}_deg']:+7.2f}°" for axis in AXES]
-        return "  ".join([*words, *self._voltages(), *self._status()])
+        return minus("  ".join([*words, *self._voltages(), *self._status()]))
 
     def screen(self, console: Console) -> RenderableType:
         """Return what a terminal shows: traces of the angles, or a line where they do not fit."""
@@ -62,7 +62,7 @@ class MonitorState:
             return Text(printable(self.line(), console.encoding), no_wrap=True, overflow="ellipsis")
         return Group(
             *self.traces.draw(self._heads(), console.width),
-            Text("   ".join(self._voltages())),
+            Text(minus("   ".join(self._voltages()))),
             Text(" · ".join(self._status())),
             Text("Ctrl-C ends the display.", "bold"),
         )

@@ -96,6 +96,20 @@ class Output:
             yield
 
 
+@contextmanager
+def stages(out: Output) -> Iterator[Callable[[str], None]]:
+    """Context manager: yields a function that displays a text on what a computation is doing.
+
+    On a terminal a spinner shows the text. Otherwise each text is printed as a line, but no counts
+    such as "Screening … flights: 31 of 64".
+    """
+    if out.quiet or not live_allowed():
+        yield lambda sentence: None if "… " in sentence else out.note(sentence)
+        return
+    with out.err.status("Reading …") as status:
+        yield status.update
+
+
 def _console(**options: Any) -> Console:
     """Return a rich console that replaces characters which the stream's encoding lacks."""
     from rich.console import Console

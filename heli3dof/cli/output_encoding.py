@@ -115,6 +115,15 @@ def printable(text: str, encoding: str | None) -> str:
     return text.encode(encoding, HANDLER).decode(encoding)
 
 
+def minus(text: str) -> str:
+    """Return the text with a true minus sign before each negative number.
+
+    >>> minus("roll -27.5° to +3.1°, front  -.5 V, step-10.mcap, 1e-05")
+    'roll −27.5° to +3.1°, front  −.5 V, step-10.mcap, 1e−05'
+    """
+    return re.sub(r"(?<![\w./-])-(?=[\d.])|(?<=\de)-(?=\d)", "−", text)
+
+
 def carries(text: str, encoding: str | None) -> bool:
     """Return True if ``text`` is ASCII, or if ``encoding`` is a UTF that can encode ``text``."""
     if not (encoding or "").lower().replace("_", "-").startswith("utf"):

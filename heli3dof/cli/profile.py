@@ -10,7 +10,8 @@ import typer
 
 from heli3dof.cli.options import AsJson, Force, OutputFile, ProfileFile, Quiet, rig_profile
 from heli3dof.cli.output import Output, verb
-from heli3dof.errors import ProfileError, UnstableLoop
+from heli3dof.cli.output_encoding import minus
+from heli3dof.errors import ProfileError, UnstableLoop, UsageError
 
 if TYPE_CHECKING:
     from heli3dof.model.control.loop_check import LoopCheck
@@ -48,13 +49,20 @@ def new(
     start: Annotated[
         Path | None, typer.Option("--from", metavar="FILE", help="Start from this profile.")
     ] = None,
+    no_controller: Annotated[
+        bool,
+        typer.Option(
+            "--no-controller",
+            help="Write no [controller]: the controller of the rig's logs is unknown.",
+        ),
+    ] = False,
     output: OutputFile = None,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Write a commented profile: heli3dof profile new -o rig.toml asks for the numbers."""
-    from heli3dof.cli.profile_questions import COMPUTED, ask_missing, value_at
+    from heli3dof.cli.profile_questions import COMPUTED, ask_missing, check_keys, value_at
     from heli3dof.recording.atomic_write import check_output, write_file
     from heli3dof.rig.profile import load_profile, profile_from_dict
     from heli3dof.rig.profile_file import merged, new_text, settings
@@ -64,6 +72,7 @@ def new(
     path = output or Path("rig.toml")
     check_output(path, force=force)
     given = settings(words or ())
+    check_keys(given)
     data = given
     if start is not None:
         load_profile(start)  # raises ProfileError if it is invalid
@@ -72,11 +81,13 @@ def new(
     remarks: dict[str, str] = {}
     if value_at(data, COMPUTED) is None:
         _compute_hover_voltage(data, remarks)
-    if value_at(given, "controller.K") is None:
+    if no_controller:
+        _remove_controller(given, data)
+    elif value_at(given, "controller.K") is None:
         _design_gain(data, remarks)
     profile = profile_from_dict(data, source=SOURCE)
     loop = _check_loop(out, profile)
-    if not loop.stable:
+    if not loop.stable and profile.controller_is_known:
         from heli3dof.model.control.stability import check_hover_loop
 
         check_hover_loop(profile)  # raises, with the poles and the cause
@@ -87,9 +98,12 @@ def new(
             "a small difference of large torques: measure it before the first flight "
             "(docs/reference/profile.md)"
         )
-    is_designed = "controller.K" in remarks
-    out.note(f"Gain: {'designed for this rig by LQR' if is_designed else 'as given, or default'}")
-    _report(out, path, profile, loop)
+    if not no_controller:
+        is_designed = "controller.K" in remarks
+        out.note(
+            f"Gain: {'designed for this rig by LQR' if is_designed else 'as given, or default'}"
+        )
+    _report(out, path, profile, loop, with_loop=not no_controller)
     out.note(f"Profile: {path}")
 
 
@@ -117,7 +131,7 @@ def show(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> No
         table.add_row(last, _shown(value), key.unit, key.meaning)
     table.add_section()
     for name, (number, unit, meaning) in _derived(profile).items():
-        table.add_row(name, f"{number:.4g}", unit, meaning)
+        table.add_row(name, minus(f"{number:.4g}"), unit, meaning)
     out.show(table)
     _report(out, file, profile, _check_loop(out, profile))
 
@@ -226,6 +240,17 @@ def _design_gain(data: dict[str, Any], remarks: dict[str, str]) -> None:
     )
 
 
+def _remove_controller(given: dict[str, Any], data: dict[str, Any]) -> None:
+    """Remove the controller from the profile ``data``; raise UsageError if ``given`` sets it."""
+    if "controller" in given:
+        raise UsageError(
+            "--no-controller contradicts --set controller.…",
+            cause="a profile without [controller] says that the controller is unknown.",
+            fix="one of the two",
+        )
+    data.pop("controller", None)
+
+
 def _check_loop(out: Output, profile: Profile) -> LoopCheck:
     from heli3dof.model.control.loop_check import check_loop_of
 
@@ -240,22 +265,34 @@ def _exit_if_unstable(profile: Profile, loop: LoopCheck) -> None:
 
 
 def _report(
-    out: Output, file: Path | None, profile: Profile, loop: LoopCheck, **more: Any
+    out: Output,
+    file: Path | None,
+    profile: Profile,
+    loop: LoopCheck,
+    *,
+    with_loop: bool = True,
+    **more: Any,
 ) -> list[str]:
-    """Print the loop's poles, margins, step responses; return warnings. ``more``: JSON entries."""
+    """Print the loop's poles, margins, step responses; return warnings. ``more``: JSON entries.
+
+    Without ``with_loop``, nothing is printed on the loop, which only the JSON document then has.
+    """
     from heli3dof.rig.profile_remarks import unusual_values
 
-    remarks = [*unusual_values(profile), *loop.unusual()]
-    out.show(*_loop_lines(loop))
+    remarks = [*unusual_values(profile), *(loop.unusual() if with_loop else ())]
+    out.show(*map(minus, _loop_lines(loop) if with_loop else ()))
     for remark in remarks:
-        out.warn(remark)
-    if not loop.stable:
+        out.warn(minus(remark))
+    if not loop.stable and with_loop:
         gain = "default gain" if profile.controller is None else "gain"
         remarks.append(
             f"the {gain} does not stabilise this rig; heli3dof profile new --from FILE designs "
             "another"
         )
-        out.err.print(f"Error: {remarks[-1]}.", soft_wrap=True, style="bold red")
+        if profile.controller_is_known:
+            out.err.print(f"Error: {remarks[-1]}.", soft_wrap=True, style="bold red")
+        else:
+            out.warn(remarks[-1])
     out.emit(
         {
             "schema": "heli3dof.profile/1",
@@ -292,8 +329,8 @@ def _derived(profile: Profile) -> dict[str, tuple[float, str, str]]:
 
 def _shown(value: Any) -> str:
     if isinstance(value, tuple):
-        return "\n".join(" ".join(f"{x:g}" for x in row) for row in value)
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
+        return minus("\n".join(" ".join(f"{x:g}" for x in row) for row in value))
+    return minus(f"{value:.5g}" if isinstance(value, float) else str(value))
 
 
 def _loop_lines(loop: LoopCheck) -> Iterator[str]:

@@ -47,6 +47,30 @@ def ask_missing(out: Output, data: dict[str, Any]) -> None:
             put(data, name, value)
 
 
+def check_keys(given: Mapping[str, Any]) -> None:
+    """Raise UsageError if ``given``, nested dicts, has a key that a profile does not have."""
+    from heli3dof.errors import did_you_mean
+    from heli3dof.rig.profile import Profile
+    from heli3dof.toml_file import keys
+
+    known = [name for name, _ in keys(Profile)]
+    for name in _leaves(given):
+        if name not in known and not name.startswith("log."):
+            raise UsageError(
+                f"--set {name}: a profile has no key {name!r}.",
+                cause=f"a typing error; {did_you_mean(name, known)}",
+                fix="heli3dof profile show lists the keys",
+            )
+
+
+def _leaves(given: Mapping[str, Any], head: str = "") -> Iterator[str]:
+    for key, value in given.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{head}{key}.")
+        else:
+            yield f"{head}{key}"
+
+
 def value_at(data: Mapping[str, Any], name: str) -> Any:
     """Return the value of a dotted key such as ``motor.V_o`` in nested dicts; None if absent."""
     at: Any = data

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.cli.output import Output, live_allowed
-from heli3dof.cli.output_encoding import printable
-from heli3dof.cli.traces import PER_SECOND, Traces, fits, minus
+from heli3dof.cli.output_encoding import minus, printable
+from heli3dof.cli.traces import PER_SECOND, Traces, fits
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -119,9 +119,9 @@ class FlightView:
     def line(self) -> str:
         """Return one line: plan, phase, time, angles (°) and the number of late periods."""
         roll, pitch, yaw = (degrees(angle) for angle in self.live.angle)
+        angles = minus(f"roll {roll:+.1f}°  pitch {pitch:+.1f}°  yaw {yaw:+.1f}°")
         return printable(
-            f"{self.name}  {self.live.phase}  {self._time()}  roll {roll:+.1f}°  "
-            f"pitch {pitch:+.1f}°  yaw {yaw:+.1f}°  late {self.live.late}",
+            f"{self.name}  {self.live.phase}  {self._time()}  {angles}  late {self.live.late}",
             self.console.encoding,
         )
 

@@ -22,7 +22,8 @@ from heli3dof.cli.options import (
     Seed,
     rig_profile,
 )
-from heli3dof.cli.output import INTERRUPTED, Output, print_error, verb
+from heli3dof.cli.output import INTERRUPTED, Output, print_error, stages, verb
+from heli3dof.cli.output_encoding import minus
 from heli3dof.cli.progress import progress
 from heli3dof.cli.renamed_options import renamed
 from heli3dof.errors import Heli3dofError, UsageError
@@ -156,7 +157,6 @@ def _fly_auto(
     quick: bool,
     seed: int,
 ) -> None:
-    from heli3dof.cli.diagnose import stages
     from heli3dof.diagnosis.planning.run_auto import run_auto
 
     result = run_auto(
@@ -228,14 +228,16 @@ def default_path(name: str) -> Path:
 def _show_plan(out: Output, plan: Plan, profile: Profile, device: str, seed: int) -> None:
     """Check plan, gain and device URL as before a flight, and print the plan (``--dry-run``)."""
     from heli3dof.experiment.fly import prepare
-    from heli3dof.rig.drivers import check_url
+    from heli3dof.rig.drivers import check_url, is_private, load_driver
 
-    check_url(device)
+    url = check_url(device)
+    if is_private(url):  # an emulated rig, whose options are checked when it is opened
+        load_driver(url.scheme).open(url, profile).close()
     signals = prepare(plan, profile, seed)
     out.show(f"Dry run: {plan.name}, {plan.duration_s:g} s on {device}, {profile.name}")
     out.show("The plan stays within the limits, and the gain stabilises the hover model.")
     for line in plan.summary():
-        out.show(f"  {line}")
+        out.show(minus(f"  {line}"))
     out.emit(
         {
             "schema": "heli3dof.dry_run/1",

@@ -15,7 +15,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from heli3dof.axes import AXES
-from heli3dof.cli.output_encoding import carries
+from heli3dof.cli.output_encoding import carries, minus
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -71,11 +71,6 @@ class Traces:
             trace[-1] = Text(minus(f"{low:+7.1f}° "), "dim") + trace[-1]
             lines += [trace[0], *(Text(" " * LABEL) + line for line in trace[1:-1]), trace[-1]]
         return lines
-
-
-def minus(text: str) -> str:
-    """Return the text with minus signs in place of hyphens."""
-    return text.replace("-", "−")
 
 
 def scale(values: Sequence[float]) -> tuple[float, float]:

@@ -9,6 +9,7 @@ import typer
 from heli3dof.cli.device_option import AnyDevice, device_or_default
 from heli3dof.cli.options import AsJson, ProfileFile, Quiet, rig_profile
 from heli3dof.cli.output import Output, verb
+from heli3dof.cli.output_encoding import minus
 
 _HELP = "The rig stands at this {} angle now, degrees; default: its rest angle."
 
@@ -53,7 +54,8 @@ def zero(
         out.show(f"Stored in {result.stored}. It applies to every flight{_until(measured.boot)}")
     out.show(f"{measured.serial} on {url}, at rest for {MEASURE_S:g} s:")
     for axis, counts, shift in zip(AXES, measured.counts_at_rest, result.shift_deg, strict=True):
-        out.show(f"  {axis:5} {counts:+7d} counts  ({shift:+.2f}° from the value used before)")
+        text = f"  {axis:5} {counts:+7d} counts  ({shift:+.2f}° from the value used before)"
+        out.show(minus(text))
     out.emit(
         {
             "schema": "heli3dof.zero/1",

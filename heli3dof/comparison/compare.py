@@ -159,7 +159,9 @@ def _divergence(replayed: Replay) -> list[str]:
     parts = []
     if replayed.unstable_poles:
         p = replayed.unstable_poles[0]
-        pole = f"{p.real:+.3f}" + (f" ± {abs(p.imag):.3f}j" if abs(p.imag) > 1e-9 else "")
+        pole = f"{p.real:+.3f}".replace("-", "−") + (
+            f" ± {abs(p.imag):.3f}j" if abs(p.imag) > 1e-9 else ""
+        )
         parts.append(f"unstable in this loop, with a pole at {pole} rad/s")
     if replayed.diverged_at_s is not None:
         parts.append(f"diverges at {replayed.diverged_at_s:.2f} s, so it has no metrics")

@@ -103,7 +103,7 @@ class Comparison(Result):
         sentences = []
         for f in self.flights:
             if f.why is not None:
-                sentences.append(f"{f.recording.name}: not replayed, because {f.why}.")
+                sentences.append(f"{f.recording.name}: not replayed: {f.why}.")
             for m in f.models:
                 sentences += [f"{f.recording.name}, {m.name}: {c}" for c in m.cannot]
         return tuple(sentences)

@@ -89,7 +89,9 @@ def _best(errors: Errors, what: str) -> list[str]:
         # The paper's model is the one to improve on; without it, the next best.
         other = "hover" if "hover" in others else min(others, key=lambda n: known[n], default="")
         against = f", {other} {_degrees(known[other])}" if other else ""
-        groups.setdefault(best, []).append(f"{axis} ({_degrees(min(known.values()))}{against})")
+        smallest = _degrees(min(known.values()))
+        size = smallest if len(models) == 1 else f"({smallest}{against})"
+        groups.setdefault(best, []).append(f"{axis} {size}")
     if len(models) == 1:
         return [f"RMSE of {what}, {name}: {', '.join(g)}." for (name,), g in groups.items()]
     if not groups:

@@ -11,8 +11,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
@@ -36,8 +35,10 @@ from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
+    Remainder,
     in_order,
     physical,
+    remainders,
     tied_in,
     verdict_of,
 )
@@ -48,11 +49,13 @@ from heli3dof.diagnosis.selection.steps import (
     extended,
     screening_step,
 )
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects import term
 from heli3dof.parallel import report_progress
 from heli3dof.recording.logs.sampling_clock import sampling_times
 from heli3dof.recording.recording import Recording
+from heli3dof.stage_clock import Says, StageClock
 
 FLIGHTS, QUICK_FLIGHTS = 64, 16
 """Null simulations of the first score test, without and with ``quick``. Chosen."""
@@ -62,9 +65,6 @@ PILOTS, QUICK_PILOTS = 12, 6
 """Simulated flights of a bias correction, without and with ``quick``. Chosen."""
 TORQUE_FLIGHTS, QUICK_TORQUE_FLIGHTS = 24, 8
 """Null simulations of the search for residual torques, without and with ``quick``. Chosen."""
-PROGRESS_EVERY_S = 1.0
-"""s between two progress messages of the same stage. Chosen."""
-Says = Callable[[str], None]
 
 
 def diagnose(
@@ -93,13 +93,13 @@ def diagnose(
         )
     train = [recordings] if isinstance(recordings, Recording) else list(recordings)
     held = [] if holdout is None else [holdout] if isinstance(holdout, Recording) else list(holdout)
-    clock = Clock(says)
+    clock = StageClock(says)
     with report_progress(clock.counts):
         return _diagnosed(train, held, clock, quick=quick, seed=seed, base=base)
 
 
 def _diagnosed(
-    train: list[Recording], held: list[Recording], clock: Clock, *, quick: bool, seed: int,
+    train: list[Recording], held: list[Recording], clock: StageClock, *, quick: bool, seed: int,
     base: str,
 ) -> Diagnosis:  # fmt: skip
     names = (tuple(r.name for r in train), tuple(r.name for r in held))
@@ -161,17 +161,19 @@ def _diagnosed(
     )  # fmt: skip
     first_is_like = any(isinstance(f, Finding) and f.like for f in physical(ordered)[:1])
     unsure = first_is_like and not setup.controller_is_known
-    verdict = verdict_of(ordered, settled.residual_torques, result.refit, unsure=unsure)
+    remaining = remainders(result, ordered, settled.slow_noise)
+    left: tuple[ResidualTorque | Remainder, ...] = (*settled.residual_torques, *remaining)
+    verdict = verdict_of(ordered, left, result.refit, unsure=unsure)
     return Diagnosis(
         *names, verdict, faults, result,
         findings, off, settled.dropped, settled.residual_torques, extended.terms,
-        settled.slow_noise,
+        remaining, settled.slow_noise,
         (*(n for n in first.not_identifiable if not term(n).effect.formal), *undetectable), about,
     )  # fmt: skip
 
 
 def forward_selection(
-    setup: Setup, base: CorrectedFit, flights: int, clock: Clock
+    setup: Setup, base: CorrectedFit, flights: int, clock: StageClock
 ) -> tuple[list[Step], CorrectedFit]:
     """Return the steps of forward selection and the final fit; the last may have found nothing."""
     fit, steps = base, list[Step]()
@@ -202,43 +204,3 @@ def forward_selection(
             if choice.contenders[0].probe is not None:  # a grid trial has no probe
                 score = choice.score if score is None else max(score, choice.score)
     return steps, fit
-
-
-class Clock:
-    """Report progress, and measure the wall-clock time of each stage."""
-
-    def __init__(self, says: Says) -> None:
-        self.says = says
-        self.seconds: dict[str, float] = {}
-        self._stage, self._since = "", time.perf_counter()
-        self._sentence, self._said = "", self._since
-        self._first: tuple[int, float] | None = None  # items and time at the first count
-
-    def start(self, stage: str, sentence: str) -> None:
-        self.stop()
-        self._stage, self._sentence, self._said = stage, sentence, self._since
-        self._first = None
-        self.says(sentence)
-
-    def counts(self, what: str, done: int, of: int) -> None:
-        """Report the progress of a long stage every `PROGRESS_EVERY_S`, with the time left.
-
-        For example ``Screening … flights: 31 of 64, 4 s left``; the items counted so far give the
-        time per item.
-        """
-        now = time.perf_counter()
-        if self._first is None or done <= self._first[0]:
-            self._first = done, now
-        if now - self._said >= PROGRESS_EVERY_S:
-            self._said = now
-            counted = done - self._first[0]
-            left = (now - self._first[1]) / counted * (of - done) if counted else None
-            until = "" if left is None else f", {left:.0f} s left"
-            self.says(f"{self._sentence} {what}: {done} of {of}{until}")
-
-    def stop(self) -> None:
-        now = time.perf_counter()
-        if self._stage:
-            before = self.seconds.get(self._stage, 0.0)
-            self.seconds[self._stage] = round(before + now - self._since, 2)
-        self._stage, self._since = "", now

@@ -18,7 +18,7 @@ from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning.free_run_plan import why_none
 from heli3dof.diagnosis.profile_update import Measured, profile_keys, ratios
-from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted, TorqueTerm
+from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted, Remainder, TorqueTerm
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
 
@@ -55,7 +55,8 @@ def diagnosis_document(
         "leftover": [
             _residual_torque(x, term)
             for x, term in itertools.zip_longest(d.leftovers, d.torque_terms)
-        ],
+        ]
+        + [_remainder(r) for r in d.remainders],
         "slow_noise": [
             {
                 "axis": x.axis,
@@ -249,7 +250,33 @@ def _residual_torque(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
         "formula": None if f is None else f"c * {f.proposal.product.replace('*', ' * ')}",
         "formula_parameters": {} if f is None else {"c": _coefficient(f)},
         "formula_alternatives": [] if f is None else list(f.proposal.alternatives),
+        "error_deg": None,
         "gain": _gain(None if t is None else t.gain),
+    }
+
+
+def _remainder(r: Remainder) -> dict[str, Any]:
+    """Return an unexplained error, as an unmodelled torque that depends on nothing measured."""
+    return {
+        "axis": r.axis,
+        "depends_on": None,
+        "share": 0.0,
+        "table": [],
+        "std": [],
+        "score": None,
+        "confidence": None,
+        "also": [],
+        "like": None,
+        "term": None,
+        "formula": None,
+        "formula_parameters": {},
+        "formula_alternatives": [],
+        "error_deg": {
+            "simulation": r.simulation_deg,
+            "extended_model": r.extended_deg,
+            "noise_floor": r.noise_deg,
+        },
+        "gain": _gain(None),
     }
 
 

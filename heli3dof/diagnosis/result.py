@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import Any
 
 from heli3dof.arrays import FloatArray
+from heli3dof.axes import AXES
 from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.integrity import Fault
@@ -14,7 +16,7 @@ from heli3dof.diagnosis.outlook import Open
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
-from heli3dof.diagnosis.validation.gain import Gain, HeldOut
+from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain, HeldOut
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
 from heli3dof.model.greybox.model import GreyBoxModel
 
@@ -87,6 +89,19 @@ class TorqueTerm:
     """The model without this torque → with it"""
 
 
+@dataclass(frozen=True)
+class Remainder:
+    """An axis on which most of the simulation error remains: RMSE in degrees, `HORIZON_S` ahead."""
+
+    axis: str
+    simulation_deg: float
+    """Error of the simulation with the profile's numbers"""
+    extended_deg: float
+    """Error of the extended model; both on held-out data"""
+    noise_deg: float | None
+    """Noise floor; None if it is unknown"""
+
+
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """The result of a diagnosis; `heli3dof.diagnosis.document` converts it to JSON."""
@@ -104,6 +119,8 @@ class Diagnosis:
     leftovers: tuple[ResidualTorque, ...] = ()
     torque_terms: tuple[TorqueTerm | None, ...] = ()
     """The extended model's term for each of ``leftovers``; None: it contains none"""
+    remainders: tuple[Remainder, ...] = ()
+    """Errors that neither causes nor noise explain, see `remainders`"""
     slow_noise: tuple[ResidualTorque, ...] = ()
     """Residual torques that depend on time only, such as a draught's: no model can predict them"""
     not_identifiable: tuple[str, ...] = ()
@@ -141,13 +158,14 @@ def physical(causes: Sequence[Fault | Finding | OffNominal]) -> list[Finding | O
 
 def verdict_of(
     findings: Sequence[Fault | Finding | OffNominal],
-    left: Sequence[ResidualTorque],
+    left: Sequence[ResidualTorque | Remainder],
     refit: Gain | None = None,
     *,
     unsure: bool = False,
 ) -> str:
-    """Return the verdict on causes in the order of `in_order`; ``left`` are the residual torques.
+    """Return the verdict on causes in the order of `in_order`.
 
+    ``left``: the residual torques, and the errors that the causes leave (`remainders`).
     ``refit``: the gain of refitting the profile's numbers. ``unsure``: the first physical cause may
     be another one. Faults of a recording are causes too, but do not hide an ambiguous physical one.
     """
@@ -161,6 +179,42 @@ def verdict_of(
     first = causes[0]
     tied = first.choice.tied_with if isinstance(first, Finding) else first.tied_with
     return "ambiguous" if tied or unsure else "explained"
+
+
+def remainders(
+    f: Fitted,
+    findings: Sequence[Fault | Finding | OffNominal],
+    slow_noise: Sequence[ResidualTorque] = (),
+) -> tuple[Remainder, ...]:
+    """Return the errors that remain, largest first; empty if the causes explain most of the error.
+
+    With the RMSE e_0 of the simulation with the profile's numbers, e_1 of the extended model, both
+    on held-out data, and e_n of the noise (0 if unknown), most of the error remains if, with sums
+    over the axes,
+
+        Σ max(e_1² − e_n², 0) > ½ Σ e_0²
+
+    The result are the axes of which this holds alone. An axis with slow noise is left out, because
+    e_n does not contain it. Without a physical cause there is no claim to refute, so the result is
+    empty.
+    """
+    if not physical(findings) or f.refit is None:
+        return ()
+    each = []
+    for axis in (a for a in AXES if a not in {x.axis for x in slow_noise}):
+        e_0, e_1 = f.refit.before.get(axis), f.gain.after.get(axis)
+        e_n = f.wrong.at(HORIZON_S, axis)[1]
+        if e_0 is not None and e_1 is not None and isfinite(e_0) and isfinite(e_1):
+            each.append(Remainder(axis, e_0, e_1, e_n if isfinite(e_n) else None))
+    if sum(map(_unexplained, each)) <= sum(r.simulation_deg**2 for r in each) / 2:
+        return ()
+    most = (r for r in each if _unexplained(r) > r.simulation_deg**2 / 2)
+    return tuple(sorted(most, key=_unexplained, reverse=True))
+
+
+def _unexplained(r: Remainder) -> float:
+    """Return the mean square in deg² that neither the extended model nor noise explains."""
+    return float(max(r.extended_deg**2 - (r.noise_deg or 0.0) ** 2, 0.0))
 
 
 def tied_in(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:

@@ -55,7 +55,7 @@ class Claim(_Part):
         line = self.name
         for name, p in self.parameters.items():
             interval = "" if p.low is None or p.high is None else f" ({p.low:.4g} … {p.high:.4g})"
-            line += f", {name} = {p.value:.4g}{interval}"
+            line += f", {name} = " + f"{p.value:.4g}{interval}".replace("-", "−")
         return line + ("" if self.confidence is None else f", confidence {self.confidence:.2f}")
 
 

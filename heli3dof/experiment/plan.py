@@ -133,8 +133,8 @@ def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
         worst = reference[np.argmax(np.abs(reference))]
         if reference.min() < low or reference.max() > high:
             raise PlanError(
-                f"The plan {plan.name!r} commands {axis} {worst:g}°; the profile allows "
-                f"{low:g}° to {high:g}°.",
+                f"The plan {plan.name!r} commands {axis} "
+                + f"{worst:g}°; the profile allows {low:g}° to {high:g}°.".replace("-", "−"),
                 cause="a typing error, or a plan for another rig.",
                 fix=f"lower the angle in the plan, or widen the {axis} limits of the profile",
             )

@@ -16,21 +16,20 @@ from heli3dof.identification.fit_result import FitResult, Request
 from heli3dof.identification.methods import known_method
 from heli3dof.identification.preprocessing import Prepared, prepare, segments
 from heli3dof.identification.residual_tests import ResidualTest, past_inputs, whiteness
-from heli3dof.identification.result import Identification
+from heli3dof.identification.result import SUMMARY_HORIZON_S, Identification
 from heli3dof.identification.validation import WARM_UP_S, Metrics, metrics
 from heli3dof.model.base import Model
 from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.linear.model import LinearModel
-from heli3dof.parallel import one_blas_thread
+from heli3dof.parallel import one_blas_thread, report_progress
 from heli3dof.recording.logs.sampling_clock import sampling_times
 from heli3dof.recording.recording import Recording
+from heli3dof.stage_clock import Says, StageClock
 
 FEEDBACK_TEST_S = 0.02
 TEST_ROWS = 60
 """Rows: residual tests skip segments with fewer innovations after the filter has settled."""
 __all__ = ["Identification", "identify"]
-USEFUL_S = 0.5
-"""s: predictions this far ahead with a negative fit (worse than the mean) give a warning."""
 BEYOND = 2.0
 """Ratio of an axis' rms motion in held-out and in training data, above which a warning is given"""
 ORDER_MAX = 20
@@ -52,6 +51,7 @@ def identify(
     holdout: Recording | Sequence[Recording] | None = None,
     intervals_s: Sequence[float] = INTERVALS_S,
     name: str | None = None,
+    says: Says = lambda sentence: None,
 ) -> Identification:
     """Identify a model from recordings of one rig.
 
@@ -69,6 +69,7 @@ def identify(
         intervals_s: sampling intervals (s) that the order search tries, each rounded to a multiple
             of the control period.
         name: name of the model; None takes the method's name.
+        says: receives progress messages.
 
     Raises:
         UsageError: an unknown method or an impossible order.
@@ -93,6 +94,8 @@ def identify(
             cause="the option belongs to the grey box.",
             fix="--method greybox --terms …, or leave --terms out",
         )
+    clock = StageClock(says)
+    clock.start("preparation", "Selecting the rows to fit …")
     whole, partial = _by_angles(_several(recordings), split=about.physical)
     prepared = prepare(whole, held_out=_several(holdout))
     near = segments(prepared, prepared.train, max(1, round(FEEDBACK_TEST_S / prepared.dt)))
@@ -105,12 +108,15 @@ def identify(
         None if terms is None else tuple(terms),
         tuple(partial),
     )
-    found = about.fit(prepared, request)
+    clock.start("fit", f"Fitting the model ({method}) …")
+    with report_progress(clock.counts):
+        found = about.fit(prepared, request)
     method = found.method or method
     warnings = [*recording_warnings(prepared), *extrapolation_warnings(prepared), *found.warnings]
     if about.assumes_open_loop and feedback.present:
         warnings.append(OPEN_LOOP_WARNING)
     model = _with_provenance(found, method, prepared)
+    clock.start("validation", "Evaluating the model on held-out data …")
     scores = metrics(model, prepared, prepared.held_out)
     warnings += poor_prediction_warnings(scores, prepared)
     return Identification(
@@ -182,17 +188,17 @@ def extrapolation_warnings(prepared: Prepared) -> list[str]:
 
 
 def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
-    """Return a warning if predictions `USEFUL_S` ahead are worse than the mean (negative fit)."""
-    score = scores.prediction.get(USEFUL_S)
+    """Return a warning if the predictions that summaries quote are worse than the mean."""
+    score = scores.prediction.get(SUMMARY_HORIZON_S)
     if score is None or not prepared.held_out:
         return []
     bad = [a for a, fit in zip(AXES, score.fit_percent, strict=True) if fit < 0]
     if not bad:
         return []
     return [
-        f"{USEFUL_S:g} s predictions of {' and '.join(bad)} are worse than the mean (negative "
-        "fit): the recordings hold too little of this motion. Do not use the model for it; "
-        "record a richer experiment: heli3dof run multisine"
+        f"{SUMMARY_HORIZON_S:g} s predictions of {' and '.join(bad)} are worse than the mean "
+        "(negative fit): the recordings hold too little of this motion. Do not use the model for "
+        "it; record a richer experiment: heli3dof run multisine"
     ]
 
 

@@ -21,8 +21,9 @@ from pathlib import Path
 from typing import Any
 
 
+@cache
 def compiled(function: Callable[..., Any], *, leaf: bool = False, **options: Any) -> Any:
-    """Return ``function`` under ``numba.njit``, cached on disk.
+    """Return ``function`` under ``numba.njit``, cached on disk; the same call returns the same.
 
     A change in the function's file, in a compiled function that it calls, or in a global number
     that it uses causes recompilation.

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.errors import RecordingError, UsageError, did_you_mean
+from heli3dof.errors import RecordingError, UsageError, did_you_mean, why_missing
 from heli3dof.model import serialization
 from heli3dof.model.base import Model
 from heli3dof.recording.atomic_write import write_file
@@ -103,7 +103,7 @@ def _read_json(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise RecordingError(
             f"There is no model file {path}.",
-            cause="a typing error in the path, or another working directory.",
+            cause=why_missing(path),
             fix=f"ls {path.parent}",
         ) from None
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:

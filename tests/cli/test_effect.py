@@ -1,10 +1,13 @@
-"""``effect new``: writes a package with the formula of an unmodelled torque."""
+"""``effect``: writes a package with a formula or to begin with, lists and checks effects."""
 
 from __future__ import annotations
 
 import tomllib
 from pathlib import Path
 
+import pytest
+
+from heli3dof.model.effects import effects
 from tests.cli.running import heli3dof
 from tests.diagnosis.test_effect_package import DIAGNOSIS, write
 
@@ -38,3 +41,43 @@ def test_effect_new_explains_a_file_without_a_formula(tmp_path: Path) -> None:
     result = heli3dof("effect", "new", "--from", source)
     assert result.code == 5
     assert "no torque of this diagnosis has a formula" in result.err
+
+
+def test_effect_new_writes_an_effect_to_begin_with(tmp_path: Path) -> None:
+    result = heli3dof("effect", "new", "magnet.detent", "-o", tmp_path, "--json")
+    assert result.code == 0, result.err
+    (written,) = result.document["written"]
+    folder = tmp_path / "heli3dof-magnet-detent"
+    assert {Path(f) for f in written["files"]} == set(folder.iterdir())
+    assert heli3dof("effect", "check", folder / "heli3dof_magnet_detent.py").code == 0
+
+
+@pytest.mark.parametrize("given", [(), ("magnet", "--from", "d.json"), ("Magnet",), ("motor.lag",)])
+def test_effect_new_needs_a_free_name_or_a_diagnosis(given: tuple[str, ...]) -> None:
+    result = heli3dof("effect", "new", *given)
+    assert result.code == 2
+    assert "Try: " in result.err
+
+
+def test_effect_list_has_a_line_per_effect_with_units() -> None:
+    result = heli3dof("effect", "list", "--json")
+    assert [e["effect"] for e in result.document["effects"]] == list(effects())
+    lines = result.err.splitlines()
+    assert "friction.coulomb on roll, pitch, yaw: torque_Nm (N·m)" in lines
+    assert len(lines) == len(effects()) + 1  # and where the equations are
+
+
+def test_effect_check_names_the_mistake_and_fails(tmp_path: Path) -> None:
+    heli3dof("effect", "new", "magnet", "-o", tmp_path)
+    file = tmp_path / "heli3dof-magnet" / "heli3dof_magnet.py"
+    code = file.read_text(encoding="utf-8")
+    file.write_text(code.replace('"N·m·s³/rad³"', '"N·m·s/rad"'), encoding="utf-8")
+    result = heli3dof("effect", "check", file, "--json")
+    assert result.code == 6
+    (problem,) = result.document["problems"]
+    assert "N·m·s/rad" in problem
+
+
+def test_effect_check_takes_an_installed_effect() -> None:
+    assert heli3dof("effect", "check", "friction.coulomb").code == 0
+    assert heli3dof("effect", "check", "friction.coulom").code == 2

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from heli3dof.cli.diagnose import _exercises
-from heli3dof.cli.exercise import _holdout
+from heli3dof.cli.exercise import _holdout, _table
 from heli3dof.recording.mcap_files.reader import read_recording
+from heli3dof.report.text.table import to_rich
 from tests.cli.running import Result, heli3dof
 from tests.exercise.making import EXERCISE, diagnosis, key_file
 
@@ -168,3 +171,23 @@ def test_bad_input_has_the_exit_codes_of_the_contract(lab: Class, tmp_path: Path
 def test_the_errors_of_the_three_axes_fit_one_line() -> None:
     assert _holdout({"roll": 0.2, "pitch": None, "yaw": 0.09}) == "0.20/–/0.09°"
     assert _holdout(None) == "–"
+
+
+def test_the_marks_of_several_exercises_break_no_id_and_no_name_at_80_columns() -> None:
+    row = {
+        "exercise": "3f9a2b7c1d4e", "reason": None, "name": "Annemarie Schwarzenbach",
+        "file": "a.json", "right": [], "hidden": [{"name": "motor.lag"}],
+        "wrong": ["stiffness.pendulum.pitch"], "confounded": ["disturbance.periodic.pitch"],
+        "sizes": [{"relative_error": 0.5, "inside": True}, {"relative_error": 0.1, "inside": None}],
+        "brier": 0.12, "holdout_rmse_deg": {"roll": 12.2, "pitch": 10.3, "yaw": 100.01},
+    }  # fmt: skip
+    rows = [row, {**row, "exercise": "222222222222", "name": "Bo"}]
+    rows.append({**row, "reason": "it is not a JSON file", "file": f"{'long-name-' * 3}.json"})
+    text = io.StringIO()
+    Console(file=text, width=80).print(to_rich(_table(rows)))
+    for whole in (
+        "3f9a2b7c1d4e", "222222222222", "stiffness.pendulum.pitch", "disturbance.periodic.pitch",
+        "12.20/10.30/100.01°", "size error", "interval", "Annemarie Schwarzenbach",
+    ):  # fmt: skip
+        assert whole in text.getvalue()
+    assert max(map(len, text.getvalue().splitlines())) <= 80

@@ -62,6 +62,12 @@ def test_the_default_is_the_grey_box_and_its_parameters_have_intervals(tmp_path:
     path = tmp_path / "grey.json"
     result = heli3dof("identify", *TRAIN, "--holdout", TEST[1], "-o", path, "--json")
     assert result.code == 0, result.err
+    stages = [line for line in result.err.splitlines() if line.endswith("…")]
+    assert stages[-3:] == [
+        "Selecting the rows to fit …",
+        "Fitting the model (greybox) …",
+        "Evaluating the model on held-out data …",
+    ]
     (model,) = result.document["models"]
     assert model["kind"] == "greybox"
     lag = model["parameters"]["motor.lag.time_constant_s"]
@@ -128,6 +134,12 @@ def test_compare_without_arguments_uses_the_supplied_recordings(
     for words in ("Table II", "black box", "grey box", "hover", "never published"):
         assert words in result.out
     assert len(list(tmp_path.glob("comparisons/*/*.svg"))) == 6
+
+
+def test_a_model_with_a_typing_error_is_no_missing_recording() -> None:
+    result = heli3dof("compare", TEST[0], "hoover")
+    assert result.code == 2
+    assert "did you mean 'hover'?" in result.err
 
 
 def test_models_without_recordings_are_refused() -> None:

@@ -106,6 +106,50 @@ def test_ctrl_c_in_a_question_leaves_no_file(
     assert not (tmp_path / "rig.toml").exists()
 
 
+def test_a_key_with_a_typing_error_is_named_before_missing_ones(tmp_path: Path) -> None:
+    result = heli3dof("profile", "new", "--set", "geometry.La=0.66", "-o", tmp_path / "a.toml")
+    assert result.code == 2
+    assert "no key 'geometry.La'" in result.err
+    assert "did you mean 'geometry.L_a'?" in result.err
+
+
+def test_a_missing_profile_names_the_nearest_file(tmp_path: Path) -> None:
+    write(tmp_path / "rig.toml")
+    result = heli3dof("profile", "check", tmp_path / "rgi.toml")
+    assert result.code == 2
+    assert f"did you mean {tmp_path / 'rig.toml'}?" in result.err
+
+
+def test_no_controller_writes_a_profile_that_says_the_loop_is_unknown(tmp_path: Path) -> None:
+    path, other = tmp_path / "rig.toml", tmp_path / "other.toml"
+    result = heli3dof("profile", "new", *sets(), "--no-controller", "-o", path)
+    assert result.code == 0, result.err
+    assert load_profile(path).controller is None
+    assert "the controller of imported logs is unknown" in result.err
+    assert "Loop: " not in result.out
+    start = write(tmp_path / "start.toml", controller={})
+    assert load_profile(start).controller is not None
+    assert heli3dof("profile", "new", "--from", start, "--no-controller", "-o", other).code == 0
+    assert load_profile(other).controller is None
+    both = ("--no-controller", "--set", "controller.omega_rad_per_s=100")
+    assert heli3dof("profile", "new", *sets(), *both, "-o", tmp_path / "x.toml").code == 2
+
+
+def test_a_rig_that_the_default_gain_does_not_hold_can_still_have_a_profile(
+    tmp_path: Path,
+) -> None:
+    """Its logs were made with another controller."""
+    path = tmp_path / "small.toml"
+    small = sets(geometry__L_a=0.2, geometry__L_w=0.1, mass__m_w=0.1, mass__m_f=0.05,
+                 mass__m_b=0.05, motor__K_f=0.5, motor__V_o=1)  # fmt: skip
+    result = heli3dof("profile", "new", *small, "--no-controller", "-o", path)
+    assert result.code == 0, result.err
+    assert "Error: " not in result.err
+    check = heli3dof("profile", "check", path)
+    assert "Loop: UNSTABLE" in check.out
+    assert "Error: " not in check.err
+
+
 def test_a_gain_that_does_not_stabilise_is_not_written(tmp_path: Path) -> None:
     row = "-37.6, 13.2, -11.5, 20.9, 4.7, -16.1, 10.0, -1.0"
     words = [*sets(), "--set", f"controller.K=[[{row}],[{row}]]"]

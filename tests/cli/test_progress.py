@@ -67,7 +67,7 @@ def wait_for(out: Output, text: str) -> None:
 def test_the_line_follows_the_flight_and_is_erased_at_its_end(terminal: Output) -> None:
     live = flying()
     with shown_by(terminal, live):
-        wait_for(terminal, "step  flying  1 of 2 s  roll +5.7°  pitch -11.5°  yaw +17.2°  late 7")
+        wait_for(terminal, "step  flying  1 of 2 s  roll +5.7°  pitch −11.5°  yaw +17.2°  late 7")
         live.phase = "ramping down"
         wait_for(terminal, "step  ramping down")
     assert "\x1b[2K" in terminal.err.file.getvalue()[-40:]  # type: ignore[attr-defined]

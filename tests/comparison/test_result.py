@@ -27,7 +27,7 @@ def test_the_repr_is_three_lines_with_each_models_errors(comparison: Comparison)
 
 
 def test_the_summary_has_the_warnings(comparison: Comparison) -> None:
-    assert "two: not replayed, because the controller is unknown" in comparison.summary()
+    assert "two: not replayed: the controller is unknown" in comparison.summary()
     assert comparison._repr_html_().startswith("<pre>Comparison of hover, weak")
 
 

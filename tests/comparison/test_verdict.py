@@ -58,7 +58,7 @@ def test_a_diverging_model_is_not_the_best_replay() -> None:
 
 def test_a_single_model_is_not_called_the_best() -> None:
     first = sentences(HOVER)[0]
-    assert first.startswith("RMSE of predictions 0.5 s ahead, hover: roll (0.90°), pitch")
+    assert first.startswith("RMSE of predictions 0.5 s ahead, hover: roll 0.90°, pitch")
 
 
 def test_models_are_judged_on_the_recordings_that_all_predict() -> None:

@@ -64,7 +64,7 @@ class Ports:
         return url.format(**self._paths)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def ports() -> Iterator[Ports]:
     with ExitStack() as stack:
         yield Ports(stack)

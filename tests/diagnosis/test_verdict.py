@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -9,11 +10,19 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from heli3dof.axes import AXES
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.integrity import Fault, Kind
 from heli3dof.diagnosis.profile_update import Measured, ratios
-from heli3dof.diagnosis.result import Diagnosis, Finding, in_order, verdict_of
+from heli3dof.diagnosis.result import (
+    Diagnosis,
+    Finding,
+    Remainder,
+    in_order,
+    remainders,
+    verdict_of,
+)
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.validation.gain import Gain, Interval
 from heli3dof.model.effects import terms
@@ -71,6 +80,51 @@ def test_a_fault_of_the_clock_does_not_hide_an_ambiguous_cause() -> None:
     jitter = Fault("timing.jitter", Kind.FINDING, "a", "", "", "", effect="timing.jitter")
     assert verdict_of([jitter, finding("motor.delay")], []) == "ambiguous"
     assert verdict_of([jitter], []) == "explained"
+
+
+def errors(before: tuple[float, ...], after: tuple[float, ...], noise: tuple[float, ...]) -> Any:
+    """A fit whose errors (roll, pitch, yaw) are ``before`` with the profile's numbers."""
+    known = {a: (b, n) for a, b, n in zip(AXES, before, noise, strict=True)}
+    return SimpleNamespace(
+        wrong=SimpleNamespace(at=lambda horizon_s, axis: known[axis]),
+        refit=SimpleNamespace(before=dict(zip(AXES, before, strict=True))),
+        gain=SimpleNamespace(after=dict(zip(AXES, after, strict=True))),
+    )
+
+
+UNKNOWN = (math.nan,) * 3
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "noise", "axes"),
+    [
+        ((1.0, 7.0, 1.0), (1.0, 6.2, 0.9), UNKNOWN, ["pitch", "roll", "yaw"]),
+        ((0.2, 7.0, 5.0), (0.2, 4.0, 1.0), UNKNOWN, []),  # 17 of 74 deg² remain
+        ((1.0, 7.0, 1.0), (1.0, 6.2, 0.9), (0.9, 5.5, 0.9), []),  # most of it is noise
+        ((1.0, 7.0, 1.0), (0.5, 6.2, 0.9), (0.4, 1.0, 0.9), ["pitch"]),
+    ],
+)
+def test_causes_that_leave_most_of_the_error_do_not_explain_it(
+    before: tuple[float, ...], after: tuple[float, ...], noise: tuple[float, ...], axes: list[str]
+) -> None:
+    remaining = remainders(errors(before, after, noise), [finding()])
+    assert [r.axis for r in remaining] == axes
+    assert verdict_of([finding()], remaining) == ("unexplained" if axes else "explained")
+    assert remainders(errors(before, after, noise), []) == ()  # without a cause
+
+
+def test_slow_noise_is_no_unexplained_error() -> None:
+    draught: Any = SimpleNamespace(axis="pitch")
+    left = errors((1.0, 7.0, 1.0), (0.3, 6.2, 0.3), UNKNOWN)
+    assert remainders(left, [finding()], [draught]) == ()
+
+
+def test_an_unexplained_error_is_left_over_and_depends_on_nothing() -> None:
+    rest = Remainder("pitch", 7.0, 6.2, None)
+    d = Diagnosis(("a",), (), "unexplained", (), remainders=(rest,))
+    (left,) = diagnosis_document(d)["leftover"]
+    assert (left["axis"], left["depends_on"], left["table"]) == ("pitch", None, [])
+    assert left["error_deg"] == {"simulation": 7.0, "extended_model": 6.2, "noise_floor": None}
 
 
 def test_ratios_to_the_thrust_gain_have_no_prior_in_them() -> None:

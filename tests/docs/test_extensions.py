@@ -98,13 +98,16 @@ def test_every_folder_of_the_table_exists() -> None:
 
 
 def test_every_entry_point_group_of_the_table_has_its_object() -> None:
+    from heli3dof_drivers.emulator import effects as emulated
+
     from heli3dof.cli import app
     from heli3dof.identification import methods
     from heli3dof.model import effects
     from heli3dof.recording.logs import importers
     from heli3dof.rig import drivers
 
-    homes = {module.GROUP: module for module in (app, drivers, effects, importers, methods)}
+    several = (app, drivers, effects, emulated, importers, methods)
+    homes = {module.GROUP: module for module in several}
     stated = {}
     for kind, _, entry, _ in extension_table():
         if match := re.match(r"`(heli3dof\.\w+)`(?:: `(\w+)`)?", entry):

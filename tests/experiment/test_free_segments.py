@@ -35,8 +35,14 @@ def free(r: Recording, axis: int) -> tuple[np.ndarray, np.ndarray]:
     return r.t[stretches[0]], r.angle[stretches[0], axis]
 
 
-@pytest.mark.parametrize("plan", ["ring-down", "coast-down"])
-@pytest.mark.parametrize("hide", ["", "friction.viscous.yaw:0.1", "stiffness.pendulum.roll:1.0"])
+@pytest.mark.parametrize(
+    ("plan", "hide"),
+    [
+        ("ring-down", "stiffness.pendulum.roll:1.0"),
+        ("coast-down", "friction.viscous.yaw:0.1"),
+        ("coast-down", ""),
+    ],
+)
 def test_flights_complete_and_their_recording_obeys_the_control_law(plan: str, hide: str) -> None:
     device = f"mock:?speed=max&spread=0.07&hide={hide}"
     flight = fly_plan(load_plan(plan), device=device, seed=1215)

@@ -130,7 +130,7 @@ def test_a_plan_file_that_does_not_exist_is_named(tmp_path: Path) -> None:
     ("target", "message"),
     [
         ((400, None, None), "roll 400°"),
-        ((None, -61, None), "pitch -61°"),
+        ((None, -61, None), "pitch −61°"),
         ((None, None, 800), "yaw"),
     ],
 )

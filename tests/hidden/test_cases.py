@@ -109,6 +109,7 @@ def test_an_effect_is_its_own_equal() -> None:
     assert equals("aero.reaction_torque") == equals("encoder.offset.pitch")
 
 
+@pytest.mark.accuracy
 def test_a_pitch_offset_flies_as_a_reaction_torque() -> None:
     """`equivalences` 2, on the emulated rig without noise: δ = 2°, κ = L_a sin δ = 0.023 m. The
     readings differ by quantisation only, less than a step; the effect is 23 steps."""
@@ -120,6 +121,7 @@ def test_a_pitch_offset_flies_as_a_reaction_torque() -> None:
     assert (rms(first.angle - second.angle) < STEP).all()
 
 
+@pytest.mark.accuracy
 def test_a_roll_offset_flies_as_a_pendulum_on_another_weight() -> None:
     """`equivalences` 3: δ = 6°, k = T_g sin δ = 0.122 N·m in addition to T_g cos δ. At 10° of
     roll the pendulum takes k sin r / (2 L_a K_f cos p) = 0.135 V more from each motor,

@@ -22,6 +22,7 @@ def fitted(name: str, size: float, seed: int = 1021, until_s: float = 40.0) -> E
     return fit_greybox(flight.recording.between(0, until_s), (name,))
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize(
     ("name", "size", "share"),
     [
@@ -39,6 +40,7 @@ def test_the_fitted_size_of_a_hidden_effect_is_right(name: str, size: float, sha
     assert abs(result.values[-1] - size) < 3.5 * result.std[-1]
 
 
+@pytest.mark.accuracy
 def test_an_encoder_scale_is_not_confused_with_an_inertia() -> None:
     result = fitted("encoder.scale.roll", 0.9)
     assert result.optimum.converged

@@ -93,6 +93,7 @@ def test_a_hidden_effect_has_the_highest_score() -> None:
     assert scores["friction.coulomb.yaw"] > 100
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize(
     ("hide", "parameter", "value"),
     [
@@ -123,6 +124,7 @@ def test_starts_off_by_a_factor_of_two_reach_the_same_optimum(
     assert (np.abs(again.theta - found.optimum.theta) / sd).max() < 0.1
 
 
+@pytest.mark.accuracy
 def test_a_distant_start_reaches_the_same_optimum() -> None:
     assert one_start(5) < 0.1
 

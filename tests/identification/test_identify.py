@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 
+from heli3dof import stage_clock
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.identification.feedback import Feedback
-from heli3dof.identification.identify import Identification
+from heli3dof.identification.identify import Identification, poor_prediction_warnings
 from heli3dof.identification.identify import identify as identify_any
+from heli3dof.identification.result import SUMMARY_HORIZON_S
 from heli3dof.identification.validation import metrics
 from heli3dof.recording.recording import Recording
 from tests.identification.flights import flight, linear_truth
@@ -209,3 +212,22 @@ def test_rig_b_predicts_held_out_data_half_a_second_ahead() -> None:
     result = identify(recs[:3], holdout=recs[3], intervals_s=[0.04], order=8)
     assert result.metrics.prediction[0.5].fit_percent.min() > 75
     assert "no [controller]" in result.metrics.replay_note
+
+
+def test_a_search_for_the_order_reports_how_many_models_it_has_fitted(
+    flights: tuple[Recording, Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stage_clock, "PROGRESS_EVERY_S", 0.0)
+    said: list[str] = []
+    identify_any(flights[0], method="pbsid", says=said.append)
+    assert "Fitting the model (pbsid) … candidate models: 0 of 10" in said
+    assert any(s.startswith("Fitting the model (pbsid) … candidate models: 9 of 10") for s in said)
+
+
+def test_the_warning_and_the_summary_speak_of_the_same_horizon(found: Identification) -> None:
+    fit = np.array([-1.0, 50.0, 50.0])
+    bad = replace(found.metrics.prediction[SUMMARY_HORIZON_S], fit_percent=fit)
+    scores = replace(found.metrics, prediction={SUMMARY_HORIZON_S: bad})
+    (warning,) = poor_prediction_warnings(scores, found.prepared)
+    assert warning.startswith("1 s predictions of roll are worse than the mean")
+    assert "fit 1 s ahead" in found.summary()

@@ -45,6 +45,7 @@ def test_the_check_fails_only_on_large_noise_with_small_prediction_errors() -> N
     assert NoiseCheck(usual, np.full(3, 0.1)).usable
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize("hide", ["", "encoder.backlash.pitch:0.5", "motor.lag:0.1"])
 def test_mock_flights_pass_the_check(hide: str) -> None:
     assert likelihood_obstacle([without_loop(fly(1310, "rich", hide=hide).recording)]) == ""

@@ -16,7 +16,7 @@ import pytest
 from heli3dof_drivers.emulator.endpoint import Endpoint
 from heli3dof_drivers.link.rig import LinkRig
 
-from heli3dof.experiment.control_loop.control_period import Monitor, Period
+from heli3dof.experiment.control_loop.control_period import Period
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
@@ -51,32 +51,12 @@ def traced() -> Iterator[Callable[[], float]]:
     tracemalloc.stop()
 
 
-def bytes_a_row(path: Path, traced: Callable[[], float], *monitors: Monitor) -> float:
-    at = [FULL + k * N for k in range(STRETCHES + 1)]
-    held, outcome = read_in_flight(path, at[-1] + 1, at, traced, begin=traced, monitors=monitors)
-    assert outcome.ending == "completed"
-    return typical(held) / N
-
-
 def typical(held: Sequence[float]) -> float:
     """Growth over one stretch: the median ignores other allocations in one stretch."""
     return statistics.median(b - a for a, b in pairwise(held))
 
 
-def _flown(path: Path, traced: Callable[[], float]) -> float:
-    left = bytes_a_row(path, traced)
-    tracemalloc.stop()
-    assert len(read_recording(path)) > FULL + STRETCHES * N, "all rows are in the file"
-    return left
-
-
-def test_flying_and_recording_keep_no_memory_per_row(
-    tmp_path: Path, traced: Callable[[], float]
-) -> None:
-    assert _flown(tmp_path / "a.mcap", traced) < BYTES_A_ROW
-
-
-def test_a_monitor_that_keeps_a_little_per_chunk_is_detected(
+def test_a_flight_keeps_per_row_what_a_monitor_of_this_test_keeps_and_no_more(
     tmp_path: Path, traced: Callable[[], float]
 ) -> None:
     kept: list[bytes] = []
@@ -85,7 +65,13 @@ def test_a_monitor_that_keeps_a_little_per_chunk_is_detected(
         if now.k % A_CHUNK == 0:
             kept.append(bytes(KEPT - sys.getsizeof(b"")))
 
-    assert bytes_a_row(tmp_path / "a.mcap", traced, keeps) > BYTES_A_ROW
+    path = tmp_path / "a.mcap"
+    at = [FULL + k * N for k in range(STRETCHES + 1)]
+    held, outcome = read_in_flight(path, at[-1] + 1, at, traced, begin=traced, monitors=[keeps])
+    assert outcome.ending == "completed"
+    assert typical(held) / N == pytest.approx(KEPT / A_CHUNK, abs=BYTES_A_ROW)
+    tracemalloc.stop()
+    assert len(read_recording(path)) > at[-1], "all rows are in the file"
 
 
 def test_exchanges_over_the_link_keep_no_memory(traced: Callable[[], float]) -> None:

@@ -2,25 +2,47 @@
 
 Every module in this folder is loaded for its tuple ``EFFECTS``. A new effect needs its physics in
 the module's docstring, a short compiled function, and an `Effect` that names its parameters with
-units and bounds.
+units and bounds. Another package registers such a tuple under the entry-point group `GROUP`.
 """
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
+from collections.abc import Sequence
 from functools import cache
 
+from heli3dof.plugins import must_be, use_plugins
+
+from ..plant_effects import Kernel
 from .base import Effect, Hidden, Parameter
 
 __all__ = ["Effect", "Hidden", "Parameter", "catalogue"]
 
+GROUP = "heli3dof.emulated_effects"
+
 
 @cache
 def catalogue() -> dict[str, Effect]:
-    """Return every effect, with its name as key, in alphabetical order."""
+    """Return every effect, with its name as key, in alphabetical order.
+
+    A plug-in that does not load or compile, or whose name is taken, is left out with a warning.
+    """
     effects: list[Effect] = []
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")
         effects += getattr(module, "EFFECTS", ())
-    return {e.name: e for e in sorted(effects, key=lambda e: e.name)}
+    by_name = {e.name: e for e in effects}
+
+    def add(plug_in: Sequence[Effect]) -> None:
+        for effect in plug_in:
+            must_be(Effect, effect)
+            if effect.name in by_name:
+                raise ValueError(f"there is an emulated effect {effect.name!r} already")
+            for function in effect.kernels.values():
+                must_be(Kernel, function)
+                assert function.address  # compiled
+        by_name.update({e.name: e for e in plug_in})
+
+    use_plugins(GROUP, "emulated effect", add)
+    return dict(sorted(by_name.items()))

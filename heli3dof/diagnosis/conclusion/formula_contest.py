@@ -10,7 +10,9 @@ of the scores, the formula replaces the causes if
     2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `selection.select.TIE`
 
 The second term is the BIC price of the causes' further parameters, the third the prior odds against
-one formula of K.
+one formula of K. On a limit cycle a likelihood may prefer a wrong model by hundreds. So flights
+simulated with the causes, and with the formula, must also tell that the recording is one of the
+latter (Cox's test, W > `TIE` in `selection.rivals`), where the controller is known.
 """
 
 from __future__ import annotations
@@ -22,9 +24,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
+from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, correct
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
+from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening.grid_trials import widened
+from heli3dof.diagnosis.selection.rivals import ROUNDS, likelihoods, odds
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.selection.steps import without
 from heli3dof.diagnosis.unmodelled.torque_formula import (
@@ -34,20 +38,31 @@ from heli3dof.diagnosis.unmodelled.torque_formula import (
     variable_of,
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import Place
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import term, terms
 from heli3dof.model.effects.empirical import PREFIX
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """The fit with the best formula, and where it acts."""
+
+    problem: Likelihood
+    optimum: Optimum
+    place: Place
+
+
+@dataclass(frozen=True, eq=False)
 class Contest:
-    """A set of causes, where the formula acts, and the condition's left side."""
+    """A set of causes, the formula in their place, and the condition's left side."""
 
     causes: tuple[str, ...]
-    place: Place
+    formula: Formula
     margin: float
 
 
-def replaced_by_formula(fit: CorrectedFit, causes: Sequence[str]) -> Contest | None:
+def replaced_by_formula(setup: Setup, fit: CorrectedFit, causes: Sequence[str]) -> Contest | None:
     """Return the contest of the set of ``causes`` that a formula explains best; None: none does."""
     if not causes:
         return None
@@ -56,8 +71,24 @@ def replaced_by_formula(fit: CorrectedFit, causes: Sequence[str]) -> Contest | N
     sizes = {1, min(2, len(causes)), len(causes)}
     sets = [some for n in sorted(sizes) for some in itertools.combinations(causes, n)]
     contests = [contest(fit, ln_causes, some) for some in sets]
-    best = max(contests, key=lambda c: c.margin)
-    return best if best.margin > TIE else None
+    won = sorted((c for c in contests if c.margin > TIE), key=lambda c: -c.margin)
+    return next((c for c in won if simulations_agree(setup, fit, c.formula)), None)
+
+
+def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
+    """Return whether simulated flights tell that the recording is one with the formula.
+
+    True if the flights cannot be simulated. ``fit`` contains the causes.
+    """
+    if not setup.controller_is_known or fit.scatter is None:
+        return True
+    o = formula.optimum
+    corrected = correct(
+        formula.problem, o.theta, o.noise, setup.recordings, seed=setup.seed, pilots=setup.pilots,
+        rounds=ROUNDS,
+    )  # fmt: skip
+    W = odds(*likelihoods([fit, corrected], setup.recordings, seed=setup.seed))
+    return bool(W[1, 0] > TIE)
 
 
 def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Contest:
@@ -70,15 +101,16 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
         less = without(less, t)
     parameters = sum(f.term in causes for f in fit.free)
     readings = max(len(fit.optimum.at.row), 2)
-    ln_formula, place = with_best_product(less)
+    formula = with_best_product(less)
+    ln_formula = formula.optimum.loglik
     gain = 2 * (ln_formula - ln_causes) / max(fit.inflation, 1.0)
     formulas = len(AXES) * len(PRODUCTS)
     price = (parameters - 1) * float(np.log(readings)) - 2 * float(np.log(formulas))
-    return Contest(causes, place, float(gain + price) if np.isfinite(ln_formula) else -np.inf)
+    return Contest(causes, formula, float(gain + price) if np.isfinite(ln_formula) else -np.inf)
 
 
-def with_best_product(fit: CorrectedFit) -> tuple[float, Place]:
-    """Return the log-likelihood of the fit with the best product, and where it acts."""
+def with_best_product(fit: CorrectedFit) -> Formula:
+    """Return the fit with the product that explains most in addition to ``fit``."""
     flown = flown_fit(fit)
     axes = np.flatnonzero(fit.problem.data.axes)
     scores = {int(i): product_scores(flown, int(i)) for i in axes}
@@ -89,4 +121,4 @@ def with_best_product(fit: CorrectedFit) -> tuple[float, Place]:
     wide = widened(fit.problem, o.theta, term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}"))
     start = wide.structure.free[-1].inward(float(c[k]))
     best = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)
-    return best.loglik, Place(AXES[i], variable_of(PRODUCTS[k]))
+    return Formula(wide, best, Place(AXES[i], variable_of(PRODUCTS[k])))

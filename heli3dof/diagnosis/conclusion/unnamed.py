@@ -59,10 +59,10 @@ def settle_unmodelled(
             certain = significant_formula(now.fit)
         torques, held = significant_torques(scores, certain)
         left, slow_noise = split(torques)
-        contest = replaced_by_formula(now.fit, replaceable_causes(now.findings))
+        contest = replaced_by_formula(setup, now.fit, replaceable_causes(now.findings))
         if contest is None:
             break
-        names, certain = contest.causes, contest.place
+        names, certain = contest.causes, contest.formula.place
         first = first or (left, held)
         removed += names
         now = _without_stand_ins(setup, now, names, holdout)

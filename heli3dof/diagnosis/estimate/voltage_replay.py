@@ -160,11 +160,11 @@ _replay_compiled = compiled(_replay)
 
 def _shares(r: Recording, rows: np.ndarray, d: np.ndarray, logged: np.ndarray) -> list[float]:
     """Return the share of each block; d and ``logged`` are (N, 2) V, ``rows`` (N,) bool count."""
-    block = ((r.t - r.t[0]) // BLOCK_S).astype(int)
+    counted = np.flatnonzero(rows)
+    block = (r.t[counted] - r.t[0]) // BLOCK_S
     shares = []
-    for b in range(block[-1] + 1):
-        own = rows & (block == b)
-        scale = logged[own].std(axis=0) if own.sum() >= LEAST_ROWS else np.zeros(2)
+    for own in np.split(counted, np.flatnonzero(np.diff(block)) + 1):
+        scale = logged[own].std(axis=0) if len(own) >= LEAST_ROWS else np.zeros(2)
         if (scale > 0).all():
             shares.append(float((_residual(_line(r.t[own]), d[own]).std(axis=0) / scale).max()))
     return shares

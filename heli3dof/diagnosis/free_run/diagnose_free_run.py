@@ -60,6 +60,7 @@ from heli3dof.diagnosis.result import (
     Finding,
     Fitted,
     in_order,
+    remainders,
     tied_in,
     verdict_of,
 )
@@ -140,12 +141,15 @@ def diagnose_without_likelihood(
     model = model_of(result.fit, whole, "extended")
     base_model = model_of(base_fit, whole, "base")
     after, before = FreeRun.of(model, tested), FreeRun.of(base_model, tested)
+    profile_model = nominal(whole[0].profile, simpler)
+    as_profile = FreeRun.of(profile_model, tested)
     against = on
     if not held_out and not quick:
         against = BLOCKS
         after = cross_validated([model_of(f, whole, "") for f in result.halves], whole)
         folds = folds_of(base_fit)
         before = cross_validated([model_of(f, whole, "") for f, _ in folds], whole)
+        as_profile = cross_validated([profile_model] * len(folds), whole)
     causes, only_kept = select_causes(result)
     causes = with_confounded_terms(result, causes, seed=seed, says=says)
     if base == "hover" and not quick:
@@ -158,8 +162,7 @@ def diagnose_without_likelihood(
     poor = not pays(before, after)
     adopted = base_fit if poor else result.fit
     dropped = tuple(Dropped(f.choice.term.name, f.gain) for f in findings) if poor else ()
-    as_profile = FreeRun.of(nominal(whole[0].profile, simpler), tested)
-    unfitted = gain(as_profile, FreeRun.of(base_model, tested), on, seed)
+    unfitted = gain(as_profile, before, against, seed)
     fitted = Fitted(
         None, None, base_model if poor else model,
         gain(before, before if poor else after, against, seed), None, None,
@@ -193,12 +196,13 @@ def diagnose_without_likelihood(
         "seed": seed,
     }  # fmt: skip
     each = in_order((), findings, off)
+    remaining = remainders(fitted, each, slow_noise)
     rest_rad = float(whole[0].profile.encoder.rest_rad[0])
     undetectable = undetectable_scales(tied_in(each), AXES, rest_rad=rest_rad, tolerance=tolerance)
     return Diagnosis(
         tuple(r.name for r in train), tuple(r.name for r in held),
-        verdict_of(each, residual, unfitted, unsure=quick), faults, fitted,
-        findings, off, dropped, residual, (), slow_noise,
+        verdict_of(each, (*residual, *remaining), unfitted, unsure=quick), faults, fitted,
+        findings, off, dropped, residual, (), remaining, slow_noise,
         (*not_identifiable(result.fit, causes), *undetectable), about,
     )  # fmt: skip
 

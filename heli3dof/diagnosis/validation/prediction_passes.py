@@ -128,7 +128,9 @@ def _prediction_variances(  # type: ignore[no-untyped-def]
                             P[i, j] -= column[i] * column[j] / S
                 n += 1
             if at < starts.shape[0] and starts[at] == k:
-                Q[:, :] = P
+                for i in range(6):
+                    for j in range(6):
+                        Q[i, j] = P[i, j]
                 a = k
                 for m in range(rows.shape[0]):
                     end = k + rows[m]

@@ -33,8 +33,8 @@ def filter_states(
     now = x0.copy()
     new = np.empty(n)
     for k in range(N):
-        x[k] = now
         for i in range(n):
+            x[k, i] = now[i]
             s = 0.0
             for j in range(n):
                 s += At[i, j] * now[j]
@@ -43,7 +43,7 @@ def filter_states(
             for j in range(l):
                 s += K[i, j] * y[k, j]
             new[i] = s
-        now[:] = new
+        now, new = new, now
     return x
 
 
@@ -58,16 +58,16 @@ def free_responses(At: np.ndarray, C: np.ndarray, N: int) -> np.ndarray:
     row = C.copy()
     new = np.empty((l, n))
     for k in range(N):
-        out[k] = row
         largest = 0.0
         for i in range(l):
             for j in range(n):
+                out[k, i, j] = row[i, j]
                 s = 0.0
                 for q in range(n):
                     s += row[i, q] * At[q, j]
                 new[i, j] = s
                 largest = max(largest, abs(s))
-        row[:] = new
+        row, new = new, row
         if largest < 1e-14:
             break
     return out
@@ -122,4 +122,6 @@ def output_sensitivities(
                 zj = z[j]
                 for q in range(p):
                     new[i, q] += zj * dW[i, j, q]
-        xi[:] = new
+        for i in range(n):
+            for q in range(p):
+                xi[i, q] = new[i, q]

@@ -32,6 +32,7 @@ from heli3dof.identification.fit_result import Candidate
 from heli3dof.identification.preprocessing import Prepared, segments
 from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.linear.model import LinearModel
+from heli3dof.parallel import report_count
 
 INTERVALS_S = (0.04, 0.08)
 ORDERS = (6, 7, 8, 9, 10)
@@ -171,6 +172,7 @@ def search(
             tried += [(_failed(n, d.interval_s, str(error)), None) for n in orders]
             continue
         for n, start in begun.items():
+            report_count("candidate models", len(tried), len(orders) * len(intervals_s))
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", RuntimeWarning)
                 try:

@@ -149,7 +149,7 @@ def term(name: str) -> Term:
 
 def _unknown(name: str) -> UsageError:
     cause = "a typing error, a plug-in that is not installed, or a model of a newer heli3dof; "
-    fix = "python -c 'from heli3dof.model.effects import all_names; print(all_names())'"
+    fix = "heli3dof effect list"
     if broken():
         cause = f"it may be of a plug-in that did not load: {'; '.join(broken())}. If not: "
         fix = "correct the plug-in that the warning names, or install it again with pip"

@@ -68,14 +68,14 @@ def _filter(  # type: ignore[no-untyped-def]
     A, AP, W = np.empty((3, n)), np.empty((n, n)), np.empty((n, n))
     m, slope, w = np.empty(3), np.empty(3), np.zeros((8, 3))
     m_b, PH, ignored = np.empty((B, 3)), np.empty(n + 1), np.empty(3)
-    decay = np.full(3, -1.0)
+    cache = np.full(6, -1.0)
     for block in range(blocks.shape[0]):
         s, mem, par = s0.copy(), mem0.copy(), par0.copy()
         axes = free[block]
         setup(s, first, address, par, mem)
         lead, start, stop = blocks[block, 0], blocks[block, 1], blocks[block, 2]
         thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
-        decay[0] = -1.0
+        cache[0] = -1.0
         P[:, :] = 0.0
         for i in range(3):
             x[i] = y[start, i] if y[start, i] == y[start, i] else 0.0
@@ -161,7 +161,7 @@ def _filter(  # type: ignore[no-untyped-def]
                 s[T] = t[k]
                 _slopes(s, x, F[k], first, address, par, mem, axes, where, w, A)
             since += h[k]
-            step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
+            step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, cache)
             _grown(P, A, h[k], driven, AP, W, n)
 
 

@@ -39,10 +39,10 @@ from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.dry_friction import settle, shrink
 from heli3dof.model.physics.integrator import (
     flanks,
+    midpoint_without_friction,
     readings,
     setup,
     step_midpoint,
-    step_without_friction,
 )
 from heli3dof.model.physics.rigid_body import accelerations
 from heli3dof.model.physics.rotor import thrusts
@@ -140,7 +140,7 @@ def _filter(  # type: ignore[no-untyped-def]
     x, P, A = np.empty(6), np.empty((6, 6)), np.empty((3, 6))
     work = np.empty((3, 6))
     m, slope, w = np.empty(3), np.empty(3), np.zeros((8, 3))
-    column, decay = np.empty(6), np.full(3, -1.0)
+    column, cache = np.empty(6), np.full(6, -1.0)
     last, logZ0 = np.empty(3), np.zeros(3)
     seen, dry = first[MEASURE + 1] > first[MEASURE], first[DRY + 1] > first[DRY]
     E = 0
@@ -152,7 +152,7 @@ def _filter(  # type: ignore[no-untyped-def]
         s[STEPPED] = 1.0
         lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
         thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
-        decay[0] = -1.0
+        cache[0] = -1.0
         P[:, :] = 0.0
         for i in range(3):
             x[i] = y[start, i] if y[start, i] == y[start, i] else 0.0
@@ -256,8 +256,8 @@ def _filter(  # type: ignore[no-untyped-def]
                     s[T] = t[k]
                     linearise(s, x, F[k], first, address, par, mem, axes, w, A)
                 since += h[k]
-                step_without_friction(
-                    s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay
+                midpoint_without_friction(
+                    s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, cache
                 )
                 grow(P, A, h[k], driven, work)
                 if dry:
@@ -286,7 +286,7 @@ def _follow(  # type: ignore[no-untyped-def]
     target, F = np.empty((N, 2)), np.empty((N, 2))
     x = np.empty(6)
     m, slope, w = np.empty(3), np.ones(3), np.zeros((8, 3))
-    decay, last = np.full(3, -1.0), np.empty(3)
+    cache, last = np.full(6, -1.0), np.empty(3)
     own, ratio = np.ones((blocks.shape[0], 3)), np.ones(3)
     for v in range(s0.shape[0]):
         par = pars[v]
@@ -298,7 +298,7 @@ def _follow(  # type: ignore[no-untyped-def]
             setup(s, first, address, par, mem)
             lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
             thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
-            decay[0] = -1.0
+            cache[0] = -1.0
             for i in range(3):
                 x[i] = y[start, i] if y[start, i] == y[start, i] else 0.0
                 x[3 + i] = 0.0
@@ -336,7 +336,7 @@ def _follow(  # type: ignore[no-untyped-def]
                             last[i] = y[k, i]
                 if k + 1 < stop:
                     step_midpoint(
-                        s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay
+                        s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, cache
                     )
 
 

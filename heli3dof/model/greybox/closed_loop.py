@@ -31,7 +31,7 @@ def _fly(  # type: ignore[no-untyped-def]
     setup(s, first, address, par, mem)
     s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
     y, slope, out = np.empty(3), np.empty(3), np.empty(N_OUT)
-    w, decay = np.zeros((8, 3)), np.full(3, -1.0)
+    w, cache = np.zeros((8, 3)), np.full(6, -1.0)
     N = reference.shape[0]
     target = np.empty((N, 2))
     for k in range(N):
@@ -50,7 +50,7 @@ def _fly(  # type: ignore[no-untyped-def]
         for i in range(2):
             cmd[k, i] = out[i]
             voltage[k, i] = out[2 + i]
-        fly_row(s, x, k, t, h, voltage, target, F, first, address, par, mem, free, w, decay)
+        fly_row(s, x, k, t, h, voltage, target, F, first, address, par, mem, free, w, cache)
         stop_at_table(x, low)
 
 

@@ -59,11 +59,11 @@ class _Plant:
     def step(self, z: np.ndarray, V: np.ndarray, dt: float) -> np.ndarray:
         """Return the state z (8,), angles, rates, thrusts, ``dt`` s later at voltages V (2,) V."""
         x, F = z[:6].copy(), z[6:8].reshape(1, 2).copy()
-        w, decay = np.zeros((8, 3)), np.full(3, -1.0)
+        w, cache = np.zeros((8, 3)), np.full(6, -1.0)
         h = self.hooks
         step(
             self.s, x, 0, np.zeros(1), np.array([dt]), V.reshape(1, 2), self.aim(V).reshape(1, 2),
-            F, h.first, h.address, self.par, self.mem, self.free, w, decay,
+            F, h.first, h.address, self.par, self.mem, self.free, w, cache,
         )  # fmt: skip
         return np.concatenate([x, w[7, :2]])
 

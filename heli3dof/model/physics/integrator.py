@@ -8,7 +8,8 @@ Filters, closed loops and predictions use these functions. A row k is a sample: 
 - ``first``, ``address``, ``par``, ``mem``: the active effects (`physics.parametrisation`).
 - ``target``, ``F`` (N, 2) N: each row's steady-state thrusts and thrusts at its start
   (`physics.rotor`).
-- ``free`` (3,) bool: the axes that can move. ``w`` (8, 3), ``decay`` (3,): work space.
+- ``free`` (3,) bool: the axes that can move. ``w`` (8, 3): work space. ``cache`` (6,): what a step
+  keeps for the next one; cache[0] = −1 before the first.
 """
 
 from __future__ import annotations
@@ -38,24 +39,24 @@ def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
 setup = compiled(_setup, leaf=True, error_model="numpy")
 
 
-def _step_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
+def _step_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
     """Advance the state x = (q, q̇) from row k to the next, without dry friction.
 
-    ``decay`` caches h, exp(−h/2τ), exp(−h/τ), τ the rotors' lag (s). w[7] becomes the final
+    ``cache`` begins with h, exp(−h/2τ), exp(−h/τ), τ the rotors' lag (s). w[7] becomes the final
     thrusts. The module explains the other arguments.
     """
-    if decay[0] != h[k]:
-        decay[0] = h[k]
+    if cache[0] != h[k]:
+        cache[0] = h[k]
         tau = s[TAU_M]
-        decay[1] = math.exp(-0.5 * h[k] / tau) if tau > 0.0 else 0.0
-        decay[2] = decay[1] * decay[1]
+        cache[1] = math.exp(-0.5 * h[k] / tau) if tau > 0.0 else 0.0
+        cache[2] = cache[1] * cache[1]
     s[T], s[STEPPED] = t[k], 1.0
     s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
     for m in range(2):
         # Without a lag the thrust equals the target from the start of the row.
         w[5, m] = F[k, m] if s[TAU_M] > 0.0 else target[k, m]
-        w[6, m] = target[k, m] + (F[k, m] - target[k, m]) * decay[1]
-        w[7, m] = target[k, m] + (F[k, m] - target[k, m]) * decay[2]
+        w[6, m] = target[k, m] + (F[k, m] - target[k, m]) * cache[1]
+        w[7, m] = target[k, m] + (F[k, m] - target[k, m]) * cache[2]
         if s[SLEW] > 0.0:
             slew = s[SLEW] * s[K_F] * s[GAIN_FRONT + m]
             w[5, m] = F[k, m]
@@ -67,12 +68,12 @@ def _step_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem
 step_without_friction = compiled(_step_without_friction, leaf=True, error_model="numpy")
 
 
-def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
+def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
     """Advance the state x = (q, q̇), angles and rates, from row k to the next, with dry friction.
 
-    t, h, V: rows' times, intervals, voltages; target, F: thrusts; ``w``, ``decay``: work space.
+    t, h, V: rows' times, intervals, voltages; target, F: thrusts; ``w``, ``cache``: work space.
     """
-    step_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
+    step_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
     settle(s, x, h[k], first, address, par, mem, free, w)
 
@@ -91,13 +92,13 @@ def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
 stop_at_table = compiled(_stop_at_table, leaf=True, error_model="numpy")
 
 
-def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
+def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
     """Advance the state x = (q, q̇), angles and rates, and the thrusts F from row k to the next.
 
     V[k] gives the steady-state thrusts target[k] and F[k + 1]. Other arguments: see the module.
     """
     aim(s, V, h, 0, k, first, address, par, mem, target[k])
-    step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
+    step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
     if k + 1 < F.shape[0]:
         F[k + 1, 0], F[k + 1, 1] = w[7, 0], w[7, 1]
 
@@ -105,25 +106,42 @@ def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, dec
 fly_row = compiled(_fly_row, leaf=True, error_model="numpy")
 
 
-def _step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """Advance the state x = (q, q̇) by one row as `_step` does, but by the midpoint rule."""
-    if decay[0] != h[k]:
-        decay[0] = h[k]
-        decay[1] = math.exp(-0.5 * h[k] / s[TAU_M]) if s[TAU_M] > 0.0 else 0.0
+def _midpoint_without_friction(  # type: ignore[no-untyped-def]
+    s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache
+):  # fmt: skip
+    """Advance the state x = (q, q̇) as `_step_without_friction` does, but by the midpoint rule.
+
+    cache[3:6] holds the acceleration of the last step, which gives the rate in the middle of this
+    one. With the rate at the start, friction c q̇ would act as if the inertia J were J + c h/2.
+    """
+    if cache[0] < 0.0:
+        cache[3] = cache[4] = cache[5] = 0.0
+    if cache[0] != h[k]:
+        cache[0] = h[k]
+        cache[1] = math.exp(-0.5 * h[k] / s[TAU_M]) if s[TAU_M] > 0.0 else 0.0
     s[T], s[STEPPED] = t[k], 1.0
     s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
     for m in range(2):
-        s[F_FRONT + m] = target[k, m] + (F[k, m] - target[k, m]) * decay[1]
+        s[F_FRONT + m] = target[k, m] + (F[k, m] - target[k, m]) * cache[1]
         if s[SLEW] > 0.0:
             slew = s[SLEW] * s[K_F] * s[GAIN_FRONT + m]
             s[F_FRONT + m] = lagged(F[k, m], target[k, m], s[TAU_M], slew, 0.5 * h[k])
     for i in range(3):
         s[R + i] = x[i] + 0.5 * h[k] * x[3 + i]
-        s[R + 3 + i] = x[3 + i]
+        s[R + 3 + i] = x[3 + i] + 0.5 * h[k] * cache[3 + i]
     accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
     for i in range(3):
         x[i] += h[k] * x[3 + i] + 0.5 * h[k] * h[k] * w[2, i]
         x[3 + i] += h[k] * w[2, i]
+        cache[3 + i] = w[2, i]
+
+
+midpoint_without_friction = compiled(_midpoint_without_friction, leaf=True, error_model="numpy")
+
+
+def _step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
+    """Advance the state x = (q, q̇) by one row as `_step` does, but by the midpoint rule."""
+    midpoint_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
     settle(s, x, h[k], first, address, par, mem, free, w)
 

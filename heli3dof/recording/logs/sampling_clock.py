@@ -9,8 +9,9 @@ time. A phase-locked loop follows the clock,
 
 T̂ is the estimated period and ĝ the estimated even clock; α and β are small. So the count n_k is
 right while |ε| stays below half a period, and the loop follows a clock that drifts. T̂ and ĝ start
-at the values that fit the first time stamps best. ε is the residual of straight lines t_k over n_k,
-fitted to groups of `STRETCH` samples.
+at the values that fit the first time stamps best. If every interval is within a quarter of a period
+of a multiple of T̂, each interval alone determines its own count, and no loop is needed. ε is the
+residual of straight lines t_k over n_k, fitted to groups of `STRETCH` samples.
 
 A large ε has one of two causes:
 
@@ -39,6 +40,9 @@ HEAD = 500
 BUNCHED = 0.1
 """Share of the mean interval, and of the samples: stamps are in bursts if more intervals than this
 are shorter than this. No control loop samples so, and no phase-locked loop locks to it."""
+CLEAR = 0.25
+"""Share of the period: an interval this close to a multiple of the period determines its count.
+Half of the distance at which rounding changes; the other half is for an error of the period."""
 LATE = 0.2
 """Share of the period: time stamps with a smaller jitter are taken as they are"""
 
@@ -74,8 +78,13 @@ def ticks(t: np.ndarray) -> Ticks:
 
 def _counted(t: np.ndarray) -> np.ndarray:
     """Return n_k (N,) of time stamps that a phase-locked loop can follow."""
+    period = _period(t)
+    intervals = np.diff(t) / period
+    steps = np.rint(intervals)
+    if (np.abs(intervals - steps) < CLEAR).all():
+        return np.concatenate([[0], np.cumsum(steps)]).astype(np.int64)
     # A count that is nearly right gives the period so well that a slower loop can count again.
-    number = _follow(t, _period(t), ALPHA, BETA)
+    number = _follow(t, period, ALPHA, BETA)
     for _ in range(PASSES):
         if number[-1] == len(t) - 1 and (np.diff(number) == 1).all():
             break
@@ -151,13 +160,13 @@ def _slope(number: np.ndarray, t: np.ndarray) -> float:
 
 def _scatter(number: np.ndarray, t: np.ndarray) -> tuple[float, int]:
     """Return the standard deviation (s) of t about straight lines, and the degrees of freedom."""
-    stretches = max(1, len(t) // STRETCH)
-    square, freedom = 0.0, 0
-    for n, x in zip(np.array_split(number, stretches), np.array_split(t, stretches), strict=True):
-        n_ = n - n.mean()
-        x_ = x - x.mean()
-        below = float(n_ @ n_)
-        slope = float(n_ @ x_) / below if below else 0.0
-        square += float(np.sum((x_ - slope * n_) ** 2))
-        freedom += len(n) - 2
+    size = min(STRETCH, len(t))
+    whole = len(t) // size * size
+    n, x = number[:whole].reshape(-1, size), t[:whole].reshape(-1, size)
+    n = n - n.mean(axis=1, keepdims=True)
+    x = x - x.mean(axis=1, keepdims=True)
+    below = np.maximum((n * n).sum(axis=1), 1.0)
+    slope = (n * x).sum(axis=1) / below
+    square = float(((x - slope[:, None] * n) ** 2).sum())
+    freedom = whole - 2 * len(n)
     return float(np.sqrt(square / max(freedom, 1))), freedom

@@ -6,7 +6,6 @@ first damage. Here `scan` finds all records first, and its caller decides what t
 
 from __future__ import annotations
 
-import difflib
 import json
 import struct
 import threading
@@ -24,7 +23,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
-from heli3dof.errors import RecordingError
+from heli3dof.errors import RecordingError, why_missing
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
 from heli3dof.recording.mcap_files.schema import (
     CHANNELS_TOPIC,
@@ -258,15 +257,9 @@ def read_bytes(path: Path) -> bytes:
 
 def missing(path: Path) -> RecordingError:
     """Return the error for a missing recording; it suggests the most similar name in the folder."""
-    near: list[str] = []
-    if path.parent.is_dir():
-        names = [p.name for p in path.parent.iterdir() if p.is_file()]
-        near = difflib.get_close_matches(path.name, names, n=1, cutoff=0.6)
     return RecordingError(
         f"There is no recording {path}.",
-        cause=f"a typing error; did you mean {path.parent / near[0]}?"
-        if near
-        else "a typing error in the path, or another working directory.",
+        cause=why_missing(path),
         fix=f"ls {path.parent}",
     )
 

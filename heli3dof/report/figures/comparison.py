@@ -78,7 +78,7 @@ def comparison_figure(flight: FlightComparison, axis: str) -> Figure:
     what = "in closed loop" if flight.why is None else "predictions"
     return angle_figure(
         curves,
-        title=f"Figure {NUMBER[axis]}   {axis.capitalize()} {what} · {recording.name}",
+        title=f"{axis.capitalize()} {what} · {recording.name} (the paper's Figure {NUMBER[axis]})",
         subtitle=_subtitle(flight, axis),
         ylabel=f"{axis} {SYMBOLS[axis]} (°)",
         frame=("reference", "experiment"),

@@ -91,9 +91,9 @@ def _gain(document: Document, p: FigureData) -> list[str]:
 def _unmodelled(document: Document, p: FigureData) -> list[str]:
     sentences = (words.equation_changes, words.kept_terms, words.not_adopted)
     blocks = [paragraph(s) for each in sentences for s in each(document)]
+    if unmodelled := [paragraph(s) for s in words.unmodelled_effects(document)]:
+        blocks += [subheading("Unmodelled effects"), *unmodelled]
     if p.leftovers:
-        blocks.append(subheading("Unmodelled effects"))
-        blocks += map(paragraph, words.unmodelled_effects(document))
         blocks.append(table(unmodelled_table(p.leftovers)))
         blocks += [figure(evidence_figure(e), evidence_alt(e)) for e in p.leftover_evidence]
     blocks += map(paragraph, words.slow_noise(document))

@@ -82,14 +82,15 @@ def metrics_table(flight: FlightComparison) -> Grid:
         notes=[
             f"Steps: {about}.",
             "Δ: model minus experiment. The paper prints the peak as overshoot. Here overshoot is "
-            "peak minus set value (E10); on a held axis, the largest distance from the set value.",
+            "peak minus set value (E10), also in % of the step; on a held axis, the largest "
+            "distance from the set value.",
             *_model_notes(flight),
         ],
         text_columns=2,
     )
 
 
-METRIC_HEADS = ("peak °", "overshoot °", "overshoot %", "error °", "rise s", "settling s")
+METRIC_HEADS = ("peak °", "overshoot °", "% of step", "error °", "rise s", "settling s")
 
 
 def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:

@@ -30,6 +30,7 @@ VERDICTS = {
     "not_identifiable": "These recordings carry too little information to name a cause.",
     "bad_data": "The recording itself is faulty: correct it before looking for physical causes.",
 }
+NOISE_UNKNOWN = "No effect was found; how much of the simulation error is noise is unknown here."
 UNCONFIRMED = "A further effect would fit better, but held-out data do not confirm it."
 LISTED = 6
 """Largest number of names that a sentence lists; it then gives the number of the others."""
@@ -71,12 +72,20 @@ def verdict(document: Document) -> str:
     word = str(document["verdict"])
     meaning = VERDICTS[word]
     if word == "nothing_found":
+        if noise_is_unknown(document):
+            meaning = NOISE_UNKNOWN
         if document.get("dropped"):
             meaning = UNCONFIRMED
         doubtful = [str(c["parameter"]) for c in possibly_off(document)]
         if doubtful:
             meaning += f" But {listed(doubtful)} may be off: see the calibration."
     return f"Verdict: {word.replace('_', ' ')}. {meaning}"
+
+
+def noise_is_unknown(document: Document) -> bool:
+    """Return True if errors were measured, but no noise floor to compare them with."""
+    known = [e for e in document["simulation_error"].values() if e["rmse_deg"] is not None]
+    return bool(known) and all(e["noise_floor_deg"] is None for e in known)
 
 
 def before_and_after(gain: Document) -> str:
@@ -91,8 +100,12 @@ def before_and_after(gain: Document) -> str:
 
 
 def calibration_change(document: Document) -> Iterator[str]:
-    """Yield, for the verdict off_calibration, the gain of a refit and the ratios that are off."""
-    if document["verdict"] != "off_calibration":
+    """Yield the gain of a refit and the ratios that are off, if only the refit changes the error.
+
+    That is the verdict off_calibration, or nothing_found without a noise floor.
+    """
+    unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
+    if document["verdict"] != "off_calibration" and not unknown:
         return
     falls = before_and_after(document["calibration_gain"])
     yield f"With refitted parameters, the RMSE of 1 s predictions changes: {falls}."
@@ -177,7 +190,7 @@ def limits(document: Document) -> Iterator[str]:
 
 def causes(document: Document) -> Iterator[str]:
     """Yield a paragraph per cause: description, confidence, and effects confounded with it."""
-    unmodelled = {rest["axis"] for rest in document["leftover"]}
+    unmodelled = {rest["axis"] for rest in document["leftover"] if rest["depends_on"]}
     for f in document["findings"]:
         name = name_of(f)
         what = summary_of(name)
@@ -253,8 +266,11 @@ def measured_on(document: Document) -> str:
 
 
 def unmodelled_effects(document: Document) -> Iterator[str]:
-    """Yield a sentence per residual torque without a known cause: its axis, what it depends on."""
-    for rest in document["leftover"]:
+    """Yield a sentence per residual torque without a known cause: its axis, what it depends on.
+
+    The last sentence states the errors that remain although the torque depends on nothing measured.
+    """
+    for rest in (x for x in document["leftover"] if x["depends_on"]):
         share = number(rest["share"])
         text = (
             f"Unmodelled effect: a torque on {rest['axis']} that depends on "
@@ -269,6 +285,26 @@ def unmodelled_effects(document: Document) -> Iterator[str]:
             text += f"; it is {rest['like']}, but that cause is not confirmed"
         yield f"{text}."
         yield _torque_term(rest, measured_on(document))
+    if remaining := [x for x in document["leftover"] if x.get("error_deg")]:
+        yield _remaining(document, remaining)
+
+
+def _remaining(document: Document, remaining: Sequence[Document]) -> str:
+    """Return a sentence on the errors that the extended model leaves without an explanation."""
+    each = []
+    for x in remaining:
+        e = x["error_deg"]
+        noise = e["noise_floor"]
+        known = "" if noise is None else f" (noise {fixed(noise, 2, '°')})"
+        sizes = fixed(e["extended_model"], 2, "°"), fixed(e["simulation"], 2, "°")
+        each.append(f"{x['axis']} {sizes[0]} of {sizes[1]}{known}")
+    seconds = document["gain"]["horizon_s"]
+    unknown = " How much of it is noise is unknown." if noise_is_unknown(document) else ""
+    return (
+        f"Not explained: most of the simulation error remains, {', '.join(each)} "
+        f"(RMSE of {seconds:g} s predictions on {measured_on(document)}).{unknown} To find its "
+        "cause, diagnose several flights of the rig together: heli3dof diagnose REC REC..."
+    )
 
 
 def slow_noise(document: Document) -> Iterator[str]:
@@ -388,7 +424,7 @@ def next_steps(document: Document) -> Iterator[str]:
             "To write a profile with the calibrated values: heli3dof profile update --from "
             f"{document['model']} --profile rig.toml -o rig2.toml"
         )
-    if any(not rest.get("formula") for rest in document["leftover"]):
+    if any(rest["depends_on"] and not rest.get("formula") for rest in document["leftover"]):
         yield (
             "For the unmodelled effect: study its figure (--report FILE.html), find what on the "
             "rig could cause it, and add it as an effect (CONTRIBUTING.md)."

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.cause_name import name_of
+from heli3dof.model.parameter_units import split_unit
 from heli3dof.report.text import diagnosis_sentences as words
 from heli3dof.report.text.diagnosis_sentences import Document, listed, percent
-from heli3dof.report.text.diagnosis_tables import split_unit
 from heli3dof.report.text.number_format import fixed, significant
 
 MOST_CAUSES = 4

@@ -12,42 +12,13 @@ from collections.abc import Sequence
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.cause_name import name_of
+from heli3dof.model.parameter_units import split_unit
 from heli3dof.report.text import diagnosis_sentences as words
 from heli3dof.report.text.diagnosis_sentences import Document, number
 from heli3dof.report.text.number_format import NONE, fixed, significant
 from heli3dof.report.text.table import Grid
 
-
-def split_unit(key: str) -> tuple[str, str]:
-    """Split a parameter's key in the JSON document into name and unit.
-
-    >>> split_unit("torque_Nm"), split_unit("ratio")
-    (('torque', 'N·m'), ('ratio', ''))
-    """
-    for ending, unit in UNITS.items():
-        if key.endswith(f"_{ending}"):
-            return key[: -len(ending) - 1], unit
-    return key, ""
-
-
 CAUSES = "Causes, strongest first"
-UNITS = {
-    "Nms_per_rad": "N·m·s/rad",
-    "Nms2_per_rad2": "N·m·s²/rad²",
-    "Nm_per_rad": "N·m/rad",
-    "Nms_per_V": "N·m·s/V",
-    "s_per_V": "s/V",
-    "s_per_m": "s/m",
-    "per_V": "1/V",
-    "Nm": "N·m",
-    "kg": "kg",
-    "deg": "°",
-    "rad": "rad",
-    "Hz": "Hz",
-    "V": "V",
-    "m": "m",
-    "s": "s",
-}
 
 
 def diagnosis_tables(document: Document) -> list[Grid | str]:

@@ -53,7 +53,7 @@ def _scores(found: Identification) -> str:
         return f"{name}: there are no held-out data to evaluate it."
     replay = f"closed-loop replay {_by_axis(metrics.replay.fit_percent)}"
     if metrics.replay_note:
-        replay = f"no closed-loop replay ({metrics.replay_note})"
+        replay = f"closed-loop replay {metrics.replay_note}"
     return (
         f"{name}, fit on held-out data: {SUMMARY_HORIZON_S:g} s predictions "
         f"{_by_axis(ahead.fit_percent)}; {replay}."
@@ -150,7 +150,8 @@ def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
     if correlation is None:
         return []
     return [
-        f"{_short(names[i])} and {_short(names[j])} are correlated by {correlation[i, j]:+.2f}."
+        f"{_short(names[i])} and {_short(names[j])} are correlated by "
+        f"{fixed(float(correlation[i, j]), 2, sign=True)}."
         for i in range(len(names))
         for j in range(i)
         if abs(correlation[i, j]) > MIXED

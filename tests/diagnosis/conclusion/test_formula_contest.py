@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from heli3dof.diagnosis.conclusion import formula_contest
-from heli3dof.diagnosis.conclusion.formula_contest import contest, replaced_by_formula
+from heli3dof.diagnosis.conclusion.formula_contest import (
+    contest,
+    replaced_by_formula,
+    simulations_agree,
+)
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
+from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import Place
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.method import fit_greybox
 
 TWO = ("motor.thrust_mismatch", "bias.torque.pitch")
+
+
+SETUP = Setup((), seed=0, pilots=6)
 
 
 @cache
@@ -28,9 +38,9 @@ def fitted(hide: str, causes: tuple[str, ...], seed: int) -> CorrectedFit:
 
 def test_a_product_of_the_voltages_replaces_two_causes_on_pitch() -> None:
     fit = fitted("other.pitch_torque_from_voltage_product:0.0005", TWO, 1301)
-    result = replaced_by_formula(fit, TWO)
+    result = replaced_by_formula(SETUP, fit, TWO)
     assert result is not None
-    assert (result.causes, result.place) == (TWO, ("pitch", "voltage_product"))
+    assert (result.causes, result.formula.place) == (TWO, ("pitch", "voltage_product"))
 
 
 @pytest.mark.parametrize(
@@ -42,18 +52,37 @@ def test_a_product_of_the_voltages_replaces_two_causes_on_pitch() -> None:
     ],
 )
 def test_true_causes_are_not_replaced(hide: str, causes: tuple[str, ...]) -> None:
-    assert replaced_by_formula(fitted(hide, causes, 1302), causes) is None
+    assert replaced_by_formula(SETUP, fitted(hide, causes, 1302), causes) is None
 
 
 def test_a_formula_pays_the_prior_odds_of_its_library(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the same likelihood, one parameter for one: −2 ln(3 axes · P products)."""
     causes = ("friction.viscous.yaw",)
     fit = fitted("friction.viscous.yaw:0.1", causes, 1302)
-    place = Place("yaw", "yaw_rate")
-    monkeypatch.setattr(formula_contest, "with_best_product", lambda less: (7.0, place))
+    formula = SimpleNamespace(optimum=SimpleNamespace(loglik=7.0), place=Place("yaw", "yaw_rate"))
+    monkeypatch.setattr(formula_contest, "with_best_product", lambda less: formula)
     odds = -2 * np.log(3 * len(formula_contest.PRODUCTS))
     assert contest(fit, 7.0, causes).margin == pytest.approx(odds)
 
 
 def test_without_causes_there_is_no_contest() -> None:
-    assert replaced_by_formula(None, ()) is None  # type: ignore[arg-type]
+    assert replaced_by_formula(SETUP, None, ()) is None  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("recorded", "agrees"), [(300.0, False), (-40.0, True)])
+def test_a_likelihood_that_flights_with_the_causes_have_too_replaces_nothing(
+    monkeypatch: pytest.MonkeyPatch, recorded: float, agrees: bool
+) -> None:
+    """ln L of the formula minus that of the causes is 290 to 310 in flights with the causes."""
+    causes = [[0.0, 300.0 + d] for d in (-10, -5, 0, 5, 10)]
+    formula = [[0.0, -40.0 + d] for d in (-10, -5, 0, 5, 10)]
+    monkeypatch.setattr(formula_contest, "correct", lambda *a, **k: None)
+    flights = np.array([causes, formula])
+    recording = np.array([0.0, recorded])
+    monkeypatch.setattr(formula_contest, "likelihoods", lambda *a, **k: (recording, flights))
+    setup = cast(Setup, SimpleNamespace(controller_is_known=True, recordings=(), seed=0, pilots=6))
+    o = SimpleNamespace(theta=None, noise=None)
+    fit = cast(Any, SimpleNamespace(scatter=np.eye(4)))
+    assert (
+        simulations_agree(setup, fit, cast(Any, SimpleNamespace(problem=None, optimum=o))) is agrees
+    )

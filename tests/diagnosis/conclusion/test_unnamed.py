@@ -50,6 +50,7 @@ def test_an_unmodelled_torque_gets_no_asserted_name() -> None:
     assert torque["term"] in result.fitted.model.terms
 
 
+@pytest.mark.accuracy
 def test_a_base_that_cannot_be_simulated_is_screened_without_nulls() -> None:
     """On steps alone the torque raises the pitch inertia until no controller stabilises the rig."""
     setup = Setup((product("steps", 1304),), seed=0, pilots=6)

@@ -81,6 +81,7 @@ def test_the_extended_model_predicts_the_same_after_saving_and_loading(
     assert back.predict(part, 0.5) == pytest.approx(model.predict(part, 0.5), nan_ok=True)
 
 
+@pytest.mark.accuracy
 def test_geometry_is_not_identifiable_in_a_flight_close_to_level() -> None:
     device = "mock:?speed=max&seed=1311&spread=0.07&start=level"
     small = fly_plan(step_plan((2.0, None, None)), device=device, seed=1311).recording

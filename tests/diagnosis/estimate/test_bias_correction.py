@@ -38,6 +38,7 @@ def true_roll_inertia() -> float:
     return float((body.J[0] + body.dJ[0]) * default_profile().motor.K_f / body.K_f)
 
 
+@pytest.mark.accuracy
 def test_on_steps_the_corrected_roll_inertia_is_right_and_the_plain_one_is_not() -> None:
     recording, truth = steps(), true_roll_inertia()
     plain = fit_greybox(recording, ())

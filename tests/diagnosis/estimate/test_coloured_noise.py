@@ -77,10 +77,12 @@ def white() -> tuple[Recording, CorrectedFit]:
     return flown, fit_base(Setup((flown,), seed=0, pilots=6))
 
 
+@pytest.mark.accuracy
 def test_a_flight_with_white_noise_has_no_colour(white: tuple[Recording, CorrectedFit]) -> None:
     np.testing.assert_array_equal(white[1].colour, np.ones(4))
 
 
+@pytest.mark.accuracy
 def test_a_flight_with_slow_noise_has_wider_intervals(
     white: tuple[Recording, CorrectedFit],
 ) -> None:

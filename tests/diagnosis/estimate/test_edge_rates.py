@@ -59,6 +59,7 @@ def test_the_inertias_lie_within_their_intervals(fitted: tuple[Setup, CorrectedF
     assert relative_std[0] < 0.03 < relative_std[1] < 0.15
 
 
+@pytest.mark.accuracy
 def test_a_start_at_the_wrong_end_of_the_ridge_converges(
     fitted: tuple[Setup, CorrectedFit],
 ) -> None:

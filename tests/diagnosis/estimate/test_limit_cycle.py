@@ -72,6 +72,7 @@ def test_the_matched_noise_is_that_of_the_simulated_rig() -> None:
     assert matched[1:].tolist() == noise[1:].tolist()
 
 
+@pytest.mark.accuracy
 @needs_real_data
 def test_a_step_on_a_limit_cycle_has_the_rigs_inertias() -> None:
     """Plant 2's inertias are the profile's; the likelihood alone gives 0.14 of roll's."""

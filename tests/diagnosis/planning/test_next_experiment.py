@@ -39,6 +39,7 @@ def test_the_doctests_pass() -> None:
     assert doctest.testmod(module).failed == 0
 
 
+@pytest.mark.accuracy
 def test_a_flight_with_yaw_motion_separates_the_frictions(base: Estimate) -> None:
     names = ["friction.coulomb.yaw", "friction.viscous.yaw"]
     result = recommend(base, [Cause.typical(n) for n in names], plans=["prbs", "coast-down"])

@@ -68,6 +68,7 @@ def test_a_fit_started_from_the_trial_finds_the_backlash_width() -> None:
     assert np.isfinite(fit.loglik)
 
 
+@pytest.mark.accuracy
 def test_a_loop_oscillating_with_a_lag_is_not_attributed_to_noise() -> None:
     """With an additional torque, the base fit doubles J_pitch and quadruples the noise. Possibly no
     score is significant then; a threshold above all scores represents that. A trial finds it."""

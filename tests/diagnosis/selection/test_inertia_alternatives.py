@@ -28,6 +28,7 @@ def first_step(hide: str, seed: int) -> tuple[Setup, Step]:
     return setup, screening_step(setup, fit_base(setup), 16)
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize("hide", [SLOW, HEAVY])
 def test_a_slow_torque_and_a_wrong_inertia_both_move_the_roll_inertia(hide: str) -> None:
     _, step = first_step(hide, 1202)
@@ -40,6 +41,7 @@ def test_no_effect_restores_an_inertia_that_is_truly_off() -> None:
     assert step.instead_of_inertia == []
 
 
+@pytest.mark.accuracy
 def test_a_slow_torque_is_confounded_with_the_inertia_that_absorbed_it() -> None:
     _, step = first_step(SLOW, 1202)
     assert step.largest[0][1] < step.nulls.threshold

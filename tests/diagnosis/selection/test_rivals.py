@@ -69,6 +69,7 @@ def test_a_modest_score_requests_a_comparison_of_close_rivals() -> None:
     assert rivals(choice(a, far), nulls(-1.0, 1.0, 0.0)) == ([], False)
 
 
+@pytest.mark.accuracy
 def test_in_a_single_step_a_lag_is_named_or_confounded() -> None:
     device = "mock:?speed=max&seed=8400&hide=motor.lag:0.03"
     flight = fly_plan(step_plan((10.0, None, None)), device=device, seed=8400).recording

@@ -63,6 +63,7 @@ def test_an_adopted_cause_leaves_the_candidates_and_can_be_removed_again() -> No
     assert less.structure.terms == ()
 
 
+@pytest.mark.accuracy
 def test_a_second_cause_that_resembles_the_first_is_weak() -> None:
     """κF hardly varies in flight, so κ resembles a constant torque: 0.015 N·m are 0.0083 m of κ
     at F = T_g/L_a = 1.8 N, and little separates the two."""
@@ -100,6 +101,7 @@ def test_backlash_in_roll_is_not_compensated_by_its_score_bias() -> None:
     assert less.optimum.loglik < fitted.optimum.loglik - 100
 
 
+@pytest.mark.accuracy
 def test_a_ground_effect_of_unknown_height_keeps_its_prior_height() -> None:
     """Above 0.3 m, a low h₀ with a large share equals a high h₀ with a small share and another T_g.
     Without its prior, h₀ moves to its bound of 1 m, and the fit is discarded."""
@@ -113,6 +115,7 @@ def test_a_ground_effect_of_unknown_height_keeps_its_prior_height() -> None:
     assert fit.score > contenders["stiffness.pendulum.roll"].score
 
 
+@pytest.mark.accuracy
 def test_in_a_single_step_a_delay_is_named_or_confounded() -> None:
     _, step = step_of(step_plan((10.0, None, None)), "motor.delay:0.015", 1016)
     assert step.choice is not None

@@ -70,6 +70,7 @@ def test_the_base_uses_the_same_equations_and_nothing_is_gained(simplified: Diag
     assert share["simplified.couplings.share"] == pytest.approx(1, abs=0.3)
 
 
+@pytest.mark.accuracy
 def test_a_cause_in_such_a_rig_is_the_only_finding() -> None:
     hidden = {"stiffness.pendulum.pitch.torque_Nm": 0.03}
     result = diagnose(flown(*WRITTEN, "stiffness.pendulum.pitch", seed=1812, **hidden), quick=True)
@@ -78,6 +79,7 @@ def test_a_cause_in_such_a_rig_is_the_only_finding() -> None:
     assert abs(value - 0.03) < 3 * std < 0.01
 
 
+@pytest.mark.accuracy
 def test_a_rigid_body_is_not_reported_as_simplified() -> None:
     result = diagnose(flown(seed=1813), quick=True)
     assert result.verdict == "nothing_found"

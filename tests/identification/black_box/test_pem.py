@@ -111,6 +111,7 @@ def test_the_bound_on_the_predictor_s_time_constant_holds() -> None:
     assert np.abs(np.linalg.eigvals(fit.model.At)).max() <= 0.8
 
 
+@pytest.mark.accuracy
 def test_95_percent_intervals_of_poles_and_responses_cover_the_truth() -> None:
     """Nominal 95 %; 40 records, 5 poles and 6 responses each. Seeds 100 to 139."""
     system = integrating_system()

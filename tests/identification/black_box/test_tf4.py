@@ -67,6 +67,7 @@ def test_eq_17_is_recovered_exactly_from_its_own_output() -> None:
     np.testing.assert_allclose(fit.offset, [0.1, 0.2, 0.3], atol=1e-5)
 
 
+@pytest.mark.accuracy
 def test_standard_deviations_cover_the_truth_in_open_loop() -> None:
     """Nominal 95 %; 20 records with white noise, four coefficients each. Seeds 0–19."""
     inside = 0

@@ -81,6 +81,7 @@ def test_a_rig_at_rest_gives_no_jitter() -> None:
     assert not motion_jitter(t, np.zeros((20_000, 3)), STEP).found
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize(
     "hide", ["", "motor.lag:0.1", "friction.coulomb.yaw:0.05", "motor.delay:0.02"]
 )

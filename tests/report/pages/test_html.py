@@ -20,6 +20,7 @@ from heli3dof.report.figures.models import BodeCurve, bode_figure, residual_figu
 from heli3dof.report.figures.style import BLUE, SOFT
 from heli3dof.report.figures.web import decimated, live_data
 from heli3dof.report.pages.answers import diagnosis_answers
+from heli3dof.report.pages.diagnosis_section import diagnosis_section
 from heli3dof.report.pages.flight_report import flight_report
 from heli3dof.report.pages.html import bars, facts, write_page
 from heli3dof.report.pages.model_section import discrete_response, plant_poles, poles_text
@@ -186,6 +187,14 @@ def test_without_a_cause_the_answers_state_the_verdict_and_no_gain() -> None:
     _, cause, gain, _ = diagnosis_answers(document, FigureData(), dt=0.01)
     assert cause.sentence.startswith("Verdict: nothing found.")
     assert gain.sentence.startswith("Nothing:")
+
+
+def test_the_diagnosis_section_states_an_error_without_an_explanation() -> None:
+    rest = {"axis": "pitch", "depends_on": None, "share": 0.0, "term": None, "formula": None}
+    error = {"simulation": 7.0, "extended_model": 6.2, "noise_floor": 0.1}
+    document = {**DOCUMENT, "leftover": [{**rest, "error_deg": error}], "about": {}}
+    section = diagnosis_section({**document, "verdict": "unexplained"})
+    assert "pitch 6.20° of 7.00° (noise 0.10°)" in "".join(section.details)
 
 
 def test_a_diagnosis_answers_the_four_questions_in_order() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from heli3dof.report.text import diagnosis_sentences
 from heli3dof.report.text import diagnosis_tables as diagnosis_tables_module
 from heli3dof.report.text.diagnosis_sentences import VERDICTS, slow_noise
-from heli3dof.report.text.diagnosis_tables import diagnosis_tables, split_unit
+from heli3dof.report.text.diagnosis_tables import diagnosis_tables
 from heli3dof.report.text.table import Grid, to_markdown
 from tests.paths import ROOT
 
@@ -109,6 +109,31 @@ def test_size_confidence_confounding_gain_and_next_experiment_are_reported() -> 
     ):
         assert expected in text
     assert "| pitch | – |" not in text  # an axis that was not measured has no row
+
+
+def test_an_error_without_an_explanation_is_stated_in_degrees() -> None:
+    rest = {"axis": "pitch", "depends_on": None, "share": 0.0, "term": None, "formula": None}
+    rest["error_deg"] = {"simulation": 7.0, "extended_model": 6.2, "noise_floor": None}
+    document = changed(verdict="unexplained", leftover=[rest])
+    for e in document["simulation_error"].values():
+        e["noise_floor_deg"] = None
+    text = text_of(document)
+    assert "most of the simulation error remains, pitch 6.20° of 7.00° (RMSE of 1 s" in text
+    assert "How much of it is noise is unknown." in text
+    assert "study its figure" not in text  # it has none
+
+
+def test_without_a_noise_floor_no_cause_is_not_no_error() -> None:
+    document = changed(verdict="nothing_found", findings=[], leftover=[])
+    assert "No simulation error beyond noise was found." in text_of(document)
+    for e in document["simulation_error"].values():
+        e["noise_floor_deg"] = None
+    gain = {"holdout_rmse_deg": {"before": {"pitch": 6.89}, "after": {"pitch": 5.79}}}
+    text = text_of({**document, "calibration_gain": gain, "ratios": []})
+    assert "No simulation error beyond noise was found." not in text
+    assert (
+        "With refitted parameters, the RMSE of 1 s predictions changes: pitch 6.89° → 5.79°" in text
+    )
 
 
 def test_the_worst_stretch_is_reported() -> None:
@@ -265,8 +290,3 @@ def test_the_consequence_of_an_unknown_controller_is_reported() -> None:
     log = changed(about={"nulls": "Bonferroni over the probes, doubled"})
     assert "add [controller] to the profile" in text_of(log)
     assert "[controller]" not in text_of(DOCUMENT)
-
-
-def test_an_unknown_unit_stays_in_the_parameter_name() -> None:
-    assert split_unit("flux_Wb") == ("flux_Wb", "")
-    assert split_unit("damping_Nms_per_rad") == ("damping", "N·m·s/rad")

@@ -1,0 +1,129 @@
+"""Write an effect to begin with: a package with an equation to replace, on both sides.
+
+The package contains the effect of the models and, written a second time, that of the emulated rig.
+A flight that hides the one then tests the other independently.
+"""
+
+from __future__ import annotations
+
+import re
+
+from heli3dof.errors import UsageError
+from heli3dof.model.effects import effects
+
+NAME = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
+
+
+def template_files(name: str) -> dict[str, str]:
+    """Return {file name: text} of a package with an effect called ``name``.
+
+    Raises UsageError for a name that is no name of an effect, or is taken.
+    """
+    if not NAME.fullmatch(name):
+        raise UsageError(
+            f"{name!r} is no name of an effect.",
+            cause="a name has words of small letters, digits and _, separated by dots.",
+            fix="heli3dof effect new magnet.detent",
+        )
+    if name in effects():
+        raise UsageError(
+            f"There is an effect {name!r} already.",
+            cause="heli3dof or an installed package has it.",
+            fix="another name; heli3dof effect list shows those that are taken",
+        )
+    module = "heli3dof_" + name.replace(".", "_")
+    words = {"name": name, "module": module, "package": module.replace("_", "-")}
+    return {
+        "pyproject.toml": _PYPROJECT.format(**words),
+        f"{module}.py": _MODULE.format(**words),
+        f"{module}_emulated.py": _EMULATED.format(**words),
+        f"test_{module}.py": _TEST.format(**words),
+    }
+
+
+_PYPROJECT = """\
+[build-system]
+requires = ["setuptools>=64"]
+build-backend = "setuptools.build_meta"
+
+[project]
+name = "{package}"
+version = "0.1.0"
+dependencies = ["heli3dof"]
+
+[project.entry-points."heli3dof.effects"]
+{module} = "{module}:EFFECT"
+
+[project.entry-points."heli3dof.emulated_effects"]
+{module} = "{module}_emulated:EFFECTS"
+
+[tool.setuptools]
+py-modules = ["{module}", "{module}_emulated"]
+"""
+
+_MODULE = '''\
+"""{name}: τ = −c q̇³ in N·m, with the rate q̇ (rad/s) of the axis. Replace it by your equation."""
+
+from typing import Any
+
+from heli3dof.model.effects import Effect, Parameter, Stage
+from heli3dof.model.physics.state_layout import AXIS, R_DOT, A
+
+
+def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
+    axis = int(par[AXIS])
+    out[axis] -= par[A] * s[R_DOT + axis] ** 3
+
+
+EFFECT = Effect(
+    name="{name}",
+    summary="A torque −c q̇³.",
+    # name, unit, value without the effect, lower and upper bound, typical size, symbol
+    parameters=(Parameter("drag_Nms3_per_rad3", "N·m·s³/rad³", 0.0, -5.0, 5.0, 0.1, "c"),),
+    hooks={{Stage.TORQUE: torque}},
+    axes=("roll", "pitch", "yaw"),
+    evidence="{{axis}}_rate",
+)
+'''
+
+_EMULATED = '''\
+"""{name} of the emulated rig: τ = −c q̇³. Write your equation again, without the model's code."""
+
+from heli3dof_drivers.emulator.effects.base import ALL_AXES, Effect, Parameter
+from heli3dof_drivers.emulator.plant_effects import Row, kernel
+from heli3dof_drivers.emulator.plant_layout import AXIS, R_DOT, A, Stage
+
+
+@kernel
+def torque(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
+    axis = int(par[AXIS])
+    out[axis] -= par[A] * s[R_DOT + axis] ** 3
+
+
+EFFECTS = (
+    Effect(
+        name="{name}",
+        summary="A torque −c q̇³.",
+        # name, unit, lowest and highest value that hide= accepts, symbol
+        parameters=(Parameter("drag_Nms3_per_rad3", "N·m·s³/rad³", 0.0, 5.0, "c"),),
+        example="{name}.yaw:0.5",
+        axes=ALL_AXES,
+        kernels={{Stage.TORQUE: torque}},
+    ),
+)
+'''
+
+_TEST = """\
+import numpy as np
+import pytest
+from heli3dof.model.physics.state_layout import AXIS, MEMORY, PARAMETERS, PSI_DOT, SIZE, A
+
+from {module} import torque
+
+
+def test_the_torque_is_that_of_the_equation() -> None:
+    s, par, out = np.zeros(SIZE), np.zeros(PARAMETERS), np.zeros(3)
+    par[AXIS], par[A], s[PSI_DOT] = 2, 0.5, 2.0
+    torque(s, par, np.zeros(MEMORY), out)
+    assert out[2] == pytest.approx(-0.5 * 2.0**3)
+"""

@@ -1,0 +1,42 @@
+"""The unit at the end of a parameter's name: ``torque_Nm`` is in N·m, ``sag_per_V`` in 1/V."""
+
+from __future__ import annotations
+
+import re
+
+UNITS = ("Hz", "rad", "deg", "kg", "N", "m", "s", "V", "A", "W")
+"""Units as names spell them; none begins with another one that comes before it"""
+_ONE = rf"(?:{'|'.join(UNITS)})[2-4]?"
+NAMED = re.compile(rf"_((?:{_ONE})+(?:_per_(?:{_ONE})+)?|per_(?:{_ONE})+)$")
+SUPERSCRIPTS = str.maketrans("234", "²³⁴")
+
+
+def split_unit(key: str) -> tuple[str, str]:
+    """Split a parameter's name into the quantity and its unit, which may be empty.
+
+    >>> split_unit("torque_Nm"), split_unit("drag_Nms2_per_rad2"), split_unit("ratio")
+    (('torque', 'N·m'), ('drag', 'N·m·s²/rad²'), ('ratio', ''))
+    """
+    found = NAMED.search(key)
+    if found is None:
+        return key, ""
+    above, _, below = f"_{found[1]}".partition("_per_")
+    unit = _product(above.removeprefix("_")) or "1"
+    return key[: found.start()], f"{unit}/{_product(below)}" if below else unit
+
+
+def _product(units: str) -> str:
+    each = re.findall(_ONE, units)
+    return "·".join(u.replace("deg", "°").translate(SUPERSCRIPTS) for u in each)
+
+
+def named_unit(unit: str) -> str:
+    """Return a unit as names spell it.
+
+    >>> named_unit("N·m·s²/rad²"), named_unit("1/V"), named_unit("°")
+    ('Nms2_per_rad2', 'per_V', 'deg')
+    """
+    plain = unit.replace("°", "deg").replace("–", "")
+    above, _, below = re.sub("[·()]", "", plain).partition("/")
+    name = f"{above}_per_{below}".removeprefix("1_") if below else above
+    return name.translate(str.maketrans("²³⁴", "234"))

@@ -1,0 +1,98 @@
+"""The check of an effect: every effect of heli3dof passes, each kind of mistake is named."""
+
+from __future__ import annotations
+
+import doctest
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from heli3dof.diagnosis import effect_check
+from heli3dof.diagnosis.effect_check import effect_of_file, problems, unit_problems
+from heli3dof.errors import RecordingError, UsageError
+from heli3dof.experiment.plan import named_plans
+from heli3dof.model.effects import Effect, Parameter, Stage, effects
+
+NUMBER = Parameter("torque_Nm", "N·m", 0.0, -1.0, 1.0, 0.1, "its size")
+
+
+def constant(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[1] += par[1]
+
+
+def with_offset(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[1] += par[1] + 0.1
+
+
+def nothing(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[1] += 0.0 * par[1]
+
+
+def infinite(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[1] += par[1] / par[2]
+
+
+def unknown(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[1] += par.no_such_thing
+
+
+SOUND = Effect("mine", "A torque.", (NUMBER,), {Stage.TORQUE: constant})
+
+
+def test_the_doctests_pass() -> None:
+    assert doctest.testmod(effect_check).failed == 0
+
+
+@pytest.mark.parametrize("name", effects())
+def test_every_effect_of_heli3dof_is_in_order(name: str) -> None:
+    assert problems(effects()[name], named_plans()) == []
+
+
+@pytest.mark.parametrize(
+    ("hook", "mistake"),
+    [
+        (with_offset, "adds a torque although each parameter has its null"),
+        (nothing, "adds nothing at typical parameters"),
+        (infinite, "not finite"),
+        (unknown, "does not compile"),
+    ],
+)
+def test_a_mistake_in_the_equation_is_named(hook: Any, mistake: str) -> None:
+    assert problems(SOUND, named_plans()) == []
+    found = problems(replace(SOUND, hooks={Stage.TORQUE: hook}), named_plans())
+    assert any(mistake in f for f in found), found
+
+
+def test_unknown_names_are_named() -> None:
+    found = problems(replace(SOUND, confused_with=("motor.lags",), separated_by="x"), ("rich",))
+    assert [f.split(":")[0] for f in found] == ["confused_with", "separated_by"]
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "mistakes"),
+    [
+        ("torque_Nm", "N·m", 0),
+        ("damping_Nms_per_rad", "N·m·s/rad", 0),
+        ("share", "–", 0),
+        ("coefficient", "N·m/(V·V)", 0),
+        ("torque_Nm", "N·m·s/rad", 1),
+        ("torque", "Nm", 1),
+        ("angle", "furlong", 1),
+    ],
+)
+def test_units_are_products_of_known_ones_and_agree_with_the_name(
+    name: str, unit: str, mistakes: int
+) -> None:
+    assert len(list(unit_problems(replace(NUMBER, name=name, unit=unit)))) == mistakes
+
+
+def test_a_file_without_an_effect_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    with pytest.raises(UsageError, match="no file"):
+        effect_of_file(file)
+    for code, why in (("x = 1", "has no EFFECT"), ("1 / 0", "ZeroDivisionError")):
+        file.write_text(code, encoding="utf-8")
+        with pytest.raises(RecordingError, match=why):
+            effect_of_file(file)

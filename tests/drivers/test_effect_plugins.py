@@ -1,0 +1,87 @@
+"""An effect of another package can be hidden in the emulated rig; a faulty one is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from heli3dof_drivers.emulator.body import setup_of
+from heli3dof_drivers.emulator.effect_spec import parse_hide
+from heli3dof_drivers.emulator.effects import GROUP, Effect, Parameter, catalogue
+from heli3dof_drivers.emulator.effects.drag import quadratic
+from heli3dof_drivers.emulator.plant import Plant
+from heli3dof_drivers.emulator.plant_effects import Row, kernel
+from heli3dof_drivers.emulator.plant_layout import AXIS, R_DOT, A, Stage
+
+from heli3dof import plugins
+from heli3dof.errors import UsageError
+from heli3dof.rig.profile import default_profile
+
+PROFILE = default_profile()
+J_yaw = 0.950809
+
+
+@kernel
+def cubic(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
+    axis = int(par[AXIS])
+    out[axis] -= par[A] * s[R_DOT + axis] ** 3
+
+
+@kernel
+def broken(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
+    out[0] += par[A].no_such_thing
+
+
+def effect(name: str, function: Any) -> Effect:
+    number = Parameter("drag_Nms3_per_rad3", "N·m·s³/rad³", 0.0, 10.0, "d")
+    return Effect(name, "", (number,), f"{name}.yaw:1", ("yaw",), {Stage.TORQUE: function})
+
+
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """Registers a plug-in for one test."""
+
+    def install(plug_in: object) -> None:
+        point = SimpleNamespace(name="mine", value="mine:EFFECTS", load=lambda: plug_in)
+        points = {GROUP: [point]}
+        monkeypatch.setattr(plugins, "entry_points", lambda group: points.get(group, []))
+        catalogue.cache_clear()
+
+    yield install
+    catalogue.cache_clear()
+
+
+def test_the_rig_hides_an_effect_of_another_package(installed: Any) -> None:
+    installed((effect("drag.cubic", cubic),))
+    hidden = parse_hide(["drag.cubic.yaw:2"])
+    setup = setup_of(PROFILE, "level")
+    grid = PROFILE.encoder.rad_per_count
+    p = Plant(setup, grid, dt=1e-5, hidden=hidden, noise=0.0, start_V=PROFILE.motor.V_o)
+    p._state[5] = 0.5
+    before = float(p.truth.rate[2])
+    p.step(PROFILE.motor.V_o, PROFILE.motor.V_o)
+    braking = (float(p.truth.rate[2]) - before) / 1e-5
+    assert braking == pytest.approx(-2 * 0.5**3 / J_yaw, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("plug_in", "why"),
+    [
+        ((effect("drag.cubic", broken),), "no_such_thing"),
+        ((effect("drag.quadratic", cubic),), "there is an emulated effect 'drag.quadratic'"),
+        ((effect("drag.cubic", lambda *_: None),), "expected: Kernel"),
+        (("drag.cubic",), "expected: Effect"),
+    ],
+)
+def test_a_faulty_plug_in_is_left_out_with_a_warning(
+    installed: Any, caplog: pytest.LogCaptureFixture, plug_in: object, why: str
+) -> None:
+    installed(plug_in)
+    assert catalogue()["drag.quadratic"].kernels == {Stage.TORQUE: quadratic}
+    (warning,) = caplog.messages
+    assert "the emulated effect mine (mine:EFFECTS) does not load" in warning
+    assert why in warning
+    with pytest.raises(UsageError, match="no effect"):
+        parse_hide(["drag.cubic.yaw:2"])
