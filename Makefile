@@ -75,7 +75,8 @@ $(PEERS)/.installed: constraints-peers.txt
 bench-peers: $(STAMP) $(PEERS)/.installed
 	$(BIN)/python -m tests.bench peers
 
-# HIDDEN_FIRST: the first seed (0: the final tables), HIDDEN_SHARE: of the cases.
+# HIDDEN_FIRST: the first seed (0: the final tables), HIDDEN_SHARE: of the cases. They and bench-rigs run on the Dask
+# cluster that DASK_SCHEDULER_ADDRESS names, if it is set; its workers need a checkout of this commit.
 bench-hidden: $(STAMP) $(PEERS)/.installed
 	$(BIN)/python -m tests.bench hidden
 

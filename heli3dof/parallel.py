@@ -1,5 +1,7 @@
 """Threads for estimation: `parallel_map` distributes calls, `one_blas_thread` limits BLAS.
 
+`replicate` is `parallel_map` for Monte Carlo replications, which can go to a cluster: `distribute`.
+
 The compiled filters release Python's global lock, so threads run in parallel: one per core, at most
 `MOST`. The calling thread works too, and helper threads join it. Nested calls of `parallel_map`
 share this limit on threads. Results do not depend on the number of threads.
@@ -10,18 +12,21 @@ from __future__ import annotations
 import functools
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Generic, ParamSpec, TypeVar
+from typing import Any, Generic, ParamSpec, TypeVar
 
 MOST = 4
 """Largest number of threads: each costs memory, and they compete for Python's global lock."""
 Watcher = Callable[[str, int, int], None]
 """Progress callback: (name of the work items in the plural, number done, number in all)."""
+Distributor = Callable[[Callable[[int], Any], int], Iterable[tuple[int, Any]]]
+"""(work, count) → (i, ``work(i)``) for every i < count, in any order."""
 P = ParamSpec("P")
 X = TypeVar("X")
 _watcher: ContextVar[Watcher | None] = ContextVar("watcher", default=None)
+_distributor: ContextVar[Distributor | None] = ContextVar("distributor", default=None)
 
 
 _limit = MOST
@@ -93,6 +98,34 @@ def report_count(what: str, done: int, of: int) -> None:
         watcher(what, done, of)
 
 
+@contextmanager
+def distribute(distributor: Distributor | None) -> Iterator[None]:
+    """Context manager: inside it, `replicate` gives its calls to ``distributor``."""
+    token = _distributor.set(distributor)
+    try:
+        yield
+    finally:
+        _distributor.reset(token)
+
+
+def replicate(work: Callable[[int], X], count: int, *, what: str = "") -> list[X]:
+    """Return ``work(0)`` … ``work(count − 1)``: Monte Carlo replications with small results.
+
+    Inside `distribute`, they are computed elsewhere, otherwise as by `parallel_map`. ``work`` must
+    then be picklable with cloudpickle. Calls inside ``work`` stay where it runs.
+    """
+    distributor, watcher = _distributor.get(), _watcher.get()
+    if distributor is None or count < 2:
+        return parallel_map(work, count, what=what)
+    out: dict[int, X] = {}
+    with report_progress(None), distribute(None):
+        for i, result in distributor(work, count):
+            out[i] = result
+            if watcher is not None and what:
+                watcher(what, len(out), count)
+    return [out[i] for i in range(count)]
+
+
 def parallel_map(work: Callable[[int], X], count: int, *, what: str = "") -> list[X]:
     """Compute ``work(0)`` … ``work(count − 1)`` in parallel and return the results in order.
 
@@ -102,7 +135,7 @@ def parallel_map(work: Callable[[int], X], count: int, *, what: str = "") -> lis
     """
     pieces = _Pieces(work, count, what)
     helpers: list[threading.Thread] = []
-    with report_progress(None):
+    with report_progress(None), distribute(None):
         while pieces.left:
             while pieces.left > 1 and _free().acquire(blocking=False):
                 helpers.append(threading.Thread(target=pieces.help, daemon=True))

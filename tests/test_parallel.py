@@ -9,7 +9,13 @@ from functools import cache
 import pytest
 
 from heli3dof import parallel, stage_clock
-from heli3dof.parallel import parallel_map, report_count, report_progress
+from heli3dof.parallel import (
+    distribute,
+    parallel_map,
+    replicate,
+    report_count,
+    report_progress,
+)
 from heli3dof.stage_clock import StageClock
 
 
@@ -109,3 +115,30 @@ def test_a_long_stage_reports_progress_and_a_short_one_does_not(
     ]
     clock.stop()
     assert clock.seconds == {"screen 1": 2.4}
+
+
+def backwards(work, count):
+    for i in reversed(range(count)):
+        yield i, work(i)
+
+
+def test_replications_are_given_to_the_distributor_and_keep_their_order() -> None:
+    seen: list[tuple[str, int, int]] = []
+    with distribute(backwards), report_progress(lambda *state: seen.append(state)):
+        assert replicate(lambda i: 10 * i, 3, what="flights") == [0, 10, 20]
+    assert seen == [("flights", 1, 3), ("flights", 2, 3), ("flights", 3, 3)]
+    assert replicate(lambda i: 10 * i, 3) == [0, 10, 20]
+
+
+def test_only_replications_of_the_outer_level_are_distributed() -> None:
+    given: list[int] = []
+
+    def distributor(work, count):
+        given.append(count)
+        return backwards(work, count)
+
+    with distribute(distributor):
+        assert replicate(lambda i: sum(replicate(abs, 4)), 3) == [6, 6, 6]
+        assert parallel_map(lambda i: sum(replicate(abs, 4)), 2) == [6, 6]
+        assert replicate(abs, 1) == [0], "one replication is not worth sending"
+    assert given == [3]

@@ -1,7 +1,7 @@
 """The first columns of the results table: what a recording is, for every verb the same.
 
-``--where`` may use each of them. An angle's standard deviation is that of rounding to one count of
-its encoder: 360°/(counts √12).
+``--where`` may use each of them. Jitter is a multiple of `RESOLUTION_S`. An angle's standard
+deviation is that of rounding to one count of its encoder: 360°/(counts √12).
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ COLUMNS: Mapping[str, str] = {
     "pitch_start_deg_std": "its rounding error",
     "digest": "SHA-256 of the samples",
 }
+RESOLUTION_S = 1e-9
+"""s: resolution of the times in MCAP files. A smaller jitter is the rounding error of a float."""
 STARTS = ("roll", "pitch")
 """Axes with an absolute start angle: at rest on the table. Yaw may start anywhere."""
 
@@ -56,13 +58,22 @@ def recording_columns(recording: Recording, path: str) -> dict[str, Any]:
         "outcome": about["outcome"],
         "duration_s": about["duration_s"],
         "rate_hz": about["rate_hz"],
-        "jitter_s": timing.get("jitter_s"),
+        "jitter_s": _resolved(timing.get("jitter_s")),
         "lost_share": timing.get("lost_share"),
         "late_share": lateness.get("late_share"),
         **_start_angles(recording),
         "digest": about["digest"],
     }
     return {name: values[name] for name in COLUMNS}
+
+
+def _resolved(time_s: float | None) -> float | None:
+    """Return a time (s) as a multiple of `RESOLUTION_S`.
+
+    >>> _resolved(2.5e-15), _resolved(2.00004e-5)
+    (0.0, 2e-05)
+    """
+    return None if time_s is None else round(time_s, round(-math.log10(RESOLUTION_S)))
 
 
 def _start_angles(recording: Recording) -> dict[str, float | None]:

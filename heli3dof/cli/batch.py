@@ -13,6 +13,7 @@ import typer
 from heli3dof.cli import completion
 from heli3dof.cli.options import (
     AsJson,
+    Cluster,
     LogProfile,
     ProfileFile,
     Quick,
@@ -59,15 +60,6 @@ Resume = Annotated[
 Workers = Annotated[
     int | None,
     typer.Option("--workers", min=1, help="Number of processes; default: one per core."),
-]
-Cluster = Annotated[
-    str | None,
-    typer.Option(
-        "--cluster",
-        metavar="ADDRESS",
-        envvar="DASK_SCHEDULER_ADDRESS",
-        help="Work on this Dask cluster instead, e.g. tcp://lab:8786.",
-    ),
 ]
 
 

@@ -11,6 +11,7 @@ import typer
 
 from heli3dof.cli.options import (
     AsJson,
+    Cluster,
     Force,
     Holdout,
     LogProfile,
@@ -50,6 +51,7 @@ def diagnose(
         typer.Option("--base", help="The simulation to diagnose: rigid body, or linear hover."),
     ] = Base.rigid,
     quick: Quick = False,
+    cluster: Cluster = None,
     report: ReportFile = None,
     profile: LogProfile = None,
     output: OutputFile = None,
@@ -60,6 +62,7 @@ def diagnose(
     verbose: Verbose = False,
 ) -> None:
     """Find the causes of the simulation's error: heli3dof diagnose rec.mcap -o model.json."""
+    from heli3dof.batch.engines.replications import replications_on_cluster
     from heli3dof.cli.inputs import check_distinct, check_same_rig
     from heli3dof.diagnosis.diagnose import diagnose
     from heli3dof.diagnosis.document import diagnosis_document as to_document
@@ -86,7 +89,7 @@ def diagnose(
     check_distinct(train, test)
     check_same_rig([*train, *test])
     written = upcoming = None
-    with stages(out) as stage:
+    with stages(out) as stage, replications_on_cluster(cluster):
         result = diagnose(train, test or None, quick=quick, seed=seed, says=stage, base=base.value)
         if result.fitted is not None:
             path = output or default_output(name, force=force)

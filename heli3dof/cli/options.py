@@ -94,6 +94,15 @@ Plan = Annotated[
         metavar="PLAN", help="A plan's name, or its TOML file.", autocompletion=completion.plans
     ),
 ]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster",
+        metavar="ADDRESS",
+        envvar="DASK_SCHEDULER_ADDRESS",
+        help="Compute on this Dask cluster, e.g. tcp://lab:8786.",
+    ),
+]
 
 
 def rig_profile(file: Path | None) -> Profile:

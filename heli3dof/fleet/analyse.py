@@ -11,8 +11,16 @@ from heli3dof.errors import RecordingError
 from heli3dof.fleet.change_search import find_changes, track_prior
 from heli3dof.fleet.random_effects import random_effects
 from heli3dof.fleet.result import Fleet, FleetQuantity, RigQuantity
+from heli3dof.fleet.sibling_scale import sibling_scale
 from heli3dof.fleet.siblings import differing_rigs, fleet_estimate
-from heli3dof.fleet.tracks import Row, Track, bad_recordings, quantities_of, tracks_of
+from heli3dof.fleet.tracks import (
+    Row,
+    Track,
+    bad_recordings,
+    main_plan,
+    quantities_of,
+    tracks_of,
+)
 
 
 def analyse(rows: Sequence[Row]) -> Fleet:
@@ -31,16 +39,17 @@ def analyse(rows: Sequence[Row]) -> Fleet:
             fix=f"heli3dof diagnose {bad[0].recording}" if bad
             else "heli3dof batch identify REC... -o FOLDER",
         )  # fmt: skip
-    tracks = tracks_of(rows, names)
+    tracks, plan = tracks_of(rows, names), main_plan(rows)
     quantities = tuple(
-        _quantity(name, [t for t in tracks if t.quantity == name], len(names)) for name in names
+        _quantity(name, [t for t in tracks if t.quantity == name], len(names), plan)
+        for name in names
     )
-    return Fleet(len(rows), quantities, bad)
+    return Fleet(len(rows), plan, quantities, bad)
 
 
-def _quantity(name: str, tracks: Sequence[Track], quantities: int) -> FleetQuantity:
-    rigs = [_rig(track, quantities) for track in tracks]
-    estimates = {r.track.rig: r.estimate for r in rigs}
+def _quantity(name: str, tracks: Sequence[Track], quantities: int, plan: str) -> FleetQuantity:
+    rigs = [_rig(t, [o for o in tracks if o is not t], quantities, plan) for t in tracks]
+    estimates = {r.track.rig: r.estimate for r in rigs if r.plan == plan}
     differing = {d.rig: d for d in differing_rigs(estimates, quantities)}
     return FleetQuantity(
         name,
@@ -49,11 +58,20 @@ def _quantity(name: str, tracks: Sequence[Track], quantities: int) -> FleetQuant
     )
 
 
-def _rig(track: Track, quantities: int) -> RigQuantity:
-    """Return a rig's changes in one of its ``quantities``, and the estimate since the last step."""
-    changes = find_changes(track.t, track.y, track.s, track_prior(quantities))
+def _rig(track: Track, siblings: Sequence[Track], quantities: int, plan: str) -> RigQuantity:
+    """Return a rig's changes in one of its ``quantities``, and the estimate since the last step.
+
+    The estimate is from flights of ``plan``, or without any from those of the rig's own main plan.
+    """
+    changes = find_changes(
+        track.t, track.y, track.s, track_prior(quantities), track.plans, sibling_scale(siblings)
+    )
     start = max((c.first for c in changes if c.kind == "step"), default=0)
     deviating = [c.first for c in changes if c.kind == "deviating"]
-    present = np.setdiff1d(np.arange(start, len(track.y)), deviating)
+    since = np.setdiff1d(np.arange(start, len(track.y)), deviating)
+    plans, counts = np.unique(track.plans[since], return_counts=True)
+    own = plan if plan in plans else str(plans[counts.argmax()])
+    present = since[track.plans[since] == own]
     s = np.zeros_like(track.y) if track.s is None else track.s
-    return RigQuantity(track, changes, present, random_effects(track.y[present], s[present]), None)
+    estimate = random_effects(track.y[present], s[present])
+    return RigQuantity(track, changes, own, present, estimate, None)

@@ -3,29 +3,36 @@
 n flights give values yᵢ with standard deviations sᵢ, in order of time. Each model of a change adds
 one regressor x to a constant::
 
-    yᵢ = m + δ·xᵢ + eᵢ,   eᵢ ~ N(0, φ²uᵢ),   uᵢ = (1 − a)(sᵢ/s̃)² + a,   δ ~ N(0, g²φ²)
+    yᵢ = m_p(i) + δ·xᵢ + eᵢ,   eᵢ ~ N(0, φ²uᵢ),   uᵢ = (1 − a)(sᵢ/s̃)² + a,   δ ~ N(0, g²φ²)
 
     step before flight k     xᵢ = 1 for i ≥ k, else 0      2 ≤ k ≤ n − 2 (flights from 0)
     two steps                a step before j and one before k, j + 2 ≤ k, with two sizes δ
     drift                    xᵢ = (tᵢ − t₀)/(tₙ₋₁ − t₀)     δ: change over all flights
     deviating flight j       xᵢ = 1 for i = j, else 0
 
-φ is the standard deviation of a typical flight (s̃: median of s), and a the share of the scatter
-between flights in its variance. A step needs two flights on each side, because one flight alone is
-a deviating flight. Two steps need a model of their own: if the second undoes the first, or repeats
-it, one step describes the flights badly. Its j and k are on a grid of at most `MOST_BOUNDARIES`.
+p(i) is the plan of flight i: each plan has its own level m, because a fit to small steps and one to
+large ones differ on an unchanged rig. φ is the standard deviation of a typical flight (s̃: median
+of s), and a the share of the scatter between flights in its variance. A step needs two flights on
+each side, because one flight alone is a deviating flight. Two steps need a model of their own: if
+the second undoes the first, or repeats it, one step describes the flights badly. Its j and k are on
+a grid of at most `MOST_BOUNDARIES`.
 
-Priors: m flat; p(φ) ∝ 1/φ, so a common factor of all sᵢ has no influence; a on `SHARES`, dense
-near 0; g on `SIZES`: a change has equal probability in each octave of 1 to 32 standard deviations.
-m, δ and φ integrate in closed form. With wᵢ = 1/uᵢ and sums over values from which the weighted
-mean is subtracted::
+Priors: each m flat; a on `SHARES`, dense near 0; g on `SIZES`: a change has equal probability in
+each octave of 1 to 32 standard deviations. A common factor of all sᵢ has no influence. φ² has the
+prior d·φ₀²/χ²_d, with `Scale` from the sibling rigs, or p(φ) ∝ 1/φ without them (d = 0).
 
-    p(y | x, a, g) ∝ √(Πwᵢ/Σwᵢ) · (1 + g²Sxx)^(−½) · R^(−(n−1)/2)
-    R = Syy − Sxy²·B,   B = g²/(1 + g²Sxx)
-    δ | x, a, g, y ~ Student t with n − 1 degrees of freedom, mean B·Sxy, scale² B·R/(n − 1)
+m, δ and φ integrate in closed form. With wᵢ = 1/uᵢ, P plans, ν = n − P, and sums over values from
+which the weighted mean of their plan is subtracted::
+
+    p(y | x, a, g, d) ∝ √(Πᵢwᵢ/Π_pΣwᵢ) · (1 + g²Sxx)^(−½) · C_d · (R + dφ₀²)^(−(ν+d)/2)
+    R = Syy − Sxy²·B,   B = g²/(1 + g²Sxx),   C_d = Γ((ν+d)/2)/Γ(d/2) · (dφ₀²)^(d/2),   C₀ = 1
+    δ | x, a, g, d, y ~ Student t with ν + d degrees of freedom, mean B·Sxy,
+                        scale² B·(R + dφ₀²)/(ν + d)
+
+A step at a change of plan has Sxx = 0: the flights cannot tell one from the other.
 
 The constant has g = 0. For two steps, Sxx is a matrix and Sxy a vector: 1 + g²Sxx becomes
-det(I + g²Sxx), and Sxy²·B becomes Sxyᵀ(Sxx + I/g²)⁻¹Sxy. Sums over a, g and the flights of a
+det(I + g²Sxx), and Sxy²·B becomes Sxyᵀ(Sxx + I/g²)⁻¹Sxy. Sums over a, g, d and the flights of a
 change give the probability of each kind (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995).
 """
 
@@ -47,6 +54,9 @@ KINDS = ("step", "two_steps", "drift", "deviating")
 SINGLE = ("step", "drift", "deviating")
 """Kinds with one size δ"""
 Places = Mapping[str, tuple[tuple[int, ...], ...]]
+UNLIKE = 0.01
+"""Probability that a rig's scatter is unlike that of its siblings (d = 1). Chosen: if it were more
+probable than a step, a large scatter would explain every step in few flights."""
 LEAST_SIDE = 2
 """Flights on each side of a step: one flight alone is a deviating flight (definition)"""
 MOST_BOUNDARIES = 30
@@ -74,6 +84,16 @@ class Prior:
     def change(self) -> float:
         """Return the probability of any change."""
         return self.step + self.two_steps + self.drift + self.deviating
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What the sibling rigs say of φ²: d·φ₀²/χ²_d with d = `freedom`, or `UNLIKE` with d = 1."""
+
+    variance: float
+    """φ₀² > 0, in the squared unit of y"""
+    freedom: float
+    """d ≥ 1"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,54 +129,75 @@ class ChangePosterior:
         return int(np.argmax(self.probability[kind]))
 
 
-def change_posterior(y: FloatArray, s: FloatArray, t: FloatArray, prior: Prior) -> ChangePosterior:
-    """Return the probabilities of all changes in n ≥ 4 flights.
+def change_posterior(
+    y: FloatArray, s: FloatArray, t: FloatArray, prior: Prior,
+    plans: np.ndarray | None = None, scale: Scale | None = None,
+) -> ChangePosterior:  # fmt: skip
+    """Return the probabilities of all changes in n flights of P plans, n − P ≥ 3.
 
-    ``y``, ``s`` (n,): values and standard deviations s > 0; ``t`` (n,): times in any unit, growing.
+    ``y``, ``s`` (n,): values and standard deviations s > 0; ``t`` (n,): times in any unit, growing;
+    ``plans`` (n,): the plan of each flight, by default the same.
     """
-    from scipy.special import logsumexp
+    from scipy.special import gammaln, logsumexp
 
     n = len(y)
     places = change_places(n)
     x = {kind: regressors(kind, places, t) for kind in SINGLE}
     ratio = (s / np.median(s)) ** 2
     w = 1.0 / ((1 - SHARES)[:, None] * ratio + SHARES[:, None])  # (a, i)
-    sum_w = w.sum(axis=1)
-    r = y - ((w @ y) / sum_w)[:, None]  # (a, i)
+    plan = np.zeros(n, int) if plans is None else np.unique(plans, return_inverse=True)[1]
+    of_plan = w[:, None, :] * (plan == np.arange(plan.max() + 1)[:, None])  # (a, plan, i)
+    sum_w = of_plan.sum(axis=2)
+    r = y - ((of_plan @ y) / sum_w)[:, plan]  # (a, i)
     s_yy = np.einsum("ai,ai->a", w, r**2)
     if not np.all(s_yy > (np.finfo(float).eps * np.abs(y).max()) ** 2 * n):  # equal values
         zeros = {kind: np.zeros(len(places[kind])) for kind in KINDS}
         return ChangePosterior(places, 1.0, zeros, zeros, zeros)
-    evidence = 0.5 * (np.log(w).sum(axis=1) - np.log(sum_w) - (n - 1) * np.log(s_yy))
     s_xy = {kind: (w * r) @ x[kind].T for kind in SINGLE}  # (a, model)
-    s_xx = {kind: w @ (x[kind] ** 2).T - (w @ x[kind].T) ** 2 / sum_w[:, None] for kind in SINGLE}
+    mean = {k: of_plan @ x[k].T / np.sqrt(sum_w)[:, :, None] for k in SINGLE}  # (a, plan, model)
+    s_xx = {k: np.maximum(w @ (x[k] ** 2).T - (mean[k] ** 2).sum(axis=1), 0.0) for k in SINGLE}
 
     square = np.square(SIZES)[:, None, None]  # (g, a, model) from here on
     occam = {kind: 1 + square * s_xx[kind] for kind in SINGLE}
     shrink = {kind: square / occam[kind] for kind in SINGLE}
     gain = {kind: s_xy[kind] ** 2 * shrink[kind] for kind in SINGLE}
-    gain["two_steps"], occam["two_steps"] = _two_steps(places, w, x["step"], s_xy, s_xx, square)
-    left = {kind: np.maximum(1 - gain[kind] / s_yy[:, None], 1e-12) for kind in KINDS}  # R/Syy
-    each = {
-        kind: evidence[:, None] - 0.5 * np.log(occam[kind]) - 0.5 * (n - 1) * np.log(left[kind])
+    gain["two_steps"], occam["two_steps"] = _two_steps(
+        places, w, mean["step"], x["step"], s_xy["step"], s_xx["step"], square
+    )
+    nu = n - sum_w.shape[1]
+    freedom = np.array([0.0] if scale is None else [1.0, scale.freedom])[:, None, None, None]
+    known = freedom * (0.0 if scale is None else scale.variance)  # dφ₀²; (d, g, a, model) from here
+    normal = 0.0 if scale is None else (
+        gammaln((nu + freedom) / 2) - gammaln(freedom / 2) + 0.5 * freedom * np.log(known)
+        + np.log([UNLIKE, 1 - UNLIKE])[:, None, None, None]
+    )  # fmt: skip
+    evidence = 0.5 * (np.log(w).sum(axis=1) - np.log(sum_w).sum(axis=1))[:, None]  # (a, 1)
+    left = {  # R + dφ₀²
+        kind: s_yy[:, None] * np.maximum(1 - gain[kind] / s_yy[:, None], 1e-12) + known
         for kind in KINDS
     }
-    log_constant = logsumexp(evidence) - np.log(len(SHARES)) + np.log(1 - prior.change)
+    each = {
+        kind: evidence + normal - 0.5 * np.log(occam[kind])
+        - 0.5 * (nu + freedom) * np.log(left[kind])
+        for kind in KINDS
+    }  # fmt: skip
+    constant = evidence + normal - 0.5 * (nu + freedom) * np.log(s_yy[:, None] + known)
+    log_constant = _log_sum(constant)[0] + np.log(1 - prior.change)
     models = {kind: _log_sum(each[kind]) for kind in KINDS}
     weight = {
-        kind: models[kind]
-        + np.log(getattr(prior, kind) / (max(len(places[kind]), 1) * len(SIZES) * len(SHARES)))
+        kind: models[kind] + np.log(getattr(prior, kind) / max(len(places[kind]), 1))
         for kind in KINDS
     }
     total = logsumexp(np.concatenate([[log_constant], *weight.values()]))
     size, spread = {}, {}
     for kind in SINGLE:
-        share = np.exp(each[kind] - models[kind])  # of each (g, a) in a model
-        mean = s_xy[kind] * shrink[kind]
-        # Variance of Student's t with n − 1 degrees of freedom
-        variance = shrink[kind] * left[kind] * s_yy[:, None] / (n - 3)
-        size[kind] = (share * mean).sum(axis=(0, 1))
-        spread[kind] = (share * (variance + (mean - size[kind]) ** 2)).sum(axis=(0, 1))
+        share = np.exp(each[kind] - models[kind])
+        share /= share.sum(axis=(0, 1, 2))  # of each (d, g, a) in a model
+        mean_size = s_xy[kind] * shrink[kind]
+        # Variance of Student's t with ν + d degrees of freedom
+        variance = shrink[kind] * left[kind] / np.maximum(nu + freedom - 2, 1)
+        size[kind] = (share * mean_size).sum(axis=(0, 1, 2))
+        spread[kind] = (share * (variance + (mean_size - size[kind]) ** 2)).sum(axis=(0, 1, 2))
     return ChangePosterior(
         places,
         float(np.exp(log_constant - total)),
@@ -167,30 +208,27 @@ def change_posterior(y: FloatArray, s: FloatArray, t: FloatArray, prior: Prior) 
 
 
 def _log_sum(each: FloatArray) -> FloatArray:
-    """Return the logarithm of the sum of exp(``each``) over g and a, for each model."""
-    rows = each.reshape(len(SIZES) * len(SHARES), each.shape[2])
-    total: FloatArray = np.logaddexp.reduce(rows, axis=0)
+    """Return the logarithm of the mean of exp(``each``) over d, g and a, for each model."""
+    rows = each.reshape(int(np.prod(each.shape[:-1])), each.shape[-1])
+    total: FloatArray = np.logaddexp.reduce(rows, axis=0) - np.log(len(rows))
     return total
 
 
 def _two_steps(
-    places: Places,
-    w: FloatArray,
-    x: FloatArray,
-    s_xy: Mapping[str, FloatArray],
-    s_xx: Mapping[str, FloatArray],
-    square: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+    places: Places, w: FloatArray, mean: FloatArray, x: FloatArray, s_xy: FloatArray,
+    s_xx: FloatArray, square: FloatArray,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Return Sxyᵀ(Sxx + I/g²)⁻¹Sxy and det(I + g²Sxx), each (g, a, pair), of all pairs of steps.
 
-    ``w`` (a, n): weights; ``x``: regressors of the steps; ``square`` (g, 1, 1): g².
+    ``w`` (a, n): weights; ``x``, ``mean``, ``s_xy``, ``s_xx``: regressors of the steps, their
+    weighted means by plan times √Σwᵢ, and their sums; ``square`` (g, 1, 1): g².
     """
     pairs = np.array(places["two_steps"], dtype=int).reshape(-1, 2) - LEAST_SIDE
     j, k = pairs.T
-    total = w @ x.T  # (a, step); the later step's regressor is the product of both
-    b_j, b_k = s_xy["step"][:, j], s_xy["step"][:, k]
-    s_jk = total[:, k] - total[:, j] * total[:, k] / w.sum(axis=1)[:, None]
-    jj, kk = (s_xx["step"][:, i] + 1 / square for i in (j, k))
+    # The later step's regressor is the product of both.
+    s_jk = (w @ x.T)[:, k] - np.einsum("apm,apm->am", mean[:, :, j], mean[:, :, k])
+    b_j, b_k = s_xy[:, j], s_xy[:, k]
+    jj, kk = (s_xx[:, i] + 1 / square for i in (j, k))
     det = jj * kk - s_jk**2
     gain = (kk * b_j**2 - 2 * s_jk * b_j * b_k + jj * b_k**2) / det
     return gain, square**2 * det

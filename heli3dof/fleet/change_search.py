@@ -26,6 +26,7 @@ from heli3dof.fleet.change_posterior import (
     SINGLE,
     ChangePosterior,
     Prior,
+    Scale,
     change_posterior,
 )
 
@@ -81,14 +82,16 @@ def track_prior(quantities: int) -> Prior:
 
 
 def find_changes(
-    t: FloatArray, y: FloatArray, s: FloatArray | None, prior: Prior
-) -> tuple[Change, ...]:
+    t: FloatArray, y: FloatArray, s: FloatArray | None, prior: Prior,
+    plans: np.ndarray | None = None, scale: Scale | None = None,
+) -> tuple[Change, ...]:  # fmt: skip
     """Return the changes in n flights: steps and drifts in order of time, then deviating flights.
 
     ``t``, ``y``, ``s`` (n,): growing times, values, standard deviations. Without ``s``, the search
-    is on the normal scores of the values, because no normal distribution can be assumed.
+    is on the normal scores of the values, because no normal distribution can be assumed. ``plans``
+    (n,): the plan of each flight, by default the same; ``scale``: what the siblings say of it.
     """
-    series = _Series(t, y, s, prior)
+    series = _Series(t, y, s, prior, np.zeros(len(y), int) if plans is None else plans, scale)
     deviating = list(_candidates(series))
     kept = np.setdiff1d(np.arange(len(y)), [c.first for c in deviating])
     while True:
@@ -111,16 +114,22 @@ class _Series:
     y: FloatArray
     s: FloatArray | None
     prior: Prior
+    plans: np.ndarray
+    scale: Scale | None
+
+    def is_searchable(self, flights: np.ndarray) -> bool:
+        """Return True if there are enough of these flights; each further plan takes one more."""
+        return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:
         """Return the posterior of these flights; the prior of a part is smaller in proportion."""
-        t, y = self.t[flights], self.y[flights]
+        t, y, plans = self.t[flights], self.y[flights], self.plans[flights]
         prior = self.prior.scaled(len(flights) / len(self.y))
         if self.s is not None:
-            return change_posterior(y, self.s[flights], t, prior)
+            return change_posterior(y, self.s[flights], t, prior, plans, self.scale)
         equal = np.ones(len(y))
-        by_rank = change_posterior(normal_scores(y), equal, t, prior)
-        sized = change_posterior(y, equal, t, prior)
+        by_rank = change_posterior(normal_scores(y), equal, t, prior, plans)
+        sized = change_posterior(y, equal, t, prior, plans)
         return ChangePosterior(
             by_rank.places, by_rank.constant, by_rank.probability, sized.size, sized.size_std
         )
@@ -140,9 +149,12 @@ def _candidates(series: _Series) -> Iterator[Change]:
     from scipy.ndimage import median_filter
 
     n = len(series.y)
-    if series.s is None or n < LEAST_FLIGHTS:
+    if series.s is None or not series.is_searchable(np.arange(n)):
         return
-    off = np.abs(series.y - median_filter(series.y, size=HAMPEL_WIDTH, mode="mirror"))
+    y = series.y.copy()
+    for plan in np.unique(series.plans):
+        y[series.plans == plan] -= np.median(y[series.plans == plan])
+    off = np.abs(y - median_filter(y, size=HAMPEL_WIDTH, mode="mirror"))
     order = np.argsort(-off)[: int(MOST_DEVIATING * n)]
     proposed = order[off[order] > HAMPEL_SIGMAS * MAD_TO_STD * np.median(off)]
     others = np.setdiff1d(np.arange(n), proposed)
@@ -155,7 +167,7 @@ def _candidates(series: _Series) -> Iterator[Change]:
 
 def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
     """Yield the change of these flights; of a step, also the changes on both sides."""
-    if len(flights) < LEAST_FLIGHTS:
+    if not series.is_searchable(flights):
         return
     posterior = series.posterior(flights)
     if 1 - posterior.constant < REPORTED:
@@ -215,7 +227,8 @@ def _change(
     if kind == "step":
         first = first if before is None else before
         last = first - 1
-        share = posterior.probability[kind] / posterior.kind(kind)
+        share = posterior.probability[kind] + np.finfo(float).tiny  # 0 where all values are equal
+        share /= share.sum()
         dates = _dates(share, flights)
         value = float(share @ size)
         variance = float(share @ (std**2 + (size - value) ** 2))

@@ -4,7 +4,7 @@
 
     schema, recordings, rigs[], ordered_by_name[] (rigs without starts)
     quantities[]       quantity, fleet (an estimate, or null)
-      rigs[]           rig, flights, estimate, own[] (recording, value, std)
+      rigs[]           rig, flights, plan, estimate, own[] (recording, value, std)
     steps[]            rig, quantity, probability, kinds, size, interval, before, after
       dates[]          before, after, probability: the flights between which the step may be
     drifts[]           rig, quantity, probability, kinds, size, interval, first, last
@@ -14,7 +14,8 @@
 
 An estimate has ``value std interval scatter flights``: all in the quantity's unit, with 95 %
 intervals; ``scatter`` is that between flights, in ``fleet`` that between rigs. ``own`` holds each
-flight's estimate, shrunken towards the rig's mean. A flight is ``recording``, ``day`` (days since
+flight's estimate, shrunken towards the rig's mean; both are from flights of ``plan`` (null: none is
+stated). A flight is ``recording``, ``day`` (days since
 1970-01-01 UTC; null if the order is that of the names). ``kinds`` gives the probability of each
 kind of change, ``p_value`` the chance of such a difference if all rigs are alike.
 Undefined numbers are null.
@@ -68,8 +69,8 @@ def _quantity(q: FleetQuantity) -> dict[str, Any]:
         "quantity": q.name,
         "fleet": None if q.fleet is None else _estimate(q.fleet),
         "rigs": [
-            {"rig": r.track.rig, "flights": len(r.track.y), "estimate": _estimate(r.estimate),
-             "own": _own(r)}
+            {"rig": r.track.rig, "flights": len(r.track.y), "plan": r.plan or None,
+             "estimate": _estimate(r.estimate), "own": _own(r)}
             for r in q.rigs
         ],
     }  # fmt: skip

@@ -25,8 +25,10 @@ class RigQuantity:
 
     track: Track
     changes: tuple[Change, ...]
+    plan: str
+    """Plan of the flights ``present``; empty if the recordings state none"""
     present: np.ndarray
-    """Indices of the flights since the last step, without deviating ones"""
+    """Indices of the flights of one plan since the last step, without deviating ones"""
     estimate: Estimate
     """Estimate from the flights ``present``"""
     difference: Difference | None
@@ -52,6 +54,8 @@ class Fleet(Result):
     """The result of `heli3dof.fleet.analyse`: what the recordings of a fleet have in common."""
 
     recordings: int
+    plan: str
+    """Plan of most recordings; empty if most state none"""
     quantities: tuple[FleetQuantity, ...]
     bad: tuple[BadRecording, ...]
 

@@ -12,8 +12,9 @@ NEEDED = ("recording", "rig", "exit_code")
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows of a batch's folder; an empty cell is None.
+    """Return the rows of a batch's folder, without bootstrap replicates; an empty cell is None.
 
     Raises UsageError if the table is missing, RecordingError if it cannot be used.
     """
-    return results_table.read_rows(folder, needed=NEEDED)
+    rows = results_table.read_rows(folder, needed=NEEDED)
+    return [row for row in rows if not row.get("replicate")]

@@ -1,13 +1,14 @@
 """Tracks: one quantity of one rig over its flights, in order of time.
 
 A quantity is a column with a partner ``NAME_std``, or one of `WITHOUT_STD`. A recording is bad data
-if its command failed (``exit_code``), or if an integrity check did (``faults``). Bad data are in no
-track. A flight without a finite value, or without a standard deviation > 0, is not in the track of
-that quantity.
+if its command failed (``exit_code``), if an integrity check did (``faults``), or if another one has
+the same samples (``digest``). Bad data are in no track. A flight without a finite value, or without
+a standard deviation > 0, is not in the track of that quantity.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -20,6 +21,8 @@ from heli3dof.arrays import FloatArray
 
 STD = "_std"
 WITHOUT_STD = ("jitter_s", "lost_share", "late_share")
+DIGITS = 12
+"""Significant digits of a value; differences beyond them are rounding errors of float64"""
 DAY = 86400.0
 """s per day"""
 Row = Mapping[str, Any]
@@ -46,6 +49,8 @@ class Track:
     """(n,) values in the quantity's unit"""
     s: FloatArray | None
     """(n,) standard deviations; None: the scatter is estimated"""
+    plans: np.ndarray
+    """(n,) names of the plans; empty where there is none"""
     flights: tuple[str, ...]
     """Names of the recordings"""
     dated: bool
@@ -56,9 +61,32 @@ def bad_recordings(rows: Sequence[Row]) -> tuple[BadRecording, ...]:
     """Return the recordings that are bad data, each with the reason."""
     return tuple(
         BadRecording(str(row["recording"]), rig_of(row), reason)
-        for row in rows
-        if (reason := _reason(row))
+        for row, reason in zip(rows, _reasons(rows), strict=True)
+        if reason
     )
+
+
+def usable_rows(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows of recordings that are not bad data."""
+    return [row for row, reason in zip(rows, _reasons(rows), strict=True) if not reason]
+
+
+def main_plan(rows: Sequence[Row]) -> str:
+    """Return the plan of most of the usable rows; empty if most have none."""
+    plans = Counter(map(_plan, sorted(usable_rows(rows), key=_plan)))
+    return plans.most_common(1)[0][0] if plans else ""
+
+
+def _reasons(rows: Sequence[Row]) -> list[str]:
+    """Return for each row why it is bad data; empty for the others."""
+    reasons, first = [], dict[str, str]()
+    for row in rows:
+        reason, digest = _reason(row), row.get("digest")
+        if not reason and digest:
+            same = first.setdefault(str(digest), str(row["recording"]))
+            reason = "" if same == row["recording"] else f"the same samples as {same}"
+        reasons.append(reason)
+    return reasons
 
 
 def _reason(row: Row) -> str:
@@ -80,16 +108,15 @@ def quantities_of(rows: Sequence[Row]) -> tuple[str, ...]:
     """Return the quantities of the usable rows, in the order of their columns."""
     columns = dict.fromkeys(column for row in rows for column in row)
     named = [c for c in columns if c in WITHOUT_STD or c + STD in columns]
-    usable = [row for row in rows if not _reason(row)]
+    usable = usable_rows(rows)
     return tuple(q for q in named if any(_value(row, q) is not None for row in usable))
 
 
 def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ...]:
     """Return the tracks of all rigs, in order of the rigs' names; none is empty."""
     rigs: dict[str, list[Row]] = {}
-    for row in rows:
-        if not _reason(row):
-            rigs.setdefault(rig_of(row), []).append(row)
+    for row in usable_rows(rows):
+        rigs.setdefault(rig_of(row), []).append(row)
     return tuple(
         track
         for rig in sorted(rigs)
@@ -125,6 +152,10 @@ def _name(row: Row) -> str:
     return str(row.get("name") or row["recording"])
 
 
+def _plan(row: Row) -> str:
+    return str(row.get("plan") or "")
+
+
 def _track(
     rig: str, quantity: str, rows: Sequence[Row], starts: list[float] | None
 ) -> Track | None:
@@ -135,7 +166,8 @@ def _track(
     y, s = np.array([values[i] for i in kept], dtype=float).T
     return Track(
         rig, quantity, np.array([float(i) if starts is None else starts[i] for i in kept]),
-        y, None if quantity in WITHOUT_STD else s, tuple(_name(rows[i]) for i in kept),
+        y, None if quantity in WITHOUT_STD else s, np.array([_plan(rows[i]) for i in kept]),
+        tuple(_name(rows[i]) for i in kept),
         starts is not None,
     )  # fmt: skip
 
@@ -147,4 +179,4 @@ def _value(row: Row, quantity: str) -> tuple[float, float] | None:
     if not isinstance(value, float | int) or not isinstance(std, float | int):
         return None
     usable = isfinite(value) and isfinite(std) and (std > 0 or not with_std)
-    return (float(value), float(std)) if usable else None
+    return (float(f"{value:.{DIGITS}g}"), float(std)) if usable else None

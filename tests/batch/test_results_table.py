@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from heli3dof.batch.results_table import read_rows, typed, write_table
 from heli3dof.errors import RecordingError, UsageError
+from tests.paths import ROOT
 
 ROWS = [
     {"recording": "a.mcap", "rig": "7", "exit_code": 0, "T_g": 1.25, "torn": False},
@@ -66,3 +67,21 @@ def test_a_missing_or_damaged_table_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "results.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(RecordingError, match="cannot be used"):
         read_rows(tmp_path)
+
+
+def test_partitions_are_one_table_for_duckdb(tmp_path: Path) -> None:
+    """The query of docs/explanation/scale.md; the partitions have different columns."""
+    duckdb = pytest.importorskip("duckdb")
+    for lab, rows in {
+        "north": [{"recording": "a", "thrust_gain_ratio": 0.9}],
+        "south": [{"recording": "b", "lag": 0.1, "thrust_gain_ratio": 1.1}],
+    }.items():
+        folder = tmp_path / "results" / "term=2026-1" / f"lab={lab}"
+        folder.mkdir(parents=True)
+        write_table(rows, folder)
+    page = (ROOT / "docs" / "explanation" / "scale.md").read_text(encoding="utf-8")
+    query = page.partition("```sql\n")[2].partition("```")[0]
+    query = query.replace("'results/", f"'{tmp_path}/results/")
+    assert sorted(duckdb.sql(query).fetchall()) == [
+        ("north", "2026-1", 0.9), ("south", "2026-1", 1.1),
+    ]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Generator, Iterable
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ from heli3dof.batch.results_table import read_rows
 from heli3dof.batch.run_batch import Batch, run_batch, tasks_of
 from heli3dof.batch.sources import find
 from heli3dof.batch.task import Task
+from heli3dof.errors import NoSpace
+from heli3dof.recording.atomic_write import write_all
 from tests.batch.small import write_small
 
 
@@ -142,3 +145,62 @@ def test_no_path_of_a_worker_reaches_the_results(term: Path, tmp_path: Path) -> 
     for path in (tmp_path / "out").rglob("*.*"):
         if path.suffix in (".csv", ".json", ".jsonl"):
             assert "heli3dof-" not in path.read_text(encoding="utf-8"), path
+
+
+def fill_disk_after(monkeypatch: pytest.MonkeyPatch, left: int) -> None:
+    """Let every write fail after ``left`` bytes; the last one is written in part."""
+
+    def write(stream: Any, data: bytes) -> None:
+        nonlocal left
+        fits, left = data[: max(0, left)], left - len(data)
+        write_all(stream, fits)
+        if left < 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    for module in ("heli3dof.batch.output_folder", "heli3dof.recording.atomic_write"):
+        monkeypatch.setattr(f"{module}.write_all", write)
+
+
+@pytest.mark.parametrize("left", [0, 500, 4_000, 9_000, 14_000, 20_000, 26_000, 35_000])
+def test_a_full_disk_ends_a_batch_that_resume_completes(
+    left: int, term: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The disk is full within a document, a line of the journal or the table."""
+    batch(term, tmp_path / "whole", InProcess())
+    out = tmp_path / "out"
+    with monkeypatch.context() as full:
+        fill_disk_after(full, left)
+        with pytest.raises(NoSpace, match="no space left"):
+            batch(term, out, InProcess())
+    kept = {line["key"] for line in journal_lines(out)}
+    rest = InProcess()
+    batch(term, out, rest, resume=True)
+    assert len(rest.did) == len(tasks(term)) - len(kept)
+    for name in ("results.csv", "results.parquet"):
+        assert (out / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_thirty_percent_of_unreadable_files_leave_the_others_their_rows(tmp_path: Path) -> None:
+    folder, out = tmp_path / "term", tmp_path / "out"
+    folder.mkdir()
+    for n in range(10):
+        write_small(folder / f"flight-{n}.mcap", roll_deg=5.0 + n)
+    intact = {n: (folder / f"flight-{n}.mcap").read_bytes() for n in (2, 5, 8)}
+    (folder / "flight-2.mcap").write_bytes(b"")
+    (folder / "flight-5.mcap").write_bytes(bytes(5000))
+    (folder / "flight-8.mcap").unlink()
+    (folder / "flight-8.mcap").symlink_to(tmp_path / "a drive that is not mounted")
+    done = batch(folder, out, Processes(2))
+    assert (done.total, done.failed) == (10, 3)
+    codes = {r["name"]: r["exit_code"] for r in read_rows(out)}
+    assert [name for name, code in codes.items() if code] == ["flight-2", "flight-5", "flight-8"]
+    again = InProcess()
+    batch(folder, out, again, resume=True)
+    assert not {t.name for t in again.did} - {"flight-8"}  # it may be readable by now
+    (folder / "flight-8.mcap").unlink()
+    for n, content in intact.items():
+        (folder / f"flight-{n}.mcap").write_bytes(content)
+    repaired = InProcess()
+    batch(folder, out, repaired, resume=True)
+    assert [t.name for t in repaired.did] == ["flight-2", "flight-5", "flight-8"]
+    assert [r["exit_code"] for r in read_rows(out)] == [0] * 10

@@ -22,16 +22,19 @@ FOLDER = Path(__file__).parent
 ROOT = FOLDER.parent.parent
 
 SLOW = (
+    "batch",
     "peers",
     "fleet",
     "hidden",
     "loop",
     "misbehaviour",
     "ramp_down",
+    "real_fleet",
     "realtime",
     "rigs",
     "rules",
     "soak",
+    "unit_costs",
     "watches",
 )
 """Topics that take many minutes or need further tools; they run only when named"""

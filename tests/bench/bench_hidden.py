@@ -4,7 +4,8 @@ Environment variables:
 
 - HIDDEN_FIRST: first seed (default 0, for the final tables; use 1000 and above in development)
 - HIDDEN_SHARE: share of the cases of each class (default 1)
-- HIDDEN_JOBS: number of processes (default: all cores)
+- HIDDEN_JOBS: number of processes (default: one per core, or the workers of the Dask cluster that
+  DASK_SCHEDULER_ADDRESS names)
 
 Cases whose results are stored are not run again.
 """
@@ -19,6 +20,7 @@ from multiprocessing import get_context
 
 import numpy as np
 
+from heli3dof.batch.engines import SCHEDULER
 from tests.bench import Figure, Table
 from tests.hidden import outside
 from tests.hidden.cases import CLASSES, blind, draw, fly
@@ -40,7 +42,8 @@ TITLE = "Hidden effects"
 COMMAND = "make bench-hidden"
 FIRST = int(os.environ.get("HIDDEN_FIRST", "0"))
 SHARE = float(os.environ.get("HIDDEN_SHARE", "1"))
-JOBS = int(os.environ.get("HIDDEN_JOBS", "0")) or os.cpu_count() or 1
+JOBS = int(os.environ.get("HIDDEN_JOBS", "0")) or None
+AT_ONCE = JOBS or ("as many as workers" if SCHEDULER in os.environ else os.cpu_count())
 TIMED = ("rich-nothing", "rich-medium", "rich-pair")
 TIMED_SEEDS = (1001, 1002)
 CORES = 2
@@ -104,7 +107,7 @@ def comparison(asked: dict[str, list[Judged]]) -> Table:
     table.append(("parameter error of the named cause, median",
                   *("–" if np.isnan(e) else f"{100 * e:.1f} %" for e in error)))  # fmt: skip
     seconds = [times_s(cases) for cases in asked.values()]
-    table.append((f"s for one flight, {JOBS} at once: median",
+    table.append((f"s for one flight, {AT_ONCE} at once: median",
                   *(f"{middle:.1f}" for middle, _ in seconds)))  # fmt: skip
     table.append(("s for one flight: 95 % quantile", *(f"{slow:.1f}" for _, slow in seconds)))
     head = ("", *(TOOLS[name].title for name in asked))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from tests.bench import Figure, Table
-from tests.bench.bench_hidden import FIRST, JOBS, SHARE, reliability_figures
+from tests.bench.bench_hidden import AT_ONCE, FIRST, JOBS, SHARE, reliability_figures
 from tests.hidden import outside
 from tests.hidden.rig_cases import RIG_CLASSES, draw_on_other_rig
 from tests.hidden.run import run, wanted
@@ -37,7 +37,7 @@ def measure() -> list[Figure | Table]:
         *outside.figures(of(cases, "rigs-outside"), processes=JOBS),
         *reliability_figures(cases),
         Figure("flights that left the bounds (not diagnosed)", str(len(lines) - len(cases))),
-        Figure(f"s for one diagnosis, {JOBS} at once: median, 95 % quantile",
+        Figure(f"s for one diagnosis, {AT_ONCE} at once: median, 95 % quantile",
                f"{middle:.1f}, {slow:.1f}"),
         Table("Hidden and reported effect (with counts where several)",
               ("hidden", "flights", "right", "found"),

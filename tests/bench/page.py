@@ -82,6 +82,12 @@ ROWS: tuple[tuple[str, str, str], ...] = (
     ("safety", "zero volts later than stated",
      "faults at random moments: zero volts later than stated"),
     ("misbehaviour", "motors not at zero", "misbehaving devices: motors not at zero"),
+    ("batch", "`batch identify`: overhead per recording",
+     "`batch identify`: overhead per recording"),
+    ("batch", "two Dask workers against one: diagnoses per hour",
+     "two Dask workers against one: diagnoses per hour"),
+    ("batch", "one diagnosis on a cluster: CPU time that remains here",
+     "one diagnosis on a cluster: CPU time that remains here"),
     ("soak", "soak: growth of memory, upper limit of the 95 % interval",
      "30 min flight: growth of memory"),
 )  # fmt: skip

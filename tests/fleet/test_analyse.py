@@ -100,6 +100,44 @@ def test_one_rig_has_changes_and_no_siblings() -> None:
     assert found.differences() == []
 
 
+def with_plans(rows: list[dict[str, Any]], names: tuple[str, ...]) -> list[dict[str, Any]]:
+    """The rows with the plan of flight k from ``names``; `steps` gives 10 % more thrust gain."""
+    plans = [names[int(r["name"][-2:]) % len(names)] for r in rows]
+    gain = [
+        r["thrust_gain_ratio"] and r["thrust_gain_ratio"] * (1.1 if p == "steps" else 1.0)
+        for r, p in zip(rows, plans, strict=True)
+    ]
+    return [
+        {**r, "plan": p, "thrust_gain_ratio": g} for r, p, g in zip(rows, plans, gain, strict=True)
+    ]
+
+
+def names_of_changes(found: Fleet) -> set[tuple[str, str, str, int]]:
+    return {(t.rig, t.quantity, c.kind, c.first) for t, c in found.changes()}
+
+
+def test_flights_of_two_plans_are_not_compared_with_each_other() -> None:
+    """The same changes are found as with one plan, and the estimates are those of `rich`."""
+    found = analyse(with_plans(term_rows(), ("rich", "rich", "steps")))
+    assert names_of_changes(found) == names_of_changes(analyse(term_rows()))
+    (gain,) = [q for q in found.quantities if q.name == "thrust_gain_ratio"]
+    assert gain.fleet is not None
+    assert gain.fleet.value == pytest.approx(0.99, abs=0.02)
+    assert {r.plan for r in gain.rigs} == {"rich"}
+
+
+def test_a_rig_that_flies_another_plan_is_not_compared_with_its_siblings() -> None:
+    other = [
+        {**r, "plan": "steps", "thrust_gain_ratio": r["thrust_gain_ratio"] and 2.0}
+        if r["rig"] == "rig-01" else r
+        for r in term_rows()
+    ]  # fmt: skip
+    found = analyse(other)
+    (gain,) = [q for q in found.quantities if q.name == "thrust_gain_ratio"]
+    assert gain.rigs[0].plan == "steps"
+    assert "rig-01" not in {d.rig for _, d in found.differences()}
+
+
 def test_no_usable_recording_is_an_error() -> None:
     rows = [{**r, "exit_code": 5, "error": "torn"} for r in term_rows()]
     with pytest.raises(RecordingError, match="None of the 120") as raised:

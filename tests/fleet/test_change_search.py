@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.fleet.change_search import find_changes, normal_scores, track_prior
-from tests.fleet.calibration import SERIES, TERMS, false_alarms, steps_found
+from heli3dof.fleet.change_search import Change, find_changes, normal_scores, track_prior
+from tests.fleet.calibration import (
+    RIGS,
+    SERIES,
+    TERMS,
+    false_alarms,
+    false_alarms_in_rooms,
+    steps_found,
+)
 
 ONE_OF_TWENTY = track_prior(20)
 N = 50
@@ -22,6 +29,18 @@ def noise(seed: int, n: int = N) -> np.ndarray:
 def test_at_most_one_rig_term_in_100_without_a_change_has_a_report(flights, scatter) -> None:
     """A rig with ten quantities; 100 rig-terms, so at most one report."""
     assert false_alarms(flights, scatter, seed=flights) <= 0.01 * TERMS
+
+
+@pytest.mark.parametrize(("spread", "odd"), [(0.0, 1.0), (0.3, 1.0), (0.0, 4.0)])
+def test_the_siblings_scale_causes_no_false_alarms(spread, odd) -> None:
+    """8 flights; ``odd``: one rig of each room scatters four times as much as its siblings."""
+    assert false_alarms_in_rooms(8, spread, odd, seed=10) <= 0.01 * TERMS
+
+
+def test_steps_in_few_flights_are_found_if_siblings_state_the_scatter() -> None:
+    """6 standard deviations in 12 flights: alone it is a scatter of 3 as probably as a step."""
+    alone, known = (steps_found(6, 11, flights=12, siblings=n) for n in (0, RIGS - 1))
+    assert known >= 0.75 * SERIES > alone
 
 
 def test_heavy_tails_without_standard_deviations_are_no_change() -> None:
@@ -73,6 +92,26 @@ def test_a_step_is_found_under_two_deviating_flights() -> None:
     step, *deviating = find_changes(T, y, np.ones(N), ONE_OF_TWENTY)
     assert (step.kind, step.first) == ("step", 25)
     assert [c.first for c in deviating] == [10, 40]
+
+
+def two_steps_in_plans(plans: int, seed: int) -> tuple[Change, ...]:
+    """Changes found in 24 flights of so many plans, with steps of 8 and −8 at flights 10 and 17."""
+    rng, flight = np.random.default_rng(seed), np.arange(24)
+    plan = rng.integers(plans, size=24) if plans < 24 else flight
+    y = rng.normal(size=24) + 30 * plan + 8 * ((flight >= 10) & (flight < 17))
+    return find_changes(T[:24], y, np.ones(24), ONE_OF_TWENTY, plan)
+
+
+def test_two_steps_are_found_in_flights_of_two_plans() -> None:
+    found = [[c.first for c in two_steps_in_plans(2, seed)] for seed in range(10)]
+    assert found.count([10, 17]) >= 7
+
+
+def test_many_plans_in_few_flights_give_no_undefined_numbers() -> None:
+    """With 24 plans in 24 flights, nothing can be compared."""
+    changes = [c for seed in range(10) for c in two_steps_in_plans(6, seed)]
+    assert np.isfinite([(c.size, *c.interval) for c in changes]).all()
+    assert two_steps_in_plans(24, 0) == ()
 
 
 def test_a_drift_is_no_step() -> None:

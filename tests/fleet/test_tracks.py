@@ -10,7 +10,7 @@ import pytest
 
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.fleet.rows import read_rows
-from heli3dof.fleet.tracks import bad_recordings, quantities_of, tracks_of
+from heli3dof.fleet.tracks import bad_recordings, main_plan, quantities_of, tracks_of
 
 
 def row(name: str, **values: Any) -> dict[str, Any]:
@@ -62,6 +62,33 @@ def test_failed_recordings_are_bad_data_and_in_no_track() -> None:
     assert track.flights == ("x",)
 
 
+def test_a_recording_that_appears_twice_counts_once() -> None:
+    """The first usable one counts; recordings without a digest cannot be compared."""
+    rows = [
+        row("torn", digest="d1", exit_code=5.0, error="torn"), row("x", digest="d1"),
+        row("copy", digest="d1"), row("y", digest="d2"), row("v"), row("w"),
+    ]  # fmt: skip
+    (track,) = tracks_of(rows, ["g"])
+    assert track.flights == ("v", "w", "x", "y")
+    assert [(b.recording, b.reason) for b in bad_recordings(rows)] == [
+        ("torn.mcap", "exit code 5: torn"), ("copy.mcap", "the same samples as x.mcap"),
+    ]  # fmt: skip
+
+
+def test_bootstrap_replicates_are_no_recordings(tmp_path: Path) -> None:
+    text = "recording,rig,exit_code,replicate\nx.mcap,a,0,0\nx.mcap,a,0,1\ny.mcap,a,5,\n"
+    (tmp_path / "results.csv").write_text(text, encoding="utf-8")
+    assert [r["recording"] for r in read_rows(tmp_path)] == ["x.mcap", "y.mcap"]
+
+
+def test_each_flight_has_its_plan_and_the_main_plan_is_that_of_most() -> None:
+    rows = [row("a", plan="rich"), row("b", plan="steps"), row("c", plan="rich"), row("d")]
+    (track,) = tracks_of(rows, ["g"])
+    assert track.plans.tolist() == ["rich", "steps", "rich", ""]
+    assert main_plan(rows) == "rich"
+    assert main_plan([row("a"), row("b")]) == ""
+
+
 def test_values_without_a_usable_deviation_are_left_out() -> None:
     rows = [
         row("a"), row("b", g=np.nan), row("c", g=None), row("d", g_std=None), row("e", g_std=0.0),
@@ -69,6 +96,12 @@ def test_values_without_a_usable_deviation_are_left_out() -> None:
     ]  # fmt: skip
     (track,) = tracks_of(rows, quantities_of(rows))
     assert track.flights == ("a",)
+
+
+def test_rounding_errors_are_no_scatter() -> None:
+    rows = [row("a", g=-30.3668), row("b", g=-30.3668 * (1 + 2e-16)), row("c", g=-30.36680001)]
+    (track,) = tracks_of(rows, ["g"])
+    assert track.y.tolist() == [-30.3668, -30.3668, -30.36680001]
 
 
 def test_quantities_have_a_deviation_or_need_none() -> None:

@@ -81,7 +81,9 @@ def hidden(j: Judged) -> str:
     return next(n for n in (*truth["names"], *truth["unseen"]) if n in PRODUCTS)
 
 
-def figures(cases: Iterable[Judged], *, processes: int, folder: Path = FOLDER) -> list[Figure]:
+def figures(
+    cases: Iterable[Judged], *, processes: int | None, folder: Path = FOLDER
+) -> list[Figure]:
     """The rates of these flights; fits the true terms, which are kept like other results."""
     cases = [j for j in cases if "not_flown" not in j.line]
     right = sum(map(proposes_true_formula, cases))

@@ -1,9 +1,12 @@
-"""``python -m tests.hidden.run``: flies and diagnoses case after case; it can be interrupted.
+"""``python -m tests.hidden.run``: flies and diagnoses cases in parallel; it can be interrupted.
 
 One JSON line per case goes to bench-out/hidden/<key>.jsonl: the truth, the document, the time. The
 key is a hash of the judged code and of the code that hides effects, so results of different code
 never mix. Cases that are already in the file are skipped. `tests.hidden.tally` judges afterwards,
 so a new statistic needs no new flights.
+
+The engines of `heli3dof.batch` do the work: processes, or the Dask cluster that the environment
+variable DASK_SCHEDULER_ADDRESS names. Its workers must run in a checkout of the same code.
 """
 
 from __future__ import annotations
@@ -11,22 +14,22 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import os
 import resource
 import signal
 import sys
 import time
 import traceback
 from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict
+from contextlib import closing
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from heli3dof.batch.engines import Lost, engine
 from heli3dof.errors import UsageError
 from tests.hidden.cases import CLASSES, blind, draw
 from tests.hidden.rig_cases import RIG_CLASSES, draw_on_other_rig
-from tests.hidden.tools import FLIES, TOOLS
+from tests.hidden.tools import FLIES, TOOLS, Tool
 from tests.paths import ROOT
 
 FOLDER = ROOT / "bench-out" / "hidden"
@@ -37,8 +40,12 @@ Line = dict[str, Any]
 
 def key(tool: str) -> str:
     """Hash of all files that a result depends on."""
+    return _key(tool, TOOLS[tool].code)
+
+
+def _key(tool: str, code: Iterable[str]) -> str:
     h = hashlib.sha256(tool.encode())
-    paths = [ROOT / p for p in {*FLIES, *TOOLS[tool].code}]
+    paths = [ROOT / p for p in {*FLIES, *code}]
     files = {
         f for p in paths for f in (p.rglob("*") if p.is_dir() else [p])
         if f.suffix in (".py", ".toml", ".txt")
@@ -49,7 +56,36 @@ def key(tool: str) -> str:
     return f"{tool}-{h.hexdigest()[:16]}"
 
 
-def one(group: str, seed: int, tool: str) -> Line:
+@dataclass(frozen=True)
+class Job:
+    """One case for a tool. A worker has not registered the tool, so it gets it with the job."""
+
+    group: str
+    seed: int
+    tool: Tool
+    code: str = ""
+    """`key` that the worker's code must have; empty on this computer"""
+
+    @property
+    def case(self) -> str:
+        return f"{self.group}-{self.seed}"
+
+
+def in_worker(job: Job) -> Line:
+    """Do `one` job, with a limit on memory. Raises UsageError if the worker has other code."""
+    if job.code and job.code != (mine := _key(job.code.rpartition("-")[0], job.tool.code)):
+        raise UsageError(
+            f"A worker runs other code than {job.code}: {mine}.",
+            cause="its checkout differs from this one.",
+            fix="update it and restart the worker",
+        )
+    # A diagnosis that needs too much memory fails without ending the benchmark.
+    most = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, most))
+    return one(job.group, job.seed, job.tool)
+
+
+def one(group: str, seed: int, tool: Tool) -> Line:
     """Fly a case and run the tool; a failure is a line as well."""
     case = draw(group, seed) if group in CLASSES else draw_on_other_rig(group, seed)
     line: Line = {
@@ -66,7 +102,7 @@ def one(group: str, seed: int, tool: str) -> Line:
     recording = blind(flown)
     wall, cpu = time.perf_counter(), time.process_time()
     try:
-        line["document"] = TOOLS[tool].ask(recording)
+        line["document"] = tool.ask(recording)
     except Exception as error:  # a crash is a result of the benchmark
         line["error"] = f"{type(error).__name__}: {error}"
         line["traceback"] = traceback.format_exc()
@@ -99,9 +135,12 @@ def wanted(first: int, share: float, only: Iterable[str] = ()) -> list[tuple[str
 
 
 def run(
-    jobs: Iterable[tuple[str, int]], tool: str, *, processes: int, folder: Path = FOLDER
+    jobs: Iterable[tuple[str, int]], tool: str, *, processes: int | None, folder: Path = FOLDER
 ) -> Mapping[str, Line]:
-    """Run the cases that are not in the file; returns case → line of all jobs."""
+    """Run the cases that are not in the file; returns case → line of all jobs.
+
+    ``processes``: how many; None: one per core, or the cluster in the environment.
+    """
     jobs, path = list(jobs), folder / f"{key(tool)}.jsonl"
     path.parent.mkdir(parents=True, exist_ok=True)
     _end_last_line(path)
@@ -109,37 +148,25 @@ def run(
     todo = [(g, s) for g, s in jobs if f"{g}-{s}" not in done]
     print(f"{path.name}: {len(jobs) - len(todo)} of {len(jobs)} are done", file=sys.stderr)
     start = time.perf_counter()
-    # One BLAS thread per process: the processes already use all cores.
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
     before = signal.signal(signal.SIGTERM, _stop)
-    with (
-        path.open("a", encoding="utf-8") as out,
-        ProcessPoolExecutor(processes, initializer=_limit_memory) as pool,
-    ):
-        futures = [pool.submit(one, g, s, tool) for g, s in todo]
-        try:
-            for n, future in enumerate(as_completed(futures), 1):
-                line = future.result()
-                done[line["case"]] = line
-                out.write(json.dumps(line, ensure_ascii=False) + "\n")
-                out.flush()
-                left = (time.perf_counter() - start) / n * (len(todo) - n)
-                print(
-                    f"  {n}/{len(todo)}, {left / 60:.1f} min left: {as_text(line)}", file=sys.stderr
-                )
-        except BaseException:  # without this, the pool would first run all cases, unwritten
-            pool.shutdown(cancel_futures=True)
-            raise
-        finally:
-            signal.signal(signal.SIGTERM, before)
+    try:
+        with path.open("a", encoding="utf-8") as out, engine(workers=processes) as used:
+            code = path.stem if used.remote else ""
+            work = [Job(g, s, TOOLS[tool], code) for g, s in todo]
+            with closing(used.run(in_worker, work)) as results:
+                for n, (number, line) in enumerate(results, 1):
+                    if isinstance(line, Lost):
+                        raise RuntimeError(f"{work[number].case}: {line.why}")
+                    done[line["case"]] = line
+                    out.write(json.dumps(line, ensure_ascii=False) + "\n")
+                    out.flush()
+                    left = (time.perf_counter() - start) / n * (len(todo) - n)
+                    text = f"{n}/{len(todo)}, {left / 60:.1f} min left: {as_text(line)}"
+                    print(f"  {text}", file=sys.stderr)
+    finally:
+        signal.signal(signal.SIGTERM, before)
     names = [f"{g}-{s}" for g, s in jobs]
     return {name: done[name] for name in names}
-
-
-def _limit_memory() -> None:
-    """Make a diagnosis that needs too much memory fail without ending the benchmark."""
-    resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
 
 
 def _stop(signum: int, frame: object) -> None:
@@ -174,7 +201,7 @@ def arguments() -> argparse.Namespace:
         "--only", nargs="*", default=[], choices=[*CLASSES, *RIG_CLASSES], metavar="CLASS"
     )
     p.add_argument("--tool", default="whole", choices=list(TOOLS))
-    p.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    p.add_argument("--processes", type=int, help="default: one per core, or a Dask cluster")
     return p.parse_args()
 
 

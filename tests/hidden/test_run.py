@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from heli3dof.errors import UsageError
 from tests.hidden import run as module
 from tests.hidden.cases import CLASSES
-from tests.hidden.run import key, lines, one, run, wanted
+from tests.hidden.run import Job, in_worker, key, lines, one, run, wanted
 from tests.hidden.tools import TOOLS, Tool
 
 
@@ -47,9 +48,21 @@ def test_a_truncated_line_costs_only_its_own_case(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("tools")
 def test_a_tool_that_fails_gives_a_line_with_its_error() -> None:
-    line = one("run-step-nothing", 1000, "failure")
+    line = one("run-step-nothing", 1000, TOOLS["failure"])
     assert line["error"] == "ValueError: no convergence"
     assert "document" not in line
+
+
+def test_a_worker_with_other_code_is_refused() -> None:
+    with pytest.raises(UsageError, match=r"other code than whole-0000"):
+        in_worker(Job("run-step-nothing", 1000, TOOLS["whole"], "whole-0000"))
+
+
+@pytest.mark.usefixtures("tools")
+def test_a_worker_with_the_same_code_does_the_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module.resource, "setrlimit", lambda *limits: None)  # of this process
+    line = in_worker(Job("run-step-nothing", 1000, TOOLS["answer"], key("answer")))
+    assert line["document"] == answer(None)
 
 
 def test_another_tool_or_changed_code_uses_another_file(monkeypatch: pytest.MonkeyPatch) -> None:

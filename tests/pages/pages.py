@@ -14,6 +14,7 @@ from tests.pages import (
     plans_page,
     profile_page,
     protocol_page,
+    scale_page,
 )
 from tests.safety import table as safety_page
 
@@ -35,6 +36,7 @@ PAGES = [
             profile_page,
             protocol_page,
             safety_page,
+            scale_page,
         )
     ),
 ]

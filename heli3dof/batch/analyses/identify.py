@@ -1,5 +1,7 @@
 """``batch identify``: a model of each recording, and its parameters as columns.
 
+Unlike ``heli3dof identify``, it also runs the integrity checks: ``fleet`` leaves out bad data.
+
 Two columns combine parameters of the grey box:
 
 - ``thrust_gain_ratio``: K_f over its nominal value. The identification keeps K_f at the profile's

@@ -27,6 +27,8 @@ RESTART_S = 60
 """s that a scheduler has to come back after its connection broke. Chosen."""
 MEMORY = "memory"
 """Name of the workers' resource in bytes, as in ``dask worker ADDRESS --resources memory=8e9``"""
+WARNS_FROM = {"distributed.admin.large-graph-warning-threshold": "4 GiB"}
+"""Dask's setting: it would warn of each item above 10 MB, but an item is a recording"""
 RESERVED = 1e9
 """Bytes of `MEMORY` that each piece of work reserves, if a worker states how much it has. Chosen: a
 whole diagnosis of a minute of flight needs 0.3 GB, so there is room for longer flights."""
@@ -54,6 +56,7 @@ class DaskCluster:
         return _threads(self._workers())
 
     def run(self, work: Callable[[T], R], items: Iterable[T]) -> Generator[tuple[int, R | Lost]]:
+        import dask
         from distributed import KilledWorker, as_completed
         from distributed.client import FutureCancelledError
 
@@ -64,10 +67,12 @@ class DaskCluster:
         def send(each: Iterable[tuple[int, T]], workers: dict[str, Any]) -> None:
             states_memory = any(MEMORY in w["resources"] for w in workers.values())
             for n, item in each:
-                future = self._client.submit(
-                    _in_worker, work, item, code_version(), key=f"heli3dof-{uuid.uuid4().hex}",
-                    retries=0, pure=False, resources={MEMORY: RESERVED} if states_memory else None,
-                )  # fmt: skip
+                reserved = {MEMORY: RESERVED} if states_memory else None
+                with dask.config.set(WARNS_FROM):
+                    future = self._client.submit(
+                        _in_worker, work, item, code_version(), retries=0, pure=False,
+                        key=f"heli3dof-{uuid.uuid4().hex}", resources=reserved,
+                    )  # fmt: skip
                 running[future.key] = n, item
                 arrived.add(future)
 

@@ -37,7 +37,7 @@ from heli3dof.identification.greybox.maximum_likelihood import (
 )
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.parallel import parallel_map
+from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
 PILOTS = 8  # simulated flights per iteration, with the same random numbers in each
@@ -160,7 +160,7 @@ def correct(
         recorded = evaluate(problem, theta, noise)
         model = model_at(problem, theta, noise)
         update = noise_bias is None or noise_bias.is_outdated(theta, noise)
-        flights = parallel_map(
+        flights = replicate(
             lambda b, m=model, th=theta, a=noise, w=update: evaluate(  # type: ignore[misc]
                 replace(problem, data=simulate_again(m, recordings, problem.data, (seed, 7, b))),
                 th, a, whole=w,

@@ -39,7 +39,7 @@ from heli3dof.diagnosis.estimate.evaluation import evaluate
 from heli3dof.diagnosis.estimate.limit_cycle import edge_rates
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW
-from heli3dof.parallel import parallel_map
+from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
 FLIGHTS = 24  # simulated flights per round; a multiple of 8
@@ -141,7 +141,7 @@ def simulated_round(
         at = evaluate(replace(problem, data=data), theta, noise)
         return np.concatenate([at.g, at.slope, edge_rates(data)]), at.H
 
-    out = parallel_map(one, flights, what=f"flights, weighed, round {number}")
+    out = replicate(one, flights, what=f"flights, weighed, round {number}")
     m = np.array([m for m, _ in out])
     mean = m.mean(axis=0)
     effects = signs.T @ m / flights if designed else np.zeros((6, n + 6))

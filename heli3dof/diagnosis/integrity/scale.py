@@ -140,7 +140,9 @@ def _roll_divided(view: View, k: float) -> View:
     angle = r.angle.copy()
     rest = float(np.median(angle[view.read, ROLL][:5]))
     angle[:, ROLL] = rest + (angle[:, ROLL] - rest) / k
-    return View(replace(r, angle=angle))
+    divided = View(replace(r, angle=angle))
+    divided.ticks = view.ticks  # the same time stamps
+    return divided
 
 
 def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:

@@ -36,7 +36,7 @@ from heli3dof.diagnosis.estimate.setup import FALSE_ALARMS
 from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
 from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
 from heli3dof.model.effects import Term
-from heli3dof.parallel import parallel_map
+from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
 DRIFT = 0.25
@@ -107,7 +107,7 @@ def simulated_nulls(
         evaluation = evaluate(replace(problem, data=data), o.theta, o.noise, whole=False)
         return screen.score(evaluation, prior=False).z, evaluation.g
 
-    out = parallel_map(one, flights, what="flights")
+    out = replicate(one, flights, what="flights")
     z = np.array([z for z, _ in out])
     return nulls_from_scores(z, len(screen.plain)), np.array([g for _, g in out])
 

@@ -33,7 +33,7 @@ from heli3dof.diagnosis.screening.nulls import Nulls
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.parameter_price import price
 from heli3dof.diagnosis.selection.select import TIE, Choice, certainty
-from heli3dof.parallel import parallel_map
+from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
 LARGE_BIAS = 3.0
@@ -129,7 +129,7 @@ def likelihoods(
             for f in fits
         ])  # fmt: skip
 
-    flown = parallel_map(all_fits, len(fits) * FLIGHTS, what="flights of rivals")
+    flown = replicate(all_fits, len(fits) * FLIGHTS, what="flights of rivals")
     return all_fits(-1), np.array(flown).reshape(len(fits), FLIGHTS, len(fits))
 
 

@@ -18,7 +18,7 @@ from heli3dof.diagnosis.sensitivity.hat_functions import Hats
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail_at
 from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate
 from heli3dof.model.estimation.filter_data import Data
-from heli3dof.parallel import parallel_map
+from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
 
@@ -45,7 +45,7 @@ def simulated_scores(
         flight = trail_at(problem, o.theta, o.noise)
         return library.scores(flight), problem.tangents(o.theta, flight.at) @ flight.at.g
 
-    scores = parallel_map(one, flights, what="flights")
+    scores = replicate(one, flights, what="flights")
     return Scores(np.array([u for u, _ in scores]), np.array([g for _, g in scores]))
 
 

@@ -18,13 +18,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.model.effects import Term
 from heli3dof.model.physics import state_layout as _s
-from heli3dof.model.physics.compiled_effects import address
+from heli3dof.model.physics.compiled_effects import Hook, address
 from heli3dof.rig.profile import Profile, g
 
 INERTIA_PRIOR = 0.7
@@ -68,14 +69,22 @@ def first_parameters(free: Sequence[Free]) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class Hooks:
-    """Addresses of the H compiled functions of the effects, sorted by the stage of a time step."""
+    """The H functions of the effects, sorted by the stage of a time step, and their addresses."""
 
     first: np.ndarray
     """(7,) int64: functions first[stage] … first[stage + 1] − 1 belong to a stage."""
-    address: np.ndarray
-    """(H + 1,) int64, the functions' addresses; the last is 0."""
+    functions: tuple[Hook, ...]
     owner: tuple[int, ...]
     """The index of each function's term in `Structure.terms`."""
+
+    @cached_property
+    def address(self) -> np.ndarray:
+        """Return (H + 1,) int64, the addresses of the compiled functions; the last is 0."""
+        return np.array([*map(address, self.functions), 0], dtype=np.int64)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields for pickle: in another process, the addresses are others."""
+        return {k: v for k, v in self.__dict__.items() if k != "address"}
 
 
 @dataclass(frozen=True)
@@ -129,10 +138,9 @@ class Structure:
         ]
         calls.sort()
         count = [sum(1 for c in calls if c[0] is stage) for stage in _s.Stage]
-        where = [address(self.terms[i].effect.hooks[stage]) for stage, _, i in calls]
         return Hooks(
             np.concatenate([[0], np.cumsum(count)]).astype(np.int64),
-            np.array([*where, 0], dtype=np.int64),
+            tuple(self.terms[i].effect.hooks[stage] for stage, _, i in calls),
             tuple(i for _, _, i in calls),
         )
 

@@ -1,6 +1,7 @@
 """Draw one quantity of a fleet: each rig's flights over time, the fleet's mean, the changes.
 
-Points are flights with error bars of one standard deviation. The line is the rig's mean since its
+Points are flights with error bars of one standard deviation; hollow ones have another plan than the
+mean. The line is the rig's mean since its
 last step, the grey band the 95 % interval of the fleet's mean. A vertical band is between the two
 flights of a step; a cross marks a deviating flight.
 """
@@ -65,6 +66,8 @@ def quantity_figure(q: FleetQuantity) -> Figure:
         text = (
             "Flights ± one standard deviation; line: mean since the last step; grey: fleet's mean"
         )
+        if any((r.track.plans != r.plan).any() for r in q.rigs):
+            text += "; hollow: other plans"
         figure.text(0.015, 1 - 0.44 / height, plain(text), fontsize=8.5, color=SOFT, va="center")
     return figure
 
@@ -84,10 +87,13 @@ def _panel(axes: Any, q: FleetQuantity, r: RigQuantity, start: float) -> None:
         if change.kind == "step":
             axes.axvspan(t[change.last], t[change.first], color=ORANGE, linewidth=0, zorder=1)
     error = np.zeros_like(t) if track.s is None else track.s
-    axes.errorbar(
-        t, track.y, yerr=error, fmt="o", color=INK, markersize=2.6, elinewidth=0.8, zorder=3,
-        label=plain(track.rig),
-    )  # fmt: skip
+    same = track.plans == r.plan
+    for rows, face in ((same, INK), (~same, "white")):
+        if rows.any():
+            axes.errorbar(
+                t[rows], track.y[rows], yerr=error[rows], fmt="o", color=INK, markersize=2.6,
+                markerfacecolor=face, elinewidth=0.8, zorder=3, label=plain(track.rig),
+            )  # fmt: skip
     now = t[r.present]
     axes.plot(now[[0, -1]], 2 * [r.estimate.value], label="mean", **MEAN.kwargs())
     for change in r.changes:

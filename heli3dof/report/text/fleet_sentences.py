@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 from heli3dof.fleet.change_search import LEAST_FLIGHTS, REPORTED, Change
 from heli3dof.fleet.result import Fleet
 from heli3dof.fleet.siblings import Difference
-from heli3dof.fleet.tracks import Track
+from heli3dof.fleet.tracks import BadRecording, Track
+from heli3dof.recording.atomic_write import stem
 from heli3dof.report.text.number_format import significant
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -21,8 +24,10 @@ MOST_REASONS = 3
 def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
     """Return what changed, then which rigs differ from their siblings."""
     found = [change_sentence(track, c) for track, c in fleet.changes()]
-    if not found:
+    if not found and any(len(r.track.y) >= LEAST_FLIGHTS for r in fleet.tracks()):
         found = [f"No quantity of {_count(len(fleet.rigs), 'rig')} changed."]
+    elif not found:
+        found = [f"No rig has the {LEAST_FLIGHTS} flights that a search for changes needs."]
     different = [difference_sentence(quantity, d) for quantity, d in fleet.differences()]
     return (*found, *different)
 
@@ -63,7 +68,7 @@ def difference_sentence(quantity: str, d: Difference) -> str:
 def remark_sentences(fleet: Fleet) -> Iterator[str]:
     """Yield how many recordings are bad data, and what limits the search for changes."""
     if fleet.bad:
-        reasons = Counter(part for b in fleet.bad for part in b.reason.split(";"))
+        reasons = Counter(part for b in fleet.bad for part in _kinds_of_reason(b))
         named = [f"{reason} ({n})" for reason, n in reasons.most_common(MOST_REASONS)]
         more = len(reasons) - len(named)
         named += [f"{more} more"] if more else []
@@ -76,12 +81,35 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
             f"Flights of {', '.join(fleet.undated)} are in the order of their names, because "
             "starts (started_utc) are missing or equal."
         )
+    plans = sorted({p for r in fleet.tracks() for p in r.track.plans.tolist()})
+    if len(plans) > 1:
+        several = ", ".join(p or "none" for p in plans)
+        yield (
+            f"Flights of different plans ({several}) are not compared with each other. Estimates "
+            f"are of {fleet.plan or 'flights without a plan'}, the plan of most flights."
+        )
     longest: dict[str, int] = {}
     for r in fleet.tracks():
         longest[r.track.rig] = max(longest.get(r.track.rig, 0), len(r.track.y))
     few = sorted(rig for rig, n in longest.items() if n < LEAST_FLIGHTS)
     if few:
         yield f"Fewer than {LEAST_FLIGHTS} flights, so no search for changes: {', '.join(few)}."
+
+
+def _kinds_of_reason(bad: BadRecording) -> list[str]:
+    """Return the checks that failed; of a failed command, its error without the recording's name.
+
+    >>> _kinds_of_reason(BadRecording("term/a.mcap", "r", "exit code 5: a holds pitch only."))
+    ['exit code 5: it holds pitch only']
+    >>> _kinds_of_reason(BadRecording("term/a.mcap", "r", "clock.gaps;clock.jitter"))
+    ['clock.gaps', 'clock.jitter']
+    """
+    code, colon, error = bad.reason.partition(": ")
+    if not colon:
+        return bad.reason.split(";")
+    alone = rf"(?<![-\w]){re.escape(stem(Path(bad.recording)))}(?![-\w])"
+    general = re.sub(alone, "it", error).rstrip(".")
+    return [f"{code}: {general}"]
 
 
 def moment(track: Track, flight: int) -> str:

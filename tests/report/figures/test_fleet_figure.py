@@ -33,3 +33,11 @@ def test_drifts_and_deviating_flights_are_marked(fleet, change, name) -> None:  
     panels = live_data(fleet_figure(fleet, change[1]))["panels"]
     marked = [p["title"] for p in panels if name in [c["name"] for c in p["curves"]]]
     assert marked == [change[0]]
+
+
+def test_flights_of_another_plan_are_hollow() -> None:
+    rows = [{**r, "plan": "steps" if r["name"].endswith("-05") else "rich"} for r in term_rows()]
+    figure = fleet_figure(analyse(rows), STEP[1])
+    points = [c.lines[0] for c in figure.axes[0].containers]
+    assert [len(p.get_xdata()) for p in points] == [23, 1]
+    assert points[1].get_markerfacecolor() == "white"

@@ -1,0 +1,53 @@
+"""Give the Monte Carlo replications of one diagnosis to an engine.
+
+Each of n workers gets one part: the replications k, k + n, k + 2n, … The function contains the
+recordings (about 0.3 MB per second of flight), so it is sent once per part, not per replication.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+from heli3dof.batch.engines import Engine, Lost, engine
+from heli3dof.parallel import Distributor, distribute
+from heli3dof.results import optional
+
+
+@contextmanager
+def replications_on_cluster(address: str | None) -> Iterator[None]:
+    """Context manager: a diagnosis inside it computes its replications on a Dask cluster.
+
+    None: on this computer. Raises DeviceError or UsageError for a cluster out of reach.
+    """
+    if address is None:
+        yield
+        return
+    with engine(address) as used, distribute(replications_on(used)):
+        yield
+
+
+def replications_on(used: Engine) -> Distributor:
+    """Return a distributor for `heli3dof.parallel.distribute`.
+
+    This process computes the replications of a part that several workers did not survive.
+    """
+
+    def distributor(work: Callable[[int], Any], count: int) -> Iterator[tuple[int, Any]]:
+        cloudpickle: Any = optional("cloudpickle", extra="cluster")
+        n = min(count, used.workers)
+        parts = [range(k, count, n) for k in range(n)]
+        for k, results in used.run(partial(_part, cloudpickle.dumps(work)), parts):
+            if isinstance(results, Lost):
+                results = [work(i) for i in parts[k]]
+            yield from zip(parts[k], results, strict=True)
+
+    return distributor
+
+
+def _part(pickled_work: bytes, part: range) -> list[Any]:
+    work = pickle.loads(pickled_work)
+    return [work(i) for i in part]

@@ -1,0 +1,73 @@
+"""Scatter of a quantity from flight to flight, as the sibling rigs show it.
+
+Few flights of one rig say little of its standard deviation φ, and rigs of one kind scatter alike.
+Each sibling r has an estimate of φ² from the differences of successive flights of one plan, in
+which a step counts once only (von Neumann, Ann. Math. Stat. 12, 1941)::
+
+    q_r = mean of (yᵢ₊₁ − yᵢ)²/2 over n_r differences,   f_r = 2n_r²/(3n_r − 1) degrees of freedom
+
+If φ² of the rigs is distributed as d·φ₀²/χ²_d, ln q_r has mean and variance::
+
+    E = ln φ₀² + ψ(f_r/2) − ln(f_r/2) − ψ(d/2) + ln(d/2),   V = ψ'(f_r/2) + ψ'(d/2)
+
+φ₀² and d follow from median and median absolute deviation over the siblings, so rigs that changed
+have little influence (Smyth, Stat. Appl. Genet. Mol. Biol. 3, 2004, with means). d is at most the
+sum of f_r, because φ₀² is not better known. It is at least 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from heli3dof.fleet.change_posterior import Scale
+from heli3dof.fleet.tracks import Track
+
+LEAST_SIBLINGS = 5
+"""Siblings whose scatter has a scatter that can be estimated. Chosen."""
+LEAST_DIFFERENCES = 4
+"""Differences of a sibling that count; fewer give f_r < 3. Chosen."""
+MAD_TO_STD = 1.4826
+"""Standard deviation over median absolute deviation of a normal distribution: 1/Φ⁻¹(¾)"""
+
+
+def sibling_scale(siblings: Sequence[Track]) -> Scale | None:
+    """Return what the ``siblings`` say of φ² of one more rig; None if they are too few."""
+    from scipy.special import digamma, polygamma
+
+    found = [d for d in map(_differences, siblings) if len(d) >= LEAST_DIFFERENCES and d.any()]
+    if len(found) < LEAST_SIBLINGS:
+        return None
+    n = np.array([len(d) for d in found], dtype=float)
+    f = 2 * n**2 / (3 * n - 1)
+    q = np.array([np.mean(d**2) / 2 for d in found])
+    centred = np.log(q) - digamma(f / 2) + np.log(f / 2)
+    deviation = MAD_TO_STD * float(np.median(np.abs(centred - np.median(centred))))
+    between = deviation**2 - float(np.median(polygamma(1, f / 2)))
+    most = float(f.sum())
+    d = min(most, max(1.0, _inverse_trigamma(between))) if between > 0 else most
+    shift = float(np.log(d / 2) - digamma(d / 2))
+    return Scale(float(np.exp(np.median(centred) - shift)), d)
+
+
+def _differences(track: Track) -> np.ndarray:
+    """Return y of each flight minus that of the flight before, if it has the same plan."""
+    return np.asarray(np.diff(track.y)[track.plans[1:] == track.plans[:-1]])
+
+
+def _inverse_trigamma(value: float) -> float:
+    """Return d with ψ'(d/2) = ``value`` > 0.
+
+    >>> round(_inverse_trigamma(1.6449341), 4)
+    2.0
+    """
+    from scipy.optimize import brentq
+    from scipy.special import polygamma
+
+    low, high = 1e-3, 1e9
+    if value <= polygamma(1, high / 2):
+        return high
+    if value >= polygamma(1, low / 2):
+        return low
+    return float(brentq(lambda d: polygamma(1, d / 2) - value, low, high))
