@@ -23,7 +23,7 @@ def register(app: typer.Typer) -> None:
     app.add_typer(
         family,
         name="effect",
-        help="Write, list and check effects.",
+        help="Write, list and check effects: heli3dof effect list.",
         rich_help_panel="Model",
     )
 
