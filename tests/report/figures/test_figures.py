@@ -48,7 +48,8 @@ def test_figures_7_to_9_show_reference_experiment_and_every_model(compared) -> N
     for number, (axis, figure) in zip((7, 8, 9), figures.items(), strict=True):
         assert set(lines_of(figure)) == {"reference", "experiment", "hover", "identification"}
         title = figure.texts[0].get_text()
-        assert title.startswith(f"Figure {number}   {axis.capitalize()} in closed loop")
+        assert title.startswith(f"{axis.capitalize()} in closed loop")
+        assert title.endswith(f"(the paper's Figure {number})")
 
 
 def test_the_subtitle_gives_the_peaks(compared) -> None:  # type: ignore[no-untyped-def]
