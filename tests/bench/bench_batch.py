@@ -82,8 +82,8 @@ def fly(seed: int) -> None:
     if path_of(seed).exists():
         return
     rng = np.random.default_rng([20_261_125, seed])
-    friction, lag = rng.uniform(0.01, 0.04), rng.uniform(0.02, 0.08)
-    hidden = f"friction.coulomb.yaw:{friction:.4f},motor.lag:{lag:.4f}"
+    friction, lag = rng.uniform(0.05, 0.2), rng.uniform(0.02, 0.08)
+    hidden = f"friction.viscous.yaw:{friction:.4f},motor.lag:{lag:.4f}"
     device = f"mock:?speed=max&seed={seed}&spread=0.05&hide={hidden}"
     fly_plan(load_plan("rich"), device=device, output=path_of(seed)).raise_if_cut_short()
 
