@@ -159,7 +159,7 @@ EXAMPLES = {
     "batch": Example(
         "`batch` runs a verb on many recordings and writes a table with a row for each.",
         ("heli3dof batch identify term -o results --where 'plan=\"rich\"' --workers 1",),
-        before=(RICH, STEPS, "mkdir term; cp cable.mcap steps.mcap term"),
+        before=(RICH, STEPS, "mkdir -p term; cp cable.mcap steps.mcap term"),
     ),
     "devices": Example(
         "`devices` lists the rigs that heli3dof finds, the installed drivers, and the rigs in use.",
