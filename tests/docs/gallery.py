@@ -128,8 +128,8 @@ EXAMPLES = {
     ),
     "fleet": Example(
         "`fleet` states what changed on which rig of a laboratory, and which rigs differ.",
-        ("heli3dof fleet term",),
-        before=("python -m tests.fleet.making term",),
+        ("heli3dof fleet lab",),
+        before=("python -m tests.fleet.making lab",),
     ),
     "export": Example(
         "`export` writes a recording as a table, or for a viewer.",
@@ -159,7 +159,7 @@ EXAMPLES = {
     "batch": Example(
         "`batch` runs a verb on many recordings and writes a table with a row for each.",
         ("heli3dof batch identify term -o results --where 'plan=\"rich\"' --workers 1",),
-        before=(RICH, STEPS, "mkdir -p term; cp cable.mcap steps.mcap term"),
+        before=(RICH, STEPS, "mkdir term; cp cable.mcap steps.mcap term"),
     ),
     "devices": Example(
         "`devices` lists the rigs that heli3dof finds, the installed drivers, and the rigs in use.",
