@@ -110,8 +110,9 @@ def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
             table.add_row(*_row(each | {"source": "channel"}))
     yield table
     period, start = found["period_s"], found["start_s"]
-    clock = minus(f"from {start or 0:g} s, every {period or 0:g} s (median)")
-    clock = "no time" if period is None else clock
+    clock = "no time"
+    if period is not None:
+        clock = minus(f"from {start:g} s, every {period:g} s (median)")
     n = found["samples"]
     yield f"{found['source']}: {n} sample{'s' * (n != 1)}, {clock}"
     for text in found["ignored"]:

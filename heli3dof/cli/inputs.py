@@ -107,14 +107,10 @@ def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
     from heli3dof.paper.models import BUILT_IN
 
     def is_model(word: str) -> bool:
-        is_name = not Path(word).suffix and not Path(word).exists()
-        return (
-            word in BUILT_IN
-            or word.endswith(".json")
-            or (
-                is_name and nearest(word, BUILT_IN) is not None  # with a typing error
-            )
-        )
+        if word in BUILT_IN or word.endswith(".json"):
+            return True
+        is_file = bool(Path(word).suffix) or Path(word).exists()
+        return not is_file and nearest(word, BUILT_IN) is not None  # with a typing error
 
     models = [w for w in words if is_model(w)]
     recordings = [Path(w) for w in words if w not in models]

@@ -101,12 +101,29 @@ def _of_model(data: dict[str, Any]) -> list[Formula]:
 
 def package_files(formula: Formula, source: str) -> dict[str, str]:
     """Return {file name: text} of the package; ``source`` names the diagnosis in the docstring."""
-    module = "heli3dof_" + formula.name.replace(".", "_")
+    module = module_name(formula.name)
     return {
-        "pyproject.toml": _PYPROJECT.format(module=module, name=module.replace("_", "-")),
+        "pyproject.toml": pyproject(module),
         f"{module}.py": _module(formula, source),
         f"test_{module}.py": _test(formula, module),
     }
+
+
+def module_name(effect: str) -> str:
+    """Return the name of the Python module of an effect's package."""
+    return "heli3dof_" + effect.replace(".", "_")
+
+
+def pyproject(module: str, *, is_emulated: bool = False) -> str:
+    """Return the pyproject.toml of a package with the effect ``module``.EFFECT.
+
+    ``is_emulated``: the package also has the module ``module``_emulated for the emulated rig.
+    """
+    emulated = _EMULATED_GROUP.format(module=module) if is_emulated else ""
+    modules = f'"{module}", "{module}_emulated"' if is_emulated else f'"{module}"'
+    return _PYPROJECT.format(
+        module=module, name=module.replace("_", "-"), emulated=emulated, modules=modules
+    )
 
 
 def _module(f: Formula, source: str) -> str:
@@ -165,9 +182,14 @@ dependencies = ["heli3dof"]
 
 [project.entry-points."heli3dof.effects"]
 {module} = "{module}:EFFECT"
-
+{emulated}
 [tool.setuptools]
-py-modules = ["{module}"]
+py-modules = [{modules}]
+"""
+
+_EMULATED_GROUP = """
+[project.entry-points."heli3dof.emulated_effects"]
+{module} = "{module}_emulated:EFFECTS"
 """
 
 _MODULE = '''\

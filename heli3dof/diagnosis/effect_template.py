@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 
+from heli3dof.diagnosis.effect_package import module_name, pyproject
 from heli3dof.errors import UsageError
 from heli3dof.model.effects import effects
 
@@ -31,35 +32,15 @@ def template_files(name: str) -> dict[str, str]:
             cause="heli3dof or an installed package has it.",
             fix="another name; heli3dof effect list shows those that are taken",
         )
-    module = "heli3dof_" + name.replace(".", "_")
-    words = {"name": name, "module": module, "package": module.replace("_", "-")}
+    module = module_name(name)
+    words = {"name": name, "module": module}
     return {
-        "pyproject.toml": _PYPROJECT.format(**words),
+        "pyproject.toml": pyproject(module, is_emulated=True),
         f"{module}.py": _MODULE.format(**words),
         f"{module}_emulated.py": _EMULATED.format(**words),
         f"test_{module}.py": _TEST.format(**words),
     }
 
-
-_PYPROJECT = """\
-[build-system]
-requires = ["setuptools>=64"]
-build-backend = "setuptools.build_meta"
-
-[project]
-name = "{package}"
-version = "0.1.0"
-dependencies = ["heli3dof"]
-
-[project.entry-points."heli3dof.effects"]
-{module} = "{module}:EFFECT"
-
-[project.entry-points."heli3dof.emulated_effects"]
-{module} = "{module}_emulated:EFFECTS"
-
-[tool.setuptools]
-py-modules = ["{module}", "{module}_emulated"]
-"""
 
 _MODULE = '''\
 """{name}: τ = −c q̇³ in N·m, with the rate q̇ (rad/s) of the axis. Replace it by your equation."""
