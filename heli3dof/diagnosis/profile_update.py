@@ -8,7 +8,7 @@
     encoder.sign           −encoder.<axis>                      (from the integrity checks)
 
 T_g (N·m) and the inertias (kg·m²) of a model file are in units of its profile's K_f (N/V).
-`estimate.thrust_scale` converts them to SI and gives K_f, as ``diagnose --json`` does. V_o does not
+`greybox.thrust_scale` converts them to SI and gives K_f, as ``diagnose --json`` does. V_o does not
 depend on that scale. Causes without a key (friction, lag, …) stay in the model file and are listed.
 """
 
@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.thrust_scale import TORQUE_UNITS, of_ratios
 from heli3dof.errors import RecordingError, UsageError, no_file
+from heli3dof.identification.greybox.thrust_scale import TORQUE_UNITS, of_ratios
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.profile_file import Change
 

@@ -18,9 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from heli3dof.axes import AXES
 from heli3dof.batch.analyses.base import Analysis, Document, Job, Row, bad_data, with_std
 from heli3dof.diagnosis.integrity import integrity
 
+INERTIAS = tuple(f"J_{axis}" for axis in AXES)
 FITS = ("one_step", "0.5_s", "1_s")
 """Horizons of predictions whose fit is a column"""
 
@@ -71,8 +73,6 @@ def _thrust(
     parameters: Mapping[str, Mapping[str, Any]], correlation: Sequence[Any] | None, V_o: float
 ) -> Row:
     """Return thrust gain ratio and hover voltage with standard deviations; empty without a fit."""
-    from heli3dof.identification.greybox.thrust_gain import INERTIAS, generalised_mean
-
     if not correlation or any(n not in parameters for n in (*INERTIAS, "T_g")):
         return {}
     names = list(parameters)
@@ -92,6 +92,21 @@ def _thrust(
         "hover_voltage_V": V_o * ratio,
         "hover_voltage_V_std": V_o * T_g["std"] / T_g["nominal"],
     }
+
+
+def generalised_mean(x: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
+    """Return the generalised least-squares mean (1ᵀΣ⁻¹x)/(1ᵀΣ⁻¹1) and its standard deviation.
+
+    ``x``: (n,); ``covariance``: Σ (n, n). NaN if Σ is not positive definite.
+    """
+    try:
+        weight = np.linalg.solve(covariance, np.ones(len(x)))
+    except np.linalg.LinAlgError:
+        return math.nan, math.nan
+    total = float(weight.sum())
+    if not total > 0:
+        return math.nan, math.nan
+    return float(weight @ x) / total, total**-0.5
 
 
 ANALYSIS = Analysis("identify", run, columns)

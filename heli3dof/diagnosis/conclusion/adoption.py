@@ -32,7 +32,6 @@ from typing import Any
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.estimate.base_parameters import in_SI
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, model_at
-from heli3dof.diagnosis.estimate.thrust_scale import thrust_scale
 from heli3dof.diagnosis.result import (
     COLOURED,
     DOES_NOT_PAY,
@@ -47,6 +46,7 @@ from heli3dof.diagnosis.validation.cross_validation import held_out, uncalibrate
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.identification.greybox.method import model_of
+from heli3dof.identification.greybox.thrust_scale import thrust_scale
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.parallel import parallel_map

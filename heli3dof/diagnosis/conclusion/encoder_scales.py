@@ -103,7 +103,7 @@ def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
     """Return the findings; with K_f among them, each is confounded with it.
 
     Without simulated nulls nothing but the profile separates K_f from inertias that are all off by
-    the inverse factor (`estimate.thrust_scale`).
+    the inverse factor (`greybox.thrust_scale`).
     """
     if not any(o.term.name == SCALE for o in off):
         return tuple(off)

@@ -13,7 +13,7 @@ or more, up to those for the opposite edge. Effect i is confounded with paramete
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
 2. the measured Z_i lies within this range of Z, widened by `MAX_DEVIATION`.
 
-A wrong K_f scales all four parameters alike (`estimate.thrust_scale`). For it, α runs over the
+A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For it, α runs over the
 sizes for which x_j(α) = θ_j − α b_ji gives a K_f within the tolerance.
 
 An inertia is also confounded with effects whose full fit has this inertia within the tolerance, and
@@ -27,11 +27,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.base_parameters import OffNominal, edge
+from heli3dof.diagnosis.estimate.base_parameters import OffNominal
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
-from heli3dof.diagnosis.estimate.thrust_scale import of_ratios, thrust_scale
 from heli3dof.diagnosis.selection.select import LARGE, one_sided
 from heli3dof.diagnosis.selection.steps import Step
+from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust_scale
 
 MAX_DEVIATION = 3.0
 """Standard deviations of Z. Chosen; not derived."""

@@ -16,7 +16,6 @@ from heli3dof.diagnosis.estimate.base_parameters import in_SI
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.estimate.setup import Setup
-from heli3dof.diagnosis.estimate.thrust_scale import ThrustScale, thrust_scale
 from heli3dof.diagnosis.result import TorqueTerm
 from heli3dof.diagnosis.screening.grid_trials import widened
 from heli3dof.diagnosis.selection.steps import bias_corrected
@@ -24,6 +23,7 @@ from heli3dof.diagnosis.unmodelled.torque_formula import Proposal, proposals
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
+from heli3dof.identification.greybox.thrust_scale import ThrustScale, thrust_scale
 from heli3dof.model.effects import term
 from heli3dof.recording.recording import Recording
 

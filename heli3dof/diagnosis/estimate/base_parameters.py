@@ -1,6 +1,6 @@
 """Convert the base parameters to SI, and test which ones are off by more than the tolerance.
 
-A fit gives torques and inertias in units of K_f, and `estimate.thrust_scale` estimates K_f. The
+A fit gives torques and inertias in units of K_f, and `greybox.thrust_scale` estimates K_f. The
 parameters X and their findings are
 
     K_f             motor.thrust_gain       gain = K_f/K_f,nominal
@@ -27,11 +27,15 @@ import numpy as np
 
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import FALSE_ALARMS
-from heli3dof.diagnosis.estimate.thrust_scale import ThrustScale, thrust_scale
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
+from heli3dof.identification.greybox.thrust_scale import (
+    SCALE_QUANTILE,
+    ThrustScale,
+    edge,
+    thrust_scale,
+)
 from heli3dof.model.effects import Term, term
 
-SCALE_QUANTILE = 2.0  # standard deviations, chosen
 FAMILY = 5  # tested parameters: K_f, T_g and three inertias
 STD_INFLATION = 3.0  # f of fits without edge rates, chosen
 
@@ -63,15 +67,6 @@ class BaseParameter:
     def is_significant(self, beyond: float, quantile: float, std: float) -> bool:
         """Return whether ``beyond`` = |x| − |e| is significant; ``std`` is f σ."""
         return beyond > float(np.hypot(SCALE_QUANTILE * self.scale, quantile * std))
-
-
-def edge(x: float, tolerance: float) -> float:
-    """Return e: ln(1 + ε) for x > 0, else ln(1 − ε).
-
-    >>> round(edge(0.3, 0.15), 4), round(edge(-0.3, 0.15), 4)
-    (0.1398, -0.1625)
-    """
-    return float(np.log1p(tolerance) if x > 0 else np.log1p(-tolerance))
 
 
 def quantile() -> float:

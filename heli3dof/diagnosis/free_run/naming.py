@@ -22,7 +22,6 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from heli3dof.diagnosis.estimate.thrust_scale import thrust_scale
 from heli3dof.diagnosis.free_run.elimination import (
     Elimination,
     TermResult,
@@ -34,6 +33,7 @@ from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
 from heli3dof.diagnosis.free_run.refits import refit
 from heli3dof.diagnosis.outlook import Open
 from heli3dof.identification.greybox.multistep import MultiStepFit
+from heli3dof.identification.greybox.thrust_scale import thrust_scale
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.physics.parametrisation import first_parameters
 

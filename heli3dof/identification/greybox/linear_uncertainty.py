@@ -19,7 +19,7 @@ from heli3dof.identification.fit_result import (
     rightmost_first,
 )
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
-from heli3dof.identification.greybox.thrust_gain import thrust_gain_warnings
+from heli3dof.identification.greybox.thrust_scale import thrust_gain_warning
 from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.transfer_function import TransferFunctions
 from heli3dof.model.discretisation import Continuous, numerators
@@ -130,7 +130,7 @@ def fit_result(
         poles=poles,
         transfer=transfer,
         parameters=parameters,
-        warnings=(*thrust_gain_warnings(found), *warnings),
+        warnings=(*thrust_gain_warning(found), *warnings),
         notes=notes,
         response=response,
         test_interval_s=TEST_INTERVAL_S,

@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from heli3dof.diagnosis.estimate.thrust_scale import ThrustScale, of_ratios
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.method import fit_greybox
+from heli3dof.identification.greybox.thrust_scale import (
+    ThrustScale,
+    of_ratios,
+    thrust_gain_warning,
+)
 
 SMALL_STD = np.full(4, 0.003)
 
@@ -47,3 +54,26 @@ def test_a_torque_scales_with_it_and_a_time_does_not() -> None:
     value, std = scale.applied(2.0, 0.0, "N·m·s/rad")
     assert (value, std) == pytest.approx((2.2, 0.066))
     assert scale.applied(0.1, 0.01, "s") == (0.1, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("scale", "off"),
+    [
+        (ThrustScale(1.15 * 1.03, 0.01), True),  # ln 1.03 = 0.030 > 2·0.01
+        (ThrustScale(1.15 * 1.01, 0.01), False),
+        (ThrustScale(0.85 / 1.03, 0.01), True),
+        (ThrustScale(1.05, 0.001), False),  # within the tolerance
+    ],
+)
+def test_a_thrust_gain_is_off_beyond_the_tolerance_by_two_standard_deviations(
+    scale: ThrustScale, off: bool
+) -> None:
+    assert scale.is_off(0.15) is off
+
+
+@pytest.mark.parametrize(("gain", "stated"), [("0.7", True), ("1.05", False)])
+def test_identify_states_another_thrust_gain(gain: str, stated: bool) -> None:
+    device = f"mock:?speed=max&seed=5&hide=motor.thrust_gain:{gain}"
+    flight = fly_plan(load_plan("multisine"), device=device, seed=5).recording
+    warning = thrust_gain_warning(fit_greybox(flight))
+    assert [w.startswith("Trim torque and inertias deviate") for w in warning] == [True] * stated

@@ -10,6 +10,10 @@ Student's t with ν = `DEGREES_OF_FREEDOM`:
 
 If all four ratios x_i/X_i,nominal deviate by one factor, k is its inverse. If only one deviates, k
 stays near 1. The mean of ln k converts torques and inertias to SI.
+
+With ε the profile's ``tolerance``, and e = ln(1 + ε) for ln k > 0, else ln(1 − ε), K_f is off if
+
+    |ln k| − |e| > `SCALE_QUANTILE` σ_k        σ_k: standard deviation of ln k
 """
 
 from __future__ import annotations
@@ -24,6 +28,7 @@ DEGREES_OF_FREEDOM = 3.0  # ν, chosen
 LOG_K_MAX = 1.5  # of the grid on which p is evaluated: a factor of 4.5, chosen
 TORQUE_UNITS = ("N·m", "kg")
 """A parameter scales with K_f if its unit contains one of these."""
+SCALE_QUANTILE = 2.0  # standard deviations, chosen
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,20 @@ class ThrustScale:
         if not any(u in unit for u in TORQUE_UNITS):
             return value, std
         return value * self.k, self.k * float(np.hypot(std, value * self.std))
+
+    def is_off(self, tolerance: float) -> bool:
+        """Return whether K_f deviates significantly from nominal, by more than the tolerance."""
+        ln_k = float(np.log(self.k))
+        return abs(ln_k) - abs(edge(ln_k, tolerance)) > SCALE_QUANTILE * self.std
+
+
+def edge(x: float, tolerance: float) -> float:
+    """Return e: ln(1 + ε) for x > 0, else ln(1 − ε).
+
+    >>> round(edge(0.3, 0.15), 4), round(edge(-0.3, 0.15), 4)
+    (0.1398, -0.1625)
+    """
+    return float(np.log1p(tolerance) if x > 0 else np.log1p(-tolerance))
 
 
 def thrust_scale(fit: PhysicalFit) -> ThrustScale:
@@ -67,6 +86,21 @@ def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
     p /= p.sum()
     mean = float(p @ u)
     return ThrustScale(float(np.exp(mean)), float(np.sqrt(p @ (u - mean) ** 2)))
+
+
+def thrust_gain_warning(fit: PhysicalFit) -> tuple[str, ...]:
+    """Return a sentence if K_f is off, otherwise none."""
+    profile, scale = fit.structure.profile, thrust_scale(fit)
+    if not scale.is_off(profile.tolerance):
+        return ()
+    K_f = profile.motor.K_f
+    return (
+        f"Trim torque and inertias deviate from the profile by about one factor, "
+        f"{1 / scale.k:.2f}. Likely cause: the thrust gain motor.K_f is {K_f * scale.k:.3g} ± "
+        f"{K_f * scale.k * scale.std:.1g} N/V, not {K_f:.3g}, because a flight determines only "
+        "ratios to K_f. Measure the thrust with a scale, or correct the profile: heli3dof profile "
+        "update --from MODEL.json --profile RIG.toml -o RIG2.toml",
+    )
 
 
 def _log_t(z: np.ndarray) -> np.ndarray:
