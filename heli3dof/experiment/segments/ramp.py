@@ -19,8 +19,12 @@ from heli3dof.toml_file import Finite, Key
 
 class Segment(BaseSegment):
     kind: Literal["ramp"] = "ramp"
-    common_V: Annotated[Finite, Key("added to both motors at the end of the ramp", "V")] = 0.0
-    difference_V: Annotated[Finite, Key("added to front, taken from back, at its end", "V")] = 0.0
+    common_V: Annotated[Finite, Key("voltage added to both motors at the end of the ramp", "V")] = (
+        0.0
+    )
+    difference_V: Annotated[
+        Finite, Key("voltage added to front, subtracted from back, at the end", "V")
+    ] = 0.0
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         share = ((np.arange(clock.n) + 1) / clock.n)[:, None]
