@@ -91,7 +91,7 @@ def common_rows(several: Sequence[Predictions]) -> Mapping[float, BoolArray]:
 def rmse_deg(
     recording: Recording, made: Predictions, rows: Mapping[float, BoolArray] | None = None
 ) -> Mapping[float, FloatArray]:
-    """Return, by horizon (s), the RMSE (3,) of the predictions ``made`` in degrees.
+    """Return horizon (s) → RMSE (3,) in degrees of the predictions ``made``.
 
     ``rows``: horizon → (N, 3) bool, the samples to use; None: all that are predicted.
     """
