@@ -114,10 +114,10 @@ def over_window_deg(by_horizon: Mapping[float, FloatArray], made: Predictions) -
 
 
 def stitched(recording: Recording, made: Predictions) -> tuple[FloatArray, FloatArray]:
-    """Return the predictions ``made`` as a curve of successive windows: t (M,) s, angle (M, 3) rad.
+    """Return the predictions ``made`` as a curve for a figure: t (M,) s, angle (M, 3) rad.
 
-    Each window starts at the measured angles, lasts ``made.window_s`` (s) and ends with a row of
-    NaN.
+    The curve consists of successive prediction windows. Each window starts at the measured angles,
+    lasts ``made.window_s`` (s) and ends with a row of NaN.
     """
     h = [float(x) for x in made.instants_s]
     steps = [0, *(max(1, round(x / recording.dt)) for x in h)]
