@@ -1,9 +1,9 @@
 """`compare`: compare models with recordings, as in Table II and Figures 7–9 of the paper.
 
 If a recording's controller is known, each model is simulated in the same closed loop
-(`heli3dof.comparison.replay`). Its step metrics are reported, and their differences from the
-experiment's. Table II contains such differences (erratum E11). For every recording, multi-step
-prediction errors are reported too (`heli3dof.comparison.prediction`).
+(`heli3dof.comparison.replay`). The report gives the model's step metrics and their differences from
+the measured step metrics. Table II contains such differences (erratum E11). For every recording,
+multi-step prediction errors are reported too (`heli3dof.comparison.prediction`).
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def _model_comparison(
 
 
 def _metrics(flown: Recording, angle: np.ndarray) -> Mapping[str, AxisMetrics]:
-    """Return the step metrics by axis of angles (N, 3) rad for the references in ``flown``."""
+    """Return, by axis, the step metrics of ``angle`` (N, 3) rad for the references in ``flown``."""
     grain = flown.profile.encoder.rad_per_count
     return step_metrics(flown.t, angle, flown.reference, resolution=grain)
 
@@ -169,7 +169,10 @@ def _divergence(replayed: Replay) -> list[str]:
 
 
 def _attempt(work: Callable[[], T], reasons: list[str]) -> T | None:
-    """Return ``work()``, or None after adding the text of its `Heli3dofError` to ``reasons``."""
+    """Return ``work()``, or None if it raises a `Heli3dofError`.
+
+    The text of this error is then added to ``reasons``.
+    """
     try:
         return work()
     except Heli3dofError as error:

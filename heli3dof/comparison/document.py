@@ -41,7 +41,7 @@ SCHEMA = "heli3dof.comparison/1"
 
 
 class PublishedRow(Protocol):
-    """Objects whose ``to_dict`` gives a number of the paper and the same number simulated here."""
+    """Number printed in the paper and the same number simulated here; ``to_dict`` returns both."""
 
     def to_dict(self) -> dict[str, Any]: ...
 
@@ -51,8 +51,8 @@ def comparison_document(
 ) -> dict[str, Any]:
     """Return the comparison as a dict of JSON types, with the keys of the module's docstring.
 
-    ``published``: the paper's numbers, each with the number simulated here. If there are none, the
-    key ``published`` is left out.
+    ``published``: the paper's numbers, each with the number simulated here. Without any, the
+    dict has no key ``published``.
     """
     document: dict[str, Any] = {
         "schema": SCHEMA,

@@ -186,7 +186,11 @@ def _changes(reference: FloatArray) -> IndexArray:
 
 
 def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
-    """Split a reference ``ref`` (N,) into segments; t (N,) in s, ``ref`` and angle y in degrees."""
+    """Return the segments of a reference ``ref`` (N,), split where its value changes.
+
+    A reference that rarely rests is one ``moving`` segment. t (N,) in s; ``ref`` and the angle y
+    (N,) in degrees.
+    """
     known = np.flatnonzero(~np.isnan(ref))
     if not len(known):
         return []
@@ -254,7 +258,10 @@ def _steady_error(t: FloatArray, error: FloatArray) -> float:
 
 
 def _crossing(t: FloatArray, progress: FloatArray, level: float) -> float:
-    """Return the time (s) at which ``progress`` (N,) first rises through ``level``, else NaN."""
+    """Return the time (s) at which ``progress`` first rises through ``level``, else NaN.
+
+    ``progress``: (y − y_a)/(y_r − y_a), (N,), 0 at the step's start and 1 at the set value.
+    """
     above = progress >= level
     k = int(np.argmax(above))
     if not above[k] or k == 0:

@@ -31,7 +31,7 @@ class Predictions:
     """A model's predictions of the angles in one recording, at several horizons."""
 
     ahead: Mapping[float, FloatArray]
-    """Horizon in s → (N, 3) rad: the angles of each row, predicted that long before; NaN if not"""
+    """Horizon h in s → (N, 3) rad: each row's angles, predicted h earlier; NaN: not predicted"""
     instants_s: FloatArray
     """(M,) s: the horizons, ascending, at which a prediction window is sampled"""
 
@@ -48,7 +48,10 @@ class ConstantAngles:
     kind = "held"
 
     def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
-        """Return the measured angles (N, 3) in rad of ``horizon_s`` s earlier; NaN before."""
+        """Return, for each row, the angles measured ``horizon_s`` s earlier, (N, 3) in rad.
+
+        The rows of the first ``horizon_s`` s are NaN.
+        """
         h = max(1, round(horizon_s / recording.dt))
         held = np.full_like(recording.angle, np.nan)
         held[h:] = recording.angle[:-h]
@@ -62,7 +65,7 @@ def predictions(
     *,
     steps: int = STEPS_DRAWN,
 ) -> Predictions:
-    """Return predictions of a recording at ``horizons_s`` (s), and at evenly spaced horizons.
+    """Return a model's predictions at ``horizons_s`` (s) and at evenly spaced horizons.
 
     The evenly spaced horizons are ``steps`` in number, up to the longest of ``horizons_s``. They
     form a prediction window.
@@ -75,8 +78,8 @@ def predictions(
 def common_rows(several: Sequence[Predictions]) -> Mapping[float, BoolArray]:
     """Return which samples all models predict: horizon (s) → (N, 3) bool, by axis.
 
-    A model that predicts nothing on an axis is ignored there. All models are evaluated on these
-    samples, so that a model with fewer predictions has no advantage.
+    On each axis, models without any prediction of that axis are ignored. All models are evaluated
+    on the common samples, so that a model with fewer predictions has no advantage.
     """
     rows: dict[float, BoolArray] = {}
     for h in several[0].ahead if several else ():
@@ -88,7 +91,7 @@ def common_rows(several: Sequence[Predictions]) -> Mapping[float, BoolArray]:
 def rmse_deg(
     recording: Recording, made: Predictions, rows: Mapping[float, BoolArray] | None = None
 ) -> Mapping[float, FloatArray]:
-    """Return, by horizon (s), the RMSE (3,) of the predictions ``made`` in degrees.
+    """Return horizon (s) → RMSE (3,) in degrees of the predictions ``made``.
 
     ``rows``: horizon → (N, 3) bool, the samples to use; None: all that are predicted.
     """
@@ -111,10 +114,10 @@ def over_window_deg(by_horizon: Mapping[float, FloatArray], made: Predictions) -
 
 
 def stitched(recording: Recording, made: Predictions) -> tuple[FloatArray, FloatArray]:
-    """Return the predictions ``made`` as a curve of successive windows: t (M,) s, angle (M, 3) rad.
+    """Return the predictions ``made`` as a curve for a figure: t (M,) s, angle (M, 3) rad.
 
-    Each window starts at the measured angles, lasts ``made.window_s`` (s) and ends with a row of
-    NaN.
+    The curve consists of successive prediction windows. Each window starts at the measured angles,
+    lasts ``made.window_s`` (s) and ends with a row of NaN.
     """
     h = [float(x) for x in made.instants_s]
     steps = [0, *(max(1, round(x / recording.dt)) for x in h)]

@@ -33,7 +33,7 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class PredictionError:
-    """RMSE (3,) of predictions in degrees: by horizon (s), and over all horizons to the longest."""
+    """Prediction RMSE (3,) in degrees: at each horizon (s), and over a prediction window."""
 
     ahead_deg: Mapping[float, FloatArray]
     over_window_deg: FloatArray
@@ -75,7 +75,7 @@ class FlightComparison:
     models: tuple[ModelComparison, ...]
 
     def difference(self, model: ModelComparison, axis: str) -> dict[str, float]:
-        """Return the six step metrics on ``axis``, model minus experiment; NaN if undefined."""
+        """Return the model's six step metrics on ``axis`` minus the measured; NaN: undefined."""
         if model.metrics is None:
             return dict.fromkeys(METRICS, np.nan)
         ours = model.metrics[axis].reported.values()

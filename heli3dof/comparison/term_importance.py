@@ -51,7 +51,7 @@ def shares(
 
 
 def without(model: GreyBoxModel, term: str) -> GreyBoxModel:
-    """Return a model without the effect ``term``; its other parameters keep their values."""
+    """Return the model without ``term``; parameters of other terms keep their values."""
     values = model.values.copy()
     free = model.structure.free
     own = {f.name for f in free if f.term == term}

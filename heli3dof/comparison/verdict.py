@@ -1,8 +1,8 @@
-"""State a comparison's result in a few sentences: which model is best, and is it any good?
+"""State a comparison's result in a few sentences: which model is best, and is it useful?
 
-The errors are RMS values over the recordings (degrees): of predictions `HORIZON_S` ahead, and of
-the closed-loop replay. Models whose error is within `EQUAL` of the least count as equally good. A
-prediction is of use only if its error is smaller than that of constant angles.
+Two errors are compared, in degrees (RMS over the recordings): of predictions `HORIZON_S` ahead, and
+of the closed-loop replay. Models whose error is at most `EQUAL` times the smallest count as equally
+good. A prediction is useful only if its error is smaller than that of constant angles.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
 
 HORIZON_S = 0.5
-"""s: horizon of the first sentence; predictions of shorter ones hardly differ between models"""
+"""s: horizon of the first sentence; over shorter horizons all models predict almost the same"""
 EQUAL = 1.05
 """Ratio of two RMSE up to which the models count as equally good (a convention)"""
 STILL = "constant angles"
@@ -28,7 +28,7 @@ Errors = Mapping[str, FloatArray]
 
 
 def verdict(comparison: Comparison) -> tuple[str, ...]:
-    """Return sentences on the best model by axis, of predictions and in closed-loop replay."""
+    """Return sentences that name each axis's best model in prediction and in closed-loop replay."""
     names = list(dict.fromkeys(m.name for f in comparison.flights for m in f.models))
     if not names:
         return ("No model was compared.",)
@@ -45,7 +45,7 @@ def verdict(comparison: Comparison) -> tuple[str, ...]:
 def prediction_errors(comparison: Comparison, horizon_s: float) -> dict[str, FloatArray]:
     """Return each model's RMSE of predictions ``horizon_s`` s ahead, and that of constant angles.
 
-    Only recordings that every model predicts are used, if there is one.
+    If there are recordings that every model predicts, only these are used.
     """
 
     def error(f: FlightComparison, m: ModelComparison | None) -> FloatArray | None:
@@ -65,7 +65,11 @@ def replay_errors(comparison: Comparison) -> dict[str, FloatArray]:
 
 
 def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, FloatArray]:
-    """Return the RMS over flights; ``table`` holds a flight's errors by model in each item."""
+    """Return each model's error (3,), its RMS over flights.
+
+    ``table``: for each flight, model → error (3,). If there are flights in which every model has an
+    error, only these are used.
+    """
     usable = {name for row in table for name, e in row.items() if e is not None}
     common = [r for r in table if all(r.get(name) is not None for name in usable)] or table
     pooled = {}
@@ -77,7 +81,10 @@ def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, Float
 
 
 def _best(errors: Errors, what: str) -> list[str]:
-    """Return a sentence that names the best model by axis, and a worse one to compare with."""
+    """Return a sentence with each axis's best model, its error, and another model's error.
+
+    The list is empty without errors. ``errors``: the models' RMSE; ``what``: of what, for the text.
+    """
     models = {name: e for name, e in errors.items() if name != STILL}
     groups: dict[tuple[str, ...], list[str]] = {}
     for i, axis in enumerate(AXES):
@@ -104,7 +111,11 @@ def _best(errors: Errors, what: str) -> list[str]:
 
 
 def _against_constant_angles(ahead: Mapping[float, Errors], horizon_s: float) -> list[str]:
-    """Return sentences on models, and on axes, whose predictions are worse than constant angles."""
+    """Return sentences on predictions that are worse than constant angles.
+
+    They name the worse models by axis at ``horizon_s`` (s), and the axes and horizons at which all
+    models are worse. ``ahead``: horizon (s) → errors by model.
+    """
 
     def worse(name: str, h: float, i: int) -> bool:
         return bool(ahead[h][name][i] > ahead[h][STILL][i])

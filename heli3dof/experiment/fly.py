@@ -34,7 +34,7 @@ ON_REQUEST = "emergency stop on request"
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Result of a flight: its recording, its outcome, its file (None: recorded in memory)."""
+    """Result of a flight: recording, outcome, and the file's path (None: recorded in memory)."""
 
     recording: Recording
     outcome: Outcome
@@ -51,7 +51,7 @@ class Flight:
 
     @staticmethod
     def raise_ending(outcome: Outcome, path: Path | None) -> None:
-        """Raise the exception for this outcome, as `raise_if_cut_short` does.
+        """Raise the exception for a flight with this outcome, as `raise_if_cut_short` does.
 
         ``path`` is the recording's file, which the message names, or None.
         """
@@ -112,7 +112,7 @@ def fly_plan(
 
     Returns the flight however it ended (see `Flight.raise_if_cut_short`). If the flight did not
     start, raises PlanError, UnstableLoop, DeviceError or OutputExists. Raises SafetyTrip if an
-    emergency stop came after this command began (`heli3dof.rig.session.stop_stamp`).
+    emergency stop came after this program began (`heli3dof.rig.session.stop_stamp`).
     """
     began_ns = command_began_ns()
     profile = (profile or default_profile()).with_controller()

@@ -1,4 +1,4 @@
-"""Plans: read from TOML, summarised, and checked against the envelope before anything moves.
+"""Plans: read from TOML, summarised, and checked against the profile's limits before a flight.
 
     name = "roll-step"
     [[segment]]
@@ -69,10 +69,10 @@ class Plan:
         return sum(s.duration_s for s in self.segments)
 
     def render(self, dt: float, seed: int) -> Signals:
-        """Return references and extra voltages for every control period of ``dt`` seconds.
+        """Return the plan's signals for control periods of ``dt`` seconds.
 
-        ``seed``: seed of the random signals. Raises PlanError, naming the segment, if a segment's
-        numbers give no signal.
+        ``seed``: seed of the random signals. Raises PlanError, naming the segment, if a
+        value in a segment is too large or too small to compute its signal.
         """
         rng = np.random.default_rng(seed)
         initial = rng.bit_generator.state
@@ -114,7 +114,7 @@ class Plan:
 
 
 def checked(plan: Plan, profile: Profile, seed: int) -> Signals:
-    """Return the plan's signals after checking them against the profile's limits.
+    """Render a plan, check it against the profile's limits, and return its signals.
 
     ``seed``: seed of the random signals. Raises PlanError (`Plan.render`, `check_plan`).
     """

@@ -29,7 +29,8 @@ def simulate(
 
     ``start``: at rest on the table (the profile's rest angles) or level. ``seed``: seed of the
     plan's random signals. ``quantised``: controller and recording get angles rounded to whole
-    encoder counts. Raises PlanError, or UnstableLoop if the gain does not stabilise the model.
+    encoder counts. Raises PlanError, or UnstableLoop if the controller does not stabilise the
+    model.
     """
     profile = (profile or default_profile()).with_controller()
     controller = profile.controller

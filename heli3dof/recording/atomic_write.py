@@ -147,14 +147,14 @@ def _check_name(path: Path, *, force: bool) -> None:
 def default_output(path: Path, *, force: bool) -> Path:
     """Return the path of an output for which ``-o`` is omitted.
 
-    With ``force`` it is ``path``, which is then overwritten, else ``path`` or a free name
-    (`unused`).
+    With ``force`` the result is ``path``, which is then overwritten; without, it is a free name:
+    `unused` of ``path``.
     """
     return path if force else unused(path)
 
 
 def unused(path: Path) -> Path:
-    """Return ``path``, or the first free name: ``a-extended-2.json``, ``a-extended-3.json``, …
+    """Return ``path`` if it does not exist, else the first free name: ``a-2.json``, ``a-3.json``, …
 
     An earlier run's output with the same default name then does not block the next run.
     """
@@ -166,7 +166,7 @@ def unused(path: Path) -> Path:
 
 
 def mode(path: Path, *, force: bool) -> str:
-    """Return the mode in which ``open`` must write ``path``; ``force`` permits to overwrite it.
+    """Return the mode with which ``open`` must open ``path``; ``force`` permits overwriting.
 
     Files are opened for reading too, existing pipes and devices for writing only. A writer that
     also opened a pipe for reading would not notice that the pipe's reader has ended.
@@ -180,9 +180,9 @@ def mode(path: Path, *, force: bool) -> str:
 def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
     """Context manager: yields a binary stream that becomes the file ``path`` at its end.
 
-    If the block raises, the file is not created or replaced. A pipe or device is written directly;
-    any other stream can also be read. Raises OutputExists, UsageError (missing folder, no
-    permission) or NoSpace.
+    If the block raises, the file is not created or replaced. The stream can also be read, except
+    for a pipe or device, which is written directly. Raises OutputExists, UsageError (missing
+    folder, no permission) or NoSpace.
     """
     path = Path(path)
     check_output(path, force=force)
@@ -205,7 +205,7 @@ def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
 
 
 def write_file(path: str | Path, data: bytes, *, force: bool = False) -> Path:
-    """Write ``data`` to a new file, completely or not at all; return its path. See `new_file`."""
+    """Write ``data`` to a new file, completely or not at all; return the path. See `new_file`."""
     with new_file(path, force=force) as stream:
         write_all(stream, data)
     return Path(path)

@@ -6,7 +6,7 @@ The number of samples missing between t[k] and t[k+1] is
 
 If the next interval is shorter than `EARLY` dt, sample k+1 was late by δ = dt − (t[k+2] − t[k+1]).
 δ is limited to t[k+1] − t[k] − dt. If the next interval is not that short, δ = 0. Inserted rows
-have evenly spaced times and NaN as angles. They repeat all other values of row k, because the rig
+have evenly spaced times and NaN as angles. All other values are those of row k, because the rig
 held its voltage. The voltage's integral over any interval is unchanged.
 """
 

@@ -35,9 +35,9 @@ def file_info(
 ) -> dict[str, Any]:
     """Return the `summary` of the recording in a file, and the file's name and size in bytes.
 
-    If ``torn`` is True, the file's end is missing. The summary is then that of the intact part, and
-    ``fix`` is the command that recovers this part. Raises RecordingError and UsageError, as `load`
-    does.
+    If the key ``torn`` is True, the file's end is missing. The summary then describes the intact
+    part, and the key ``fix`` is the command that recovers this part. Raises RecordingError and
+    UsageError, as `load` does.
     """
     return read_with_info(path, profile, columns)[1]
 

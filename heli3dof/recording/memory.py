@@ -30,7 +30,8 @@ class MemoryRecorder:
 def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, Any]) -> Recording:
     """Return a recording made of rows, one for each control period.
 
-    Its voltage is the output that the device reports. ``meta`` becomes ``Recording.meta``.
+    ``Recording.voltage`` is the output voltage that the device reports (NaN: not reported).
+    ``meta`` becomes ``Recording.meta``.
     """
     n = len(rows)
 

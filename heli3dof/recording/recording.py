@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import xarray
 
 LISTED = 8
-"""Largest number of channel names in a recording's repr; it counts the others."""
+"""Largest number of channel names in a recording's repr; further channels are only counted."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,8 +141,8 @@ class Recording(Result):
     def digest(self) -> str:
         """Return the SHA-256 of time, voltages and angles rounded to 1e-9 (s, V, rad).
 
-        Because of the rounding it does not change in an export, even if a CSV in degrees changes
-        the last bits of an angle.
+        Because of the rounding, exporting and importing does not change the digest, even if a CSV
+        in degrees changes the last bits of an angle.
         """
         h = hashlib.sha256()
         for a in (self.t, self.voltage, self.angle):
@@ -150,7 +150,7 @@ class Recording(Result):
         return h.hexdigest()
 
     def between(self, start_s: float, stop_s: float) -> Recording:
-        """Return a recording of the samples with start_s ≤ t < stop_s, with profile and meta."""
+        """Return the part of the recording with start_s ≤ t < stop_s; profile and meta are kept."""
         keep = (self.t >= start_s) & (self.t < stop_s)
         return self.rows(keep)
 
@@ -180,7 +180,7 @@ def make_recording(
     channels: Mapping[str, np.ndarray] | None = None,
     meta: Mapping[str, Any] | None = None,
 ) -> Recording:
-    """Return a `Recording` of arrays; omitted references and voltages become columns of NaN.
+    """Return a `Recording` made of arrays; omitted references and voltages become columns of NaN.
 
     ``t`` (N,) in s; voltages (N, 2) in V, front and back; ``angle``, ``reference`` (N, 3) in rad,
     roll, pitch and yaw; ``channels``: name → (N,). ``voltage_cmd``: before the limiter;

@@ -19,7 +19,7 @@ in 12 emulated flights with a third to three times the default torque noise."""
 
 
 def still_encoder_warnings(recording: Recording) -> list[str]:
-    """Return a warning for each axis whose count was constant in the last `STILL_S` of the loop.
+    """Return a warning for each axis whose count was constant in the loop's last `STILL_S` seconds.
 
     The list is empty for a flight that was cut short, since its outcome names another cause.
     """

@@ -68,7 +68,7 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
 def metadata(recording: Recording, absent: list[str]) -> dict[str, dict[str, Any]]:
     """Return the metadata records of a recording by name, in their order in a file.
 
-    ``absent``: names of the fields without a channel (`encode`).
+    ``absent``: names of the message fields for which the recording has no channel (`encode`).
     """
     meta = {k: v for k, v in recording.meta.items() if k not in {"outcome", "outcome_details"}}
     outcome: dict[str, Any] = {"rows": len(recording)}
@@ -86,8 +86,9 @@ def metadata(recording: Recording, absent: list[str]) -> dict[str, dict[str, Any
 def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
     """Return a recording as the rows of an MCAP file, in a structured array (see `RowFormat`).
 
-    The second and third results are the names of the channels without a message field of their own,
-    and of the fields without a channel. Raises UsageError for more than `MAX_CHANNELS` channels.
+    The second result names the channels that have no field in the messages Sample and Command, the
+    third the fields for which the recording has no channel. Raises UsageError for more than
+    `MAX_CHANNELS` channels.
     """
     channels = {name: np.asarray(column) for name, column in recording.channels.items()}
     known: dict[str, np.ndarray] = {}

@@ -32,7 +32,7 @@ class Period(NamedTuple):
     voltage: tuple[float, float]
     """V (front, back) after the voltage limiter, to be sent next"""
     sent: tuple[float, float]
-    """V sent in the period before"""
+    """V (front, back) sent in the previous period"""
     command_sequence: int
     """Sequence number of the command that carried ``sent``, which this sample should echo"""
     lateness: float
@@ -40,7 +40,7 @@ class Period(NamedTuple):
     skipped: int
     """Periods skipped just before this one, by the host, the line or the device"""
     device_skipped: int = 0
-    """Those of ``skipped`` for which the device made no sample"""
+    """How many of the ``skipped`` periods have no sample because the device made none"""
     echo_s: float = 0.0
     """s from sending a command to this sample, the first to echo it; 0 without a new echo"""
     ramping_down: bool = False

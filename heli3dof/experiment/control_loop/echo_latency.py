@@ -71,9 +71,9 @@ class EchoMeter:
         """s: latency of the newest command that the last sample echoes; 0 without a new echo"""
 
     def exchanged(self, sequence: int, sent_s: float, sample: Sample) -> None:
-        """Add a command, its number ``sequence`` and sending time ``sent_s`` (s, monotonic clock).
+        """Update the statistics with a sent command and the ``sample`` that followed.
 
-        ``sample`` is the sample that followed the command.
+        ``sequence``: the command's number; ``sent_s``: when it was sent (s, monotonic clock).
         """
         self._sent_s[sequence % PENDING] = sent_s
         self.last_s = 0.0

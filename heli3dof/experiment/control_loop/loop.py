@@ -5,7 +5,7 @@
 Deadlines are absolute; the loop skips missed periods and never makes up for them
 (`heli3dof.experiment.control_loop.timekeeping`). Whatever ends the flight, the motors go to zero
 (`heli3dof.experiment.control_loop.ramp_down`). They go in a ramp if the last voltages are near the
-hover voltage, else at once. The loop records this phase, too.
+hover voltage, else at once. The loop records this ramp, too.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Live:
     """Progress of the control loop, which a display in another thread may read at any time."""
 
     done: int = 0
-    """Control periods of the plan that are over, skipped ones included; ``total``: all"""
+    """Number of the plan's control periods that are over (skipped ones too), out of ``total``"""
     total: int = 1
     angle: Triple = (0.0, 0.0, 0.0)
     reference: Triple = (0.0, 0.0, 0.0)
@@ -195,7 +195,7 @@ class _Flight:
         return _after_ramp(end, ramp), ramp
 
     def outcome(self, end: _End, ramp: RampDown, granted: Realtime | None) -> Outcome:
-        """Return the flight's outcome; if a wiring fault explains a trip, the trip names the fault.
+        """Return the flight's outcome; a safety trip names the wiring fault that explains the trip.
 
         ``end``, ``ramp``: how the plan and the ramp ended. ``granted``: the real-time settings
         that the system granted; None on a virtual clock.
@@ -265,10 +265,11 @@ class _Flight:
         return self.controller.step_opened(self.opened[k].tolist(), angle, reference, extra)
 
     def bridge(self, k: int, skipped: int, angle: Triple) -> None:
-        """Run the controller through the ``skipped`` periods before ``k``, at interpolated angles.
+        """Run the controller for the ``skipped`` periods before ``k``, with interpolated angles.
 
         ``angle`` (rad) was measured in period ``k``. Without this step the controller's filters
-        would attribute the motion of all these periods to one period.
+        would attribute the motion of all these periods to one period. Of more than `BRIDGED`
+        skipped periods, only the last `BRIDGED` are run.
         """
         before = self.before
         for j in range(max(1, skipped - BRIDGED + 1), skipped + 1):
@@ -363,7 +364,8 @@ def _after_ramp(end: _End, ramp: RampDown) -> _End:
 def _granted(identity: Identity) -> Iterator[Realtime | None]:
     """Context manager: request the real-time settings; yield those that the system granted.
 
-    On a virtual clock no setting is requested, and None is yielded. ``identity``: the device's.
+    On a virtual clock no setting is requested, and None is yielded. ``identity``: what the device
+    reports about itself.
     """
     with ExitStack() as undo:
         if identity.timebase == "virtual":

@@ -41,7 +41,7 @@ class Punctuality:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a flight ended: the reason, numbers of late and skipped periods, the link's counts."""
+    """How a flight ended: reason, late and skipped periods, and the link's error counters."""
 
     ending: Ending
     detail: str
@@ -59,17 +59,17 @@ class Outcome:
     lost: int = 0
     """Periods skipped because their samples were lost on the line"""
     punctuality: Punctuality | None = None
-    """None if nothing was flown, or on a virtual clock"""
+    """None on a virtual clock, or if no period was flown"""
     realtime: Realtime | None = None
-    """What the system granted the loop; None on a virtual clock"""
+    """Real-time settings that the system granted; None on a virtual clock"""
     link: dict[str, Any] | None = None
-    """Counts of the rig's link (`link_counts`); None for a rig without counters"""
+    """Counters of the link to the rig (`link_counts`); None for a rig without counters"""
     device_skipped: int = 0
     """Periods skipped because the device was held up and made no sample"""
     latency: EchoLatency | None = None
     """Command-to-echo latency; None if nothing was flown"""
     device_cause: str | None = None
-    """Why the device held its output at zero, in its own words; None if it states nothing"""
+    """The cause that the device states for holding its output at zero, or None"""
     ramped: bool = False
     """True if the motors were ramped to zero; False if they were set to zero volts at once"""
 

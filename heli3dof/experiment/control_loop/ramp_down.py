@@ -67,7 +67,7 @@ class RampDown:
     finished: bool
     """True if the last command was zero volts and the device carried it out"""
     reason: str = ""
-    """Why the device was stopped at once instead"""
+    """Why the ramp was not finished"""
     stopped: bool = False
     """True if the device was stopped at once on request, or stopped on its own"""
     tripped: str | None = None
@@ -75,9 +75,9 @@ class RampDown:
     requested: str | None = None
     """Reason of a request to end that came during the ramp"""
     error: BaseException | None = None
-    """What prevented the ramp"""
+    """The exception that ended the ramp"""
     ramped: bool = False
-    """True if it began at the last voltages; False if the motors went to zero at once"""
+    """True if the ramp began at the last voltages; False if the motors went to zero at once"""
 
 
 def ramp_start(last: Pair, motor: Motor) -> Pair:
@@ -94,8 +94,8 @@ def ramp_start(last: Pair, motor: Motor) -> Pair:
 class _Schedule:
     """Computes the voltages of a ramp to zero: V[i] = V_start (1 − i/n); zero after i = n.
 
-    V_start: voltages (V) at the ramp's start; i: control periods since then; n: its length in
-    periods.
+    V_start: voltages (V) at the ramp's start; i: control periods since the start; n: the ramp's
+    length in control periods.
     """
 
     def __init__(self, start: Pair, steps: int) -> None:
@@ -199,7 +199,7 @@ class GuardedRecorder:
 
     @property
     def problem(self) -> str | None:
-        """Return the recorder's failure in words; None while it works."""
+        """Return the recorder's exception as text; None while the recorder works."""
         return None if self.failure is None else f"{type(self.failure).__name__}: {self.failure}"
 
     def __call__(self, row: Row) -> None:

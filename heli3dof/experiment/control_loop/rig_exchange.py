@@ -14,7 +14,7 @@ from heli3dof.rig.trip import Trip
 
 
 class RigExchange:
-    """Sends a command and waits for the next sample in each period; measures the lateness."""
+    """Sends a command and waits for the next sample in each period; measures samples' lateness."""
 
     def __init__(self, rig: Rig, dt: float, tally: Tally) -> None:
         self._rig = rig
@@ -32,9 +32,9 @@ class RigExchange:
         self.skipped = 0
         """Periods skipped before the last sample: by the host, the line or the device"""
         self.device_skipped = 0
-        """Those of ``skipped`` for which the device made no sample"""
+        """How many of the ``skipped`` periods have no sample because the device made none"""
         self.unreadable: Trip | None = None
-        """Why the last sample could not be used (None: it could); the loop gets the one before"""
+        """Why the last sample could not be used (`exchange` returned the one before), or None"""
 
     def start(self) -> Sample:
         """Arm the rig and return the first sample of the flight."""
@@ -46,8 +46,8 @@ class RigExchange:
     def exchange(self, since: Sample, voltage: tuple[float, float]) -> Sample:
         """Send the voltages (V) computed from the sample ``since``; return the next sample.
 
-        If a field of the next sample is not a valid number, this returns ``since`` with the next
-        period's time.
+        If a field of the next sample is not a valid number, the method returns ``since`` with the
+        next period's time.
         """
         time = self._time
         self.sequence = (self.sequence + 1) & 0xFFFFFFFF
@@ -72,7 +72,7 @@ class RigExchange:
 
     @property
     def device_cause(self) -> str | None:
-        """Return why the device holds its output at zero; None if it does not state this."""
+        """Return the cause that the device states for holding its output at zero, or None."""
         return device_cause(self._rig)
 
     def stop(self, reason: str) -> None:

@@ -29,7 +29,8 @@ BY_FLAG = {
     ),
 }
 STOPPED = sum(int(flag) for flag in BY_FLAG)
-"""These flags, as one number. With any of them the device's output is at zero or ramps to it"""
+"""The flags of `BY_FLAG`, as one number. With any of them set, the device's output is zero or ramps
+to zero"""
 
 
 BY_CAUSE = {
@@ -63,11 +64,11 @@ BY_CAUSE = {
         "a smaller step, or set motor.v_max to the device's limit",
     ),
 }
-"""Cause that the device states → likely cause and fix, where these say more than its flag's"""
+"""Cause that the device states → likely cause and fix, if more specific than those in `BY_FLAG`"""
 
 
 def explain(flags: int, device_cause: str | None = None) -> Trip | None:
-    """Return a `Trip`: what stopped the device, cause and fix; None if it is not stopped.
+    """Return what stopped the device, with likely cause and fix; None if it is not stopped.
 
     ``flags``: the flags of a sample; ``device_cause``: the cause that the device states.
     """

@@ -17,9 +17,9 @@ A link that numbers its samples counts three kinds of skipped period in ``rig.st
 * *left out* (``device_skipped``): the device was busy and made no sample
 * *passed over* (``samples_stale``): the sample came too late to be used; the host *missed* it
 
-Over any other link, the device's time gives the number of skipped periods. Of these, as many are
-lost as the link has counted lost samples. If the link does not count, the periods that were due
-after the host began to wait are lost. The rest is missed.
+Over any other link, the jump of the device's time gives the number of skipped periods. If the link
+counts lost samples, that many of these periods count as lost. Otherwise the periods count as lost
+that were due after the host began to wait. The other skipped periods count as missed.
 
 The plan's index k advances by skipped periods, too, so the references follow real time. Lateness
 counts from the first deadline that the host did not meet. With the host and the device timebase, a
@@ -42,9 +42,9 @@ Skipped = Callable[[], tuple[int, int, int]]
 
 
 class VirtualTime:
-    """Clock for deadlines at which each sample is on time: it advances with the samples.
+    """Deadlines on a virtual clock, which advances with the samples: every sample is on time.
 
-    Base class of the other clocks.
+    Base class of the other classes of deadlines.
     """
 
     def __init__(self, dt: float) -> None:
@@ -56,9 +56,9 @@ class VirtualTime:
         self.missed = 0
         """Periods skipped before the last sample because the host was late"""
         self.lost = 0
-        """Periods skipped before the last sample because theirs were lost on the line"""
+        """Periods skipped before the last sample because their samples were lost on the line"""
         self.device_skipped = 0
-        """Periods skipped before the last sample because the device made none"""
+        """Periods skipped before the last sample because the device made no samples for them"""
 
     def start(self, sample: Sample) -> None:
         self.due = sample.host_time_s
@@ -71,12 +71,12 @@ class VirtualTime:
     def arrived(self, sample: Sample, since_s: float) -> None:
         """Update lateness and skipped periods with the sample that arrived.
 
-        ``since_s``: when the host began to wait for it, in s on its monotonic clock.
+        ``since_s``: when the host began to wait for this sample, in s (host's monotonic clock).
         """
 
 
 class HostTime(VirtualTime):
-    """Clock for deadlines of a rig that samples when the host requests it: at due[k] (s)."""
+    """Deadlines for a rig that takes sample k when the host requests the sample, at due[k] (s)."""
 
     def arrived(self, sample: Sample, since_s: float) -> None:
         self.lateness = sample.host_time_s - self.due
@@ -85,7 +85,7 @@ class HostTime(VirtualTime):
 
 
 class DeviceTime(VirtualTime):
-    """Clock of a rig whose device sends sample k at its own time k·dt.
+    """Deadlines for a rig whose device sends sample k at time k·dt of the device's clock.
 
     ``lost``: returns how many samples the link has lost so far; None for a link without a count.
     """
@@ -121,7 +121,7 @@ class DeviceTime(VirtualTime):
 
 
 class CountedTime(DeviceTime):
-    """Clock of a rig whose link counts the lost, left-out and passed-over samples separately.
+    """Deadlines for a rig whose link counts lost, left-out and passed-over samples separately.
 
     `DeviceTime` estimates these numbers; here the link's counts replace the estimates.
     """
@@ -143,7 +143,7 @@ class CountedTime(DeviceTime):
 
 
 def timekeeper(rig: Rig, dt: float) -> VirtualTime:
-    """Return the clock for the deadlines of ``rig``, by the rig's timebase.
+    """Return the object that computes the deadlines for ``rig``, chosen by the rig's timebase.
 
     ``dt`` is the control period in s.
     """

@@ -55,10 +55,10 @@ class ExpectedAcceleration:
 
     @property
     def typical(self) -> tuple[float, float, float]:
-        """Return the typical |α| (rad/s²) of roll, pitch and yaw, under the hover voltage V_h.
+        """Return a typical |α| in rad/s² for roll, pitch and yaw.
 
-        For roll both motors are at V_h, for pitch one motor, for yaw both, at the pitch angle
-        `TILT`.
+        It is the acceleration by two motors at V_h (`hover_V`) for roll, by one motor at V_h for
+        pitch, and by two motors at V_h and the pitch angle `TILT` for yaw.
         """
         return (
             2 * self.roll_per_V * self.hover_V,

@@ -60,7 +60,7 @@ AT_STOP_S = 0.5
 F_MIN = tuple(radians(a) for a in (3.0, 10.0, 0.5))
 """rad/s² (roll, pitch, yaw), added to F: error of F₀ by random torques and quantisation"""
 MISMATCH = 0.25
-"""Share of the expected acceleration that may be wrong: gain and inertia by ±15 % each"""
+"""Possible relative error of the expected acceleration: thrust gain and inertia by ±15 % each"""
 CLEARANCE = radians(1.2)
 """rad, the smallest C: couplings have up to 1° of backlash"""
 SMALLEST = 3

@@ -29,7 +29,7 @@ def ahead_s() -> float:
 
 
 class HostSuspend(SafetyMonitor):
-    """Safety monitor that compares both clocks in every period, also in the ramp to zero."""
+    """Safety monitor that compares CLOCK_BOOTTIME and CLOCK_MONOTONIC, also in the ramp to zero."""
 
     order = 10
 

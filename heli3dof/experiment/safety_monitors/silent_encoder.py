@@ -40,9 +40,9 @@ SHORTEST_S = 0.01
 
 
 class SilentEncoder(SafetyMonitor):
-    """Safety monitor that learns the standstills of pitch and yaw in the air.
+    """Safety monitor that measures how long the counts of pitch and yaw stand still in the air.
 
-    In the ramp to zero it judges the standstills of these axes.
+    In the ramp to zero, a standstill much longer than the measured ones is reported.
     """
 
     order = 60
@@ -79,7 +79,7 @@ class _Axis:
     def restart(self, count: int, t: float) -> None:
         """Restart the observation of the axis; its encoder shows ``count`` at time ``t`` (s).
 
-        The standstill in progress is not learned, because its beginning is unknown.
+        The standstill in progress is not counted, because its beginning is unknown.
         """
         self._count, self.since = count, t
         self._from_change = False
@@ -91,7 +91,7 @@ class _Axis:
     def step(self, count: int, t: float, ramping_down: bool) -> None:
         """Update the axis with its encoder's ``count`` at time ``t`` (s), with the arm in the air.
 
-        ``ramping_down``: True in the ramp to zero, whose standstills are not learned.
+        ``ramping_down``: True in the ramp to zero, whose standstills are not counted.
         """
         if t - self._piece_t > WINDOW_S / PIECES:
             self._piece_t = t

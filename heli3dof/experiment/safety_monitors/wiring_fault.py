@@ -68,7 +68,7 @@ class Fault(NamedTuple):
     what: str
     fix: str
     sign: tuple[int, int, int] = (1, 1, 1)
-    """Factor of each encoder's angle since the start"""
+    """Factor of each encoder's angle from its rest angle: −1 if the encoder counts the wrong way"""
     mix: tuple[tuple[int, int], tuple[int, int]] = ((1, 0), (0, 1))
     """Rows: effective voltage of the front, the back motor; columns: front, back voltage applied"""
 

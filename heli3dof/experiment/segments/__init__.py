@@ -1,8 +1,8 @@
 """The kinds of segment of a plan: one file each, with a class named ``Segment``.
 
-A segment is a table of the plan's TOML file. It has a duration. For each of its control periods it
-renders the references (rad) and the voltages (V) that the experiment adds. No other file lists the
-kinds.
+A segment is a table of the plan's TOML file, with a duration. A segment renders, for each of its
+control periods, the references (rad) and the voltages (V) to add to the controller's. No other file
+lists the kinds.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class BaseSegment(Section):
         return ", ".join(filter(None, (head, self.details())))
 
     def details(self) -> str:
-        """Return the last part of `summary`: the values of the keys that only this kind has."""
+        """Return the last part of `summary`: values of the keys that only this segment kind has."""
         own = {k: v for k, v in self if k not in BaseSegment.model_fields and v is not None}
         return ", ".join(f"{key} {_printed(value)}" for key, value in own.items())
 
@@ -110,11 +110,11 @@ Band = Annotated[
 
 
 class FreeSegment(BaseSegment):
-    """A segment that opens the loop of one axis.
+    """A segment that opens the control loop of one axis.
 
-    First the loop is closed. It holds the axis for ``learn_s`` seconds, in which the mean voltages
-    are measured. Then it brings the axis to the initial state. Then the loop opens, and the mean
-    voltages stay applied.
+    First the closed loop holds the axis for ``learn_s`` seconds, in which the mean voltages are
+    measured. Then the closed loop brings the axis to the initial state. Then the loop opens, and
+    the mean voltages stay applied.
     """
 
     learn_s: Annotated[

@@ -27,8 +27,8 @@ TURN = {"deg": 360.0, "rad": 2 * np.pi}
 OTHER = {"deg": "rad", "rad": "deg"}
 FULL_NAME = {"deg": "degrees", "rad": "radians"}
 OFF_GRID = 0.2
-"""Distance to the grid as a share of its step, below which a value is on the grid. At least 90 % of
-an encoder's values are nearer, even if printed with six digits; of other values, 40 % are."""
+"""A value is on the grid if its distance to the grid is below this share of the step. At least 90 %
+of an encoder's values are on the grid, even if printed with six digits; of other values, 40 %."""
 COMMON_COUNTS = (500, 512, 1000, 1024, 2000, 2048, 2500, 4000, 4096, 5000, 8000, 8192, 10000,
                  16384, 20000)  # fmt: skip
 OR_EXCHANGED = "; or two columns are swapped, which heli3dof diagnose finds."
@@ -46,7 +46,7 @@ AGAINST = -0.4
 
 
 def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
-    """Return True if 90 % of the distinct values differ from the first by multiples of ``step``.
+    """Return True if 90 % of the distinct values lie on a grid of ``step`` from the first value.
 
     ``step`` has the unit of the values. The result is False for fewer than ``levels`` distinct
     values, and for values that all lie within half a step.
@@ -128,10 +128,11 @@ def _refuse(
     ratio: float | None,
     profile: Profile,
 ) -> None:
-    """Raise RecordingError if the angles ``values``, which are off their grid, have another unit.
+    """Raise RecordingError if angles that are no multiples of the encoder's step have another unit.
 
-    ``source``: the log; ``name``, ``unit``: the angle's column and its stated unit; ``counts``: the
-    encoder's counts per revolution; ``ratio``: measured over explained motion (`newton`), or None.
+    ``source``: the log; ``name``, ``unit``: the angle's column and its stated unit; ``values``: the
+    angles (N,); ``counts``: the encoder's counts per revolution; ``ratio``: measured over explained
+    motion (`newton`), or None.
     """
     other = OTHER[unit]
     if on_grid(values, TURN[other] / counts, levels=4):

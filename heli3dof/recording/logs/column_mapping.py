@@ -1,9 +1,9 @@
 """Compute the contract's columns from another program's: ``roll_deg = 57.2958*x[5]``.
 
-An expression contains numbers, ``+ - * / **``, parentheses, `FUNCTIONS`, ``pi``, names of the log's
-columns as they are (``Vf (V)``, ``x[5]``), and ``sample``, the number of the sample from 0. A name
+An expression contains numbers, ``+ - * / **``, parentheses, `FUNCTIONS`, ``pi``, unchanged names
+of the log's columns (``Vf (V)``, ``x[5]``), and ``sample``, the number of the sample from 0. A name
 that the log does not have may be another mapped column. simpleeval evaluates the expressions; it is
-restricted to these elements, so that a profile of someone else cannot run code.
+restricted to these elements, so that another person's profile cannot run code.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ LISTED = 12
 
 
 def _restricted(name: str, arguments: int = 1) -> Callable[..., Any]:
-    """Return a function of numpy with ``arguments`` arguments; further ones could change arrays."""
+    """Return numpy's function ``name``, restricted to ``arguments`` arguments.
+
+    Further arguments of the function could change arrays.
+    """
 
     def call(*values: Any) -> Any:
         if len(values) != arguments:
@@ -87,11 +90,11 @@ def _check_target(name: str) -> None:
 def mapped(table: Table, given: Mapping[str, str], profile: Mapping[str, str]) -> Table:
     """Return ``table`` with the columns of the mapping added or replaced.
 
-    ``given``: column → expression of the command line. ``profile``: those of the profile's
-    ``[log]``; ``given`` replaces them. One of ``profile`` is skipped if the log has this column but
-    not the names in the expression. Columns that an expression uses are dropped, unless the
-    contract names them. Raises UsageError for a faulty expression in ``given``, RecordingError for
-    one in ``profile``.
+    ``given``: column → expression from the command line. ``profile``: column → expression from the
+    profile's ``[log]``; for the same column, ``given`` has priority. An entry of ``profile`` is
+    skipped if the log has the column, but lacks a name in the expression. Columns of the log that
+    an expression uses are dropped, unless docs/reference/contract.md names them. Raises UsageError
+    for a faulty expression in ``given``, RecordingError for one in ``profile``.
     """
     for name in given:
         _check_target(name)
@@ -117,13 +120,13 @@ def mapped(table: Table, given: Mapping[str, str], profile: Mapping[str, str]) -
 
 
 def _stem(name: str) -> str:
-    """Return an angle's name without its unit; any other name as it is."""
+    """Return the column name of an angle without its unit, any other name unchanged."""
     head, _, unit = name.rpartition("_")
     return head if name in KNOWN and unit in ANGLE_UNITS else name
 
 
 class _Mapping:
-    """Evaluates a table's mapping; ``used`` collects the names of the log's columns in it."""
+    """Evaluates the expressions of a mapping; ``used``: names of the log's columns used in them."""
 
     def __init__(self, table: Table, entries: Mapping[str, str], given: Any) -> None:
         self.table, self.entries, self.given = table, entries, given
@@ -136,7 +139,7 @@ class _Mapping:
         self._names = re.compile(rf"(?<![\w.\]])(?:{words})(?![\w(\[])")
 
     def unknown(self, target: str) -> list[str]:
-        """Return the names in the expression of ``target`` that are not known, each once."""
+        """Return the names in the expression of the column ``target`` that are no known column."""
         return _unknown(self._parsed(target)[0])
 
     def value(self, target: str) -> np.ndarray:
@@ -164,9 +167,10 @@ class _Mapping:
         return self.value(name) if name in self.entries else np.arange(self.n, dtype=float)
 
     def _parsed(self, target: str) -> tuple[ast.expr, dict[str, str]]:
-        """Return an expression's syntax tree and placeholder → the column's name that it replaces.
+        """Return the syntax tree of the expression of ``target``, and placeholder → column name.
 
-        Placeholders stand for the names of columns, which need not be identifiers.
+        In the expression, placeholders replace the names of columns, because these names need not
+        be valid identifiers.
         """
         places: dict[str, str] = {}
 
@@ -224,7 +228,10 @@ class _Mapping:
 
 
 def _unknown(tree: ast.expr) -> list[str]:
-    """Return the names in an expression that stand for nothing, such as ``x[7]`` or ``Vg``."""
+    """Return the names in an expression that are neither a placeholder, a function nor ``pi``.
+
+    ``tree``: the expression as `_Mapping._parsed` returns it, with placeholders for known columns.
+    """
     found: list[str] = []
     functions = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     indexed = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Subscript | ast.Attribute)}

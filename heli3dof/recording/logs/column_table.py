@@ -120,7 +120,11 @@ def check_names(table: Table) -> None:
 
 
 def _map_options(table: Table, example: str) -> str:
-    """Return the command that names the log's columns, with suggestions where names are common."""
+    """Return, for an error message, a command that maps the log's columns to heli3dof's.
+
+    If names of the log's columns are well known, the command contains their mapping, else
+    ``example``.
+    """
     found = suggest(table.columns)
     if found:
         return f"heli3dof import … {as_options(found)}; check units and signs in its preview"

@@ -129,5 +129,5 @@ ENDINGS = {
 
 
 def layout(name: str) -> bytes:
-    """Return a viewer's layout, a file of `heli3dof.recording.viewers`, as bytes."""
+    """Return the bytes of the file ``name`` of `heli3dof.recording.viewers`, a viewer's layout."""
     return (resources.files("heli3dof.recording.viewers") / name).read_bytes()

@@ -36,7 +36,7 @@ def is_log(path: str | Path) -> bool:
 
 @dataclass(frozen=True)
 class Log:
-    """A flight's files as read, before the checks of `recording_of`."""
+    """A flight's log: its files, the table read from them (unchecked), and the rig's profile."""
 
     paths: tuple[Path, ...]
     table: Table
@@ -54,8 +54,8 @@ def import_log(
     """Read another program's log (CSV, gzipped CSV, MAT, MCAP) as a `Recording`.
 
     * ``paths``: the log's file, or several files of one flight with a common clock
-    * ``profile``: the rig's profile. None selects the one in the file, which only MCAP can contain.
-      If the profile has no ``[controller]``, the controller of the flight is unknown.
+    * ``profile``: the rig's profile. None selects the profile in the file, which only MCAP can
+      contain. If the profile has no ``[controller]``, the controller of the flight is unknown.
     * ``columns``: names of the rows or columns of a matrix in a MAT file
     * ``mapping``: column → expression of the log's columns (`column_mapping`); it adds to the
       profile's ``[log]``
@@ -72,7 +72,7 @@ def read_log(
     columns: str | Sequence[str] | None = None,
     mapping: Mapping[str, str] | None = None,
 ) -> Log:
-    """Return the columns of one flight's files, joined and mapped; the arguments of `import_log`.
+    """Return the columns of one flight's files, joined and mapped; arguments as of `import_log`.
 
     Raises RecordingError or UsageError.
     """
@@ -92,7 +92,7 @@ def read_log(
 
 
 def recording_of(log: Log, *, check_values: bool = True) -> Recording:
-    """Check a log's columns and return them as a `Recording`; `import_log` has the arguments."""
+    """Check a log's columns and return them as a `Recording`; arguments as of `import_log`."""
     files = [_digest(path) for path in log.paths]
     meta = provenance(
         source="import",

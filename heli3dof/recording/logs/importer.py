@@ -25,14 +25,14 @@ class Table:
     profile: Profile | None = None
     """The rig's profile, if the file contains one"""
     origins: Mapping[str, str] = field(default_factory=dict)
-    """Column → the log's name or the expression that it was computed from; absent: its own name"""
+    """Column → the log's name for it, or the expression that gave it; others kept the log's name"""
     ignored: Sequence[str] = ()
-    """What was left out: name and reason"""
+    """Names of the columns that were left out, each with the reason"""
 
 
 @dataclass(frozen=True)
 class Importer:
-    """A log format: the endings of its files, and a function that reads one as a `Table`."""
+    """A log format: its file names' endings, and a function that reads a file as a `Table`."""
 
     name: str
     endings: tuple[str, ...]
@@ -42,8 +42,8 @@ class Importer:
     ``--columns``. Raises RecordingError or UsageError with a cause and a fix; any other exception
     becomes a RecordingError that names the file, the importer and the exception."""
     recognises: Callable[[Path], bool] | None = None
-    """Returns True if a file has this format; None: its name's ending decides. An exception means
-    that it has not."""
+    """Returns True if a file has this format; None: its name's ending decides. An exception counts
+    as False."""
     carries_profile: bool = False
     """True if files can contain the rig's profile; others need ``--profile``"""
 

@@ -21,7 +21,7 @@ SAME_INSTANT = 0.1
 SAME_RATE = 0.01
 """Relative difference of the periods of logs of the same rate (a convention)"""
 PARTNERS = 0.5
-"""Share of the samples in the common time that at least have partners (a convention)"""
+"""Least share of the samples in the common time range that all logs must contain (a convention)"""
 
 
 def rises(values: np.ndarray) -> bool:
@@ -30,7 +30,10 @@ def rises(values: np.ndarray) -> bool:
 
 
 def with_clock(table: Table) -> Table:
-    """Return ``table`` with the column ``t_s``, if one of its columns has a clock's name."""
+    """Return ``table`` with its clock as the column ``t_s``; unchanged if it has no clock.
+
+    The clock is the first of `CLOCK_NAMES` that is a column.
+    """
     if "t_s" in table.columns:
         return table
     lower = {name.lower(): name for name in reversed(list(table.columns))}
@@ -42,11 +45,11 @@ def with_clock(table: Table) -> Table:
 
 
 def join(tables: Sequence[Table]) -> Table:
-    """Return the columns of all tables at the instants that all of them contain.
+    """Return one table with the columns of all tables, at the instants that all clocks contain.
 
-    Names that occur in several tables get their file's name as a prefix: ``input.u``. A table
-    without a clock must have as many samples as the others. Raises RecordingError if rates differ,
-    if the clocks do not overlap, or if a length differs.
+    A column name that occurs in several tables gets its file's name as a prefix: ``input.u``. A
+    table without a clock must have as many samples as the first table with a clock. Raises
+    RecordingError if it has not, if sampling rates differ, or if the clocks do not overlap.
     """
     tables = [with_clock(table) for table in tables]
     if len(tables) == 1:
@@ -91,7 +94,7 @@ def join(tables: Sequence[Table]) -> Table:
 
 
 def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:
-    """Return id of table → its rows (n,) at the instants that all ``tables`` contain."""
+    """Return ``id(table)`` → indices (n,) of its rows at instants that all ``tables`` contain."""
     if not tables:
         return {}
     times = [table.columns["t_s"] for table in tables]

@@ -1,4 +1,4 @@
-"""Suggest which column of another program's log is which of ours, by common names and units.
+"""Suggest which columns of another program's log are which of heli3dof's, by common names.
 
 Signs differ between laboratories, so a suggestion is never used without the user's decision.
 """
@@ -36,9 +36,10 @@ UNIT = re.compile(r"[\s_(\[]*\b(deg|degrees?|°|rad|radians?|v|volts?|s|sec)[)\]
 
 
 def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
-    """Return column of ours → expression, for those that ``columns`` lack and whose name is known.
+    """Return heli3dof's column → expression of a log's ``columns``, by their common names.
 
-    An angle without unit is in radians if it stays within ±2π.
+    Columns of heli3dof that the log already has are left out. An angle without unit is taken to be
+    in radians if it stays within ±2π.
     """
     found: dict[str, str] = {}
     volts: dict[str, str] = {}
@@ -65,12 +66,12 @@ def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
 
 
 def as_options(mapping: Mapping[str, str]) -> str:
-    """Return ``--map`` options for column → expression, quoted for a shell."""
+    """Return ``mapping``, column → expression, as ``--map`` options that are quoted for a shell."""
     return " ".join(f"--map {shlex.quote(f'{name}={text}')}" for name, text in mapping.items())
 
 
 def _key(name: str) -> tuple[str, str | None]:
-    """Return a name in lower case without separators and unit, and ``deg``, ``rad`` or None.
+    """Return a name in lower case without separators and unit; and the unit if it is an angle's.
 
     >>> _key("Elevation (deg)"), _key("theta_ref"), _key("Vf [V]")
     (('elevation', 'deg'), ('thetaref', None), ('vf', None))
@@ -84,6 +85,6 @@ def _key(name: str) -> tuple[str, str | None]:
 
 
 def _stems(target: str) -> set[str]:
-    """Return the names under which a log may already have the column ``target``."""
+    """Return the names that column ``target`` may have in a log: for an angle, in both units."""
     head, _, unit = target.rpartition("_")
     return {f"{head}_deg", f"{head}_rad"} if unit in ("deg", "rad") else {target}

@@ -163,7 +163,9 @@ def hidden_jitter_warnings(
 
 
 def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> list[str]:
-    """Raise RecordingError for voltages above 20 times the limit ``v_max`` (V); return warnings.
+    """Check voltages against the limit ``v_max`` (V); return warnings.
+
+    Raises RecordingError for voltages above 20 times the limit.
 
     ``front``, ``back``: the motors' voltages (N,) in V; ``source``: the log's name.
     """

@@ -12,7 +12,7 @@ from heli3dof.rig.log_columns import KNOWN, ORDERED
 
 
 def preview(table: Table) -> dict[str, Any]:
-    """Return a JSON-able dictionary: columns and channels with source and range, clock, ignored.
+    """Return a JSON-able dictionary: a log's columns and channels, its clock, and what is ignored.
 
     Each column has ``name``, ``source`` (the log's column or expression), ``unit``, and ``first``,
     ``min`` and ``max`` of its values. ``period_s`` is the median interval of ``t_s``.

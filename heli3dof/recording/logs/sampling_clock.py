@@ -38,18 +38,18 @@ PASSES = 2
 STRETCH = 250
 HEAD = 500
 BUNCHED = 0.1
-"""Share of the mean interval, and of the samples: stamps are in bursts if more intervals than this
-are shorter than this. No control loop samples so, and no phase-locked loop locks to it."""
+"""Time stamps are in bursts if more than this share of the intervals is shorter than this share of
+the mean interval. No control loop samples in bursts, and no phase-locked loop locks to bursts."""
 CLEAR = 0.25
 """Share of the period: an interval this close to a multiple of the period determines its count.
 Half of the distance at which rounding changes; the other half is for an error of the period."""
 LATE = 0.2
-"""Share of the period: time stamps with a smaller jitter are taken as they are"""
+"""Share of the period: time stamps with a smaller jitter are used unchanged"""
 
 
 @dataclass(frozen=True, eq=False)
 class Ticks:
-    """The clock of N samples."""
+    """Sampling clock of N samples: the samples' numbers n_k, the period and the jitter."""
 
     number: np.ndarray
     """(N,) n_k, from zero"""
@@ -77,7 +77,7 @@ def ticks(t: np.ndarray) -> Ticks:
 
 
 def _counted(t: np.ndarray) -> np.ndarray:
-    """Return n_k (N,) of time stamps that a phase-locked loop can follow."""
+    """Return n_k (N,) of time stamps t (N,) s that are not in bursts."""
     period = _period(t)
     intervals = np.diff(t) / period
     steps = np.rint(intervals)
@@ -95,9 +95,10 @@ def _counted(t: np.ndarray) -> np.ndarray:
 def sampling_times(recording: Recording) -> Recording:
     """Return the recording with the times at which its samples were taken.
 
-    These are the times of an even clock if the jitter of the time stamps exceeds `LATE` times the
-    period, and the motion does not fit the time stamps better. Then the time stamps are taken to be
-    times of arrival at the host. Otherwise the time stamps are kept.
+    These are the times of an even clock if no sample is lost, the jitter of the time stamps exceeds
+    `LATE` times the period, and the motion does not fit the time stamps better. The time stamps are
+    then taken as times of arrival at the host. Otherwise the time stamps are kept. For time stamps
+    in bursts (`in_bursts`), the motion is not considered.
     """
     r = recording
     if len(r) < HEAD or not (np.diff(r.t) > 0).all():
@@ -115,7 +116,7 @@ def sampling_times(recording: Recording) -> Recording:
 
 
 def in_bursts(t: np.ndarray) -> bool:
-    """Return whether many of the time stamps (N,) follow each other almost at once; `BUNCHED`."""
+    """Return True if many time stamps t (N,) follow each other almost at once (see `BUNCHED`)."""
     intervals = np.diff(t)
     return bool((intervals < BUNCHED * intervals.mean()).mean() > BUNCHED)
 
@@ -140,7 +141,7 @@ def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarr
 def _period(t: np.ndarray) -> float:
     """Return an initial period T in s: the median interval if the clock is even.
 
-    Otherwise it is the T near the median that maximises |Σ exp(2πi t_k / T)| over the first t_k.
+    Otherwise the T near the median that maximises |Σ exp(2πi t_k / T)| over the first `HEAD` t_k.
     """
     dt = np.diff(t)
     T = float(np.median(dt))
@@ -159,7 +160,10 @@ def _slope(number: np.ndarray, t: np.ndarray) -> float:
 
 
 def _scatter(number: np.ndarray, t: np.ndarray) -> tuple[float, int]:
-    """Return the standard deviation (s) of t about straight lines, and the degrees of freedom."""
+    """Return the standard deviation (s) of ε (see the module), and its degrees of freedom.
+
+    ``number``: n_k (N,); ``t``: time stamps (N,) in s.
+    """
     size = min(STRETCH, len(t))
     whole = len(t) // size * size
     n, x = number[:whole].reshape(-1, size), t[:whole].reshape(-1, size)

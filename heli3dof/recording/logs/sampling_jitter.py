@@ -61,7 +61,7 @@ NONE_FOUND = MotionJitter(0.0, np.inf)
 
 
 def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -> MotionJitter:
-    """Return the jitter σ_t of samples at times ``t`` (N,) s, from angles (N, 3) rad.
+    """Return the sampling jitter σ_t, estimated from angles (N, 3) rad at times ``t`` (N,) s.
 
     An angle that was not measured is NaN. ``rad_per_count`` (3,) is the step of each encoder.
     Windows in which an axis moves by less than two steps are not used for this axis. For logs that

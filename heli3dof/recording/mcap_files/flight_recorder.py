@@ -133,7 +133,7 @@ class RecordingWriter:
     def outcome(self, outcome: str, **details: Any) -> None:
         """Set how the flight ended: ``completed``, ``tripped``, ``interrupted``, ``device`` …
 
-        `close` writes it with the ``details`` to the file. A later call replaces an earlier one.
+        `close` writes outcome and ``details`` to the file. A later call replaces an earlier one.
         """
         self._outcome = {"outcome": outcome, **details}
 

@@ -88,12 +88,12 @@ class Scan:
 
     @cached_property
     def schemas(self) -> dict[int, Schema]:
-        """Return the messages' schemas by id: those outside of chunks, or else those in chunks."""
+        """Return the schemas by id; chunks are searched only if none is outside of chunks."""
         return {s.id: s for s in (_read(Schema, c) for c in self._anywhere(Opcode.SCHEMA))}
 
     @cached_property
     def channels(self) -> dict[int, Channel]:
-        """Return the MCAP channels by id: those outside of chunks, or else those in chunks."""
+        """Return the channels by id; chunks are searched only if none is outside of chunks."""
         return {c.id: c for c in (_read(Channel, c) for c in self._anywhere(Opcode.CHANNEL))}
 
     def _anywhere(self, opcode: int) -> Iterator[bytes]:
@@ -130,7 +130,7 @@ def scan(data: bytes) -> Scan:
 
 
 def our_layouts(found: Scan) -> list[Layout] | None:
-    """Return the format of each message type in a file of heli3dof; None for other files."""
+    """Return the layout of each message type in a file of heli3dof; None for other files."""
     by_topic = {c.topic: c for c in found.channels.values()}
     layouts = [SAMPLE, COMMAND]
     if CHANNELS_TOPIC in by_topic:

@@ -48,8 +48,8 @@ class McapFile:
 
     If the stream can be read, `finish` adds an index of the chunks; a pipe cannot be read, so its
     output has no index. ``good`` is the byte offset after the last complete record. After a failed
-    write, the caller may cut off the rest. ``channel_names``: message name → names of its fields,
-    for the MCAP channel.
+    write, the caller may truncate the file at this offset. ``channel_names``: message name → names
+    of the message's fields, for the MCAP channel.
     """
 
     def __init__(

@@ -38,9 +38,9 @@ from heli3dof.rig.profile import Profile, profile_from_dict
 def read_recording(path: str | Path, profile: Profile | None = None) -> Recording:
     """Return the recording in an MCAP file, which heli3dof or another program has written.
 
-    ``profile`` replaces the one in the file. A file of another program needs this argument unless
-    it contains a profile. Raises RecordingError for a file that is missing, torn (its end is
-    missing), damaged, not an MCAP file, without samples, or without the columns of
+    ``profile`` replaces the profile in the file. A file of another program needs this argument
+    unless the file contains a profile. Raises RecordingError for a file that is missing, torn (its
+    end is missing), damaged, not an MCAP file, without samples, or without the columns of
     docs/reference/contract.md.
     """
     path = Path(path)
@@ -204,7 +204,7 @@ def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recor
 
 
 def meta_in(found: Scan, path: Path) -> dict[str, Any]:
-    """Return ``Recording.meta`` from a file's records: its name, provenance and outcome."""
+    """Return ``Recording.meta`` from a file's records: the file's name, provenance and outcome."""
     meta: dict[str, Any] = {"name": path.stem, **found.metadata.get(PROVENANCE, {})}
     details = dict(found.metadata.get(OUTCOME, {}))
     details.pop("rows", None)

@@ -30,14 +30,14 @@ from heli3dof.recording.mcap_files.schema import SAMPLE, RowFormat
 
 @dataclass(frozen=True)
 class Recovery:
-    """Result of `recover`: the new file, its samples, and what of the original is lost."""
+    """Result of `recover`: the new file, its samples, and the losses from the original file."""
 
     path: Path
     """The new file"""
     samples: int
     """Number of recovered samples"""
     seconds: float
-    """Time from the first to the last of them"""
+    """Time from the first to the last recovered sample"""
     bytes_lost: int
     """Bytes after the last complete record"""
     chunks_damaged: int

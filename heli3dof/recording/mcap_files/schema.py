@@ -63,7 +63,7 @@ def _columns(names: str, kind: str = "double") -> tuple[Column, ...]:
 
 @dataclass(frozen=True)
 class Layout:
-    """A message type and its MCAP topic; its fields are numbered from 1 in order."""
+    """A message type: its name, its MCAP topic, and its fields, numbered from 1 in order."""
 
     name: str
     topic: str
@@ -133,11 +133,11 @@ MAX_CHANNELS = 2000
 
 
 def channels_layout(names: Sequence[str]) -> Layout:
-    """Return the layout of a third message for the columns of a log without a standard field.
+    """Return the layout of a third message, for columns of a log that no standard field holds.
 
-    The first two messages, sample and command, have the standard fields. The columns of the third
-    are called ``column1`` …; ``names`` are in the MCAP channel's metadata, and in the schema with
-    characters that protobuf allows.
+    Standard fields are those of the first two messages, sample and command. The fields of the third
+    are called ``column1`` …; the columns' ``names`` are in the MCAP channel's metadata and, with
+    the characters that protobuf allows, in the schema.
     """
     columns: list[Column] = []
     taken: set[str] = set()
@@ -151,7 +151,7 @@ def channels_layout(names: Sequence[str]) -> Layout:
 
 
 class RowFormat:
-    """Byte format of a row: one MCAP Message record for each message type, channels 1, 2, …"""
+    """Byte format of a row: one MCAP Message record per message type, on MCAP channels 1, 2, …"""
 
     def __init__(self, layouts: Sequence[Layout] = (SAMPLE, COMMAND)) -> None:
         self.layouts = tuple(layouts)

@@ -1,6 +1,6 @@
 """An MCAP file for Foxglove: a recording's own messages, and the rig in three dimensions.
 
-To the topics of the recording come, as JSON messages with Foxglove's well-known schemas:
+Besides the recording's topics, the file has JSON messages with Foxglove's own schemas:
 
     /heli3dof/scene        foxglove.SceneUpdate, once: the parts of the rig
     /heli3dof/transforms   foxglove.FrameTransforms, 60 per second: the poses of arm and body
@@ -73,7 +73,7 @@ def foxglove_bytes(recording: Recording) -> bytes:
 
 
 def _records(payload: np.ndarray) -> np.ndarray:
-    """Return the messages of a structured array (n,) as its bytes (n, length)."""
+    """Return the n messages in a structured array (n,) as bytes (n, length)."""
     return payload.view(np.uint8).reshape(len(payload), -1)
 
 
@@ -108,7 +108,7 @@ def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int,
 
 
 def entity(part: Part, time: int) -> Message:
-    """Return a part of the rig as foxglove.SceneEntity, which moves with its frame."""
+    """Return a part of the rig as foxglove.SceneEntity, which moves with the part's frame."""
     red, green, blue = part.colour
     primitive = {
         "pose": {"position": _vector(part.centre), "orientation": NO_ROTATION},
@@ -131,7 +131,7 @@ def entity(part: Part, time: int) -> Message:
 
 
 def json_schema(example: Any) -> dict[str, Any]:
-    """Return the JSON schema of a message; the items of an empty list are objects.
+    """Return the JSON schema of the message ``example``; an empty list is taken as one of objects.
 
     >>> json_schema({"sec": 0})
     {'type': 'object', 'properties': {'sec': {'type': 'integer'}}}

@@ -39,7 +39,7 @@ COLOURS = {
     "v_front_V": VERMILION,
     "v_back_V": BLUE,
 }
-"""Column → colour of its curve; Rerun chooses that of the others"""
+"""Column → colour of its curve; Rerun chooses the colours of the other columns"""
 
 
 def rrd_bytes(recording: Recording, columns: Mapping[str, np.ndarray]) -> bytes:

@@ -7,10 +7,12 @@ Frames are right-handed, in m. With roll r, pitch p, yaw ψ (rad) and rotations 
     body   origin (L_a, 0, 0) in arm, rotation R_x(p); the front motor is at +L_h on its y axis,
            the thrusts act along its z axis
 
+L_a: distance from the yaw axis to the body; L_h: distance from the pitch axis to a motor.
+
 So positive roll moves the body up, positive pitch the front motor up, and positive yaw the arm
 counter-clockwise seen from above. A positive pitch accelerates yaw in the negative direction, as
-Q_ψ of `heli3dof.model.physics.rigid_body` demands. h is the height at which the body is just above
-the table at the rest angle. Quaternions are (x, y, z, w).
+the yaw torque Q_ψ of `heli3dof.model.physics.rigid_body` demands. h is the height at which the body
+is just above the table at the rest angle. Quaternions are (x, y, z, w).
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ BLUE: Colour = (0.0, 0.447, 0.698)
 
 @dataclass(frozen=True)
 class Part:
-    """A box or an upright cylinder to draw; ``centre`` and ``size`` (m) are along its frame."""
+    """A box or an upright cylinder to draw; ``centre`` and ``size`` (m) in its ``frame``."""
 
     name: str
     frame: str
@@ -51,10 +53,10 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Poses of the frames arm and body, n of them."""
+    """Poses of the frames arm and body at n samples of a recording."""
 
     rows: IndexArray
-    """(n,) rows of the recording."""
+    """(n,) indices of the recording's rows."""
     arm: FloatArray
     """(n, 4) quaternions of the arm in the base."""
     body: FloatArray
@@ -66,10 +68,10 @@ class Poses:
 
 
 def poses(recording: Recording, per_s: float = FRAMES_PER_S) -> Poses:
-    """Return the poses of a recording, at most ``per_s`` per second.
+    """Return the poses of arm and body in a recording, at most ``per_s`` per second.
 
-    An axis that was not measured is drawn at zero. Rows with a missing angle of a measured axis
-    have no pose.
+    An axis that was not measured is drawn at zero. Rows in which the angle of a measured axis is
+    missing have no pose.
     """
     angle = np.where(np.isnan(recording.angle).all(axis=0), 0.0, recording.angle)
     complete = np.flatnonzero(np.isfinite(angle).all(axis=1))

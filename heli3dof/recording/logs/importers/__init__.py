@@ -41,7 +41,10 @@ def importers() -> tuple[Importer, ...]:
 
 
 def importer_of(path: str | Path) -> Importer | None:
-    """Return the first importer that recognises the file; None for heli3dof's own recordings."""
+    """Return the first importer that recognises the file, or None.
+
+    No importer recognises heli3dof's own recordings.
+    """
     return next((i for i in importers() if i.sniff(Path(path))), None)
 
 

@@ -102,7 +102,7 @@ def _joined(
     base: int,
     warnings: list[str],
 ) -> dict[str, np.ndarray]:
-    """Return the columns of the topic ``base`` (a channel id) and of those with its log times.
+    """Return the columns of the topic ``base`` (a channel id) and of topics with equal log times.
 
     ``tables`` has the log times (ns) and columns of each topic by channel id, ``content`` the
     topics' names. Warnings are appended to ``warnings``.

@@ -3,18 +3,19 @@
 ====================================  ==========================================================
 variable                              signals
 ====================================  ==========================================================
-matrix whose first row (or column)    ``x[1]``, ``x[2]``, …: its other rows; their clock is the
-is time (block "To File")             first one
+matrix whose first row (or column)    ``x[1]``, ``x[2]``, …: its other rows (or columns); the
+is time (block "To File")             first row (or column) is their clock
 matrix without time                   ``x[1]``, ``x[2]``, …: all rows (or columns)
-structure with ``time`` and           the signals' labels, else as a matrix; their clock is
-``signals.values``                    ``time``
-structure with ``Time`` and ``Data``  as a matrix; its clock is ``Time``
-vector                                its own name; the clock is the vector ``t_s``, ``time``, …
-other structure                       those of its fields
+structure with ``time`` and           named by their labels, else numbered as in a matrix; their
+``signals.values``                    clock is ``time``
+structure with ``Time`` and ``Data``  numbered as in a matrix; their clock is ``Time``
+vector                                one, named like the vector; its clock is the vector
+                                      ``t_s``, ``time``, …
+other structure                       the signals of its fields
 ====================================  ==========================================================
 
-A matrix with a single signal has the name ``x`` without a number. The block "To File" calls every
-matrix ``ans``; such a signal has the file's name.
+``x`` is the variable's name. The single signal of a matrix is called ``x`` without a number. The
+block "To File" calls every matrix ``ans``; such a matrix's signals have the file's name.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ UNNAMED = "ans"
 
 @dataclass
 class _Found:
-    """Signals of one file: with a clock of their own, without one, and what was left out."""
+    """Signals of a file with their clocks (``clocked``), other arrays, and ignored variables."""
 
     clocked: list[tuple[np.ndarray, dict[str, np.ndarray]]] = field(default_factory=list)
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
@@ -44,9 +45,10 @@ class _Found:
 
 
 def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
-    """Return one table for each clock in ``variables``, and one for each length without a clock.
+    """Return a table of the signals of each clock, and a table of each length without a clock.
 
-    ``source``: the file's name, ``stem``: without ending.
+    ``source``: the file's name; ``stem``: the file's name without ending; ``variables``: the file's
+    variables by name.
     """
     found = _Found()
     for name, value in variables.items():
@@ -61,9 +63,9 @@ def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
 
 
 def _visit(name: str, value: Any, found: _Found) -> None:
-    """Add the signals of the variable ``name`` to ``found``; a structure's by visiting its fields.
+    """Add the signals of the variable ``name`` to ``found``; visit the fields of a structure.
 
-    A field has its own name, or ``structure.field`` if that name is taken.
+    A field's signal is named like the field, or ``structure.field`` if that name is taken.
     """
     if isinstance(value, Opaque):
         found.ignored.append(
@@ -88,7 +90,7 @@ def _visit(name: str, value: Any, found: _Found) -> None:
 def _timed_structure(
     name: str, value: Mapping[str, Any]
 ) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
-    """Return clock and columns of a structure with time or a timeseries; None for another one."""
+    """Return clock and columns of a structure that contains time; None for other structures."""
     fields = {key.lower(): inner for key, inner in value.items()}
     t = np.asarray(fields.get("time", ()))
     if t.ndim != 1 or len(t) < MIN_SAMPLES:
@@ -111,7 +113,10 @@ def _timed_structure(
 
 
 def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:
-    """Yield the columns of each clock; arrays that they contain are removed from ``found``."""
+    """Yield, for each clock, its signals by name and the clock as ``t_s``.
+
+    Arrays of ``found`` that are such signals are removed from ``found``.
+    """
     for t, columns in found.clocked:
         yield {"t_s": t, **columns}
     clock = next((n for n in CLOCK_NAMES for a in found.arrays if a.lower() == n), None)
@@ -135,10 +140,11 @@ def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:
 
 
 def _without_clock(found: _Found, clocks: set[int]) -> Iterator[dict[str, np.ndarray]]:
-    """Yield the columns of each length; arrays that are no signals are ignored.
+    """Yield, for each length, the columns of the arrays in ``found`` that have no clock.
 
-    ``clocks``: lengths of the clocks found. A signal has one of them, unless there is no clock, or
-    its name is one of the contract.
+    Arrays that are too short are ignored. If the file has clocks (``clocks``: their lengths),
+    arrays of other lengths are ignored, too. An array with a name of docs/reference/contract.md is
+    always kept.
     """
     lengths: dict[int, dict[str, np.ndarray]] = {}
     for name, array in found.arrays.items():
@@ -166,7 +172,7 @@ def _as_rows(block: np.ndarray, n: int) -> np.ndarray:
 
 
 def _described(value: Any) -> str:
-    """Return what an ignored variable is: ``one value``, ``3 × 3``, ``text``."""
+    """Return a description of an ignored variable: ``one value``, ``3 × 3 values``, ``text``."""
     array = np.asarray(value)
     if array.dtype.kind not in "fiub":
         return "text" if isinstance(value, str) else "not numeric"

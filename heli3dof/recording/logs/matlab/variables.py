@@ -25,7 +25,7 @@ class Opaque:
     """An object of a MATLAB class, whose content only MATLAB can read."""
 
     kind: str
-    """The class: ``timeseries``"""
+    """Name of the class, such as ``timeseries``"""
 
 
 def read_variables(path: Path) -> dict[str, Any]:
@@ -102,7 +102,7 @@ class _Elements(list[Any]):
 
 
 def _structure(fields: dict[str, Any]) -> Any:
-    """Return a structure's ``fields``, or a list of dicts if they are those of several elements."""
+    """Return ``fields``, or a list of dicts if they belong to an array of structures."""
     if fields and all(isinstance(values, _Elements) for values in fields.values()):
         return [dict(zip(fields, each, strict=True)) for each in zip(*fields.values(), strict=True)]
     return fields
