@@ -24,7 +24,7 @@ FULL_CURRENT_A = 4.0
 
 
 class Device:
-    """The emulated electronics: they turn commands into motor voltages and simulate the periods."""
+    """The emulated electronics, which turn commands into motor voltages and run the plant."""
 
     def __init__(
         self,

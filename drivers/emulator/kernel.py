@@ -127,7 +127,7 @@ def _impulses(state, h, dry, body):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _copy(source, into, at, n):  # type: ignore[no-untyped-def]
-    """Copy n numbers to ``into[at:]``. numba needs 4 s longer to compile the slice assignment."""
+    """Copy n numbers of ``source`` to ``into[at:]``; numba compiles a slice 4 s more slowly."""
     for i in range(n):
         into[at + i] = source[i]
 

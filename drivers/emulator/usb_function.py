@@ -3,7 +3,8 @@
     OUT 0x01 ─▶ Endpoint.receive ─┐
                 Endpoint.tick ────┴─▶ IN 0x81
 
-The link's bytes go through the two pipes; the emergency stop is a request on endpoint 0. This
+The frames of docs/reference/protocol.md (the link) go through the pipes; the emergency stop is a
+request on endpoint 0. This
 module also simulates bus faults: halted pipes, silent pipes, lost power. The caller keeps the
 clock, in whole microseconds; nothing waits. Two transports use it: pyusb's backend in this
 process (`transport_usb`) and a real Linux USB stack (tests/kernel_usb).
