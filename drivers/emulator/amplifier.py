@@ -79,7 +79,10 @@ class Amplifier:
         self._enter(now_us, 0 if self.enabled else self._state, self.cause)
 
     def stop(self, now_us: int, cause: int, flag: int = STOPPED) -> None:
-        """Set zero volts at ``now_us`` (µs). ``cause``, ``flag``: why, and the resulting state."""
+        """Set zero volts at ``now_us`` (µs).
+
+        The next samples report the stop's ``cause`` and the state ``flag``, e.g. STOPPED or FAULT.
+        """
         self._enter(now_us, flag, cause)
 
     def command(self, now_us: int, number: int, front_uV: int, back_uV: int) -> bool:
@@ -109,7 +112,10 @@ class Amplifier:
             self._new_ticket()
 
     def output_uV(self, now_us: int) -> tuple[int, int]:
-        """Return the output (front, back) in µV at ``now_us`` (µs), at or after the last call's."""
+        """Return the output (front, back) in µV at ``now_us`` (µs).
+
+        ``now_us`` must not decrease from call to call.
+        """
         self.advance(now_us)
         if self._state == ENABLED:
             return self._uV

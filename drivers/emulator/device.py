@@ -42,7 +42,7 @@ class Device:
         self.sequence = 0
         self.enabled = self.latched = self.stopped = self.saturated = False
         self.fault = Flags(0)
-        """FAULT or STALL, while the amplifier reports it"""
+        """Flag FAULT or STALL, while the amplifier reports it; else 0"""
         self.cause = Cause.NONE
         """Why the output is held at zero"""
         self.v = (0.0, 0.0)

@@ -127,7 +127,10 @@ def _impulses(state, h, dry, body):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _copy(source, into, at, n):  # type: ignore[no-untyped-def]
-    """Copy n numbers of ``source`` to ``into[at:]``; numba compiles a slice 4 s more slowly."""
+    """Copy n numbers of ``source`` to ``into[at:]``.
+
+    numba would take 4 s longer to compile a slice assignment.
+    """
     for i in range(n):
         into[at + i] = source[i]
 

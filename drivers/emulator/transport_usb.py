@@ -91,7 +91,7 @@ class RigOnBus:
     refused: bool = False
     claimed_by: Any = None
     plugs: int = 0
-    """How often it was plugged in again; this makes earlier handles invalid"""
+    """How often the rig was plugged in again; each time makes earlier handles invalid"""
 
 
 @dataclass(eq=False)

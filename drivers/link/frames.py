@@ -163,7 +163,7 @@ class IdentityFrame:
     """The protocol version that the device uses with this host"""
     flags: int
     boot: int
-    """Changes with every start of the device, where the counts restart from zero"""
+    """Number that changes with every start of the device, when the counts restart from zero"""
     ticket: int
     """The ticket that the next ARM must carry"""
     counts_roll: int

@@ -29,8 +29,8 @@ def usb_ports() -> Sequence[str]:
 def is_known(path: str) -> bool:
     """Return True if a rig is probably connected to the port ``path``.
 
-    The port's USB vendor and product numbers are a known rig's, or a heli3dof process, perhaps
-    another user's, has locked the port.
+    This is so if the port's USB vendor and product numbers are a known rig's, or if a heli3dof
+    process, perhaps another user's, has locked the port.
     """
     from ..udev import known_ids
 
@@ -72,7 +72,7 @@ def _runs_heli3dof(pid: int) -> bool:
 
 
 def holders(path: str) -> list[tuple[int, str]]:
-    """Return (pid, name) of each other process that, by /proc, has the port ``path`` open."""
+    """Return (pid, name) of each other process with the port ``path`` open, from /proc."""
     try:
         wanted = os.stat(path).st_rdev
     except OSError:

@@ -32,7 +32,7 @@ class OnBus:
     device: Any
     """usb.core.Device"""
     serial: str | None
-    """None: this user has no permission to read it"""
+    """Serial number; None: this user has no permission to read it"""
 
     @property
     def url(self) -> str:
