@@ -83,7 +83,7 @@ class HiddenRig:
     """What the emulator simulates in an exercise: effects and a random spread of parameters.
 
     ``hide``, ``spread``: as the URL options of ``mock:``; ``rig_seed``: seed of the spread. The
-    URL's seed applies to the noise only.
+    URL's seed applies to noise, vibration and timing only.
     """
 
     hide: str

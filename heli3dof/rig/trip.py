@@ -24,9 +24,9 @@ class Trip(str):
 
     @staticmethod
     def first(*reasons: str | None) -> Trip | None:
-        """Return one `Trip` with all given reasons and the first known cause and fix.
+        """Return one `Trip` with all given reasons and the first known cause, with its fix.
 
-        Returns None if every reason is None.
+        Returns None if every reason is None or empty.
         """
         given = [each for each in reasons if each]
         if not given:
