@@ -236,7 +236,7 @@ def _compile(digest: str) -> tuple[Any, Any]:
 
 @cache
 def compiled() -> tuple[Any, Any]:
-    """Return the compiled functions `period` (one control period) and `measure` (counts)."""
+    """Return the compiled functions ``period`` (one control period) and ``measure`` (counts)."""
     period, measure = _compile(_sources())
     one, two, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     number, whole = numba.float64, numba.int64
