@@ -20,7 +20,7 @@ class ErrorTemplate(NamedTuple):
     fix: str
 
     def error(self, **fields: object) -> DeviceError:
-        """Return a DeviceError with these texts; ``fields`` are the values for their ``{…}``."""
+        """Return a DeviceError with these texts, in which ``fields`` replace each ``{…}``."""
         what, cause, fix = (text.format(**fields) for text in self)
         return DeviceError(what, cause=cause, fix=fix)
 

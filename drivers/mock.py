@@ -5,7 +5,7 @@ every option and effect. There are two clocks:
 
 - ``speed=max`` or a number (times real time): a virtual clock. Every exchange is one control period
   on it, so the same seed and commands give the same samples.
-- ``speed=real``: the host's clock. The device runs on between exchanges: it simulates
+- ``speed=real``: the host's clock. Between exchanges the device continues: it simulates
   the periods that the host missed with the last voltage held. Its watchdog counts these periods.
 """
 
@@ -35,7 +35,7 @@ LONGEST_CATCH_UP_S = 60.0
 """s, the longest pause of the host that is simulated; by then the rig has long been at rest"""
 
 SEALED = ("profile", "hide", "noise", "noise_s", "vibration_hz", "spread")
-"""URL options that a sealed rig does not accept: the exercise defines its physics"""
+"""URL options that ``exercise=`` does not allow: the exercise's sealed file defines the physics"""
 
 
 class MockDriver:
@@ -64,7 +64,7 @@ class MockDriver:
         return MockRig(own_profile(options, profile), options)
 
     def estop(self, url: DeviceUrl) -> str:
-        """Return a message only: an emulated rig exists only in the process that opened it."""
+        """Return a message that there is nothing to stop: no other process can reach this rig."""
         return "an emulated rig exists only in the process that runs it: nothing else to stop"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
@@ -73,9 +73,10 @@ class MockDriver:
 
 
 def own_profile(options: RigOptions, profile: Profile) -> Profile:
-    """Return the emulated rig's profile, by default ``profile``.
+    """Return the emulated rig's profile.
 
-    It is the one that the URL option ``profile=`` names, or the default profile of a sealed rig.
+    With the URL option ``exercise=`` this is the default profile; with ``profile=`` the profile
+    that the option names; otherwise ``profile``.
     """
     if options.exercise is not None:
         from heli3dof.rig.profile import default_profile
@@ -89,9 +90,9 @@ def own_profile(options: RigOptions, profile: Profile) -> Profile:
 
 
 def opened(options: RigOptions) -> HiddenRig | None:
-    """Return the rig in the sealed file of ``exercise=``, None without this option.
+    """Return the rig in the exercise file that ``exercise=`` names, None without this option.
 
-    Raises UsageError if another option changes the physics of the sealed rig.
+    Raises UsageError if another option changes the physics of this rig (`SEALED`).
     """
     if options.exercise is None:
         return None
@@ -104,7 +105,7 @@ def opened(options: RigOptions) -> HiddenRig | None:
 
 
 def serial_of(options: RigOptions) -> str:
-    """Return the emulated rig's serial number: that of the exercise, or the seed's."""
+    """Return the emulated rig's serial number: that of its exercise, else ``mock-SEED``."""
     if options.exercise is None:
         return f"mock-{options.seed}"
     from heli3dof.rig.sealed_rig import read_exercise
@@ -193,7 +194,7 @@ class MockRig:
     def truth(self) -> Truth:
         """Return the true state and parameters, for tests; heli3dof itself never reads them.
 
-        Raises UsageError for a sealed rig.
+        Raises UsageError for the rig of an exercise, whose effects stay hidden.
         """
         if self._is_sealed:
             raise no_truth()

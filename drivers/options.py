@@ -1,4 +1,4 @@
-"""Pydantic models of the drivers' URL options; that of ``quanser:`` is in `quanser_hil.wiring`."""
+"""Pydantic models of the drivers' URL options; for ``quanser:`` see `quanser_hil.wiring`."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class UsbOptions(LinkOptions):
 class UsbMockOptions(UsbOptions, RigOptions):
     """URL options of ``usb+mock:``: those of ``usb:`` and of an emulated rig.
 
-    An option that both define is that of `UsbOptions`.
+    An option that exists in both has the definition of `UsbOptions`.
     """
 
     bus: tuple[str, ...] = Field(

@@ -23,14 +23,14 @@ EXPECTED = "expected"
 
 
 def expected(what: str) -> PydanticCustomError:
-    """Return pydantic's error for a value that is not what ``what`` describes in words."""
+    """Return pydantic's error for an invalid value; ``what``: the valid values, in words."""
     return PydanticCustomError(EXPECTED, "{what}", {"what": what})
 
 
 class UrlOptions(BaseModel):
     """Base class: its fields with a description are URL options, after the ``?`` of the URL.
 
-    The other fields come from the part before the ``?``.
+    The fields without a description are read from the part before the ``?``.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

@@ -1,4 +1,4 @@
-"""The emulated rig: a nonlinear rigid body, its electronics, and hidden effects for `diagnose`.
+"""The emulated rig: nonlinear rigid body, electronics, and hidden effects to be diagnosed.
 
 The emulator shares no equation with ``heli3dof.model``: its equations are derived from a separate
 Lagrangian. So tests of the model against the emulator reveal an error in either. Reading order:

@@ -1,12 +1,13 @@
 """The emulated amplifier of docs/reference/protocol.md. Its output v(t) in each state:
 
-    ARMED    v(t) = v, the last command clipped to ± v_max
+    ARMED    v(t) = v, the last commanded voltage clipped to the amplifier's limit ± v_max
     LATCHED  v(t) = v·(1 − (t − t_expired)/ramp), rounded towards zero to a whole microvolt; then 0
              t_expired = arrival of the last command (or the ARM) + watchdog
     IDLE, STOPPED  v(t) = 0
 
-All voltages are whole microvolts (but V in `Amplifier.mean_V`), all times whole microseconds. An
-ARM must carry the current ticket, a number that changes with every ARM, DISARM, stop and expiry.
+All voltages are whole microvolts (but V in `Amplifier.mean_V`), all times whole microseconds. ARM
+and DISARM are requests of the host. An ARM must carry the current ticket, a number that changes
+with every ARM, DISARM, stop and expiry of the watchdog.
 """
 
 from __future__ import annotations
@@ -78,7 +79,10 @@ class Amplifier:
         self._enter(now_us, 0 if self.enabled else self._state, self.cause)
 
     def stop(self, now_us: int, cause: int, flag: int = STOPPED) -> None:
-        """Set zero volts at ``now_us`` (µs). The next samples report ``cause`` and ``flag``."""
+        """Set zero volts at ``now_us`` (µs).
+
+        The next samples report the stop's ``cause`` and the state ``flag``, e.g. STOPPED or FAULT.
+        """
         self._enter(now_us, flag, cause)
 
     def command(self, now_us: int, number: int, front_uV: int, back_uV: int) -> bool:
@@ -108,7 +112,10 @@ class Amplifier:
             self._new_ticket()
 
     def output_uV(self, now_us: int) -> tuple[int, int]:
-        """Return the output (front, back) in µV at ``now_us`` (µs), a time that never decreases."""
+        """Return the output (front, back) in µV at ``now_us`` (µs).
+
+        ``now_us`` must not decrease from call to call.
+        """
         self.advance(now_us)
         if self._state == ENABLED:
             return self._uV
@@ -119,7 +126,7 @@ class Amplifier:
         return (0, 0)
 
     def mean_V(self, now_us: int) -> tuple[float, float]:
-        """Return the mean output (front, back) in V since the last call or the arming.
+        """Return the mean output (front, back) in V since the method's last call or the arming.
 
         ``now_us``: end of the averaging in µs.
         """

@@ -42,13 +42,13 @@ class Body:
     I_bb: float
     """kg·m², inertia of the motors about b, the body's bar"""
     I_ab: float
-    """kg·m², their product of inertia"""
+    """kg·m², product of inertia of the motors about e_a and b"""
     G_p: float
     """N·m, gravity torque on the level body towards its heavier motor"""
     V_ref: float
     """V at which effect ``motor.thrust_curve`` leaves the thrust unchanged"""
     dJ: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """kg·m², rotary inertia on the joints' shafts"""
+    """kg·m², additional rotary inertia on the shafts of roll, pitch and yaw"""
     tau_m: float = 0.0
     """s, the rotors' time constant; 0: no lag"""
     gain: tuple[float, float] = (1.0, 1.0)
@@ -56,7 +56,7 @@ class Body:
 
     @property
     def J(self) -> tuple[float, float, float]:
-        """Return the level rig's inertias (roll, pitch, yaw) in kg·m², without ``dJ`` of shafts."""
+        """Return the level rig's inertias (roll, pitch, yaw) in kg·m², to which ``dJ`` is added."""
         return self.J_w + self.I_bb, self.I_aa, self.J_w + self.I_bb + self.I_aa
 
     def vector(self) -> np.ndarray:
@@ -117,7 +117,10 @@ def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
 
 @dataclass(frozen=True)
 class Setup:
-    """Body, effects and start of an emulated rig before it runs; `Effect.setup` may change them."""
+    """An emulated rig before it runs: its body, initial angles, stops and sampling errors.
+
+    `Effect.setup` may change any of these.
+    """
 
     body: Body
     nominal: Body

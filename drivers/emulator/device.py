@@ -24,7 +24,7 @@ FULL_CURRENT_A = 4.0
 
 
 class Device:
-    """The emulated electronics: they turn commands into motor voltages and simulate the periods."""
+    """The emulated electronics, which turn commands into motor voltages and run the plant."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class Device:
         self.sequence = 0
         self.enabled = self.latched = self.stopped = self.saturated = False
         self.fault = Flags(0)
-        """FAULT or STALL, while the amplifier reports it"""
+        """Flag FAULT or STALL, while the amplifier reports it; else 0"""
         self.cause = Cause.NONE
         """Why the output is held at zero"""
         self.v = (0.0, 0.0)

@@ -1,6 +1,7 @@
 """Parses the URL option ``hide=``: effects as ``name[.axis]:value[@value]``, separated by commas.
 
-The option may be repeated. Example: ``hide=friction.coulomb.yaw:0.03,mass.change:0.05@20``.
+The values are the effect's parameters, e.g. size and start time. The option may be repeated.
+Example: ``hide=friction.coulomb.yaw:0.03,mass.change:0.05@20``.
 """
 
 from __future__ import annotations

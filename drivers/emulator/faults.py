@@ -1,8 +1,9 @@
 """Faults of the emulated rig, to test safety functions: ``fault=KIND[.AXIS]@SECONDS[:COUNTS]``.
 
 `KINDS` describes each kind. Several faults are separated by commas, or ``fault=`` is repeated. The
-seconds are on the device's clock, which starts with its first period in motion. A fault of the
-amplifier occurs once: arming clears it.
+seconds are on the device's clock, which starts with its first period in motion. ``COUNTS`` is the
+step of an encoder's count, for the kind ``jump`` only. A fault of the amplifier occurs once: arming
+clears it.
 """
 
 from __future__ import annotations
@@ -113,7 +114,7 @@ def _unclear(text: str, problem: str, example: str) -> UsageError:
 
 
 class FaultyPlant:
-    """A `Plant` with faults of encoders, motors and amplifier; it has the plant's methods."""
+    """A `Plant` with faults of encoders, motors and amplifier, used in place of a `Plant`."""
 
     def __init__(self, plant: Plant, faults: tuple[Fault, ...]) -> None:
         self._plant = plant
@@ -147,9 +148,9 @@ class FaultyPlant:
         return volts[0], volts[1]
 
     def trip(self) -> tuple[Flags, Cause] | None:
-        """Return the flag and cause of an amplifier fault that begins now, else None.
+        """Return the state flag and the cause of an amplifier fault that begins now, else None.
 
-        Each fault is returned once.
+        Each fault is returned only once.
         """
         if not self.trips or self.trips[0].at_s > self._plant.t:
             return None

@@ -127,7 +127,10 @@ def _impulses(state, h, dry, body):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _copy(source, into, at, n):  # type: ignore[no-untyped-def]
-    """Copy n numbers to ``into[at:]``. numba needs 4 s longer to compile the slice assignment."""
+    """Copy n numbers of ``source`` to ``into[at:]``.
+
+    numba would take 4 s longer to compile a slice assignment.
+    """
     for i in range(n):
         into[at + i] = source[i]
 
@@ -233,7 +236,7 @@ def _compile(digest: str) -> tuple[Any, Any]:
 
 @cache
 def compiled() -> tuple[Any, Any]:
-    """Return the compiled functions ``period`` (simulates one control period) and ``measure``."""
+    """Return the compiled functions ``period`` (one control period) and ``measure`` (counts)."""
     period, measure = _compile(_sources())
     one, two, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     number, whole = numba.float64, numba.int64

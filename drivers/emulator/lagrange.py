@@ -115,7 +115,7 @@ def gravity(body: np.ndarray, r: float, p: float) -> tuple[float, float]:
 
 @njit(cache=True)
 def solve(m: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return M⁻¹ (x, y, z) by Cramer's rule; ``m``: the elements of M from `mass_matrix`."""
+    """Return M⁻¹ (x, y, z) by Cramer's rule; ``m``: the mass matrix M, from `mass_matrix`."""
     rr, rp, ry, pp, py, yy = m
     a, b, c = pp * yy - py * py, ry * py - rp * yy, rp * py - ry * pp
     d, e, f = rr * yy - ry * ry, rp * ry - rr * py, rr * pp - rp * rp

@@ -108,7 +108,8 @@ class Vibration:
 def _correlate(w: np.ndarray, a: float, drive: np.ndarray) -> np.ndarray:
     """Return one row of torques for each row of ``drive``: w[k+1] = ``a`` w[k] + drive[k].
 
-    ``w`` (3,): the first row, replaced by the one after the last; ``drive``: random numbers, N·m.
+    ``w`` (3,): the first row w[0], replaced by the row after the last one returned. ``drive``
+    (n, 3): random numbers, N·m; ``a``: factor per control period.
     """
     block = np.empty_like(drive)
     for k in range(len(drive)):

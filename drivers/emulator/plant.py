@@ -30,7 +30,7 @@ log = logging.getLogger("heli3dof.mock")
 
 @dataclass(frozen=True)
 class Truth:
-    """The simulated rig's true state and parameters, for tests; no sample contains them."""
+    """The simulated rig's true state, body parameters and hidden effects, for tests only."""
 
     t: float
     """s on the device's clock, which starts with its first period in motion"""

@@ -19,7 +19,7 @@ FULL = 8192
 
 
 def emulated(url: str = "mock:") -> Endpoint:
-    """Return the emulated device of a ``mock:`` URL, ready to run. Raises UsageError."""
+    """Return the emulated device of a ``mock:`` URL. Raises UsageError for a bad option."""
     from heli3dof.rig.profile import default_profile
     from heli3dof.rig.url import parse_url
 

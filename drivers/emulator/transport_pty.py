@@ -2,7 +2,7 @@
 
 ``python -m heli3dof_drivers.emulator.transport_pty --device 'mock:?hide=…&seed=…'``
 
-The process can be killed and restarted like a rig. The first line on stdout is the terminal's path,
+Killing the process is like switching off a rig. The first line on stdout is the terminal's path,
 which ``heli3dof … --device serial://PATH`` opens.
 """
 

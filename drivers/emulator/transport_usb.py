@@ -1,7 +1,7 @@
 """An emulated USB bus: a backend for pyusb, without libusb and without hardware.
 
 `KINDS` lists the faults of the bus: ``bus=KIND@SECONDS[:FOR_SECONDS]``, repeated as needed. Two
-handles of one rig act as two processes: only one can claim the interface.
+open handles of one rig act as two processes: only one can claim the USB interface.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ _ENDPOINT = "bLength bDescriptorType bEndpointAddress bmAttributes wMaxPacketSiz
 
 @dataclass(frozen=True, slots=True)
 class BusFault:
-    """A fault of the emulated bus, from ``at_s`` s after its creation for ``for_s`` s.
+    """A fault of the emulated bus: it starts ``at_s`` s after the bus's creation, for ``for_s`` s.
 
     ``for_s`` is None for a lasting fault, but a stalled pipe works again once the host has cleared
-    it.
+    the stall.
     """
 
     kind: str
@@ -61,7 +61,7 @@ class BusFault:
 
     @staticmethod
     def of(text: str) -> BusFault:
-        """Return the fault that the option's value ``text`` describes. Raises UsageError.
+        """Return the fault that ``text``, a value of ``bus=``, describes. Raises UsageError.
 
         >>> BusFault.of("silent@1:0.5")
         BusFault(kind='silent', at_s=1.0, for_s=0.5)
@@ -91,7 +91,7 @@ class RigOnBus:
     refused: bool = False
     claimed_by: Any = None
     plugs: int = 0
-    """How often it was plugged in again; this makes earlier handles invalid"""
+    """How often the rig was plugged in again; each time makes earlier handles invalid"""
 
 
 @dataclass(eq=False)
@@ -306,7 +306,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
         return rig.function
 
     def _wait(self, function: UsbFunction, deadline: float) -> None:
-        """Wait until a transfer may succeed, 10 ms at most.
+        """Wait until a bulk transfer may succeed, 10 ms at most.
 
         Raises USBTimeoutError if ``deadline`` (s on the bus's clock) has passed.
         """

@@ -3,10 +3,11 @@
     OUT 0x01 ─▶ Endpoint.receive ─┐
                 Endpoint.tick ────┴─▶ IN 0x81
 
-The link's bytes go through the two pipes; the emergency stop is a request on endpoint 0. This
-module also simulates bus faults: halted pipes, silent pipes, lost power. The caller keeps the
-clock, in whole microseconds; nothing waits. Two transports use it: pyusb's backend in this
-process (`transport_usb`) and a real Linux USB stack (tests/kernel_usb).
+The frames of docs/reference/protocol.md (the link) go through the pipes; the emergency stop is a
+request on endpoint 0. This module also simulates bus faults: halted pipes, silent pipes, lost
+power. The caller keeps the clock, in whole microseconds; no method waits. Two transports use this
+device: pyusb's backend in this process (`transport_usb`) and a real Linux USB stack
+(tests/kernel_usb).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Driver of ``usb+mock:?hide=…&seed=…``: the rig of ``mock:`` on an emulated USB bus, no libusb.
+"""Driver of ``usb+mock:?hide=…&seed=…``: the rig of ``mock:`` on an emulated USB bus.
 
 The URL takes every option of ``mock:`` but ``speed`` (a bus is real time), those of ``usb:``, and
 ``bus=KIND@SECONDS[:FOR_SECONDS]`` for faults of the bus; see `transport_usb`.
@@ -48,7 +48,7 @@ class UsbMockDriver:
         return open_on(EmulatedBus([rig]), url, profile, options, where="")
 
     def estop(self, url: DeviceUrl) -> str:
-        """Return a message only: an emulated rig exists only in the process that opened it."""
+        """Return a message that there is nothing to stop: no other process can reach this rig."""
         return "an emulated rig exists only in the process that runs it: nothing else to stop"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:

@@ -1,7 +1,7 @@
 """A `Transport` over an open file descriptor: a serial port, a pseudo-terminal or a socket.
 
-The transport reads as soon as the system reports bytes. A round trip takes a third of the time that
-it takes with pyserial's ``read``.
+The transport reads as soon as the system reports bytes, so a round trip takes a third of the time
+of one with pyserial's ``read``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ CHUNK = 4096
 
 
 class DescriptorLine:
-    """A connection over an open file descriptor ``fd``, which it makes non-blocking.
+    """A connection over an open file descriptor ``fd``, which is made non-blocking.
 
     ``name`` is the port or URL in messages; `close` calls ``release`` once to close the descriptor.
     """

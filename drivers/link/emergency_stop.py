@@ -16,7 +16,7 @@ STOP_EVERY_S = 20e-3
 """s between two ESTOP frames"""
 STOP_TRIES = 25
 SHARED_TRIES = 10
-"""ESTOP frames where another program holds the line too: bytes read here are missing there"""
+"""ESTOP frames if another program has the port open: each byte read here is missing there"""
 
 
 def ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:

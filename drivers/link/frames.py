@@ -74,8 +74,8 @@ class Cause(enum.IntEnum):
 class Hello:
     """Requests the device's identity. The device replies in every state with an `IdentityFrame`.
 
-    If it supports no protocol version from ``oldest`` to ``newest``, it replies an `Ack` with
-    `Code.VERSION`.
+    A device that supports no protocol version from ``oldest`` to ``newest`` replies with an `Ack`
+    of code `Code.VERSION` instead.
     """
 
     TYPE: ClassVar = Type.HELLO
@@ -106,7 +106,7 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class CommandFrame:
-    """Command that sets the motor voltages until the next one; ``number`` always increases."""
+    """Sets the motor voltages until the next command; ``number`` rises with every command."""
 
     TYPE: ClassVar = Type.COMMAND
     BODY: ClassVar = Struct("<ii")
@@ -117,7 +117,7 @@ class CommandFrame:
 
 @dataclass(frozen=True, slots=True)
 class Poll:
-    """Request for one sample now, in every state; without effect while samples are streamed."""
+    """Request for one sample now, valid in every state; no effect while samples are streamed."""
 
     TYPE: ClassVar = Type.POLL
     BODY: ClassVar = Struct("")
@@ -163,7 +163,7 @@ class IdentityFrame:
     """The protocol version that the device uses with this host"""
     flags: int
     boot: int
-    """Changes with every start of the device, where the counts restart from zero"""
+    """Number that changes with every start of the device, when the counts restart from zero"""
     ticket: int
     """The ticket that the next ARM must carry"""
     counts_roll: int
@@ -174,7 +174,7 @@ class IdentityFrame:
     watchdog_us: int
     ramp_us: int
     shortest_us: int
-    """µs, the shortest period of its stream"""
+    """µs, the shortest sample period that the device can stream"""
     model: bytes
     serial: bytes
     firmware: bytes
@@ -217,7 +217,7 @@ class SampleFrame:
     front_mA: int
     back_mA: int
     delay_us: int
-    """From the previous sample to the arrival of the command; 65535: longer, or no command came"""
+    """µs from the previous sample to the command's arrival; 65535: longer, or no command came"""
     flags: int
     cause: int
 

@@ -60,7 +60,7 @@ def identify(client: RequestClient) -> IdentityFrame:
 
 
 def foreign_version(received: bytes) -> int | None:
-    """Return the first protocol version in the received bytes that heli3dof lacks, or None."""
+    """Return the first unsupported protocol version that received frames state, or None."""
     for piece in received.split(b"\0"):
         try:
             data = decode(piece)

@@ -33,7 +33,7 @@ class LinkStatistics:
     round_trip: Histogram = field(default_factory=Histogram)
     """s from a request to its reply"""
     delay: Histogram = field(default_factory=Histogram)
-    """s on the device's clock from a sample to the arrival of the next command there.
+    """s on the device's clock from a sample to the arrival of the next command at the device.
 
-    It is the loop's latency modulo the sample period.
+    This delay is the loop's latency modulo the sample period.
     """

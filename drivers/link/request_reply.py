@@ -1,7 +1,7 @@
 """Sends requests and receives their replies over a transport, with timeouts, retries and counters.
 
 A reply repeats its request's number. So a late reply to an earlier attempt is accepted, but a reply
-to another request is not. Samples that arrive meanwhile are queued.
+to another request is not. Samples that arrive before the reply are queued.
 """
 
 from __future__ import annotations

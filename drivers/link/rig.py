@@ -86,8 +86,8 @@ class LinkRig:
 
         ``driver``: the driver's name, for recordings. ``stream=False``: the host requests each
         sample. ``watchdog_s``: timeout that replaces the device's own. ``signs="profile"``: the
-        signs of the encoder counts are those of the profile. If this raises DeviceError, it has
-        closed the transport.
+        signs of the encoder counts are those of the profile. If an error is raised, the transport
+        is closed.
         """
         self._transport = transport
         self._client = RequestClient(transport)
@@ -125,7 +125,7 @@ class LinkRig:
 
     @property
     def device_cause(self) -> str | None:
-        """Return why the device held its output at zero at its last sample, or None."""
+        """Return why the output is held at zero, as the last sample states; None if it is not."""
         return cause_name(self._validator.cause)
 
     def arm(self) -> Sample:

@@ -114,7 +114,7 @@ def open_shared(path: str) -> Transport | None:
     """Open the port ``path`` for a stop, although another process has locked it.
 
     Returns None on Windows and if no process has locked the port. The port keeps the settings of
-    the other process. Raises DeviceError if it is missing or not permitted.
+    the other process. Raises DeviceError if the port is missing or not permitted.
     """
     if os.name != "posix":
         return None

@@ -1,4 +1,4 @@
-"""Describes the system's serial ports: which exist, which process holds one, its latency timer."""
+"""Describes the system's serial ports: which exist, who has one open, an adapter's latency."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def usb_ports() -> Sequence[str]:
 def is_known(path: str) -> bool:
     """Return True if a rig is probably connected to the port ``path``.
 
-    Its USB vendor and product numbers are a known rig's, or a heli3dof process has locked it. That
-    process may be another user's, whose sessions are not visible here.
+    This is so if the port's USB vendor and product numbers are a known rig's, or if a heli3dof
+    process, perhaps another user's, has locked the port.
     """
     from ..udev import known_ids
 
@@ -43,8 +43,9 @@ def is_known(path: str) -> bool:
 def plugged_in(path: str) -> str:
     """Return a name of the device at the port ``path``: USB vendor, product and serial number.
 
-    The name is the same at every port; without serial number it includes the USB port. A
-    pseudo-terminal's name includes its creation time, because the system uses its number again.
+    A device has the same name at every port, except that a device without serial number is named
+    with its USB port. A pseudo-terminal's name includes its creation time, because the system gives
+    its number to later pseudo-terminals.
     """
     if path.startswith(PSEUDO):
         return f"{path} of {os.stat(path).st_ctime_ns}" if os.path.exists(path) else path
@@ -71,7 +72,7 @@ def _runs_heli3dof(pid: int) -> bool:
 
 
 def holders(path: str) -> list[tuple[int, str]]:
-    """Return (pid, name) of every process with the port ``path`` open that /proc shows."""
+    """Return (pid, name) of each other process with the port ``path`` open, from /proc."""
     try:
         wanted = os.stat(path).st_rdev
     except OSError:
@@ -115,7 +116,7 @@ def named(processes: list[tuple[int, str]]) -> str:
 
 
 def held_by(path: str) -> str:
-    """Return as text which processes have locked the port ``path``, or else have it open."""
+    """Return as text the processes that have locked the port ``path``, else those using it."""
     return named(lockers(path) or holders(path)) or "a process of another user"
 
 
@@ -127,7 +128,7 @@ def _name(pid: int) -> str:
 
 
 def latency_timer(path: str) -> tuple[int, Path] | None:
-    """Return an FTDI adapter's latency timer in ms and the file that sets it; None if none."""
+    """Return an FTDI adapter's latency timer in ms and the file that sets it; None for others."""
     name = Path(os.path.realpath(path)).name
     for place in LATENCY_FILES:
         file = Path(place.format(name))

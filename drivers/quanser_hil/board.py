@@ -97,7 +97,7 @@ class Board:
         return version_of(self._hardware)
 
     def write_volts(self, front: float, back: float) -> None:
-        """Set the motor voltages in V; the board's output is V / gain. NaN sets zero volts."""
+        """Set the motor voltages in V: board outputs times amplifier gain. NaN sets zero volts."""
         if not (math.isfinite(front) and math.isfinite(back)):
             front = back = 0.0  # a converter's output for NaN is undefined
         gain = self._wiring.gain

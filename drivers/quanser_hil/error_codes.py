@@ -222,7 +222,10 @@ def _message(error: BaseException) -> str:
 
 @contextmanager
 def explained(hil_error: type[Exception], name: str, doing: str) -> Iterator[None]:
-    """Context manager: converts an error of class ``hil_error`` by `explain` (see there)."""
+    """Context manager: replace an error of class ``hil_error`` by the DeviceError of `explain`.
+
+    ``name``, ``doing``: as for `explain`.
+    """
     try:
         yield
     except hil_error as error:
@@ -230,7 +233,7 @@ def explained(hil_error: type[Exception], name: str, doing: str) -> Iterator[Non
 
 
 def no_library(error: BaseException) -> DeviceError:
-    """Return the DeviceError for a missing Python package or library of the vendor.
+    """Return the DeviceError if the vendor's Python package or HIL library is missing.
 
     ``error`` is the exception that importing the package raised.
     """

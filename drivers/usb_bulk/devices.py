@@ -32,7 +32,7 @@ class OnBus:
     device: Any
     """usb.core.Device"""
     serial: str | None
-    """None: this user has no permission to read it"""
+    """Serial number; None: this user has no permission to read it"""
 
     @property
     def url(self) -> str:
@@ -46,7 +46,7 @@ class OnBus:
         return Path(f"/dev/bus/usb/{self.device.bus or 0:03d}/{self.device.address or 0:03d}")
 
     def holder(self) -> str:
-        """Return as text the processes that have the rig open; "" if /proc shows none."""
+        """Return as text the other processes with the rig open; "" if /proc shows none."""
         holders = []
         for process in Path("/proc").glob("[0-9]*"):
             try:

@@ -106,7 +106,7 @@ def explain(
 
 @contextmanager
 def explained(name: str, doing: str, holder: Callable[[], str] = lambda: "") -> Iterator[None]:
-    """Context manager: converts a USB error in its block by `explain`, with these arguments."""
+    """Context manager: replace a USB error by the DeviceError of `explain`; same arguments."""
     import usb.core
 
     failures: tuple[Any, ...] = (usb.core.USBError, NotImplementedError)

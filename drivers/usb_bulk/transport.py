@@ -35,7 +35,7 @@ LONGEST_READ = 4096
 WRITE_S = 0.25
 """s that the rig may take to accept a frame"""
 CONTROL_S = 0.25
-"""s that it may take to accept a control request"""
+"""s that the rig may take to accept a control request"""
 READ_S = 0.05
 """s that one IN transfer waits; closing may take as long"""
 

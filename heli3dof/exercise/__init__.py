@@ -1,1 +1,1 @@
-"""Exercises: sealed rigs with hidden effects, students' answers, and their marks."""
+"""Exercises: emulated rigs whose effects are encrypted, students' answers, and the marks."""

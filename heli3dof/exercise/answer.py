@@ -1,4 +1,4 @@
-"""A student's answer: claimed causes with sizes, intervals and confidence, and the exercise.
+"""A student's answer to an exercise: the effects that the student claims are hidden in the rig.
 
 The claims come from ``diagnose --json`` documents or from the student's own statements, such as
 ``stiffness.cable.yaw=0.1±0.01``.
@@ -35,7 +35,7 @@ class _Part(BaseModel):
 
 
 class Size(_Part):
-    """A claimed parameter with its 95 % interval (None: not stated)."""
+    """The claimed value of an effect's parameter; its 95 % interval (None: not stated)."""
 
     value: float
     low: float | None = None
@@ -43,7 +43,11 @@ class Size(_Part):
 
 
 class Claim(_Part):
-    """A claimed cause. ``confidence``: probability that it is right (None: not stated)."""
+    """The claim that the rig has the hidden effect ``name``, e.g. ``stiffness.cable.yaw``.
+
+    ``confidence``: probability that the claim is right (None: not stated); ``tied_with``: effects
+    that the diagnosis cannot distinguish from this one.
+    """
 
     name: str = Field(max_length=200)
     confidence: float | None = Field(default=None, ge=0, le=1)
@@ -51,7 +55,7 @@ class Claim(_Part):
     tied_with: tuple[str, ...] = ()
 
     def text(self) -> str:
-        """Return the claim as a line: name, sizes with their intervals, confidence."""
+        """Return the claim as a line of text: name, parameters with intervals, confidence."""
         line = self.name
         for name, p in self.parameters.items():
             interval = "" if p.low is None or p.high is None else f" ({p.low:.4g} … {p.high:.4g})"
@@ -60,7 +64,7 @@ class Claim(_Part):
 
 
 class Answer(_Part):
-    """The content of an answer file."""
+    """The content of an answer file: the student's name, the exercise and the claims."""
 
     form: Literal["heli3dof.answer/1"] = Field(default="heli3dof.answer/1", alias="schema")
     name: str = Field(min_length=1, max_length=200)
@@ -76,7 +80,10 @@ class Answer(_Part):
 
 
 def read_answer(path: Path) -> Answer:
-    """Return the answer in a file. Raises UsageError or RecordingError if there is none."""
+    """Return the answer in a file.
+
+    Raises UsageError for a missing file, RecordingError for a file that is not an answer.
+    """
     try:
         return Answer.model_validate_json(read_small(path))
     except ValidationError as error:
@@ -110,11 +117,12 @@ def make_answer(
     own: Sequence[Claim] = (),
     diagnoses: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Answer:
-    """Return an answer from the student's own claims and from diagnosis documents by file name.
+    """Return the answer with a student's own claims ``own``, or those of diagnosis documents.
 
-    Own claims replace those of the documents; of several claims of a name, the first one counts.
-    The hold-out error is that of the first document. Raises UsageError for a document of other
-    recordings, RecordingError for an incomplete one.
+    ``name``: the student's; ``diagnoses``: file name → content of ``diagnose --json``. If there are
+    own claims, those of the documents are not used. Of several claims for the same effect the first
+    counts. The hold-out error is that of the first document. Raises UsageError for a diagnosis of
+    another rig's recordings, RecordingError for an incomplete document.
     """
     claims: list[Claim] = []
     flown_on: list[str | None] = []
@@ -150,7 +158,10 @@ def make_answer(
 
 
 def claims_of(document: Mapping[str, Any]) -> list[Claim]:
-    """Return the claims of a diagnosis document: its findings and unmodelled torques, or none."""
+    """Return the claims of a diagnosis document, one for each finding and unmodelled torque.
+
+    A diagnosis that found nothing makes one claim, `NONE`: the rig has no hidden effect.
+    """
     claims = [_finding(f) for f in document["findings"]]
     claims += [
         Claim(name=f"{UNMODELLED}.{x['axis']}", confidence=x.get("confidence"))
@@ -188,8 +199,8 @@ _STATEMENT = re.compile(r"([^=]+)(?:=([^±=]+?)(?:(?:±|\+/?-)(.+))?)?")
 def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]:
     """Return claims from texts ``NAME``, ``NAME=VALUE`` or ``NAME=VALUE±HALF``.
 
-    The value is the effect's first parameter, HALF half of its 95 % interval. ``confidence`` has
-    one value for each text, or one for all. Raises UsageError for an unknown name, a text of
+    NAME is an effect, VALUE its first parameter, VALUE ± HALF the 95 % interval. ``confidence`` has
+    one value for each text, one for all, or none. Raises UsageError for an unknown name, a text of
     another form, or a number of confidences that does not match.
     """
     if len(confidence) not in (0, 1, len(texts)) or (confidence and not texts):
@@ -219,7 +230,11 @@ def _statement(text: str, confidence: float | None) -> Claim:
 
 
 def _sizes(name: str, value: str | None, half: str | None) -> dict[str, Size]:
-    """Check the name and return its sizes. Raises UsageError or ValueError."""
+    """Return the claimed size of the effect ``name`` by parameter; empty if ``value`` is None.
+
+    Raises UsageError for an unknown name, or a value for a claim without a parameter; ValueError
+    for a value that is not a number.
+    """
     if name == NONE or name in [f"{UNMODELLED}.{a}" for a in AXES]:
         if value is not None:
             raise UsageError(

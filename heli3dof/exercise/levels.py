@@ -1,12 +1,13 @@
-"""Draws the hidden effects of an exercise by its level.
+"""Draws the hidden effects of an exercise at random, as its difficulty (`LEVELS`) demands.
 
-The sizes are those of the emulated rig with the default profile. A medium effect is noticeable, a
-large one spoils a demonstration; both fly inside the safety envelope. A drawn size is at most
-15 % nearer to zero, so that the table below does not give it away.
+The table `_SIZES` gives a medium and a large size of each effect, for the emulated rig with the
+default profile. A medium effect is noticeable, a large one spoils a demonstration; with either, a
+flight stays inside the safety envelope. A drawn size is weaker than the table's by up to 15 %, so
+that the table does not reveal it.
 
-Not in the table: effects that no flight can name (`encoder.offset`, `encoder.scale`), and those
-that depend on the flown plan (`mass.change`, `motor.saturation`) or stand in the time stamps
-(`timing`).
+Not in the table are effects that no flight can identify (`encoder.offset`, `encoder.scale`),
+effects that depend on the flown plan (`mass.change`, `motor.saturation`), and those that the time
+stamps reveal (`timing`).
 """
 
 from __future__ import annotations
@@ -30,10 +31,10 @@ SPREAD = 0.07
 """Largest relative difference of the rig from its profile, from level 4. Two such differences
 remain within the profile's tolerance of 15 %, beyond which they would be causes themselves."""
 NEARER = 0.15
-"""Largest share by which a drawn size is nearer to zero than that of the table"""
+"""Largest share by which a drawn size is nearer to "no effect" (0; 1 for a ratio) than `_SIZES`"""
 SIGN, RATIO, ONE_WAY = "either sign", "or its inverse", "one sign"
 UNMODELLED = "unmodelled"
-"""Answer's name of an effect outside the catalogue, followed by its axis: ``unmodelled.yaw``"""
+"""Name in an answer of an effect outside the catalogue, before its axis: ``unmodelled.yaw``"""
 
 _SIZES: dict[str, tuple[float, float, str]] = {
     "friction.coulomb.roll": (0.04, 0.1, ONE_WAY),
@@ -78,30 +79,33 @@ _OUTSIDE: dict[str, tuple[str, float, float]] = {
     "other.pitch_torque_from_voltage_product": ("torque_Nm_per_V2", 0.0003, 0.0006),
     "other.yaw_torque_from_roll_rate_squared": ("drag_Nms2_per_rad2", 0.8, 2.0),
 }
-"""Effects of the emulated rig that the catalogue lacks: parameter, medium and large size"""
+"""Effects of the emulator that ``diagnose`` has no model of: parameter, medium and large size"""
 _SECOND = {"disturbance.periodic": (0.2, 3.0), "aero.ground_effect": (0.07, 0.15)}
 """Range of an effect's second value: the frequency in Hz, the height in m; drawn log-uniformly"""
 _CALIBRATION = {"mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw"}
-"""Effects on numbers of the profile, which level 4 and 5 change anyway"""
+"""Effects on those numbers of the profile that levels 4 and 5 change at random anyway"""
 _ALONE = "motor.thrust_gain"
-"""It scales every torque, so it is hidden only on its own"""
+"""Effect that scales every torque, so it is hidden only on its own, in levels 1 and 2"""
 
 
 @dataclass(frozen=True)
 class Cause:
-    """A hidden effect with its axis, its values by parameter, in the units of effects.md."""
+    """A hidden effect: its name with the axis, and its values by parameter (``torque_Nm``)."""
 
     name: str
     values: Mapping[str, float]
 
     @property
     def text(self) -> str:
-        """Return the cause in the form of the emulated rig's option ``hide``."""
+        """Return the effect in the notation of the emulated rig's URL option ``hide=``."""
         return f"{self.name}:{'@'.join(f'{v:.9g}' for v in self.values.values())}"
 
 
 def draw(level: int, rng: np.random.Generator) -> tuple[list[Cause], float]:
-    """Return the hidden causes of an exercise, and the largest relative change of the rig."""
+    """Return hidden effects for a difficulty ``level``, and the rig's largest parameter error.
+
+    This error is the largest relative difference of the rig from its profile: 0 or `SPREAD`.
+    """
     if level <= 2:
         name = str(rng.choice(list(_SIZES)))
         return [_cause(name, 2 - level, rng)], 0.0
@@ -121,7 +125,7 @@ def draw(level: int, rng: np.random.Generator) -> tuple[list[Cause], float]:
 
 
 def _cause(name: str, size: int, rng: np.random.Generator) -> Cause:
-    """``size``: 0 medium, 1 large."""
+    """Return the effect ``name`` with a random size; ``size``: 0 medium, 1 large."""
     effect = term(name).effect
     medium, large, way = _SIZES[name]
     null = 1.0 if way == RATIO else 0.0
@@ -149,11 +153,11 @@ _EQUAL = {
     "stiffness.pendulum.roll": "encoder.offset.roll",
     "aero.reaction_torque": "encoder.offset.pitch",
 }
-"""Cause → the other effect that moves the rig in the same way, so its name is right, too"""
+"""Hidden effect → an effect that moves the rig in the same way and is a right answer, too"""
 
 
 def right_names(cause: str) -> set[str]:
-    """Return the names in an answer that are right for a hidden cause."""
+    """Return the names that are a right answer for the hidden effect ``cause``."""
     if cause.startswith("other."):
         axis = next(a for a in AXES if cause.startswith(f"other.{a}_"))
         return {f"{UNMODELLED}.{axis}"}

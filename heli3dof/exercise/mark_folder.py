@@ -1,4 +1,4 @@
-"""Marks every answer in a folder. A file that is no answer is a row with its reason."""
+"""Marks the answers of a class, all files in one folder."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from nacl.signing import SigningKey
 
 NOT_ANSWERS = (".mcap", ".exercise")
-"""Endings of files that may lie with the answers"""
+"""Endings of files in the folder that are not taken for answers"""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One file of the class: its marks, or the reason why it has none."""
+    """An answer file and its marks, or the reason why the file has no marks."""
 
     file: str
     answer: Answer | None
@@ -29,7 +29,7 @@ class Row:
     reason: str | None
 
     def document(self) -> dict[str, Any]:
-        """Return the row as JSON types, always with every key."""
+        """Return the row as a dict for JSON, with the same keys whether it has marks or not."""
         answer, truth = self.answer, self.truth
         return {
             "file": self.file,
@@ -56,9 +56,11 @@ def _printable(text: str) -> str:
 
 
 def mark_folder(folder: Path, key: SigningKey) -> list[Row]:
-    """Return a row for each file in the folder and below, except hidden files and `NOT_ANSWERS`.
+    """Return the marks of each answer file in the folder and its subfolders, one `Row` per file.
 
-    Raises UsageError if there is no such folder or no file in it.
+    A file that is no answer gets a row with the reason; hidden files and those with an ending in
+    `NOT_ANSWERS` get none. ``key``: the teacher's. Raises UsageError if the folder is missing or
+    empty.
     """
     if not folder.is_dir():
         raise UsageError(

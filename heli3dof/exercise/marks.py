@@ -1,10 +1,10 @@
-"""Marks answers against the sealed truth: names, sizes, honesty, hold-out error. Pure functions.
+"""Marks an answer by the truly hidden effects (causes): names, sizes and stated confidence.
 
-Honesty is the Brier score: the sum of (c − o)² over all claimed and all hidden causes. c is the
-stated confidence, 1 if none is stated, 0 for a cause that is not claimed; o is 1 for a hidden cause
-and 0 for any other.
+The confidence is marked by the Brier score: the sum of (c − o)² over all claimed and all hidden
+causes. c is the stated confidence, 1 if none is stated, 0 for a cause that is not claimed; o is 1
+for a hidden cause and 0 for any other.
 The score is proper: in expectation, stating the true probabilities gives the lowest sum. 0 is best.
-A sum, since wrong claims of confidence 0 would lower a mean.
+The score is a sum, because wrong claims of confidence 0 would lower a mean.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from heli3dof.model.effects import term
 
 @dataclass(frozen=True)
 class SizeMark:
-    """A claimed size against the true one. ``inside``: in the stated interval (None: none stated).
+    """Comparison of the claimed and the true value of a hidden effect's parameter.
 
-    ``relative_error``: |claimed − true| / |true − value without the effect|.
+    ``relative_error``: |claimed − true| / |true − value without the effect|; ``inside``: the
+    claimed interval contains the true value (None: no interval was claimed).
     """
 
     cause: str
@@ -44,14 +45,17 @@ class Mark:
     missed: tuple[str, ...]
     """Hidden causes that the answer does not name"""
     confounded: tuple[str, ...]
-    """Missed causes that the answer calls indistinguishable from a wrong one"""
+    """Missed causes that the answer calls indistinguishable from a wrongly claimed one"""
     sizes: tuple[SizeMark, ...]
     brier: float | None
-    """None if the answer was not marked"""
+    """Brier score, 0 is best; None if the answer was not marked"""
 
 
 def mark(answer: Answer, truth: Truth) -> Mark:
-    """Return the marks of an answer. Each claim matches at most one hidden cause."""
+    """Return the marks of an answer; ``truth``: the hidden causes.
+
+    Each claim matches at most one hidden cause.
+    """
     open_causes = {c.name: c for c in truth.causes}
     right: list[str] = []
     wrong: list[Claim] = []

@@ -1,7 +1,8 @@
-"""The teacher's key: draws and signs exercises, and opens their truth.
+"""The teacher's private key, which signs exercises and decrypts their hidden effects.
 
-One Ed25519 private key of 32 bytes. Its X25519 form opens the sealed box of the truth. The key also
-enters the draw, so that a student who knows seed and level cannot draw the same exercise.
+It is an Ed25519 key of 32 bytes. Its X25519 form opens the sealed box with the hidden effects. The
+effects are drawn from key, seed and level, so a student who knows only seed and level cannot draw
+them.
 """
 
 from __future__ import annotations
@@ -36,19 +37,22 @@ FORM = "heli3dof.teacher_key/1"
 
 @dataclass(frozen=True)
 class Truth:
-    """The hidden causes of an exercise, and the largest relative change of the rig's numbers."""
+    """The hidden effects of an exercise, and the rig's spread.
+
+    ``spread``: largest relative difference of the rig's parameters from the profile.
+    """
 
     causes: tuple[Cause, ...]
     spread: float
 
 
 def default_key() -> Path:
-    """Return the path of the teacher's key when ``--key`` is omitted, in the user's own folder."""
+    """Return the path of the key file if ``--key`` is omitted, in the user's state folder."""
     return state_folder() / "teacher.key"
 
 
 def new_key(path: Path) -> None:
-    """Write a new key to ``path``, which only this user can read. Raises OSError if it exists."""
+    """Write a new key to the file ``path``, readable by this user only; OSError if it exists."""
     content = {"schema": FORM, "private_key": secrets.token_hex(32)}
     path.parent.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -59,7 +63,10 @@ def new_key(path: Path) -> None:
 
 
 def load_key(path: Path) -> SigningKey:
-    """Return the teacher's key. Raises UsageError or RecordingError if ``path`` has none."""
+    """Return the teacher's key in the file ``path``.
+
+    Raises UsageError for a missing file, RecordingError for a file that is not a key.
+    """
     check_nacl()
     from nacl.signing import SigningKey
 
@@ -83,12 +90,15 @@ def load_key(path: Path) -> SigningKey:
 
 
 def others_can_read(path: Path) -> bool:
-    """Return True if users other than the owner may read the key (never on Windows)."""
+    """Return True if users other than its owner may read the key file (never on Windows)."""
     return os.name != "nt" and bool(path.stat().st_mode & (stat.S_IRGRP | stat.S_IROTH))
 
 
 def seal(key: SigningKey, seed: int, level: int) -> Exercise:
-    """Return a new exercise. The same key, seed and level hide the same effects."""
+    """Return a new exercise with effects drawn at random, encrypted and signed with ``key``.
+
+    ``level``: its difficulty. The same key, seed and level hide the same effects.
+    """
     import numpy as np
 
     def derived(purpose: str, size: int) -> bytes:
@@ -118,7 +128,10 @@ def _sealed(key: SigningKey, text: bytes) -> str:
 
 
 def why_not_ours(key: SigningKey, exercise: Exercise) -> str | None:
-    """Return why this key did not seal the exercise as it is; None if it did."""
+    """Return None if ``key`` signed exactly this exercise, else why not.
+
+    The reason is that the exercise was changed, or that another key signed it.
+    """
     if not exercise.is_intact():
         return "the exercise in it was changed after it was sealed"
     if exercise.teacher != bytes(key.verify_key).hex():
@@ -127,7 +140,10 @@ def why_not_ours(key: SigningKey, exercise: Exercise) -> str | None:
 
 
 def open_truth(key: SigningKey, exercise: Exercise) -> Truth:
-    """Return the hidden causes. Raises RecordingError if this key did not seal the exercise."""
+    """Return the hidden effects of an exercise, decrypted with the teacher's ``key``.
+
+    Raises RecordingError if this key did not sign exactly this exercise.
+    """
     if (why := why_not_ours(key, exercise)) is not None:
         raise RecordingError(
             f"Exercise {exercise.id} cannot be opened: {why}.",

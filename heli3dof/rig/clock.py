@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 SPIN_S = 200e-6
-"""s before the deadline from which it polls: a sleep overshoots by about this much"""
+"""s before the deadline at which polling starts: a sleep overshoots by about this much"""
 
 
 def wait_until(due_s: float) -> float:

@@ -21,7 +21,7 @@ GROUP = "heli3dof.drivers"
 
 
 def registered() -> dict[str, EntryPoint]:
-    """Return URL scheme → entry point of each installed driver."""
+    """Return the entry points of the installed drivers by URL scheme."""
     return {e.name: e for e in entry_points(group=GROUP)}
 
 
@@ -29,7 +29,7 @@ def load_driver(scheme: str) -> Driver:
     """Return the driver for a URL scheme.
 
     A scheme such as ``serial+socket`` that is not registered uses the driver of ``serial``. Raises
-    UsageError, which names the nearest known scheme.
+    UsageError for an unknown scheme, naming the nearest known one.
     """
     known = registered()
     if scheme not in known:

@@ -10,7 +10,10 @@ from heli3dof.errors import DeviceError
 
 @contextmanager
 def device_errors(name: str, fix: str = "heli3dof doctor", cause: str = "") -> Iterator[None]:
-    """Context manager: raise OSError and ValueError as a DeviceError about the device ``name``."""
+    """Context manager: raise OSError and ValueError as a DeviceError about the device ``name``.
+
+    ``cause``, ``fix``: texts of the DeviceError, the likely cause and what to do.
+    """
     try:
         yield
     except (OSError, ValueError) as error:

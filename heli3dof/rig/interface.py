@@ -72,8 +72,9 @@ class Identity:
     """True if no real motor can move. The conformance cases that move motors then run without
     ``--moves``, and rest angles are not stored."""
     boot: int | None = None
-    """Changes at every start of the device, when its counts begin at zero; None: unknown. A board
-    without a random source or flash may repeat it; ``started_s`` then detects the restart."""
+    """Number that changes at every start of the device, when its counts begin at zero; None:
+    unknown. A board without a random source or flash may repeat a number; ``started_s`` then
+    detects the restart."""
     started_s: float | None = None
     """When the device started, s since 1970 by the host's clock, from its uptime; None: unknown"""
 
@@ -188,7 +189,7 @@ class ReportsDeviceCause(Protocol):
 
 @runtime_checkable
 class ArmsWithPermission(Protocol):
-    """A rig whose `Rig.arm` makes several attempts, each of which needs permission.
+    """Optional interface of a rig whose `Rig.arm` makes several attempts.
 
     The session sets ``check_permission``, which raises an error if an emergency stop forbids to
     arm. `Rig.arm` must call it in every attempt. An emergency stop after the call must make the
@@ -212,7 +213,11 @@ class Driver(Protocol):
         ...
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
-        """Connect to a rig. Raises UsageError, or DeviceError (missing, busy, not permitted)."""
+        """Return the opened rig at ``url``.
+
+        Raises UsageError for a bad URL, DeviceError for a rig that is missing, busy or not
+        permitted.
+        """
         ...
 
     def estop(self, url: DeviceUrl) -> str:
@@ -230,7 +235,7 @@ class Driver(Protocol):
 
 @runtime_checkable
 class PrivateToProcess(Protocol):
-    """A driver of emulated rigs: each opening makes a new rig inside the process.
+    """Optional interface of a driver of emulated rigs, which exist in the opening process only.
 
     Such a rig is not locked, not listed as present, and has no stored rest angles.
     """
@@ -243,16 +248,16 @@ class RecognisesRigs(Protocol):
     """Optional interface of a driver whose `Driver.find` may list ports without a rig."""
 
     def is_rig(self, url: DeviceUrl) -> bool:
-        """Return True if a rig is certainly connected at ``url`` now."""
+        """Return True if the port at ``url`` shows signs of a rig now, e.g. its USB numbers."""
         ...
 
 
 @runtime_checkable
 class NamesPlaces(Protocol):
-    """A driver whose `Driver.find` does not list every rig.
+    """Optional interface of a driver whose `Driver.find` does not list every rig.
 
-    ``heli3dof estop`` then also reaches the rigs that were opened before
-    (`heli3dof.rig.session.known_devices`).
+    ``heli3dof estop`` then also stops rigs that were opened before and are still connected, which
+    it recognises by name (`heli3dof.rig.session.known_devices`).
     """
 
     def persistent_name(self, url: DeviceUrl) -> str:

@@ -1,4 +1,4 @@
-"""The names of a link's counters, and their former names in older recordings and drivers.
+"""Names of the counters of a rig's link to the host, and their names in older recordings.
 
 ``lost``                     samples that the device took and that never arrived
 ``device_skipped``           samples that the device never took because it was held up

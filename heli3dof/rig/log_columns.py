@@ -4,7 +4,8 @@ Required are ``t_s``, ``v_front_V`` and ``v_back_V``. Optional are angles, refer
 before the limiter, and voltages that the experiment adds. Every name ends in its unit, that of an
 angle in ``_deg`` or ``_rad``.
 
-The profile's table ``[log]`` (`LogColumns`) computes these columns from another program's.
+The profile's table ``[log]`` (`LogColumns`) states how to compute these columns from those of
+another program's log.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ KNOWN = frozenset(ORDERED)
 
 
 class LogColumns(Section):
-    """A column of the contract → the expression that computes it from the columns of a log."""
+    """The table ``[log]``: contract column → expression in the columns of another program's log."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
     __pydantic_extra__: dict[str, str]
@@ -56,5 +57,5 @@ class LogColumns(Section):
 
     @property
     def expressions(self) -> Mapping[str, str]:
-        """Return column → expression, in the order of the file."""
+        """Return contract column → expression, in the order of the profile's file."""
         return dict(self.__pydantic_extra__)

@@ -151,7 +151,7 @@ def _moment(axis: str, typical: str, usual: Range, plausible: Range) -> Key:
 
 
 class Inertia(Section):
-    """Measured inertias of the level rig in kg·m²; the masses give any that is None."""
+    """Measured inertias of the level rig in kg·m²; None: computed from the masses."""
 
     roll: Annotated[
         Positive | None, _moment("roll (elevation)", "0.91", (0.02, 5.0), (1e-4, 100.0))
@@ -311,7 +311,7 @@ class ControllerSpec(Section):
 
     @property
     def K_g(self) -> FloatArray:
-        """Return the gain ``K`` as an array (2, 8); `ControllerSpec` describes rows and columns."""
+        """Return the controller gain ``K`` (2, 8); `ControllerSpec` describes rows and columns."""
         return np.array(self.K, dtype=float)
 
 
@@ -389,7 +389,7 @@ class Profile(Section):
         return self.controller is not None
 
     def with_controller(self) -> Profile:
-        """Return this profile, with the default controller if it has none."""
+        """Return this profile; if it has no controller, a copy with the default controller."""
         if self.controller is not None:
             return self
         return self.model_copy(update={"controller": ControllerSpec()})

@@ -115,7 +115,7 @@ def _hover(profile: Profile) -> Iterator[str]:
 
 
 def value_at(profile: Profile, name: str) -> Any:
-    """Return the profile's value of a dotted key such as ``motor.V_o``; None if it is absent."""
+    """Return the profile's value of a dotted key such as ``motor.V_o``; None if it has none."""
     at: Any = profile
     for part in name.split("."):
         at = getattr(at, part, None)

@@ -1,10 +1,11 @@
-"""The sealed file of an exercise: an emulated rig whose hidden effects students diagnose.
+"""The file of an exercise: an encrypted (*sealed*) emulated rig, whose effects students diagnose.
 
 The file is JSON. Its two sealed parts have the same length in every exercise:
 
 - ``rig``: what the emulator simulates; XSalsa20-Poly1305 under `FLYING_KEY`, a part of heli3dof.
   It keeps the effects from view, but not from a determined programmer.
-- ``truth``: causes and sizes; a sealed box (X25519), which only the teacher's private key opens.
+- ``truth``: the effects and their sizes; a sealed box (X25519), which only the teacher's private
+  key opens.
 
 ``signature`` is the teacher's Ed25519 signature of all other keys.
 """
@@ -25,15 +26,15 @@ from heli3dof.errors import RecordingError, UsageError, no_file
 
 FLYING_KEY = blake2b(b"heli3dof.exercise/1, the emulated rig", digest_size=32).digest()
 SEALED_SIZE = 1024
-"""Bytes of a part before encryption, so that its length does not depend on the effects"""
+"""Bytes of a sealed part before encryption, so that its length does not depend on the effects"""
 LARGEST_FILE = 1_000_000
-"""Bytes of a file of an exercise, key or answer that is read; ours have a few thousand"""
+"""Largest exercise, key or answer file that is read, in bytes; heli3dof's have a few thousand"""
 PREFIX = "ex-"
 """Start of the serial number of a sealed rig; the exercise's id follows"""
 
 
 class Exercise(BaseModel):
-    """The content of a sealed file. ``id`` names the exercise in recordings and answers."""
+    """The content of an exercise file. ``id`` names the exercise in recordings and answers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", serialize_by_alias=True)
 
@@ -52,14 +53,14 @@ class Exercise(BaseModel):
         return f"{PREFIX}{self.id}"
 
     def signed_part(self) -> bytes:
-        """Return the bytes that ``signature`` signs: all other keys."""
+        """Return the signed bytes: all keys of the file except ``signature``, as JSON."""
         return json.dumps(self.model_dump(exclude={"signature"}), sort_keys=True).encode()
 
     def to_bytes(self) -> bytes:
         return self.model_dump_json(indent=2).encode() + b"\n"
 
     def is_intact(self) -> bool:
-        """Return True if the owner of the key ``teacher`` signed exactly this content."""
+        """Return True if the signature of the key ``teacher`` fits exactly this content."""
         check_nacl()
         from nacl.exceptions import CryptoError
         from nacl.signing import VerifyKey
@@ -73,15 +74,16 @@ class Exercise(BaseModel):
 
 
 def exercise_of(serial: str) -> str | None:
-    """Return the id of the exercise from a rig's serial number, None for any other rig."""
+    """Return the exercise's id from a sealed rig's serial number; None for another rig's."""
     return serial.removeprefix(PREFIX) if serial.startswith(PREFIX) else None
 
 
 @dataclass(frozen=True)
 class HiddenRig:
-    """What a sealed rig simulates: ``hide`` and ``spread`` are those of ``mock:``.
+    """What the emulator simulates in an exercise: effects and a random spread of parameters.
 
-    ``rig_seed`` draws the rig's parameters; the seed of the URL draws its noise only.
+    ``hide``, ``spread``: as the URL options of ``mock:``; ``rig_seed``: seed of the spread. The
+    URL's seed applies to noise, vibration and timing only.
     """
 
     hide: str
@@ -102,9 +104,9 @@ def check_nacl() -> None:
 
 
 def read_exercise(path: Path) -> Exercise:
-    """Return the content of a sealed file.
+    """Return the content of an exercise file.
 
-    Raises UsageError for a missing file, RecordingError for one that is damaged or was changed.
+    Raises UsageError for a missing file, RecordingError for a file that is damaged or was changed.
     """
     try:
         exercise = Exercise.model_validate_json(read_small(path))
@@ -150,14 +152,14 @@ def read_small(path: Path) -> bytes:
 
 
 def padded(part: Mapping[str, Any]) -> bytes:
-    """Return ``part`` as JSON, filled with spaces to `SEALED_SIZE` bytes."""
+    """Return a file's part as JSON before encryption, with spaces up to `SEALED_SIZE` bytes."""
     text = json.dumps(part).encode()
     assert len(text) <= SEALED_SIZE
     return text.ljust(SEALED_SIZE)
 
 
 def sealed_rig(rig: HiddenRig) -> str:
-    """Return the sealed part ``rig`` of a file."""
+    """Return ``rig`` encrypted under `FLYING_KEY` in base64: the part ``rig`` of the file."""
     check_nacl()
     from nacl.secret import SecretBox
 
@@ -165,7 +167,7 @@ def sealed_rig(rig: HiddenRig) -> str:
 
 
 def hidden_rig(exercise: Exercise) -> HiddenRig:
-    """Return what the emulator must simulate. Raises RecordingError if the part is damaged."""
+    """Return the decrypted part ``rig`` of an exercise. Raises RecordingError if damaged."""
     check_nacl()
     from nacl.exceptions import CryptoError
     from nacl.secret import SecretBox

@@ -24,7 +24,10 @@ class Trip(str):
 
     @staticmethod
     def first(*reasons: str | None) -> Trip | None:
-        """Join the given reasons to one `Trip` with the first known cause; None if none exists."""
+        """Return one `Trip` with all given reasons and the first known cause, with its fix.
+
+        Returns None if every reason is None or empty.
+        """
         given = [each for each in reasons if each]
         if not given:
             return None

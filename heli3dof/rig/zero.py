@@ -120,7 +120,7 @@ class ZeroResult:
     shift_deg: tuple[float, float, float]
     """Roll, pitch, yaw: change from the rest counts in use before, in degrees"""
     stored: Path | None
-    """The file; None if nothing was stored: without ``store``, or for an emulated rig"""
+    """File of the calibration; None if not stored: ``store`` is False, or the rig is emulated"""
     emulated: bool
 
 

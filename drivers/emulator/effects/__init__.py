@@ -1,8 +1,9 @@
 """The effects, one family per file: physics that the URL option ``hide=`` adds to the ideal rig.
 
-Every module in this folder is loaded for its tuple ``EFFECTS``. A new effect needs its physics in
-the module's docstring, a short compiled function, and an `Effect` that names its parameters with
-units and bounds. Another package registers such a tuple under the entry-point group `GROUP`.
+`catalogue` collects the tuple ``EFFECTS`` of every module in this folder. A new effect needs its
+physics in the module's docstring, a short compiled function, and an `Effect` that names its
+parameters with units and bounds. Another package registers such a tuple under the entry-point group
+`GROUP`.
 """
 
 from __future__ import annotations

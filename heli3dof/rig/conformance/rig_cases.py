@@ -21,7 +21,8 @@ STEPS = 50
 ROUNDS = 20
 """Attempts: a busy computer makes some fail, a faulty driver all"""
 STEP, HOST_STEP = 0.05, 0.25
-"""periods: largest error of the best quarter of clock steps, of device and host time bases"""
+"""periods: bound on the lower quartile of the clock steps' errors, if the device or a virtual clock
+keeps the time, and if the host does"""
 ENDS = 15
 """Number of samples at either end of a measurement"""
 BUSY_S = 0.03

@@ -29,10 +29,10 @@ class Running:
     """A session: a process of this user that uses a rig. The lock's holder file describes it."""
 
     device: str
-    """The URL it opened"""
+    """URL of the rig that the process opened"""
     pid: int
     doing: str
-    """Its command line"""
+    """What the process does, by default its command line"""
     since_utc: str
     private: bool
     """True if the rig is emulated inside that process"""
@@ -42,7 +42,10 @@ class Running:
 
 
 def listed(device: str | None = None) -> list[Running]:
-    """Return sessions with a holder file, on one device or all (None), even if they were killed."""
+    """Return the sessions with a holder file, including killed ones.
+
+    ``device``: URL of the rig that the sessions use; None: any rig.
+    """
     pattern = "*.lock" if device is None else f"{device_name(device)}*.lock"
     sessions = []
     for holder in sorted(runtime_folder().glob(pattern + HOLDER)):
@@ -53,7 +56,10 @@ def listed(device: str | None = None) -> list[Running]:
 
 
 def running(device: str | None = None) -> list[Running]:
-    """Return the sessions that run on one device, on all (None), or on emulated rigs (`mock:`)."""
+    """Return the running sessions; delete the files of killed sessions of emulated rigs.
+
+    ``device``: URL of the rig that the sessions use; None: any rig; ``mock:``: any emulated rig.
+    """
     alive = []
     for session in listed(device):
         if lives(session):
@@ -109,9 +115,9 @@ class Request:
     def taken(self) -> bool:
         """Return True if the session accepted the connection, even if it does not answer.
 
-        A hanging process accepts connections, but after a while no more. Windows takes seconds to
-        refuse a connection. So after a timeout, the lock on the rig decides whether the session is
-        alive.
+        The system accepts connections for a hanging process, but only a limited number. Windows
+        takes seconds to refuse a connection. So after a timeout, the lock on the rig decides
+        whether the session is alive.
         """
         return self._line is not None or (self.timed_out and is_held(self.session.lock))
 

@@ -1,7 +1,7 @@
 """Stops rigs now, whichever process holds them.
 
-    first                →  store the time: no command begun before can arm (`stop_stamp`)
-    running session      →  request it through its socket; it confirms that the device has stopped
+    first                →  store the time: no command begun earlier can arm (`stop_stamp`)
+    running session      →  request the stop through its socket; the session confirms the stop
     no answer in 200 ms  →  directly: the driver stops the device although a process holds it
     no session           →  directly
 
@@ -41,13 +41,13 @@ class Stopped:
     how: str
     """What was done, or why it failed"""
     seconds: float
-    """s from the command to the confirmation"""
+    """s from the request of the stop to its confirmation"""
     held: bool
     """True if a session held the rig; False: a driver found the device, which may be no rig"""
 
 
 def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]]:
-    """Stop one device, or (None) all running sessions and rigs; return (results, URLs left out).
+    """Stop the rig at the URL ``device``; None: all rigs. Return (results, URLs left out).
 
     A URL is left out if a driver found the port, but no rig is known to be there (`is_known`).
     Nothing is sent to such a port, since it may belong to another instrument. ``reason`` is stored
@@ -186,16 +186,17 @@ class EstopResult:
 
 
 def request_estop(device: str | None, reason: str) -> EstopResult:
-    """Stop the rig at the URL ``device``, or all (None). The result also lists failed stops."""
+    """Stop the rig at the URL ``device``, or every rig if None; the result lists failures, too."""
     reached, skipped = stop_rigs(device, reason)
     return EstopResult([s for s in reached if s.done], [s for s in reached if not s.done], skipped)
 
 
 def estop(device: str | None = None, reason: str = "heli3dof.estop()") -> EstopResult:
-    """Stop a rig now, or (None) every rig in use or found: zero volts, also if a process flies it.
+    """Set the rig at the URL ``device`` to zero volts now, even while a process flies it.
 
-    ``reason`` is stored in the recording of the flight that it ends. Raises DeviceError if no rig
-    was stopped or one did not confirm (`EstopResult.raise_if_not_stopped`).
+    ``device``: None stops every rig that is in use or found. ``reason`` is stored in the recording
+    of the flight that the stop ends. Raises DeviceError if no rig was stopped or a rig did not
+    confirm (`EstopResult.raise_if_not_stopped`).
     """
     result = request_estop(device, reason)
     result.raise_if_not_stopped(device)

@@ -38,7 +38,7 @@ def is_known(device: str) -> bool:
 def remembered() -> Iterator[str]:
     """Yield each URL at which a rig was opened before, if the same device is connected there now.
 
-    It yields only URLs of drivers that cannot list every rig (`NamesPlaces`).
+    The URLs are only those of drivers that cannot list every rig (`NamesPlaces`).
     """
     for place, device, _ in _lines():
         with suppress(Exception):  # a line of before 2026-11, or a driver that was removed
@@ -48,7 +48,10 @@ def remembered() -> Iterator[str]:
 
 
 def serials_at(device: str) -> set[str]:
-    """Return possible serial numbers at this URL: those of rigs opened there, and the URL's end."""
+    """Return possible serial numbers of the rig at this URL.
+
+    They are those of rigs opened there before, and the part after the URL's last slash.
+    """
     url = parse_url(device)
     name = device_name(url)
     serials = {serial for _, at, serial in _lines() if at and device_name(at) == name}
@@ -73,7 +76,7 @@ def _place(url: DeviceUrl) -> str:
 
 
 def _lines() -> list[tuple[str, str, str]]:
-    """Return (place, device URL, serial number) of each rig opened before, "" where not stored."""
+    """Return the stored lines (place, device URL, serial number); "" for a missing field."""
     try:
         text = _file().read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

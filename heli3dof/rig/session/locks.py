@@ -3,8 +3,8 @@
     port     <runtime>/<device>.lock        the place in the URL
     device   <runtime>/<serial>-<…>.rig     IDENTITY's serial number and boot, so that only one of
                                             a device's two ports (USB pipe, serial) is used
-    holder   <lock>.json                    the process that holds it: a separate file, since on
-                                            Windows no other process can read a locked one
+    holder   <lock>.json                    the process that holds the lock: a separate file, since
+                                            on Windows no other process can read a locked file
 
 The filelock library locks with flock, or LockFileEx on Windows. The system releases a lock when its
 process ends, even by ``kill -9``. The boot number is part of the device lock's name, because

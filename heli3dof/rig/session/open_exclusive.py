@@ -37,10 +37,11 @@ def open_rig(
     """Context manager: open and lock the rig; close and unlock it at the end.
 
     ``doing``: what the session does, for messages; default: the command line. ``also`` returns
-    entries to add to the state that other processes read. ``began_ns``: when the command that moves
-    the rig began, in ns (`heli3dof.rig.session.stop_stamp`). Counts are zero at the stored rest
-    angles; ``rig.rest.note`` states what the user should know about these. Raises DeviceError if
-    the rig is missing, not permitted, in use by another session, or without a serial number.
+    entries to add to the state that other processes read. ``began_ns``: monotonic time in ns at
+    which the program run or call that moves the rig began (`heli3dof.rig.session.stop_stamp`). The
+    opened rig's counts are zero at the stored rest angles; its ``rest.note`` states what the user
+    should know about these. Raises DeviceError if the rig is missing, not permitted, in use by
+    another session, or without a serial number.
     """
     with Session(device, private=is_private(device), doing=doing, began_ns=began_ns) as session:
         opened = open_driver(device, profile)

@@ -76,9 +76,9 @@ def state_folder() -> Path:
 
 
 def device_name(device: str | DeviceUrl) -> str:
-    """Return a file name for the rig of a URL, the same for every spelling of its place.
+    """Return a file name for the rig at a device URL, the same for every spelling of the URL.
 
-    Options do not count, and a link such as /dev/serial/by-id/… is resolved.
+    The URL's options are left out, and a link such as /dev/serial/by-id/… is resolved.
 
     >>> device_name("serial:///dev/null?baud=9600") == device_name("serial:///dev/null")
     True

@@ -48,9 +48,9 @@ class Session:
     """One process's lock on one rig. Close it, or use it in a ``with`` statement.
 
     ``private``: the rig is emulated in this process. ``doing``: what the session does, for
-    messages. ``began_ns``: when the command that uses the rig began, in ns
-    (`heli3dof.rig.session.stop_stamp`). Raises DeviceError, naming the other session, if another
-    session holds the rig.
+    messages. ``began_ns``: monotonic time in ns at which the program run or call that uses the rig
+    began (`heli3dof.rig.session.stop_stamp`). Raises DeviceError, naming the other session, if
+    another session holds the rig.
     """
 
     def __init__(
@@ -108,11 +108,11 @@ class Session:
                 self.confirm("before it had armed its emulated rig")
 
     def begin_to_arm(self) -> str | None:
-        """Return why the rig must not be armed, the reason of an emergency stop; else None.
+        """Return None if the rig may be armed, else the reason of the stop that forbids it.
 
-        A stop forbids to arm if it was requested from this session, or came after the command began
-        that uses the rig (`heli3dof.rig.session.stop_stamp`). Call this again after every attempt
-        to arm, because a stop may come in between.
+        A stop forbids arming if it was requested from this session, or came after the start of the
+        command that uses the rig (`heli3dof.rig.session.stop_stamp`). Call this method again after
+        every attempt to arm, because a stop may come in between.
         """
         with self._deciding:
             if self.stop_reason is None:

@@ -46,7 +46,7 @@ _began_ns: int | None = None
 
 
 def start_command() -> None:
-    """Mark that a command of this program begins now; earlier stops do not affect its flights.
+    """Mark that a command begins now, so that earlier stops do not prevent its flights.
 
     For programs that carry out several commands: a server, a window, a test run.
     """
@@ -65,7 +65,10 @@ def command_began_ns() -> int:
 
 
 def leave_stamp(names: Iterable[str], reason: str) -> None:
-    """Store a stop: no command begun before it can arm the rigs with these names (`names_of`)."""
+    """Store a stop made now, so that no command begun earlier can arm the rigs ``names``.
+
+    ``names``: from `names_of`, or ``all``; ``reason``: for the message of a refused flight.
+    """
     folder, now = runtime_folder(), time.monotonic_ns()
     about = {"reason": reason, "at": datetime.now().strftime("%H:%M:%S"), "boot": _boot()}
     for name in names:
@@ -77,7 +80,10 @@ def leave_stamp(names: Iterable[str], reason: str) -> None:
 
 
 def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
-    """Return why a command begun at ``began_ns`` (monotonic) must not arm these rigs, or None."""
+    """Return the stop that forbids a command begun at ``began_ns`` to arm the rig, or None.
+
+    ``began_ns``: in ns on the host's monotonic clock; ``names``: the rig's, from `names_of`.
+    """
     now, wanted = time.monotonic_ns(), {ALL, *names}
     for stamp in runtime_folder().glob("*.stop"):
         name, _, time_ns = stamp.stem.rpartition("@")
@@ -93,7 +99,7 @@ def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
 
 
 def names_of(device: str, serials: Iterable[str] = ()) -> list[str]:
-    """Return the names of a rig in stop files: one for its URL, one per possible serial number."""
+    """Return the names of a rig in stamps: one for its URL, one per possible serial number."""
     numbers = [f"serial-{binascii.crc32(s.encode()):08x}" for s in serials if s]
     return [device_name(device), *numbers]
 
