@@ -30,7 +30,8 @@ class MemoryRecorder:
 def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, Any]) -> Recording:
     """Return a recording made of rows, one for each control period.
 
-    ``Recording.voltage`` is the output voltage that the device reports (NaN: not reported).
+    ``Recording.voltage`` is the output voltage that the device reports, or the sent voltage if the
+    device reports none in any row, as in a recording that is read from a file.
     ``meta`` becomes ``Recording.meta``.
     """
     n = len(rows)
@@ -47,6 +48,7 @@ def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, 
     counts = np.array([r.sample.counts for r in rows], dtype=np.int64).reshape(n, 3)
     limited = column([r.limited for r in rows], 3)
     sent = column([r.voltage for r in rows], 2)
+    applied = column([r.applied for r in rows], 2)
     current = column([r.sample.current for r in rows], 2)
     channels = {
         "device_time_s": single([r.sample.device_time_s for r in rows]),
@@ -70,7 +72,7 @@ def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, 
     channels = {k: v for k, v in channels.items() if v.dtype.kind != "f" or not np.isnan(v).all()}
     return make_recording(
         np.array([r.t for r in rows]),
-        column([r.applied for r in rows], 2),
+        sent if np.isnan(applied).all() else applied,
         column([r.angle for r in rows], 3),
         profile,
         reference=column([r.reference for r in rows], 3),

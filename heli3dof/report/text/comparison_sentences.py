@@ -53,11 +53,12 @@ def replay_sentence(flight: FlightComparison, m: ModelComparison) -> str:
         return f"{m.name} was not replayed."
     difference = flight.difference(m, "roll")["peak_deg"]
     rmse = ", ".join(fixed(v, 2, "°") for v in m.replay_rmse_deg)
-    peak = ""
-    if np.isfinite(difference):
-        apart = f"{fixed(abs(difference), 1, '°')} {'higher' if difference > 0 else 'lower'}"
-        peak = f" peaks {apart if abs(difference) >= 0.05 else 'at the same height'};"
-    return f"{m.name}{peak} its RMSE over the flight is {rmse} in roll, pitch, yaw."
+    error = f"RMSE over the flight is {rmse} in roll, pitch, yaw."
+    if not np.isfinite(difference):
+        return f"{m.name}'s {error}"
+    apart = f"{fixed(abs(difference), 1, '°')} {'higher' if difference > 0 else 'lower'}"
+    peak = apart if abs(difference) >= 0.05 else "at the same height"
+    return f"{m.name}'s roll peaks {peak}; its {error}"
 
 
 def prediction_sentence(flight: FlightComparison) -> str:

@@ -254,8 +254,11 @@ def test_the_first_sentences_give_each_models_errors() -> None:
     text = in_a_sentence(only)
     peak = only.difference(only.models[0], "roll")["peak_deg"]
     assert peak < 0
-    assert f"hover peaks {-peak:.1f}° lower" in text
-    assert "same peaks at the same height; its RMSE over the flight is 0.00°, 0.00°, 0.00°" in text
+    assert f"hover's roll peaks {-peak:.1f}° lower" in text
+    assert (
+        "same's roll peaks at the same height; its RMSE over the flight is 0.00°, 0.00°, 0.00°"
+        in text
+    )
     assert only.constant_angles is not None
     still = only.constant_angles.over_window_deg[0]
     assert "RMSE of roll predictions over 3 s" in text
