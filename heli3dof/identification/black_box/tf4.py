@@ -34,7 +34,10 @@ needed because simulation errors are strongly coloured."""
 
 @dataclass(frozen=True, eq=False)
 class Tf4Fit:
-    """Fitted transfer functions, angle offsets (3,) rad, and covariance S (3, 3) rad² of errors."""
+    """Fitted transfer functions, offset (3,) of the angles in rad, and error covariance S.
+
+    S (3, 3) rad² is the covariance of the simulation errors.
+    """
 
     transfer: TransferFunctions
     offset: np.ndarray
@@ -64,10 +67,10 @@ def companion(den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _regressors(data: Sequence[Pair], den: np.ndarray, T: float) -> np.ndarray:
-    """Return the regressors for the denominator ``den`` (5,); the angles are linear in them.
+    """Return the regressors of the angles for the denominator ``den`` (5,), a row per sample.
 
-    Their 8 + 4 S + 1 columns are filtered voltages, free responses of each of the S segments
-    ``data``, and ones. There is a row for each sample. T (s) is the sampling interval.
+    The 8 + 4 S + 1 columns are the voltages filtered by s^i/D(s), four free responses for each of
+    the S segments ``data``, and ones. T (s) is the sampling interval.
     """
     from scipy.signal import lfilter
 

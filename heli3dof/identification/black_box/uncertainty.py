@@ -27,7 +27,7 @@ from heli3dof.model.discretisation import Continuous, numerators
 
 
 def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
-    """Return the model after its matrices' entries have changed by the vector ``delta``.
+    """Return ``model`` with the vector ``delta`` added to the entries of its matrices.
 
     ``delta`` lists the changes of [Ã B K], Ã = A − K C, and then of C, both row by row.
     """
@@ -67,7 +67,7 @@ def poles(fit: PemFit, T: float) -> list[Pole]:
 
 
 def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:
-    """Return the covariance (q, q) of the vector f(model), propagated from the fit's parameters."""
+    """Return the covariance (q, q) of the vector f(model) that follows from the parameters'."""
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
     columns = []
     for j, s in enumerate(std):
