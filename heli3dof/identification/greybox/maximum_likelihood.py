@@ -1,7 +1,8 @@
 """Maximise the likelihood by Gauss–Newton steps on the innovations; also estimate the noise.
 
-Each round runs the filter at θ. It then takes a Newton step of the logarithm of each axis' noise
-intensity, from the likelihood at three intensities. The axes are nearly independent. Let c be the
+θ are the parameters' coordinates. Each round runs the filter at θ. Then it takes a Newton step of
+the logarithm of each axis' process noise intensity, for which it evaluates the likelihood at three
+intensities. The axes are nearly independent. Let c be the
 filter's prediction of a reading, g the score and w the information of that reading. With the
 tangents ∂c/∂θ at fixed filter gains, the round solves
 
