@@ -71,7 +71,7 @@ class FactoredTransferFunction:
     def __str__(self) -> str:
         """Return the transfer function in degrees/V, each coefficient with its standard deviation.
 
-        Roots at the origin come first, then the factors by increasing distance from it.
+        Factors with a root at the origin come first, then the others by increasing root modulus.
         """
         if self.gain == 0:
             return "0"

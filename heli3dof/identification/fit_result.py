@@ -118,9 +118,9 @@ class FitResult:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     candidates: tuple[Candidate, ...] = ()
     warnings: tuple[str, ...] = ()
-    """What is wrong with the fit, or limits its use"""
+    """Sentences on problems of the fit, or on limits of its use"""
     notes: tuple[str, ...] = ()
-    """What the method did that the user did not request, and is not wrong"""
+    """Sentences on choices of the method that the user did not request; no problems"""
     response: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     """Function: frequencies ω (F,) rad/s → frequency response (F, 3, 2) rad/V from the two motors
     to the three angles, and its standard deviation; None if the model has no linear response"""

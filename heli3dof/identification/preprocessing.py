@@ -31,7 +31,7 @@ from heli3dof.recording.gap_filling import GAP, fill_gaps
 from heli3dof.recording.recording import Recording
 
 MIN_SAMPLES = 3
-"""Samples of a recording below which its sample interval has no scatter"""
+"""Smallest number of samples for which the scatter of the sample interval can be computed"""
 SEGMENT_MIN_S = 1.0
 USABLE_MIN_S = 5.0
 

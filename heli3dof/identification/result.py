@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 SUMMARY_HORIZON_S = 1.0
-"""s: horizon of the fit that summaries quote; shorter ones are near 100 % for every model"""
+"""s: prediction horizon of the fit (%) in summaries. At shorter horizons every model fits to nearly
+100 %."""
 
 
 def no_linear_form(method: str, what: str) -> UsageError:

@@ -129,7 +129,10 @@ def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
 
 
 def _falling(roll: np.ndarray) -> np.ndarray:
-    """Return (N,) bool: the rows after ``roll`` (N,) was last half-way from the table to level."""
+    """Return (N,) bool: the rows after ``roll`` (N,) was last above half of its table value.
+
+    No row is True if the recording does not start on the table.
+    """
     out = np.zeros(len(roll), dtype=bool)
     if roll[0] < ON_TABLE_BELOW:
         up = np.flatnonzero(roll > roll[0] / 2)

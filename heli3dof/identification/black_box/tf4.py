@@ -200,7 +200,10 @@ def _covariance(
 
 
 def state_space(fit: Tf4Fit, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A (8, 8), B (8, 2), C (3, 8) of the fit in discrete time, sampled every ``dt`` s."""
+    """Return the fit as a discrete state-space model, sampled every ``dt`` s.
+
+    The result is A (8, 8), B (8, 2), C (3, 8).
+    """
     A, B = companion(fit.transfer.den)
     m = fit.transfer.num.shape[1]
     Ad, Bd = c2d_zoh(np.kron(np.eye(m), A), np.kron(np.eye(m), B), dt)

@@ -39,7 +39,7 @@ TIED = 0.9
 PRIOR_SHARE_MAX = 0.5
 """A parameter whose σ exceeds this share of its prior's σ is not identifiable."""
 LOG_STD_MAX = 0.4
-"""σ of a parameter's logarithm above which it is not identifiable"""
+"""σ of a parameter's logarithm above which the parameter is not identifiable"""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Verdict:
 
     identifiable: bool
     absent: bool
-    """True if the value is within two standard deviations of the one with no effect."""
+    """True if the value is within two standard deviations of that at which the effect is absent."""
     tied_with: tuple[str, ...]
     """Parameters whose absolute correlation with this one exceeds `TIED`"""
     sentence: str
@@ -101,7 +101,7 @@ class Estimate(PhysicalFit):
     def interval(self, z: float = 1.96) -> np.ndarray:
         """Return confidence intervals (n, 2) of the parameters: ± z standard deviations.
 
-        For a parameter with ``log``, the interval is symmetric in the logarithm.
+        If the parameter's logarithm is estimated (`Free.log`), the interval is symmetric in it.
         """
         theta, sd = self.optimum.theta, self.std / self.slopes
         return np.column_stack(

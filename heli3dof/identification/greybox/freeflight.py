@@ -89,7 +89,7 @@ PRIORS: dict[str, tuple[float, float]] = {
     WEIGHT: (0.0, 0.1),
 }
 """Parameter → prior mean and standard deviation, from identified rigs and propellers. Without
-priors, terms would cancel one another in flights about one trim: pitch damping and flapping act
+priors, effects would cancel one another in flights about one trim: pitch damping and flapping act
 alike until yaw moves."""
 POSITIVE = ("friction.", "aero.flapping", "stiffness.pendulum")
 """Start of the names of parameters that must not be negative (damping, restoring stiffness)"""
@@ -268,7 +268,7 @@ def warnings(found: MultiStepFit) -> tuple[str, ...]:
 
 
 def notes(found: MultiStepFit) -> tuple[str, ...]:
-    """Return a sentence for each parameter that has a value per recording."""
+    """Return a sentence per parameter that varies by recording, with its value in each of them."""
     out = []
     for name, values in found.by_recording.items():
         each = ", ".join(f"{v:.3g}" for v in values)

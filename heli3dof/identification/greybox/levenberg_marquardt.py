@@ -31,8 +31,8 @@ FRESH = 2
 ENOUGH = 30
 """Largest number of evaluations of the residuals in `follow_on`, those for differences excluded"""
 KEPT = 0.5
-"""Share of a step's predicted cost reduction. If an actual reduction deviates by more, `follow_on`
-recomputes the derivatives D before it ends."""
+"""Share of a step's predicted cost reduction. If the actual reduction deviates from the predicted
+one by more than this share, `follow_on` recomputes the derivatives D before it ends."""
 Residuals = Callable[[np.ndarray], np.ndarray]
 
 

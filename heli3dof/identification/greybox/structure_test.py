@@ -28,8 +28,8 @@ from heli3dof.model.physics.parametrisation import Structure
 SIMPLIFICATIONS = ("simplified.couplings", "simplified.yaw_inertia")
 COMBINATIONS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.array([1.0, 1.0]))
 SURE = 6.0
-"""Required gain in log-likelihood, as a multiple of the scatter factor κ. A gain of 6 means odds of
-e⁶ = 400 to 1."""
+"""Required increase of the log-likelihood, as a multiple of the scatter factor κ. An increase of 6
+means odds of e⁶ = 400 to 1."""
 
 
 def with_simplifications(found: Estimate) -> Estimate:
