@@ -8,8 +8,9 @@ input u and output y, up to a term in Ã^p. d is a constant offset:
 1. Find Ξ by least squares (VARX: vector autoregression with inputs; by QR). The innovations are
    white, so feedback causes no bias.
 2. The extended observability matrix times the controllability matrix, Γ 𝒦, is block upper
-   triangular Toeplitz in Ξ. With Z_p the last p samples of every row, x̂ is the first n right
-   singular vectors of Γ 𝒦 Z_p.
+   triangular Toeplitz in Ξ. Its block rows are weighted by S^{−1/2}, S the innovations' covariance.
+   With Z_p the last p samples of every row, x̂ is, up to scale, the first n right singular vectors
+   of Γ 𝒦 Z_p.
 3. Find C, then the innovations e, then A, B, K by regressions on x̂.
 
 Source: Chiuso, "The role of vector autoregressive modeling in predictor-based subspace

@@ -80,7 +80,7 @@ def unit_of_product(product: str) -> str:
 
 @cache
 def empirical_effect(name: str) -> Effect | None:
-    """Return the effect of a name such as ``empirical.sin(yaw)``; None if it is not such a name."""
+    """Return the `Effect` that a name such as ``empirical.sin(yaw)`` defines, else None."""
     if not name.startswith(PREFIX):
         return None
     what = name.removeprefix(PREFIX)

@@ -92,9 +92,9 @@ def errors(
     """Return the prediction errors (S, M, 3) rad from S start rows at M horizons.
 
     An error is the reading minus the prediction. The horizons are ``ahead`` (M,) rows. ``values``
-    (n,) are the parameters of ``structure``. ``flight`` has the recorded arrays and the
-    start rows. ``states`` (N, 6 + B) are the filter's estimates: angles, rates, and the B
-    parameters ``varying`` that replace those in ``values``.
+    (n,) are the parameters of ``structure``. ``flight`` has the recorded arrays and the start rows.
+    ``states`` (N, 6 + B) are the filter's estimates: angles, rates, and the B parameters
+    ``varying`` that replace those in ``values``.
     """
     hooks = structure.hooks
     s, par = structure.arrays(values)

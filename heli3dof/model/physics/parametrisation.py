@@ -63,7 +63,7 @@ class Free:
 
 
 def first_parameters(free: Sequence[Free]) -> dict[str, int]:
-    """Return {term: index of its first parameter in ``free``}."""
+    """Return {name of a term (effect on an axis): index of its first parameter in ``free``}."""
     return {f.term: j for j, f in reversed(list(enumerate(free))) if f.term is not None}
 
 
