@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Factor:
-    """A factor s + a or s² + b s + c: its coefficients after the first, standard deviations."""
+    """A factor s + a or s² + b s + c: the coefficients (a) or (b, c), and standard deviations."""
 
     coefficients: tuple[float, ...]
     std: tuple[float, ...]
@@ -58,7 +58,7 @@ class FactoredTransferFunction:
     """A transfer function from ``input`` (V) to the angle ``output`` (rad): gain and factors.
 
     ``input`` is ``sum`` (both voltages rise by 1 V) or ``difference`` (front rises, back falls). A
-    gain of 0 means that the recordings do not show any response.
+    gain of 0 means that the angle does not respond to the input within the accuracy of the fit.
     """
 
     output: str
@@ -71,7 +71,7 @@ class FactoredTransferFunction:
     def __str__(self) -> str:
         """Return the transfer function in degrees/V, each coefficient with its standard deviation.
 
-        Roots at the origin come first, then the factors by increasing distance from it.
+        Factors with a root at the origin come first, then the others by increasing root modulus.
         """
         if self.gain == 0:
             return "0"
@@ -117,7 +117,7 @@ class FactoredTransferFunction:
 
 
 def _factors(factors: Sequence[Factor]) -> list[str]:
-    """Return the factors as text, equal ones as a power: ``s²``, ``(s + 10.03)²``."""
+    """Return the factors as texts; equal factors become one power, such as ``(s+10.03)²``."""
     ordered = sorted(factors, key=lambda f: abs(f.coefficients[-1]) ** (1 / len(f.coefficients)))
     texts = [str(f) for f in ordered]
     powers = {2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶"}

@@ -18,13 +18,13 @@ from heli3dof.model.estimation.filter_data import Run
 from heli3dof.recording.recording import Recording
 
 Innovations = tuple[list[np.ndarray], list[np.ndarray]]
-"""Two lists with an array per segment: prediction errors (N, 3) rad, voltages (N, 2) V at the same
-rows"""
+"""Two lists with an array per run of usable rows: errors of predictions (N, 3) rad, and voltages
+(N, 2) V, which may be deviations from a mean, at the same samples"""
 
 
 @dataclass(frozen=True)
 class Request:
-    """The user's options for a fit: method, order, sampling intervals, terms, the model's name."""
+    """The options of a fit: method, order, sampling intervals, the model's effects and name."""
 
     method: str
     order: int | None
@@ -77,7 +77,10 @@ def rightmost_first(poles: Sequence[Pole]) -> tuple[Pole, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A black-box fit that the order search tried; the search compares ``score``, a fit in %."""
+    """A fit of the order search: a black box of one order, fitted at one sampling interval.
+
+    The search compares ``score``, the mean fit of the axes in %.
+    """
 
     order: int
     interval_s: float
@@ -115,9 +118,9 @@ class FitResult:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     candidates: tuple[Candidate, ...] = ()
     warnings: tuple[str, ...] = ()
-    """What is wrong with the fit, or limits its use"""
+    """Sentences on problems of the fit, or on limits of its use"""
     notes: tuple[str, ...] = ()
-    """What the method did that the user did not request, and is not wrong"""
+    """Sentences on choices of the method that the user did not request; no problems"""
     response: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     """Function: frequencies ω (F,) rad/s → frequency response (F, 3, 2) rad/V from the two motors
     to the three angles, and its standard deviation; None if the model has no linear response"""

@@ -132,7 +132,7 @@ def identify(
 
 
 def residual_tests(found: FitResult, prepared: Prepared) -> tuple[ResidualTest, ...]:
-    """Return the whiteness and past-inputs tests on held-out data; empty if these are too few."""
+    """Return the whiteness and the past-inputs test on held-out data; () if there is too little."""
     settle = round(WARM_UP_S / (found.test_interval_s or found.interval_s))
     E, U = [], []
     for e, u in zip(*found.innovations(prepared, prepared.held_out), strict=True):
@@ -188,7 +188,10 @@ def extrapolation_warnings(prepared: Prepared) -> list[str]:
 
 
 def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
-    """Return a warning if the predictions that summaries quote are worse than the mean."""
+    """Return a warning if held-out predictions `SUMMARY_HORIZON_S` ahead are worse than the mean.
+
+    The mean is that of the measured angle. The list is empty without a warning.
+    """
     score = scores.prediction.get(SUMMARY_HORIZON_S)
     if score is None or not prepared.held_out:
         return []
@@ -221,7 +224,10 @@ def _with_provenance(found: FitResult, method: str, prepared: Prepared) -> Model
 def _by_angles(
     recordings: Sequence[Recording], *, split: bool
 ) -> tuple[list[Recording], list[Recording]]:
-    """Return (recordings with all three angles, the rest); without ``split``, (all, none)."""
+    """Return (recordings with all three angles, the rest).
+
+    Without ``split``, or if no recording has all three, returns (all recordings, []).
+    """
     whole = [r for r in recordings if len(r.axes) == len(AXES)]
     if not split or not whole:
         return list(recordings), []

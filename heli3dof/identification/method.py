@@ -26,11 +26,11 @@ class Method:
     assumes_open_loop: bool = False
     """True if feedback from the angles to the voltages biases the estimates."""
     physical: bool = False
-    """True if the model consists of physical terms that the user can add or leave out. Such a
+    """True if the model consists of physical effects that the user can add or leave out. Such a
     method can also use recordings that lack an angle."""
 
     def fit(self, prepared: Prepared, request: Request) -> FitResult:
-        """Return the fit by the method's function, which is imported first.
+        """Import the method's function, call it with ``prepared`` and ``request``, return its fit.
 
         Raises UsageError if the function is missing or returns no `FitResult`.
         """

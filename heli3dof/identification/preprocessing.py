@@ -31,14 +31,14 @@ from heli3dof.recording.gap_filling import GAP, fill_gaps
 from heli3dof.recording.recording import Recording
 
 MIN_SAMPLES = 3
-"""Samples of a recording below which its sample interval has no scatter"""
+"""Smallest number of samples for which the scatter of the sample interval can be computed"""
 SEGMENT_MIN_S = 1.0
 USABLE_MIN_S = 5.0
 
 
 @dataclass(frozen=True)
 class Clock:
-    """Sampling statistics of a recording, from its time stamps."""
+    """Sample interval, jitter and lost samples of a recording, computed from its time stamps."""
 
     period_s: float
     """Median sample interval in s"""
@@ -84,7 +84,7 @@ class RecordingReport:
         }
 
     def sentences(self) -> list[str]:
-        """Return the report as lines of text."""
+        """Return the statistics and the shares of rows as lines of text."""
         c = self.clock
         out = [
             f"{self.name}: {self.seconds:.1f} s every {c.period_s * 1e3:.4g} ms "
@@ -134,7 +134,10 @@ class Segment:
 
 
 def check_clock(recording: Recording) -> Clock:
-    """Return statistics of the time stamps; raise RecordingError if they do not increase."""
+    """Return statistics of a recording's time stamps.
+
+    Raises RecordingError if the time stamps do not increase or are fewer than `MIN_SAMPLES`.
+    """
     t = recording.t
     if len(t) < MIN_SAMPLES:
         raise RecordingError(
@@ -211,7 +214,10 @@ def prepare(
 
 
 def segments(prepared: Prepared, runs: Sequence[Run], factor: int) -> list[Segment]:
-    """Return the runs, each decimated by the integer ``factor``; omit runs under two intervals."""
+    """Return a `Segment` per run: its rows, decimated by ``factor``; none for under 2·factor rows.
+
+    The gaps of a run are filled first (see the module).
+    """
     out = []
     for run in runs:
         rec = prepared.recordings[run.source].rows(slice(run.start, run.stop))

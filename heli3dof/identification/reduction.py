@@ -1,14 +1,20 @@
-"""Reduce transfer functions to the factors that the fit determines.
+"""Simplify fitted transfer functions until every remaining factor is significant.
 
 A simplification H of the fitted transfer function G is accepted if on all frequencies ω of a grid
 
     |H(jω) − G(jω)| ≤ 2 σ(ω),        σ² = var Re G + var Im G
 
-that is, if the recordings do not tell the two apart. Where no covariance is known, 2σ is the
-rounding `ROUNDING`·|G|. The simplifications are: a transfer function is zero, a zero moves to
-infinity (its term of the numerator vanishes), a pole and a zero cancel, a root moves to the origin
-(only one that is within two standard deviations of it). After each, k is fitted again. The
-simplification that changes G the least comes first.
+that is, if the recordings do not distinguish H from G. Where no covariance is known, 2σ is the
+rounding `ROUNDING`·|G|. There are four simplifications:
+
+* the transfer function is zero,
+* a zero moves to infinity (its factor of the numerator is omitted),
+* a pole and a zero cancel,
+* a real root within two standard deviations of the origin moves to the origin.
+
+After each simplification the gain k is fitted again. Of several possible ones, the one whose H is
+nearest to G is applied. `heli3dof.identification.factored_transfer_function` defines k and the
+factors with the coefficients a, b, c.
 
 The standard deviations of the coefficients φ = (k, a, b, c) follow from the covariance P of the
 polynomials' coefficients θ, with J = ∂H/∂φ, S = ∂G/∂θ and the weights W = 1/σ²:
@@ -45,12 +51,12 @@ SIGMAS = 2.0
 def factored(
     transfer: TransferFunctions, interval_s: float | None = None, poles: Sequence[Pole] = ()
 ) -> tuple[FactoredTransferFunction, ...]:
-    """Return the six transfer functions from sum and difference of the voltages to the angles.
+    """Return the six simplified transfer functions from the voltages to the angles, in factors.
 
-    ``interval_s``: the sampling interval of the fit, which limits the frequencies on which the
-    simplified and the fitted response must agree. ``poles``: the poles of ``transfer``, whose
-    standard deviations the factors get. The order is roll, pitch, yaw, and for each sum,
-    difference.
+    The inputs are the sum and the difference of the voltages. The order of the result is roll,
+    pitch, yaw, and for each angle sum, difference. ``interval_s``: the sampling interval of the
+    fit, which limits the frequencies on which the simplified and the fitted response must agree.
+    ``poles``: the poles of ``transfer``, whose standard deviations the factors get.
     """
     highest = HIGHEST if interval_s is None else min(HIGHEST, NYQUIST_SHARE * np.pi / interval_s)
     s = 1j * np.geomspace(LOWEST, highest, POINTS)
@@ -59,7 +65,11 @@ def factored(
 
 
 class _Channel:
-    """The fitted response of one channel at ``s`` (F,) 1/s, and its uncertainty."""
+    """The fitted frequency response G from one input (sum, difference) to one angle.
+
+    G and its uncertainty are computed at ``s`` = jω (F,) 1/s. ``limit`` (F,) is the largest
+    accepted |H − G|.
+    """
 
     def __init__(
         self,
@@ -92,7 +102,7 @@ class _Channel:
             self.limit = np.maximum(self.limit, SIGMAS * np.sqrt(np.maximum(var, 0)))
 
     def simplified(self) -> FactoredTransferFunction:
-        """Return the simplest transfer function that `factored` accepts."""
+        """Return the transfer function after all accepted simplifications (see the module)."""
         H = FactoredTransferFunction(AXES[self.axis], self.name, 0.0, np.nan, (), ())
         if np.all(np.abs(self.G) <= self.limit):
             return H
@@ -113,7 +123,11 @@ class _Channel:
         return H
 
     def rounded(self, polynomial: np.ndarray) -> tuple[Factor, ...]:
-        """Return the polynomial's factors without rounding: roots at 0, double real roots."""
+        """Factor a polynomial whose roots are rounded; return its factors.
+
+        Roots that only rounding separates from 0 become 0; a conjugate pair that only rounding
+        separates from a double real root becomes one.
+        """
         roots = np.roots(polynomial)
         roots = roots[np.argsort(np.abs(roots))]
 
@@ -135,7 +149,7 @@ class _Channel:
         return tuple(_factor(r) for r in roots if np.imag(r) >= 0)
 
     def refitted(self, H: FactoredTransferFunction) -> FactoredTransferFunction:
-        """Return H with the gain that fits the response best, weighted by 1/`limit`²."""
+        """Return H with the gain k for which H is nearest to G (least squares, 1/`limit`²)."""
         shape = replace(H, gain=1.0).at(self.s)
         w = 1 / self.limit**2
         gain = np.sum(w * np.conj(shape) * self.G).real / np.sum(w * np.abs(shape) ** 2)
@@ -144,7 +158,7 @@ class _Channel:
     def nearest(
         self, candidates: Iterator[FactoredTransferFunction]
     ) -> FactoredTransferFunction | None:
-        """Return the candidate whose response is nearest to G; None if none is near enough."""
+        """Return the candidate nearest to G, with refitted gain; None if all exceed `limit`."""
         best, least = None, 1.0
         for H in map(self.refitted, candidates):
             away = float(np.max(np.abs(H.at(self.s) - self.G) / self.limit))
@@ -185,9 +199,10 @@ class _Channel:
 
 
 def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> FactoredTransferFunction:
-    """Return H with the standard deviations of ``poles``, which use all responses, not only H's.
+    """Return H with the standard deviations of ``poles`` in its denominator's factors.
 
-    For a pair α ± jβ, b = −2α and c = α² + β²; the covariance of α and β counts as zero.
+    These are smaller than those from H alone, because the poles are common to all transfer
+    functions. For a pair α ± jβ, b = −2α and c = α² + β²; the covariance of α and β counts as zero.
     """
     if not poles:
         return H
@@ -206,7 +221,10 @@ def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> Factor
 
 
 def _shorter(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
-    """Yield H without a zero, and without a pole and a zero (or a pair of each)."""
+    """Yield simplifications of H: without one factor of a zero, or of a zero and a pole.
+
+    A factor is a real root or a pair; a zero's factor cancels only with a pole's of equal degree.
+    """
     for i, zero in enumerate(H.numerator):
         fewer = replace(H, numerator=H.numerator[:i] + H.numerator[i + 1 :])
         yield fewer
@@ -216,7 +234,7 @@ def _shorter(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
 
 
 def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
-    """Yield H with a real root at the origin that is within `SIGMAS` standard deviations of it."""
+    """Yield H with one real root moved to the origin, for each within `SIGMAS` σ of the origin."""
     for factors in (H.numerator, H.denominator):
         for i, f in enumerate(factors):
             if len(f.coefficients) == 1 and 0 < abs(f.coefficients[0]) <= SIGMAS * f.std[0]:
@@ -229,7 +247,7 @@ def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction
 
 
 def _factor(root: complex) -> Factor:
-    """Return the factor of a real root, or of a complex one and its conjugate."""
+    """Return the factor s + a of a real root, or s² + b s + c of a root and its conjugate."""
     if np.imag(root) == 0:
         return Factor((-float(np.real(root)) + 0.0,), (np.nan,))
     return Factor((-2 * float(np.real(root)), float(abs(root) ** 2)), (np.nan, np.nan))

@@ -28,11 +28,12 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 SUMMARY_HORIZON_S = 1.0
-"""s: horizon of the fit that summaries quote; shorter ones are near 100 % for every model"""
+"""s: prediction horizon of the fit (%) in summaries. At shorter horizons every model fits to nearly
+100 %."""
 
 
 def no_linear_form(method: str, what: str) -> UsageError:
-    """Return the error that a method's model has no ``what``."""
+    """Return the UsageError that a model by ``method`` has no ``what`` (transfer functions, …)."""
     return UsageError(
         f"A model by {method} has no {what}.",
         cause="its method returns no linear model.",
@@ -83,11 +84,11 @@ class Identification(Result):
 
     @cached_property
     def factored(self) -> tuple[FactoredTransferFunction, ...]:
-        """Return the transfer functions as gain and factors, without what the fit leaves open.
+        """Return the transfer functions as gain and factors, without insignificant factors.
 
         Each prints in degrees/V and converts to python-control with ``to_control()`` (rad/V). The
         order is roll, pitch, yaw, and for each the sum and the difference of the voltages. Raises
-        UsageError as `transfer` does.
+        UsageError as `transfer` does. `heli3dof.identification.reduction` explains the method.
         """
         return factored(self.transfer, self.interval_s, self.poles)
 

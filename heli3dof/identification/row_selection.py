@@ -88,7 +88,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
 
 
 def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two masks (N,) of rows: on the table, in take-off. ``off``: rows with motors off."""
+    """Return two masks (N,) of a recording's rows: on the table, in take-off."""
     roll = np.nan_to_num(recording.angle[:, ROLL], nan=0.0)
     rest = float(roll.min())
     n = len(roll)
@@ -115,7 +115,10 @@ def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
-    """Return (N,) bool: rows with the motors ``off``, and those after until ``roll`` rises."""
+    """Return (N,) bool: rows with the motors ``off``, and the rows after them in which roll falls.
+
+    ``off`` (N,) bool are the rows with both voltages zero; ``roll`` (N,) in rad.
+    """
     out = off.copy()
     for end in np.flatnonzero(off[:-1] & ~off[1:]) + 1:
         k = int(end)
@@ -126,7 +129,10 @@ def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
 
 
 def _falling(roll: np.ndarray) -> np.ndarray:
-    """Return (N,) bool: the rows after ``roll`` (N,) was last half-way from the table to level."""
+    """Return (N,) bool: the rows after ``roll`` (N,) was last above half of its table value.
+
+    No row is True if the recording does not start on the table.
+    """
     out = np.zeros(len(roll), dtype=bool)
     if roll[0] < ON_TABLE_BELOW:
         up = np.flatnonzero(roll > roll[0] / 2)
@@ -157,14 +163,17 @@ def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
 
 
 def stretches(mask: np.ndarray, cuts: np.ndarray | None = None) -> list[tuple[int, int]]:
-    """Return (first row, row after) of each run of True in a mask (N,), split at rows ``cuts``."""
+    """Return (first row, row after the last) of each run of True in a mask (N,).
+
+    The runs are also split before the rows ``cuts``.
+    """
     edges = np.flatnonzero(np.diff(mask)) + 1
     edges = np.unique(np.concatenate([[0, len(mask)], edges, [] if cuts is None else cuts]))
     return [(a, b) for a, b in itertools.pairwise(edges.astype(int).tolist()) if mask[a]]
 
 
 def _long_runs(mask: np.ndarray, at_least: int) -> np.ndarray:
-    """Return the mask without its runs of True shorter than ``at_least`` rows."""
+    """Return the mask (N,) with True only in runs of at least ``at_least`` rows."""
     out = np.zeros(len(mask), dtype=bool)
     for a, b in stretches(mask):
         if b - a >= at_least:

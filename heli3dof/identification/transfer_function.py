@@ -44,9 +44,10 @@ class TransferFunctions:
         return std[k - 1 :].reshape(self.num.shape), np.concatenate([[0.0], std[: k - 1]])
 
     def zeros(self, axis: int, motor: int) -> list[tuple[complex, float]]:
-        """Return zeros (1/s) of num[axis, motor], rightmost first.
+        """Return (zero, standard deviation) in 1/s for each zero of num[axis, motor].
 
-        Their standard deviations are √(var Re + var Im); NaN for a double zero, where N′ = 0.
+        The rightmost zero comes first. The standard deviation is √(var Re + var Im), NaN for a
+        double zero, where N′ = 0.
         """
         n = _without_rounding(self.num[axis, motor], float(np.abs(self.num[axis]).max()))
         k = len(self.den)

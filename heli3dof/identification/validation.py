@@ -130,7 +130,10 @@ def predictions(
 
 
 def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
-    """Return how many usable rows, at most ``most``, directly precede the run."""
+    """Return the number of usable rows, at most ``most``, that end where the run starts.
+
+    The filter settles in them. They belong to another run of the same recording, without a gap.
+    """
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:
             t = prepared.recordings[run.source].t

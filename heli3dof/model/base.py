@@ -1,6 +1,6 @@
 """`Model`: the interface of every kind of model; `LoopTask`, `LoopResult`: closed-loop simulation.
 
-Comparison, validation and diagnosis use a model only by these methods.
+Comparison, validation and diagnosis use a model only through the methods of `Model`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Compile functions with numba, cached on disk; a change in a called function recompiles them.
+"""Compile functions with numba, cached on disk; recompile them if a function they call changes.
 
 ``numba.njit(cache=True)`` keeps machine code in ``__pycache__``, or in the user's cache folder if
 ``__pycache__`` is read-only. So only the first run after an installation compiles, for some
@@ -23,7 +23,7 @@ from typing import Any
 
 @cache
 def compiled(function: Callable[..., Any], *, leaf: bool = False, **options: Any) -> Any:
-    """Return ``function`` under ``numba.njit``, cached on disk; the same call returns the same.
+    """Return ``function`` compiled by ``numba.njit``, with the machine code cached on disk.
 
     A change in the function's file, in a compiled function that it calls, or in a global number
     that it uses causes recompilation.
@@ -78,7 +78,7 @@ def _with_cell(function: Callable[..., Any], content: str) -> Callable[..., Any]
 
 @contextmanager
 def announced(sentence: str, after_s: float = 1.5) -> Iterator[None]:
-    """Log ``sentence`` as a warning if the ``with`` block runs longer than ``after_s`` seconds."""
+    """Context manager: log ``sentence`` as a warning if the block takes over ``after_s`` s."""
     timer = threading.Timer(after_s, logging.getLogger("heli3dof").warning, (sentence,))
     timer.daemon = True
     timer.start()

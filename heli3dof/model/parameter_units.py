@@ -12,7 +12,7 @@ SUPERSCRIPTS = str.maketrans("234", "²³⁴")
 
 
 def split_unit(key: str) -> tuple[str, str]:
-    """Split a parameter's name into the quantity and its unit, which may be empty.
+    """Split a parameter's name into the quantity and the unit; the unit may be empty.
 
     >>> split_unit("torque_Nm"), split_unit("drag_Nms2_per_rad2"), split_unit("ratio")
     (('torque', 'N·m'), ('drag', 'N·m·s²/rad²'), ('ratio', ''))
@@ -31,7 +31,7 @@ def _product(units: str) -> str:
 
 
 def named_unit(unit: str) -> str:
-    """Return a unit as names spell it.
+    """Return a unit in the spelling of parameter names, the inverse of `split_unit`.
 
     >>> named_unit("N·m·s²/rad²"), named_unit("1/V"), named_unit("°")
     ('Nms2_per_rad2', 'per_V', 'deg')

@@ -2,16 +2,15 @@
 
 Order and interval decide how good a black box is in closed loop. At 2 ms the encoders' rounding
 dominates the innovations; over 40 to 80 ms the rig's own motion does, and the exact mean voltages
-are known. Each candidate maximises the likelihood of the innovations
-(`heli3dof.identification.black_box.pem`). Its score is the mean fit (%) over the axes, on the
-*training* flights, of
+are known. A candidate is the fit of one order at one interval. Its score is the mean fit (%) over
+the axes, on the *training* flights, of
 
 * predictions 1 s ahead, and
 * the closed-loop replay, where the controller is known.
 
-The fit minimises neither of the two, so a larger order does not score better merely because it has
-more parameters. The replay rejects models that are good one step ahead and diverge in closed loop;
-the prediction rejects poor noise models. The smallest order within `TIE` of the best score is
+No method minimises the errors of these two, so a larger order does not score better merely because
+it has more parameters. The replay rejects models that are good one step ahead and diverge in closed
+loop; the prediction rejects poor noise models. The smallest order within `TIE` of the best score is
 chosen. Held-out data are not used.
 """
 
@@ -48,10 +47,10 @@ SELECT_HORIZON_S = 1.0
 
 @dataclass(frozen=True, eq=False)
 class StateSpaceFit:
-    """A black-box fit, and the `LinearModel` at the control rate that results from it.
+    """A black-box fit to decimated data, and the same model resampled to the control rate.
 
-    ``state_space`` and ``pem`` (None for PBSID) are the fit to data sampled every ``interval_s`` s.
-    The data's means are u_mean (2,) V and y_mean (3,) rad.
+    ``state_space`` and ``pem`` (None for PBSID) are the fit to data sampled every ``interval_s`` s,
+    ``model`` is the resampled model. The data's means are u_mean (2,) V and y_mean (3,) rad.
     """
 
     model: LinearModel
@@ -64,7 +63,10 @@ class StateSpaceFit:
 
 @dataclass(frozen=True, eq=False)
 class Decimated:
-    """Segments (u, y) decimated to ``interval_s`` (s), minus the means u_mean (V), y_mean (rad)."""
+    """Voltages and angles (u, y) by segment, sampled every ``interval_s`` s, minus their means.
+
+    The means are u_mean (2,) V and y_mean (3,) rad.
+    """
 
     data: tuple[Pair, ...]
     u_mean: np.ndarray
@@ -73,7 +75,7 @@ class Decimated:
 
 
 def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Decimated:
-    """Return the data of ``runs``, decimated to about ``interval_s`` (s), minus their means."""
+    """Return voltages and angles of ``runs``, decimated to about ``interval_s`` s, minus means."""
     factor = max(1, round(interval_s / prepared.dt))
     cut = segments(prepared, runs, factor)
     u_mean = np.vstack([s.u for s in cut]).mean(axis=0)
@@ -83,10 +85,10 @@ def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Dec
 
 
 def past_window(d: Decimated, largest_order: int) -> int:
-    """Return the VARX order for data d: `PAST_S` in samples, enough for ``largest_order`` states.
+    """Return the order of the VARX that is fitted to data d: the number of samples in `PAST_S`.
 
     The VARX is a vector autoregression with inputs. Its order is at least ⌈largest_order/3⌉ + 2,
-    and at most a 30th of the number of rows.
+    enough for a model with ``largest_order`` states, and at most a 30th of the number of rows.
     """
     rows = sum(len(u) for u, _ in d.data)
     want = max(round(PAST_S / d.interval_s), -(-largest_order // 3) + 2)
@@ -94,7 +96,10 @@ def past_window(d: Decimated, largest_order: int) -> int:
 
 
 def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
-    """Return {order: initial model} by the subspace method PBSID-opt; orders are state counts."""
+    """Return {order: model} by the subspace method PBSID-opt; the order is the number of states.
+
+    The models are the initial models of ``pem`` and ``oe``, and the results of ``pbsid``.
+    """
     orders = sorted(orders)
     p = past_window(d, orders[-1])
     usable = [(u, y) for u, y in d.data if len(u) > p]
@@ -104,11 +109,10 @@ def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
 
 
 def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str) -> StateSpaceFit:
-    """Fit the data d from the model ``start``; return the fit, and the model resampled to dt (s).
+    """Improve the model ``start`` by a fit to the data d; return the fit, also resampled to dt (s).
 
-    ``method`` is ``pem`` (prediction error), ``oe`` (output error) or ``pbsid``, which keeps
-    ``start`` as it is. ``name`` becomes the model's name. Raises NoContinuousModel where the fit
-    cannot be resampled.
+    ``method`` is ``pem`` (prediction error), ``oe`` (output error) or ``pbsid`` (no further fit).
+    ``name`` becomes the model's name. Raises NoContinuousModel where the fit cannot be resampled.
     """
     found = None
     model = start
@@ -135,10 +139,10 @@ def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str
 
 
 def selection_score(model: LinearModel, prepared: Prepared) -> float:
-    """Return the mean fit (%) of ``model`` on the training runs; −∞ if it is not finite.
+    """Return the score of ``model`` in the order search: its mean fit (%); −∞ if not finite.
 
-    The mean is over the axes of 1 s predictions and, if possible, of the closed-loop replay.
-    ``prepared`` holds the recordings and their training runs.
+    The mean is over the axes of predictions 1 s ahead and, if possible, of the closed-loop replay.
+    ``prepared`` holds the recordings and the training runs, on which the model is evaluated.
     """
     runs = prepared.train
     scores = [validation.score(validation.predictions(model, prepared, runs, SELECT_HORIZON_S))]
@@ -156,7 +160,7 @@ def search(
     intervals_s: Sequence[float] = INTERVALS_S,
     name: str = "black box",
 ) -> tuple[StateSpaceFit, list[Candidate]]:
-    """Fit all orders at all sampling intervals; return the chosen fit, and every fit's scores.
+    """Fit all orders at all sampling intervals; return the best fit, and the score of every fit.
 
     ``method`` is ``pem``, ``oe`` or ``pbsid``. ``orders`` are numbers of states, ``name`` is the
     model's name, ``prepared`` holds the recordings. Raises RecordingError if no candidate can be

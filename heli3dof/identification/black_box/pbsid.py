@@ -1,15 +1,16 @@
 """PBSID-opt: a state-space model in innovation form from closed-loop data, without iterations.
 
-With Ã = A − KC stable, the prediction ŷ of the output y from the input u and past outputs depends
-(up to Ã^p) on the last p samples only. d is a constant offset:
+With Ã = A − K C stable, the prediction ŷ of the output y depends only on the last p samples of
+input u and output y, up to a term in Ã^p. d is a constant offset:
 
     ŷ[k] = Σ_{j=1..p} Ξ_j z[k−j] + d,     z = (u, y),     Ξ_j = C Ã^{j−1} [B K]
 
 1. Find Ξ by least squares (VARX: vector autoregression with inputs; by QR). The innovations are
    white, so feedback causes no bias.
 2. The extended observability matrix times the controllability matrix, Γ 𝒦, is block upper
-   triangular Toeplitz in Ξ. With Z_p the last p samples of every row, x̂ is the first n right
-   singular vectors of Γ 𝒦 Z_p.
+   triangular Toeplitz in Ξ. Its block rows are weighted by S^{−1/2}, S the innovations' covariance.
+   With Z_p the last p samples of every row, x̂ is, up to scale, the first n right singular vectors
+   of Γ 𝒦 Z_p.
 3. Find C, then the innovations e, then A, B, K by regressions on x̂.
 
 Source: Chiuso, "The role of vector autoregressive modeling in predictor-based subspace
@@ -108,9 +109,10 @@ def varx(data: Sequence[Pair], p: int) -> Varx:
 
 
 def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return each segment's state estimates x̂ (N_i − p, n_max), and the singular values.
+    """Return each segment's state estimates x̂ (N_i − p, n_max), and Γ 𝒦 Z_p's singular values.
 
-    ``fit`` is a VARX of order p, fitted to the segments ``data`` of N_i rows.
+    ``fit`` is a VARX of order p, fitted to the segments ``data`` of N_i rows. The module explains
+    Γ 𝒦 Z_p; the singular values are divided by the root of its number of columns.
     """
     p, l, w = fit.Xi.shape
     L = np.linalg.cholesky(np.linalg.inv(fit.S))

@@ -272,8 +272,8 @@ def _score_blocks(F: np.ndarray, back: np.ndarray, n: int, block: int = 50) -> n
     """Return Σ s sᵀ, s the sum of the likelihood's gradient over ``block`` rows.
 
     Sums over blocks allow for coloured innovations. F (N, l, n + q + 1) holds, per row, the
-    derivatives by n initial states and q parameters, and the innovation. ``back`` (n, q + 1) gives
-    the initial states that are eliminated.
+    derivatives by n initial states and q parameters, and the innovation. ``back`` (n, q + 1) are
+    the coefficients by which least squares eliminates the initial states.
     """
     F = F[:, :, n:] - F[:, :, :n] @ back
     s = np.einsum("kiq,ki->kq", F[:, :, :-1], F[:, :, -1])

@@ -40,7 +40,7 @@ OPEN_RHO = 1 - 1e-6
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Return the black-box fit that ``request`` describes, made from the training runs."""
+    """Fit a black box to the training runs by the method and order that ``request`` names."""
     orders = ORDERS if request.order is None else (request.order,)
     chosen, tried = search(
         request.method, prepared, orders=orders, intervals_s=request.intervals_s, name=request.name
@@ -87,7 +87,10 @@ def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
-    """Return each run's prediction errors (rad) and voltages (V), sampled as the fit ``chosen``."""
+    """Return each run's one-step prediction errors (rad), and voltages minus the fit's means (V).
+
+    The sampling interval is that of the fit ``chosen``.
+    """
     ss = chosen.state_space
     if ss.K.any():
         ss = with_stable_predictor(ss, rho=OPEN_RHO)

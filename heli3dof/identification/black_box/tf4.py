@@ -34,7 +34,10 @@ needed because simulation errors are strongly coloured."""
 
 @dataclass(frozen=True, eq=False)
 class Tf4Fit:
-    """Fitted transfer functions, angle offsets (3,) rad, and covariance S (3, 3) rad² of errors."""
+    """Fitted transfer functions, offset (3,) of the angles in rad, and error covariance S.
+
+    S (3, 3) rad² is the covariance of the simulation errors.
+    """
 
     transfer: TransferFunctions
     offset: np.ndarray
@@ -64,10 +67,10 @@ def companion(den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _regressors(data: Sequence[Pair], den: np.ndarray, T: float) -> np.ndarray:
-    """Return the regressors for the denominator ``den`` (5,); the angles are linear in them.
+    """Return the regressors of the angles for the denominator ``den`` (5,), a row per sample.
 
-    Their 8 + 4 S + 1 columns are filtered voltages, free responses of each of the S segments
-    ``data``, and ones. There is a row for each sample. T (s) is the sampling interval.
+    The 8 + 4 S + 1 columns are the voltages filtered by s^i/D(s), four free responses for each of
+    the S segments ``data``, and ones. T (s) is the sampling interval.
     """
     from scipy.signal import lfilter
 
@@ -197,7 +200,10 @@ def _covariance(
 
 
 def state_space(fit: Tf4Fit, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A (8, 8), B (8, 2), C (3, 8) of the fit in discrete time, sampled every ``dt`` s."""
+    """Return the fit as a discrete state-space model, sampled every ``dt`` s.
+
+    The result is A (8, 8), B (8, 2), C (3, 8).
+    """
     A, B = companion(fit.transfer.den)
     m = fit.transfer.num.shape[1]
     Ad, Bd = c2d_zoh(np.kron(np.eye(m), A), np.kron(np.eye(m), B), dt)

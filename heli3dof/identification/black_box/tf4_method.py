@@ -1,4 +1,7 @@
-"""Method ``tf4``: fit the paper's form, eq (17), by `black_box.tf4`, and return a `LinearModel`."""
+"""Method ``tf4``: six transfer functions over one fourth-order denominator, the paper's eq (17).
+
+`heli3dof.identification.black_box.tf4` does the fit; this module makes a `LinearModel` of it.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,10 @@ FOURTH_ORDER = (
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Return a fit of the paper's eq (17); raise UsageError for an order other than 4."""
+    """Fit fourth-order transfer functions to the training runs of ``prepared``.
+
+    Raises UsageError if ``request.order`` is neither None nor 4.
+    """
     if request.order not in (None, 4):
         raise UsageError(
             f"--method tf4 has order 4, not {request.order}.",
@@ -82,10 +88,10 @@ def _response(model: LinearModel, omega: np.ndarray) -> tuple[np.ndarray, np.nda
 def simulation_errors(
     model: LinearModel, prepared: Prepared, runs: Sequence[Run], interval_s: float
 ) -> Innovations:
-    """Return per segment the model's simulation errors (rad) and the voltages (V).
+    """Return each run's simulation errors (rad) and voltages minus the model's trim (V).
 
-    A segment is a run (range of usable rows of a recording in ``prepared``), decimated to
-    ``interval_s`` (s). Each is simulated from the initial state that fits it best.
+    ``runs`` are ranges of usable rows of the recordings in ``prepared``, here decimated to
+    ``interval_s`` (s). Each run is simulated from the initial state that fits it best.
     """
     d = decimated(prepared, runs, interval_s)
     at = model.at(interval_s)

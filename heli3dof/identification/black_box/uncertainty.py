@@ -27,7 +27,7 @@ from heli3dof.model.discretisation import Continuous, numerators
 
 
 def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
-    """Return the model after its matrices' entries have changed by the vector ``delta``.
+    """Return ``model`` with the vector ``delta`` added to the entries of its matrices.
 
     ``delta`` lists the changes of [Ã B K], Ã = A − K C, and then of C, both row by row.
     """
@@ -67,7 +67,7 @@ def poles(fit: PemFit, T: float) -> list[Pole]:
 
 
 def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:
-    """Return the covariance (q, q) of the vector f(model), propagated from the fit's parameters."""
+    """Propagate the parameters' covariance to the vector f(model); return its covariance (q, q)."""
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
     columns = []
     for j, s in enumerate(std):
@@ -102,7 +102,10 @@ def response(model: StateSpace, T: float, omega: np.ndarray) -> np.ndarray:
 
 
 def response_std(fit: PemFit, T: float, omega: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (F, 3, 2) rad/V of `response`, with its T and ``omega``."""
+    """Return the standard deviation (F, 3, 2) rad/V of the frequency response of `response`.
+
+    T (s) is the sampling interval of ``fit``, ``omega`` (F,) in rad/s.
+    """
 
     def parts(model: StateSpace) -> np.ndarray:
         G = response(model, T, omega).ravel()

@@ -1,4 +1,4 @@
-"""Compute values, standard deviations, bounds and verdicts at a likelihood's maximum.
+"""Fit by maximum likelihood; compute the parameters' standard deviations, bounds and verdicts.
 
 The noise model gives the information matrix H = Σ w ∂c ∂cᵀ over the readings. ∂c is the gradient of
 a predicted reading by the parameters, and w the information of that reading. Λ is the prior's
@@ -39,7 +39,7 @@ TIED = 0.9
 PRIOR_SHARE_MAX = 0.5
 """A parameter whose σ exceeds this share of its prior's σ is not identifiable."""
 LOG_STD_MAX = 0.4
-"""σ of a parameter's logarithm above which it is not identifiable"""
+"""σ of a parameter's logarithm above which the parameter is not identifiable"""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Verdict:
 
     identifiable: bool
     absent: bool
-    """True if the value is within two standard deviations of the one with no effect."""
+    """True if the value is within two standard deviations of that at which the effect is absent."""
     tied_with: tuple[str, ...]
     """Parameters whose absolute correlation with this one exceeds `TIED`"""
     sentence: str
@@ -57,7 +57,7 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Estimate(PhysicalFit):
-    """A maximum-likelihood fit of n parameters of a grey-box model, in the order of ``free``."""
+    """A maximum-likelihood fit of a grey-box model; its n parameters are those of ``free``."""
 
     problem: Likelihood
     optimum: Optimum
@@ -101,7 +101,7 @@ class Estimate(PhysicalFit):
     def interval(self, z: float = 1.96) -> np.ndarray:
         """Return confidence intervals (n, 2) of the parameters: ± z standard deviations.
 
-        For a parameter with ``log``, the interval is symmetric in the logarithm.
+        If the parameter's logarithm is estimated (`Free.log`), the interval is symmetric in it.
         """
         theta, sd = self.optimum.theta, self.std / self.slopes
         return np.column_stack(
@@ -202,19 +202,20 @@ class Candidate:
 
     name: str
     score: float
-    """Twice the log-likelihood gained when all parameters are refitted, to second order. If the rig
-    lacks the effect, it follows χ² with as many degrees of freedom as the term has parameters."""
+    """Twice the increase of the log-likelihood when all parameters are refitted, to second order.
+    If the rig lacks the effect, the score follows χ²; the degrees of freedom are the number of the
+    effect's parameters."""
     values: tuple[float, ...]
     """The estimate of one Gauss–Newton step, in the parameters' units."""
 
 
 def score_test(found: Estimate, term: Term) -> Candidate:
-    """Test by Rao's score test whether the fit ``found`` needs one more ``term``.
+    """Test by Rao's score test whether the model of the fit ``found`` lacks the effect ``term``.
 
     The test takes one linearisation and no fit: 10 ms per parameter for 60 s of flight. The
-    linearisation point is the parameter value at which the term has no effect. A logarithmic
-    parameter has no such value, so its starting value is used. The score means little for a term
-    without an effect of first order (`motor.saturation`).
+    linearisation point is the parameter value at which the effect is absent. A logarithmic
+    parameter has no such value, so its starting value is used. The score means little for an
+    effect that changes nothing to first order at this point (`motor.saturation`).
     """
     wider = Structure(found.structure.profile, (*found.structure.terms, term))
     problem = replace(found.problem, structure=wider)

@@ -2,7 +2,7 @@
 
 The method suits real rigs with sampling jitter (`heli3dof.recording.logs.sampling_jitter`) or with
 unmodelled fast motion (`heli3dof.identification.greybox.noise_check`). The method ``greybox`` calls
-this method if it detects either of them and the user gave no terms.
+this method if it detects jitter or such motion, and the user named no effects (``--terms``).
 `heli3dof.identification.greybox.multistep` gives the criterion.
 
 `REAL_TERMS` are the effects that identified rigs needed. On thrust: a power of rotor speed, a limit
@@ -89,7 +89,7 @@ PRIORS: dict[str, tuple[float, float]] = {
     WEIGHT: (0.0, 0.1),
 }
 """Parameter → prior mean and standard deviation, from identified rigs and propellers. Without
-priors, terms would cancel one another in flights about one trim: pitch damping and flapping act
+priors, effects would cancel one another in flights about one trim: pitch damping and flapping act
 alike until yaw moves."""
 POSITIVE = ("friction.", "aero.flapping", "stiffness.pendulum")
 """Start of the names of parameters that must not be negative (damping, restoring stiffness)"""
@@ -178,7 +178,10 @@ def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERM
 
 
 def flight_of(recording: Recording) -> Flight:
-    """Return the recording as a `Flight`, with the start rows of its usable prediction windows."""
+    """Return the recording as a `Flight`, with the start rows of the prediction windows to fit.
+
+    A window is used if the model applies to all its rows (`free_rows`).
+    """
     r = recording
     n, every = round(WINDOW_S / r.dt), max(1, round(APART_S / r.dt))
     bad = ~free_rows(r)
@@ -208,7 +211,7 @@ def free_rows(recording: Recording) -> np.ndarray:
 
 
 def _airborne(recording: Recording) -> list[Stretch]:
-    """Return the stretches of rows off the table, without missing readings, for the filter."""
+    """Return the intervals of rows to filter: off the table, without missing readings or gaps."""
     ok = ~table_of(recording)[1] & ~unusable(recording)["unread"]
     breaks = np.flatnonzero(np.diff(recording.t) > GAP * recording.dt) + 1
     return [Stretch(0, a, b) for a, b in stretches(ok, breaks) if b - a > 2]
@@ -244,7 +247,7 @@ def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) ->
 
 
 def parameters(found: MultiStepFit) -> dict[str, Parameter]:
-    """Return {name: parameter} with value, standard deviation, nominal value and verdict."""
+    """Return {name: parameter}: value, standard deviation, nominal value, and whether reliable."""
     out = {}
     std, prior = found.std, found.prior_std
     for f, v, s, p in zip(found.structure.free, found.values, std, prior, strict=True):
@@ -257,7 +260,7 @@ def parameters(found: MultiStepFit) -> dict[str, Parameter]:
 
 
 def warnings(found: MultiStepFit) -> tuple[str, ...]:
-    """Return warnings of parameters that are not identifiable, and of a fit not converged."""
+    """Return warnings: a parameter is not identifiable, or the fit did not converge."""
     out = [p.verdict for p in parameters(found).values() if p.verdict]
     if not found.converged:
         out.append(f"The fit had not converged after {found.rounds} rounds: too little motion.")
@@ -265,7 +268,7 @@ def warnings(found: MultiStepFit) -> tuple[str, ...]:
 
 
 def notes(found: MultiStepFit) -> tuple[str, ...]:
-    """Return a sentence for each parameter that has a value per recording."""
+    """Return a sentence per parameter that varies by recording, with its value in each of them."""
     out = []
     for name, values in found.by_recording.items():
         each = ", ".join(f"{v:.3g}" for v in values)
@@ -275,5 +278,8 @@ def notes(found: MultiStepFit) -> tuple[str, ...]:
 
 
 def handed_over(found: FitResult, reason: str) -> FitResult:
-    """Return ``found`` with the method name ``freeflight`` and ``reason`` as its first warning."""
+    """Return the fit ``found`` that replaces a fit by ``greybox``, marked as by ``freeflight``.
+
+    ``reason``, why the method was replaced, becomes the first warning.
+    """
     return replace(found, method="freeflight", warnings=(f"{reason} {INSTEAD}", *found.warnings))

@@ -4,8 +4,8 @@
 
 z (dim,) are the unknowns, z_0 is the prior mean, Λ (dim, dim) the prior's precision. `descend`
 computes D in every round: dim evaluations of r per step. `follow_on` starts near a minimum with the
-tangents D of a similar problem (without some rows or a term). It updates D from every evaluation
-(Broyden), with d the step and w = diag(D Dᵀ + Λ) d:
+derivatives D of a similar problem (one residual or unknown more or less). It updates D from every
+evaluation (Broyden), with d the step and w = diag(D Dᵀ + Λ) d:
 
     D ← D + w (r(z + d) − r(z) − Dᵀ d)ᵀ / (wᵀ d)
 
@@ -31,8 +31,8 @@ FRESH = 2
 ENOUGH = 30
 """Largest number of evaluations of the residuals in `follow_on`, those for differences excluded"""
 KEPT = 0.5
-"""Share of a step's predicted cost reduction. If an actual reduction deviates by more, `follow_on`
-recomputes the derivatives D before it ends."""
+"""Share of a step's predicted cost reduction. If the actual reduction deviates from the predicted
+one by more than this share, `follow_on` recomputes the derivatives D before it ends."""
 Residuals = Callable[[np.ndarray], np.ndarray]
 
 
@@ -55,7 +55,10 @@ class LeastSquares:
         return float(r @ r + d @ self.prior @ d)
 
     def tangents(self, z: np.ndarray, r: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
-        """Return ∂r/∂z, a row per coordinate in ``which``, by differences from r at z (dim,)."""
+        """Return the derivatives ∂r/∂z at z (dim,) by finite differences, a row per unknown.
+
+        ``r`` (R,) are the residuals at z. ``which`` lists the indices of the unknowns (None: all).
+        """
         side = np.where(z + self.difference < self.high, self.difference, -self.difference)
         j = np.arange(len(z)) if which is None else which
         points = [z + side * (np.arange(len(z)) == i) for i in j]
@@ -137,10 +140,10 @@ def follow_on(
 ) -> Descent:  # fmt: skip
     """Minimise the cost of the problem v from ``z``, with updates of the derivatives ``tangents``.
 
-    ``tangents`` (dim, R) are the derivatives of a similar problem's residuals. Rows that are NaN
-    are first computed by differences, all rows if ``tangents`` is None. Later all rows are
-    recomputed ``fresh`` times at most. The search ends when a step's predicted decrease is below
-    ``settled`` or below ``share`` of the cost, and after ``enough`` evaluations at the latest.
+    ``tangents`` (dim, R) are the derivatives of a similar problem's residuals. Its rows that are
+    NaN are first computed by differences, all rows if ``tangents`` is None. Later the derivatives
+    are recomputed ``fresh`` times at most. The search ends when a step's predicted decrease of the
+    cost is below ``settled`` or ``share`` · cost, and after ``enough`` evaluations at the latest.
     """
     r = v.residuals(z)
     here = begun = v.cost(r, z)

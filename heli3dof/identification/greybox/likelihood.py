@@ -32,20 +32,20 @@ below 10; with negative dry friction they reached 1e243, whose square overflows.
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """The result of one run of the Kalman filter over the data; E readings update its state."""
+    """The result of one run of the Kalman filter over the data, which makes E updates."""
 
     loglik: np.ndarray
     """(3,) log-likelihood by axis: Σ ln Z, Z being a reading's probability given earlier ones"""
     row: np.ndarray
-    """(E,) data row of each reading"""
+    """(E,) data row of each update"""
     state: np.ndarray
-    """(E,) index of the state that each reading measures"""
+    """(E,) index of the state on which each update acts"""
     c: np.ndarray
     g: np.ndarray
     w: np.ndarray
     """(E,) each: predicted readings c, scores g = ∂ln Z/∂c, informations w = −∂²ln Z/∂c²"""
     K: np.ndarray
-    """(E, 6) the filter's gain for each reading"""
+    """(E, 6) the filter's gain at each update"""
     X: np.ndarray | None
     """(N, 6) states after each row, or (N, 9) with the running Σ ln Z by axis, or None"""
 
@@ -135,8 +135,9 @@ class Likelihood:
     def tangents(self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None) -> np.ndarray:
         """Return the derivatives ∂c/∂θ (n, E) of the E predicted readings c of the run ``at``.
 
-        ``theta`` (n,) are the coordinates of that run, ``which`` selects some (default all). The
-        filter's gains are fixed. A derivative that `diverged` is returned as zero.
+        ``theta`` (n,) are the coordinates of that run; ``which`` lists the indices of those to
+        differentiate by (None: all). The filter's gains stay fixed. A derivative that `diverged`
+        is returned as zero.
         """
         from heli3dof.model.estimation.ekf_quantised import follow
 
@@ -161,7 +162,7 @@ class Likelihood:
 
 
 def diverged(D: np.ndarray) -> np.ndarray:
-    """Return (n,) bool: rows of derivatives D (n, E) that are not finite or exceed `DIVERGED`."""
+    """Return (n,) bool: rows of D (n, E), the derivatives ∂c/∂θ, not finite or above `DIVERGED`."""
     return np.asarray(~(np.abs(D).max(axis=1, initial=0.0) < DIVERGED))
 
 

@@ -93,10 +93,10 @@ def linear_quantities(
 
 
 def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
-    """Return each run's prediction errors (rad) and mean voltages (V).
+    """Return each run's prediction errors (rad) and mean voltages (V), every `TEST_INTERVAL_S` s.
 
     ``runs`` are ranges of usable rows of the recordings in ``prepared``. Predictions are
-    `TEST_INTERVAL_S` ahead; the voltages are means over that interval.
+    `TEST_INTERVAL_S` ahead; the voltages are means over the predicted interval.
     """
     q = max(1, round(TEST_INTERVAL_S / prepared.dt))
     E, U = [], []

@@ -1,7 +1,8 @@
 """Maximise the likelihood by Gauss–Newton steps on the innovations; also estimate the noise.
 
-Each round runs the filter at θ. It then takes a Newton step of the logarithm of each axis' noise
-intensity, from the likelihood at three intensities. The axes are nearly independent. Let c be the
+θ are the parameters' coordinates. Each round runs the filter at θ. Then it takes a Newton step of
+the logarithm of each axis' process noise intensity, for which it evaluates the likelihood at three
+intensities. The axes are nearly independent. Let c be the
 filter's prediction of a reading, g the score and w the information of that reading. With the
 tangents ∂c/∂θ at fixed filter gains, the round solves
 
@@ -26,19 +27,20 @@ from heli3dof.identification.greybox.likelihood import (
 from heli3dof.parallel import parallel_map
 
 TOLERANCE = 2e-3
-"""The search ends at this predicted log-likelihood gain: a step of 0.06 standard deviations."""
+"""The search ends when a step's predicted increase of the log-likelihood is below this value, which
+corresponds to a step of 0.06 standard deviations."""
 ROUNDS = 25
 OTHER_ROUNDS = 12
 """Largest number of iterations from each other start point, if the first does not converge"""
 SURE = 3.0
-"""Log-likelihood: a step with a smaller predicted gain is accepted without evaluating the
-likelihood. That is rough at this scale: the score omits the terms by which the filter's covariance
-depends on θ; their expectation is zero."""
+"""A step whose predicted increase of the log-likelihood is below this value is accepted without
+evaluating the likelihood. At this scale the likelihood is rough, because the score omits the terms
+by which the filter's covariance depends on θ; their expectation is zero."""
 AT_ONCE = 5
 """Number of rounds with full steps. Dry friction makes the score rough at a tenth of σ, so that
 full steps may never converge. After these rounds, each step that reverses the previous direction
 shortens all later ones: after n reversals to 1/(n + 1) (Kesten, 1958). The steps then converge to
-the middle of the rough region, but steps with a gain above `SURE` stay full."""
+the middle of the rough region, but steps with a predicted increase above `SURE` stay full."""
 NOISE_SETTLED = 0.05
 """The noise has converged when a step changes the logarithm of its intensity by less than this."""
 NOISE_START = (0.03, 0.06, 0.02, 0.0)
@@ -49,7 +51,7 @@ JITTERS = (0.001, 0.002, 0.004, 0.008)
 """s: values of sampling jitter, tried in ascending order in the iterations `JITTER_ROUNDS`"""
 JITTER_ROUNDS = (2, 5)
 JITTER_WORTH = 10.0
-"""Gain in log-likelihood above which a larger jitter is accepted."""
+"""Increase of the log-likelihood above which a larger jitter is accepted."""
 _PROBE = 0.5  # step of the log intensity
 
 

@@ -1,8 +1,8 @@
 """Fit physical parameters by maximum likelihood: `fit` for ``identify``, `fit_greybox` for scripts.
 
-A term is an effect of the grey-box model, on one axis if it is the effect of an axis.
-`DEFAULT_TERMS` apply to every rig: pendulum stiffness, viscous friction, rotor lag, and constant
-torques on pitch and yaw (trims). Other effects are added by name.
+A term is an effect of the grey-box model, with its axis if the effect acts on a single axis:
+``motor.lag``, ``friction.viscous.yaw``. `DEFAULT_TERMS` apply to every rig: pendulum stiffness,
+viscous friction, rotor lag, and constant torques on pitch and yaw (trims).
 """
 
 from __future__ import annotations
@@ -95,10 +95,10 @@ def compile_first(problem: Likelihood) -> None:
 
 
 def chosen_terms(words: str) -> tuple[str, ...]:
-    """Return the terms that ``--terms`` selects.
+    """Return the names of the effects that the option ``--terms WORDS`` selects.
 
     ``words`` is ``+name,-name`` (adds to and removes from `DEFAULT_TERMS`) or ``name,name`` (a full
-    list). Raises UsageError for an unknown name, or for a ``-name`` that is not among the terms.
+    list). Raises UsageError for an unknown name, or for a ``-name`` that is not in the list so far.
     """
     names = [w.strip() for w in words.split(",") if w.strip()]
     chosen = [] if names and names[0][0] not in "+-" else list(DEFAULT_TERMS)
@@ -134,7 +134,7 @@ def fit_greybox(
     Args:
         recordings: one or several.
         names: the terms to fit, besides the inertias and the gravity torque.
-        read_every_s: use an angle only every so many seconds; 0: in every row.
+        read_every_s: time (s) between the rows whose angles are used; 0: every row.
         start: starting values by parameter name, in place of the nominal ones.
 
     Raises RecordingError where no rows are left, UsageError for an unknown term.
@@ -160,7 +160,7 @@ def usable_runs(recording: Recording, source: int) -> list[Stretch]:
 
 
 def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
-    """Return the fit as a model called ``name``, which lists the recordings of the fit."""
+    """Return the fitted model called ``name``, with names and digests of its recordings."""
     extra: dict[str, Any] = {
         "method": "greybox",
         "recordings": [{"name": r.name, "sha256": r.digest} for r in recordings],
@@ -184,7 +184,7 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
 
 
 def parameters(found: Estimate) -> dict[str, Parameter]:
-    """Return {name: parameter} with value, standard deviation, bound, nominal value, verdict."""
+    """Return {name: parameter}: value, standard deviation and its Cramér–Rao bound, verdict."""
     return {
         f.name: Parameter(
             float(v), float(s), f.unit, float(b), f.start if f.term is None else f.null, w.sentence
@@ -196,7 +196,7 @@ def parameters(found: Estimate) -> dict[str, Parameter]:
 
 
 def warnings(found: Estimate) -> tuple[str, ...]:
-    """Return warnings of doubtful parameters, no convergence and poor fit."""
+    """Return warnings: parameters not identifiable or at a bound, no convergence, poor fit."""
     out = [v.sentence for v in found.verdicts if v.sentence]
     o = found.optimum
     if not o.converged:

@@ -67,8 +67,8 @@ FAR = 3.0
 class MultiStep:
     """The least-squares problem of a multi-step fit: flights, their data, and a model structure.
 
-    Its unknowns are coordinates z (dim,): parameters divided by their typical size, or logarithms.
-    The first n are common to all flights. Then follow, flight by flight, the values of the
+    The unknowns are coordinates z (dim,): parameters divided by their typical size, or logarithms.
+    The first n are common to all flights. Then follow, flight by flight, the coordinates of the
     parameters in ``varying``.
     """
 
@@ -265,7 +265,10 @@ def robust(u: np.ndarray) -> np.ndarray:
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """Return the RMS (M, 3) rad of errors e (S, M, 3), cut at 1 rad, without unmeasured axes."""
+    """Return the RMS (M, 3) rad over S starts of the prediction errors e (S, M, 3) rad.
+
+    Errors above 1 rad count as 1 rad; errors that are exactly 0 (axes not measured) do not count.
+    """
     there = np.maximum((e != 0).sum(axis=0), 1)
     size = np.sqrt((np.minimum(np.abs(e), 1.0) ** 2).sum(axis=0) / there)
     return np.asarray(np.maximum(size, np.radians(0.1)))
@@ -312,10 +315,10 @@ def search(
 def least_squares_problem(
     p: MultiStep, noise: np.ndarray, stage_s: Sequence[float], scale: np.ndarray
 ) -> LeastSquares:
-    """Return the least-squares problem for predictions at the M horizons ``stage_s`` (s).
+    """Return the least-squares problem of one stage: predictions at the M horizons ``stage_s`` (s).
 
     ``noise`` (4,) is the filter's process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
-    ``scale`` (M, 3) rad divides the errors.
+    ``scale`` (M, 3) rad are the RMS errors by which the prediction errors are divided.
     """
     seconds = sum(len(f.starts) * _apart(f) for f in p.flights)
     size = len(stage_s) * sum(len(f.starts) for f in p.flights)
@@ -329,9 +332,10 @@ def least_squares_problem(
 
 
 def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return noise (4,) with a higher likelihood than noise ``a`` (4,), at coordinates z (dim,).
+    """Return the noise (4,) for which the filter's likelihood is highest, searched from ``a`` (4,).
 
-    Their entries are process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s).
+    The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s). The
+    parameters stay at the coordinates z (dim,).
     """
     a = a.copy()
     tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]

@@ -7,9 +7,9 @@ seconds, the angle has the standard deviation
 
     σ_i(h) = a_i √(h³/3)
 
-If predictions are better than that, the torque is not white: it changes sign from sample to sample
-(vibration, for example). Then the likelihood, its standard deviations and its choice of causes
-cannot be trusted. The likelihood is rejected if, on any axis, both hold:
+If predictions are more accurate than σ_i(h), the torque is not white: it changes sign from sample
+to sample (vibration, for example). Then the likelihood, its standard deviations and its choice of
+causes cannot be trusted. The likelihood is rejected if, on any axis, both hold:
 
 * a_i exceeds `TIMES` × the intensity of known rigs (`heli3dof.model.greybox.prediction.NOISE`).
 * σ_i(`HORIZON_S`) exceeds `OVER` × the RMSE of predictions `HORIZON_S` ahead. The predictions are
@@ -59,7 +59,7 @@ CLOCK = (
 
 @dataclass(frozen=True, eq=False)
 class NoiseCheck:
-    """The process noise and the prediction error of a rigid-body model refitted to recordings."""
+    """Result of `noise_check`: process noise and prediction errors of the fitted rigid body."""
 
     noise: np.ndarray
     """(3,) intensity of the process noise on roll, pitch, yaw, rad/s²/√Hz"""
@@ -68,7 +68,7 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return the RMSE (3,) in degrees of `HORIZON_S` predictions that white noise causes."""
+        """Return the RMSE (3,) in degrees, `HORIZON_S` ahead, that white process noise causes."""
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
@@ -84,10 +84,10 @@ class NoiseCheck:
 
 
 def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
-    """Fit the rigid body without effects to a rig's recordings; return its noise and errors.
+    """Fit the rigid body without effects to recordings; return process noise and prediction errors.
 
-    The recordings need all three angles. Returns None if they are too short for the test. Raises
-    RecordingError if no row is usable.
+    The recordings of one rig need all three angles. Returns None if they are too short for the
+    test. Raises RecordingError if no row is usable.
     """
     flights = [flight_of(r) for r in recordings]
     if sum(len(f.starts) for f in flights) < LEAST_WINDOWS:

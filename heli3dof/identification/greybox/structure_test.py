@@ -1,17 +1,17 @@
 """Test whether simplified equations of motion describe the rig better than the full ones.
 
-Two terms can be omitted: the inertia couplings and the yaw inertia's variation
-(`heli3dof.model.effects.simplified_couplings`). Let a (2,) be the share of each term that is
-omitted, and g the log-likelihood's gradient with respect to a, at the fit θ̂ of the full equations.
-H is the information of (θ, a); A is H_θθ plus the prior's precision. To second order, omitting the
-shares a raises the log-likelihood by
+Two parts can be omitted: the inertia couplings (`heli3dof.model.effects.simplified_couplings`) and
+the yaw inertia's variation (`heli3dof.model.effects.simplified_yaw_inertia`). Let a (2,) be the
+omitted share of each part, θ the parameters, and g the log-likelihood's gradient with respect to a,
+at the fit θ̂ of the full equations. H is the information of (θ, a); A is H_θθ plus the prior's
+precision. To second order, omitting the shares a raises the log-likelihood by
 
     Δℓ(a) = a·g − ½ aᵀ V a,      V = H_aa − H_aθ A⁻¹ H_θa
 
 Each share is 0 or 1. κ is the ratio of the scores' actual variance to the variance that the noise
-model expects. If the best of the three combinations with an omission gains more than `SURE` × κ,
-the simplified equations are fitted. They replace the full ones if that fit's gain also exceeds
-`SURE` × κ.
+model expects. If Δℓ of the best of the three combinations with an omission exceeds `SURE` × κ, the
+simplified equations are fitted. They replace the full ones if this fit actually raises the
+log-likelihood by more than `SURE` × κ.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from heli3dof.model.physics.parametrisation import Structure
 SIMPLIFICATIONS = ("simplified.couplings", "simplified.yaw_inertia")
 COMBINATIONS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.array([1.0, 1.0]))
 SURE = 6.0
-"""Required gain in log-likelihood, as a multiple of the scatter factor κ. A gain of 6 means odds of
-e⁶ = 400 to 1."""
+"""Required increase of the log-likelihood, as a multiple of the scatter factor κ. An increase of 6
+means odds of e⁶ = 400 to 1."""
 
 
 def with_simplifications(found: Estimate) -> Estimate:
-    """Return ``found``, or a refit with simplified equations of motion if that is far likelier."""
+    """Return ``found``, or a refit with simplified equations if its likelihood is far higher."""
     g, V = score_and_curvature(found)
     worth = [float(a @ g - 0.5 * a @ V @ a) for a in COMBINATIONS]
     best = int(np.argmax(worth))
@@ -49,9 +49,9 @@ def with_simplifications(found: Estimate) -> Estimate:
 
 
 def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """Return the gradient g (2,) and curvature V (2, 2) in the module's Δℓ(a) at the fit ``found``.
+    """Return gradient g (2,) and curvature V (2, 2) of the log-likelihood's change Δℓ(a).
 
-    a (2,) is the share of each of the two terms that the simplified equations omit.
+    a (2,) are the omitted shares of the two parts (see the module), zero in the fit ``found``.
     """
     o, n, own = found.optimum, len(found.theta), found.structure
     wide = replace(

@@ -39,19 +39,22 @@ class ThrustScale:
     std: float
 
     def applied(self, value: float, std: float, unit: str) -> tuple[float, float]:
-        """Return (value, standard deviation) in SI of a parameter estimated in units of K_f."""
+        """Convert a parameter estimated in units of K_f to SI; return (value, standard deviation).
+
+        A ``unit`` without N·m or kg does not depend on K_f: value and ``std`` stay.
+        """
         if not any(u in unit for u in TORQUE_UNITS):
             return value, std
         return value * self.k, self.k * float(np.hypot(std, value * self.std))
 
     def is_off(self, tolerance: float) -> bool:
-        """Return whether K_f deviates significantly from nominal, by more than the tolerance."""
+        """Return True if K_f deviates from nominal by significantly more than ``tolerance``."""
         ln_k = float(np.log(self.k))
         return abs(ln_k) - abs(edge(ln_k, tolerance)) > SCALE_QUANTILE * self.std
 
 
 def edge(x: float, tolerance: float) -> float:
-    """Return e: ln(1 + ε) for x > 0, else ln(1 − ε).
+    """Return the bound on x = ln k by the tolerance ε: ln(1 + ε) for x > 0, else ln(1 − ε).
 
     >>> round(edge(0.3, 0.15), 4), round(edge(-0.3, 0.15), 4)
     (0.1398, -0.1625)
@@ -60,7 +63,7 @@ def edge(x: float, tolerance: float) -> float:
 
 
 def thrust_scale(fit: PhysicalFit) -> ThrustScale:
-    """Return k, estimated from the base's four parameters in ``fit`` and their nominal values."""
+    """Return k of a fit, estimated from its gravity torque and three inertias, and the profile."""
     nominal = np.array([f.start for f in fit.free[:4]])
     x = fit.values[:4] / nominal
     std = fit.std[:4] / np.abs(nominal)
@@ -68,9 +71,9 @@ def thrust_scale(fit: PhysicalFit) -> ThrustScale:
 
 
 def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
-    """Return k from the ratios to nominal x (4,), their standard deviations and the profile's s.
+    """Return k from the ratios x (4,) of fitted to nominal parameters; s: the profile's error.
 
-    Ratios that are not positive are ignored.
+    ``std`` (4,) are the ratios' standard deviations. Ratios that are not positive are ignored.
 
     >>> scale = of_ratios(np.full(4, 1 / 1.4), np.zeros(4), 0.075)
     >>> round(scale.k, 1)
@@ -89,7 +92,7 @@ def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
 
 
 def thrust_gain_warning(fit: PhysicalFit) -> tuple[str, ...]:
-    """Return a sentence if K_f is off, otherwise none."""
+    """Return a warning if K_f deviates significantly from the profile's; otherwise ()."""
     profile, scale = fit.structure.profile, thrust_scale(fit)
     if not scale.is_off(profile.tolerance):
         return ()

@@ -49,10 +49,11 @@ FAR = 20.0
 
 
 def _along(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: ignore[no-untyped-def]
-    """Fill ``out`` (N, 6): angles without encoder effects (rad), model accelerations (rad/s²).
+    """Write each row's true angles (rad) and the model's accelerations (rad/s²) to ``out`` (N, 6).
 
-    y and y_dot (N, 3) are the encoder readings and rates, F (N, 2) N the thrusts. For the other
-    arguments see `heli3dof.model.physics.integrator`.
+    y and y_dot (N, 3) are the smoothed encoder readings and rates; the angles are y corrected for
+    encoder effects. F (N, 2) N are the thrusts. Other arguments: see
+    `heli3dof.model.physics.integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((3, 3))
@@ -93,7 +94,10 @@ class Span:
     """(L,) weights of the sums for ∫ φ · dt (``phi``, sum 1) and ∫ φ″ · dt (``phi_2``)"""
 
     def integrals(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return ∫ φ″ q dt − ∫ φ a dt (n, 3); angles q (N, 3) rad, accelerations a (N, 3)."""
+        """Return ∫ φ″ q dt − ∫ φ a dt, (n, 3) rad/s², at the n positions of φ.
+
+        q (N, 3) rad are the angles, a (N, 3) rad/s² the model's accelerations.
+        """
         each = np.lib.stride_tricks.sliding_window_view
         L = len(self.phi)
         if len(q) < L:
@@ -105,7 +109,7 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class SmoothedFlight:
-    """A flight's readings, smoothed readings and rates, and the weak form's test functions."""
+    """A flight with smoothed encoder readings, rates, and the test functions of the weak form."""
 
     flight: Flight
     y: np.ndarray
@@ -117,7 +121,7 @@ class SmoothedFlight:
 
 
 def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
-    """Return the flight smoothed, with test functions in its windows of ``window_s`` s."""
+    """Smooth a flight's readings; place test functions in its windows of ``window_s`` s."""
     from scipy.signal import savgol_filter
 
     t, dt = flight.t, flight.dt
@@ -149,7 +153,11 @@ def span(free: np.ndarray, dt: float, width_s: float) -> Span:
 def residuals(
     problem: MultiStep, logs: Sequence[SmoothedFlight], z: np.ndarray
 ) -> list[np.ndarray]:
-    """Return the weak form's errors (n, 3) rad/s² at the coordinates z, for each length of span."""
+    """Return the errors (n, 3) rad/s² of the weak form, an array for each length in `SPANS_S`.
+
+    z (dim,) are the coordinates of the parameters, n the positions of the test function in the
+    flights ``logs``.
+    """
     found: list[list[np.ndarray]] = [[] for _ in SPANS_S]
     for i, log in enumerate(logs):
         values, f, st = problem.values(z, i), log.flight, problem.structure

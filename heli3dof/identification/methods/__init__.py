@@ -45,7 +45,7 @@ def methods() -> Mapping[str, Method]:
 
 
 def known_method(name: str) -> Method:
-    """Return the method ``name``; for an unknown name raise UsageError, which suggests one."""
+    """Return the method ``name``; raise UsageError, which suggests a similar name, if unknown."""
     if name in methods():
         return methods()[name]
     raise UsageError(

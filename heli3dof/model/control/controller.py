@@ -6,7 +6,8 @@
     v = clip(V, ±v_max)
 
 in radians, seconds and volts, with the paper's errata E5, E6, E7 (docs/explanation/paper.md)
-corrected; extra is an excitation voltage. At sample k:
+corrected. V are the two motor voltages, V_o is the hover voltage, K_g (2 × 8) the gain, and extra
+an excitation voltage. At sample k:
 
 1. Each reference passes a rate limiter. After `Controller.reset` it starts at the measured angle.
 2. Each rate is the encoder angle filtered by ω² s / (s² + 2 ζ ω s + ω²), discretised by Tustin.
@@ -157,7 +158,7 @@ class Controller:
 
     @classmethod
     def of(cls, profile: Any) -> Controller:
-        """Return the controller of a rig's `Profile`; without one there, the paper's controller."""
+        """Return the controller of a rig's `Profile`, or the paper's if the profile has none."""
         profile = profile.with_controller()
         return cls(profile.controller, profile.motor.V_o, profile.motor.v_max, profile.dt)
 

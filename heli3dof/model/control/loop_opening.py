@@ -78,9 +78,9 @@ def free_within(limits: Limits) -> list[float]:
 
 
 def opening(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the arguments (mode, room, z) of `before_law` for a compiled simulation of ``task``.
+    """Return the arrays (mode, room, z) that a compiled simulation of ``task`` gives `before_law`.
 
-    ``mode``: the modes of the N control periods (N, 3), or (0, 3) if the task opens no loop.
+    ``mode``: the axes' modes in the N control periods (N, 3), or (0, 3) if the task opens no loop.
     ``room``: the bounds of `free_within`. ``z``: the initial state, `N_OPENING` zeros.
     """
     modes = np.zeros((0, 3), dtype=np.int8) if task.opened is None else task.opened
@@ -101,7 +101,7 @@ def before_law(
     reference: MutableSequence[float],
     extra: MutableSequence[float],
 ) -> None:
-    """Call before `control_law`: decide which axes are open, and set their references.
+    """Decide which axes are open in a control period, and set the references for `control_law`.
 
     ``p`` and ``s`` are the law's parameters and state; ``mode`` (3): 0 CLOSED, 1 LEARN, 2 OPEN for
     each axis; ``angle`` (3) rad: measured; ``room``: bounds from `free_within`; ``z``: the state of
@@ -149,7 +149,7 @@ def after_law(
     extra: MutableSequence[float],
     out: MutableSequence[float],
 ) -> None:
-    """Call after `control_law`: average or replace axes' contributions, add the extra voltage.
+    """Average or replace the axes' contributions c_im after `control_law`; add the extra voltage.
 
     ``extra`` (2) V and the law's output ``out`` (4) V are overwritten with the values to apply.
     ``p`` and ``s`` are the law's parameters and state, ``z`` the state of this module; ``mode``

@@ -53,10 +53,11 @@ def loop_task(recording: Recording) -> LoopTask:
 
 
 def under_control(recording: Recording) -> Recording:
-    """Return the recording's rows in closed loop, without the final ramp to zero volts.
+    """Return the recording from its first to its last row in closed loop, without the final ramp.
 
-    The channel ``phase`` marks them. An imported recording has no such channel: there, rows without
-    a reference are dropped at both ends, unless no row has a reference.
+    In the ramp the voltages go to zero. The channel ``phase`` marks the rows in closed loop. In an
+    imported recording, which has no such channel, these are the rows with a reference. A recording
+    without any such row is returned unchanged.
     """
     if "phase" in recording.channels:
         flown = recording.channels["phase"] == CLOSED_LOOP

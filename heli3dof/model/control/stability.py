@@ -1,6 +1,7 @@
 """Check before a flight that the controller gain stabilises the chosen model of the rig.
 
-If it does not, the functions raise UnstableLoop, and the command exits with status 6.
+If the gain does not stabilise the model, the functions raise UnstableLoop, which the command line
+turns into exit status 6.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ def _cause(model: Model) -> str:
 
 
 def _poles(poles: Sequence[complex] | np.ndarray) -> str:
-    """Return the poles as words for a message, such as "the pole +1.469 rad/s is"."""
+    """Return the start of a sentence about the poles, such as "the pole +1.469 rad/s is"."""
     words = []
     for s in poles:
         if abs(s.imag) < 1e-9:

@@ -110,7 +110,7 @@ def _plug_in(point: EntryPoint) -> PlugIn:
 
 
 def _where(error: BaseException) -> str:
-    """Return ``file:line`` of the error in the plug-in's code; empty if the error is not there."""
+    """Return ``file:line`` of an error in a plug-in's code; "" if it occurred in other code."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}:{error.lineno}"
     if isinstance(error, HookError):
@@ -125,9 +125,9 @@ def _in_a_line(error: BaseException) -> str:
 
 
 def term(name: str) -> Term:
-    """Return the term (an effect on an axis) of a name such as ``friction.coulomb.yaw``.
+    """Return the `Term` (an effect on an axis) with a name such as ``friction.coulomb.yaw``.
 
-    Raises UsageError for an unknown name, with the nearest known one, or if the axis is missing.
+    Raises UsageError if the axis is missing or the name is unknown; suggests the nearest name.
     """
     known = effects()
     if name in known and not known[name].axes:

@@ -78,11 +78,11 @@ SMALL = 0.1
 
 
 def share(meaning: str) -> Parameter:
-    """Return a parameter that scales a part of the equations: 0 omits it, 1 includes all of it.
+    """Return a `Parameter` that scales a part of the equations: 0 omits the part, 1 includes it.
 
     ``meaning`` describes the part. The true value is 0 or 1. So once the model has this parameter,
-    a fit starts at 1 with the prior N(1, `SHARE_STD`²). A flight at few heights determines the
-    parameter poorly, and without the prior the model would predict other heights badly. The
+    a fit starts at 1 with the prior N(1, `SHARE_STD`²). A flight at few roll angles determines the
+    parameter poorly, and without the prior the model would predict other roll angles badly. The
     estimate may lie slightly outside 0 … 1.
     """
     return Parameter("share", "–", 0.0, -0.3, 2.0, 0.2, meaning, prior_std=SHARE_STD, start=1.0)
@@ -95,14 +95,15 @@ class Effect:
     Attributes:
         hooks: the equations: functions ``f(s, par, mem, out)`` by the stage of a simulation step at
             which they are called (`heli3dof.model.physics.state_layout.Stage`).
-        axes: the axes on which it can act; empty for an effect without an axis.
+        axes: the axes on which the effect can act; empty for an effect without an axis.
         order: calling order among the effects of the same stage, along the signal path.
-        confused_with: effects that explain similar data.
-        separated_by: name of the plan that best distinguishes this effect from those.
+        confused_with: other effects that explain similar data.
+        separated_by: name of the flight plan that best distinguishes this effect from
+            ``confused_with``.
         starts: for effects whose likelihood has zero slope at null. A fit starts at the most likely
             of these values (ascending) of the first parameter.
-        identifiable: the motion that makes it identifiable.
-        evidence: the variable against which a report plots it, one of `ABSCISSAE`.
+        identifiable: the motion that makes the effect identifiable.
+        evidence: the variable against which a report plots the effect, one of `ABSCISSAE`.
         within: a term without which this effect is undefined.
         requires: a term without which this effect is equivalent to another effect.
         formal: true for another form of the body's equations, which is no defect of the rig. A
@@ -153,7 +154,7 @@ class Effect:
 
     @property
     def of_base(self) -> bool:
-        """Return True for a form or part of the body's equations, which is no defect of the rig.
+        """Return True if the effect is a form or a part of the body's equations, not a defect.
 
         These are the effects with `formal` or `missing`. A diagnosis adds no penalty for their
         parameter, because the prior of a `share` is tight.
@@ -162,7 +163,10 @@ class Effect:
 
     @property
     def missing(self) -> bool:
-        """Return True if the effect is a part of the full equations that a base model omits."""
+        """Return True if the effect is a part of the equations that a simpler form omits.
+
+        An example is `geometry`, which the hover model omits.
+        """
         return bool(self.within) and not self.formal
 
     @property

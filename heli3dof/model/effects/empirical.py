@@ -60,7 +60,7 @@ LARGEST_NM = 10.0
 
 
 def factors(product: str) -> list[str]:
-    """Return the quantities of a product; [] if one of them is unknown or there are too many.
+    """Return the names of a product's quantities; [] if one is unknown or there are more than two.
 
     >>> factors("abs(yaw_rate)*yaw_rate"), factors("colour")
     (['abs(yaw_rate)', 'yaw_rate'], [])
@@ -80,7 +80,7 @@ def unit_of_product(product: str) -> str:
 
 @cache
 def empirical_effect(name: str) -> Effect | None:
-    """Return the effect of a name such as ``empirical.sin(yaw)``; None if it is not such a name."""
+    """Return the `Effect` that a name such as ``empirical.sin(yaw)`` defines, else None."""
     if not name.startswith(PREFIX):
         return None
     what = name.removeprefix(PREFIX)
@@ -138,7 +138,10 @@ def _spline(first: int, second: int, low: float, high: float) -> Hook:
 
 @cache
 def _value() -> Callable[[Any, int], float]:
-    """Return the compiled function for the value of the quantity with a code."""
+    """Return the compiled function (s, code) → value of the quantity with this code.
+
+    `QUANTITIES` lists the codes; ``s`` is the simulation's context array.
+    """
     from numba.extending import register_jitable
 
     def value(s: Any, code: int) -> float:

@@ -41,7 +41,10 @@ DIFFERENCE_STEP = 1e-6
 
 
 def _place(par, where, q, value):  # type: ignore[no-untyped-def]
-    """Write ``value`` of the varying parameter number q to its positions ``where`` in ``par``."""
+    """Write ``value`` to the positions in ``par`` of parameter q of those that vary by recording.
+
+    ``where`` (W, 3) is from `positions`.
+    """
     for z in range(where.shape[0]):
         if where[z, 2] == q:
             par[where[z, 0], where[z, 1]] = value

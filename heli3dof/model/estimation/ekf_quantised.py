@@ -278,8 +278,9 @@ def _follow(  # type: ignore[no-untyped-def]
 
     δc is the change of a predicted angle or rate, with the filter's gains kept. s0 (J, SIZE) and
     pars (J, H + 1, PARAMETERS) are the sets. row, state, C, G, W, K are the events that `_filter`
-    stored; other arguments as there. The integration is coarser than the filter's. So pass the
-    filter's own parameters as the first set, and subtract the first row of D from the other rows.
+    stored; the other arguments are those of `_filter`. The integration is coarser than the
+    filter's. So pass the filter's own parameters as the first set, and subtract the first row of D
+    from the other rows.
     """
     N, E = V.shape[0], row.shape[0]
     seen = first[MEASURE + 1] > first[MEASURE]

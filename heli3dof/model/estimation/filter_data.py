@@ -94,10 +94,10 @@ class Data:
 def data_of(
     recordings: Sequence[Recording], runs: Sequence[Run], *, read_every_s: float = 0.0
 ) -> Data:
-    """Return the runs of these recordings as arrays. Raises RecordingError if there are no runs.
+    """Return the ``runs`` of usable rows of ``recordings``, with lead-ins, as arrays.
 
-    With ``read_every_s`` > 0, only one angle reading per that time (s) is kept, but all voltages.
-    This is for logs whose sampling jitter exceeds their period.
+    Raises RecordingError if there are no runs. With ``read_every_s`` > 0 only one angle reading in
+    this time (s) is kept, but all voltages; for logs whose sampling jitter exceeds their period.
     """
     if not runs:
         raise RecordingError(
@@ -150,7 +150,7 @@ def data_of(
 
 
 def encoder_noise(data: Data, steps: float = ENCODER_NOISE) -> np.ndarray:
-    """Return the variance (3,) rad² of encoder noise: the square of ``steps`` encoder steps."""
+    """Return the variance (3,) rad² of encoder noise whose σ is ``steps`` encoder steps."""
     return np.asarray((steps * data.rad_per_count) ** 2)
 
 
@@ -180,7 +180,10 @@ def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
 def hold_last(
     voltage: np.ndarray, before: np.ndarray | tuple[float, float] = (0.0, 0.0)
 ) -> np.ndarray:
-    """Return ``voltage`` (N, 2) V with each NaN replaced by the last valid value, or ``before``."""
+    """Return ``voltage`` (N, 2) V with each NaN replaced by the last valid value before it.
+
+    NaN before the first valid value are replaced by ``before`` (2,) V.
+    """
     v = np.array(voltage, dtype=float, order="C")
     for j in range(v.shape[1]):
         good = np.isfinite(v[:, j])
@@ -201,7 +204,10 @@ def _lead(recording: Recording, start: int) -> int:
 
 
 def _on_grid(y: np.ndarray, step: float) -> bool:
-    """Return True if 98 % of the angles y are whole multiples of ``step`` (rad) from the first."""
+    """Return True if 98 % of the angles y are a whole number of steps from the first, y[0].
+
+    ``step`` (rad) is the encoder step.
+    """
     y = y[np.isfinite(y)]
     counts = (y - y[0]) / step
     return bool((np.abs(counts - np.round(counts)) < ON_GRID).mean() > 0.98)

@@ -24,7 +24,7 @@ from heli3dof.model.physics.rotor import aim
 
 
 class _Plant:
-    """The equations of a grey-box model as functions; ``delayed`` includes the motor delay."""
+    """The equations of a grey-box model as functions on arrays; it can omit the motor delay."""
 
     def __init__(self, model: GreyBoxParameters, *, delayed: bool = True) -> None:
         structure = model.structure

@@ -25,11 +25,12 @@ from heli3dof.model.physics.parametrisation import Structure
 def _windows(  # type: ignore[no-untyped-def]
     s, first, address, par, mem, where, free, t, V, mean, X, low, starts, ahead, stride, out
 ):
-    """Simulate from S recorded states; write the encoder readings at M later rows to ``out``.
+    """Simulate from the filter's states at S rows; write the readings at M later rows to ``out``.
 
-    ``out`` (S, M, 3) rad; ``starts`` (S,): start rows; ``ahead`` (M,), ascending: rows ahead; X:
-    states at each row; ``where``: positions of parameters that vary by recording; ``mean``: thrust
-    integral; ``low``: roll on the table (rad); ``stride``: rows per step. Others: see `integrator`.
+    ``out`` (S, M, 3) rad: encoder readings; ``starts`` (S,): start rows; ``ahead`` (M,), ascending:
+    rows ahead; X: state at each row; ``where``: positions of parameters that vary by recording;
+    ``mean``: thrust integral; ``low``: roll on the table (rad); ``stride``: rows per step. Others:
+    see `integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
@@ -88,11 +89,12 @@ def errors(
     ahead: np.ndarray,
     varying: tuple[str, ...] = (),
 ) -> np.ndarray:
-    """Return reading − prediction, (S, M, 3) rad, ``ahead`` (M,) rows after each of the S starts.
+    """Return the prediction errors (S, M, 3) rad from S start rows at M horizons.
 
-    ``values`` (n,) are the parameters of ``structure``. ``flight`` has the recorded arrays and the
-    start rows. ``states`` (N, 6 + B) are the filter's estimates: angles, rates, and the B
-    parameters ``varying`` that replace those in ``values``.
+    An error is the reading minus the prediction. The horizons are ``ahead`` (M,) rows. ``values``
+    (n,) are the parameters of ``structure``. ``flight`` has the recorded arrays and the start rows.
+    ``states`` (N, 6 + B) are the filter's estimates: angles, rates, and the B parameters
+    ``varying`` that replace those in ``values``.
     """
     hooks = structure.hooks
     s, par = structure.arrays(values)

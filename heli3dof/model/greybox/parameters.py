@@ -27,8 +27,8 @@ from heli3dof.rig.profile import Profile
 class GreyBoxParameters:
     """The data of a grey-box model: a rig's profile, its effects and their parameter values.
 
-    ``values`` (n,) are in the order of ``structure.free``. Reading `structure` raises UsageError
-    for an unknown term (effect).
+    ``values`` (n,) are in the order of ``structure.free``. The property `structure` raises
+    UsageError for an unknown effect in ``terms``.
     """
 
     name: str

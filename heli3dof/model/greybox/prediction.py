@@ -42,11 +42,11 @@ NOISE = np.array([0.05, 0.15, 0.05])
 
 
 def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]
-    """Simulate n rows ahead from each state X[k]; write the encoder readings to ``out[k + n]``.
+    """Predict n rows ahead from each state X[k]; write the encoder readings to ``out[k + n]``.
 
-    ``out`` is in rad; ``mean``: thrust integral (`impulse`); ``low``: roll on the table (rad);
-    ``stride``: rows per step; ``where``: positions of parameters that vary by recording. Others:
-    see `integrator`.
+    ``out`` (N, 3) is in rad; ``mean``: thrust integral (`impulse`); ``low``: roll on the table in
+    rad; ``stride``: rows per step; ``where``: positions of parameters that vary by recording.
+    Others: see `integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
@@ -97,11 +97,11 @@ def predict(model: GreyBoxParameters, recording: Recording, horizon_s: float) ->
 def filtered(
     model: GreyBoxParameters, recording: Recording
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
-    """Return what a prediction starts from: (t, V, thrust integral, states X, table roll, axes).
+    """Filter a recording; return (t, V, thrust integral, states X, roll on the table, axes).
 
-    t (s); V (N, 2) V without NaN; the integral by `impulse`. X (N, 6 + B) holds angles, rates and
-    the B parameters in ``model.varying``, which the filter re-estimates. Then the roll on the table
-    (rad) by `table_of` and the axes that move, (3,) bool.
+    t (N,) s; V (N, 2) V without NaN; the integral by `impulse`. X (N, 6 + B) holds angles, rates
+    and the B parameters in ``model.varying``, which the filter re-estimates. The roll on the table
+    (rad) is that of `table_of`; axes (3,) bool are those that were measured.
     """
     N = len(recording)
     y, recording = recording.angle, replace(recording, voltage=hold_last(recording.voltage))
@@ -149,7 +149,10 @@ def filtered(
 
 
 def _by_edges(model: GreyBoxParameters, d: Data, a: np.ndarray) -> np.ndarray:
-    """Return the filter's states (N, 6) for the data ``d`` and process noise a (3,) rad/s²/√Hz."""
+    """Return the states (N, 6) of the filter `ekf_quantised` for the data ``d``.
+
+    ``a`` (3,) rad/s²/√Hz is the process noise on roll, pitch, yaw.
+    """
     hooks = model.structure.hooks
     s, par = model.structure.arrays(model.values)
     states = np.zeros((len(d.t), 6))

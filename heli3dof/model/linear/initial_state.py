@@ -1,7 +1,7 @@
 """Initial states of a linear model: the state at rest, and the covariance of an uncertain state.
 
-The states of a black-box model have no physical meaning. So both are defined by the outputs that a
-state causes without input: its free response during `WINDOW`.
+The states of a black-box model have no physical meaning. So the state at rest and the covariance
+are defined by the outputs that a state causes without input: the free response during `WINDOW`.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ _ROWS = 50
 def responses(
     model: LinearParameters, axes: np.ndarray, window_s: float = WINDOW
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return O (rows, n), G (rows, 2): free and forced response of the model at up to 100 instants.
+    """Return the matrices O (rows, n) and G (rows, 2) of the model's free and forced response.
 
-    The instants span ``window_s`` s. O x + G ũ are the outputs of ``axes`` (3,) bool minus the trim
-    y0, stacked by instant, for the initial state x and the constant voltage u0 + ũ.
+    O x + G ũ are the outputs of ``axes`` (3,) bool minus the trim y0, for the initial state x and
+    the constant voltage u0 + ũ, stacked by instant. Up to 100 instants span ``window_s`` s.
     """
     n = model.order
     steps = max(round(window_s / model.dt), n)
@@ -60,11 +60,11 @@ def rest_state(model: LinearParameters, angle0: np.ndarray) -> np.ndarray:
 
 
 def state_spread(model: LinearParameters, axes: np.ndarray) -> np.ndarray:
-    """Return the covariance (n, n) of a state whose free response has an uncertainty of 1 rad rms.
+    """Return the initial state's covariance (n, n) for an output uncertainty of 1 rad rms.
 
-    The covariance is the inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over `WINDOW` seconds, for the
-    measured ``axes`` (3,) bool. For another uncertainty, multiply the covariance by that variance
-    (rad²). Unobservable directions of the state get zero variance.
+    The covariance is the inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over the samples j of `WINDOW`
+    seconds, for the measured ``axes`` (3,) bool. For another output uncertainty, multiply the
+    covariance by its variance (rad²). Unobservable directions of the state get zero variance.
     """
     O, _ = responses(model, axes)
     W = O.T @ O / (len(O) / int(axes.sum()))

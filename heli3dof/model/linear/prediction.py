@@ -81,7 +81,7 @@ def predict(model: LinearParameters, recording: Recording, horizon_s: float) -> 
 def filtered_states(
     model: LinearParameters, recording: Recording, axes: np.ndarray, u: np.ndarray
 ) -> np.ndarray:
-    """Return the state estimates x̂[k|k−1] (N + 1, n) from the angles before each sample k.
+    """Return the Kalman filter's state estimates x̂[k|k−1] (N + 1, n), from angles before sample k.
 
     ``axes`` (3,) bool selects the angles to use. u (N, 2) V are the voltages minus the trim.
     """

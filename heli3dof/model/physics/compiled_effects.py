@@ -19,7 +19,7 @@ Hook = Callable[[Any, Any, Any, Any], None]
 
 
 class HookError(Exception):
-    """The error of an effect's function that does not compile; ``where`` is ``file:line``."""
+    """Raised if an effect's function does not compile; ``where`` is its ``file:line``."""
 
     def __init__(self, what: str, where: str) -> None:
         super().__init__(what)
@@ -47,11 +47,11 @@ def address(function: Hook) -> int:
 
 @cache
 def caller() -> Any:
-    """Return the numba intrinsic ``call(address, i, s, par, mem, out)`` for compiled functions.
+    """Return ``call(address, i, s, par, mem, out)``, by which compiled code calls an effect.
 
-    ``call`` calls an effect's function at ``address[i]`` with the context s, row i of the
-    parameters ``par``, row i of the memory ``mem``, and the result ``out``. The arrays are passed
-    as pointers, because slicing arrays in an inner loop would cost more than the effects.
+    ``call``, a numba intrinsic, calls the effect's function at ``address[i]`` with the context s,
+    row i of the parameters ``par``, row i of the memory ``mem``, and the result ``out``. The arrays
+    are passed as pointers, because slicing in an inner loop would cost more than the effects.
     """
     import numba
     from llvmlite import ir

@@ -69,7 +69,7 @@ soft = compiled(_soft, leaf=True, error_model="numpy")
 
 
 def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """Apply dry friction to x = (q, q̇) after a step of h s; return True if a joint has friction.
+    """Apply dry friction to the state x = (q, q̇) after a step of h s; return True if there is any.
 
     w (≥ 8, 3) is work space; its row 3 holds the standard deviations of the rates. Row 2 becomes ρ,
     row 3 Var S (see `_soft`), and row 4 + i becomes W_ji/W_ii for all joints j; W is the inverse

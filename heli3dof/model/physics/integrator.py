@@ -31,7 +31,10 @@ SETUP, MEASURE = int(_s.Stage.SETUP), int(_s.Stage.MEASURE)
 
 
 def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
-    """Let effects change the rig parameters in s before a run; arguments: see the module."""
+    """Call the effects that change rig parameters in s, once before a simulation.
+
+    The module explains the arguments.
+    """
     for i in range(first[SETUP], first[SETUP + 1]):
         call(address, i, s, par, mem, s)
 
@@ -95,7 +98,8 @@ stop_at_table = compiled(_stop_at_table, leaf=True, error_model="numpy")
 def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
     """Advance the state x = (q, q̇), angles and rates, and the thrusts F from row k to the next.
 
-    V[k] gives the steady-state thrusts target[k] and F[k + 1]. Other arguments: see the module.
+    Writes target[k], the steady-state thrusts at the voltage of row k, and F[k + 1]. The module
+    explains the other arguments.
     """
     aim(s, V, h, 0, k, first, address, par, mem, target[k])
     step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
@@ -111,8 +115,9 @@ def _midpoint_without_friction(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Advance the state x = (q, q̇) as `_step_without_friction` does, but by the midpoint rule.
 
-    cache[3:6] holds the acceleration of the last step, which gives the rate in the middle of this
-    one. With the rate at the start, friction c q̇ would act as if the inertia J were J + c h/2.
+    cache[3:6] holds the acceleration of the previous step; with it, effects get the rate in the
+    middle of this step. With the rate at the start, viscous friction c q̇ would act as if the
+    inertia J were J + c h/2.
     """
     if cache[0] < 0.0:
         cache[3] = cache[4] = cache[5] = 0.0
@@ -152,8 +157,8 @@ step_midpoint = compiled(_step_midpoint, leaf=True, error_model="numpy")
 def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
     """Advance the state x from row a to row b, h s later, by one midpoint step, no dry friction.
 
-    ``mean`` (N + 1, 2) N·s is the integral of the thrusts up to each row. The step uses their mean
-    over its duration. The module explains the other arguments.
+    ``mean`` (N + 1, 2) N·s is the integral of the thrusts up to each row. The step uses the mean
+    thrusts from row a to row b. The module explains the other arguments.
     """
     s[V_FRONT], s[V_FRONT + 1] = V[a, 0], V[a, 1]
     for half in range(2):
@@ -224,10 +229,10 @@ readings = compiled(_readings, leaf=True, error_model="numpy")
 
 
 def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
-    """Return (rising, falling, slope) of the encoder reading of axis i at the state x.
+    """Return encoder i's reading at the state x for rising and for falling angle, and its slope.
 
-    These are the reading (rad) for a rising angle, that for a falling angle, and ∂reading/∂angle. m
-    and ``slope`` are work space; the module explains the other arguments.
+    The two readings (rad) differ by the backlash; the slope is ∂reading/∂angle. m and ``slope``
+    are work space; the module explains the other arguments.
     """
     s[FLANK + i] = 1.0
     readings(s, x, first, address, par, mem, m, slope)

@@ -63,7 +63,7 @@ class Free:
 
 
 def first_parameters(free: Sequence[Free]) -> dict[str, int]:
-    """Return {term: index of its first parameter in ``free``}."""
+    """Return {name of a term (effect on an axis): index of its first parameter in ``free``}."""
     return {f.term: j for j, f in reversed(list(enumerate(free))) if f.term is not None}
 
 
@@ -83,7 +83,7 @@ class Hooks:
         return np.array([*map(address, self.functions), 0], dtype=np.int64)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields for pickle: in another process, the addresses are others."""
+        """Return the fields for pickle, without the addresses, which differ between processes."""
         return {k: v for k, v in self.__dict__.items() if k != "address"}
 
 
@@ -120,7 +120,7 @@ class Structure:
 
     @property
     def formal(self) -> tuple[Term, ...]:
-        """Return the effects that select a form of the body's equations (`Effect.formal`)."""
+        """Return the effects that select another form of the body's equations (`Effect.formal`)."""
         return tuple(t for t in self.terms if t.effect.formal)
 
     @property
@@ -180,7 +180,7 @@ class Structure:
 
 
 def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
-    """Return the estimated ratio of the profile's thrust per volt K_f to the true K_f.
+    """Estimate the ratio of the profile's thrust per volt K_f to the true K_f; return it.
 
     ``values`` start with T_g, J_r, J_p, J_ψ, estimated in units of K_f, so a wrong K_f scales all
     by this ratio. The result is the median of the ratios of these four to their nominal values,

@@ -97,7 +97,10 @@ call = caller()
 
 
 def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """Blend q̈ in ``a`` with that of the simplified equations; arguments: `_body_accelerations`."""
+    """Replace q̈ of the rigid body in ``a`` by the module's blend with the simplified equations.
+
+    Arguments: see `_body_accelerations`.
+    """
     sr, cr = math.sin(s[R]), math.cos(s[R])
     sp, cp = math.sin(s[P]), math.cos(s[P])
     rd, yd = s[R_DOT], s[PSI_DOT]

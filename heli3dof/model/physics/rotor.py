@@ -43,10 +43,11 @@ lagged = compiled(_lagged, leaf=True, error_model="numpy")
 
 
 def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
-    """Write to out (2,) N the steady-state thrusts of the voltages V (N, 2) that act in row k.
+    """Write to out (2,) N the steady-state thrusts at the voltages that act in row k.
 
-    h (N,) s: time to the next row. With a delay, voltages of earlier rows act, from row ``lead``
-    on. Other arguments: see `heli3dof.model.physics.integrator`.
+    V (N, 2) V are the commanded voltages; h (N,) s: time to the next row. With a delay, voltages of
+    earlier rows act, but none before row ``lead``. Other arguments: see
+    `heli3dof.model.physics.integrator`.
     """
     whole, part = 0, 0.0
     if s[DELAY] > 0.0:
@@ -68,7 +69,7 @@ aim = compiled(_aim, leaf=True, error_model="numpy")
 
 
 def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
-    """Write each row's steady-state thrusts to ``target`` and thrusts at its start to F, (N, 2) N.
+    """Write each row's steady-state thrusts to ``target``, and its initial thrusts to F (N, 2) N.
 
     The function computes rows lead … stop − 1 from the voltages V (N, 2) held for h (N,) s. In row
     ``lead`` the rotors are in steady state. Other arguments: see

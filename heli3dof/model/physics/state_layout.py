@@ -15,7 +15,7 @@ T = 0
 R, P, PSI = 1, 2, 3
 """Roll, pitch, yaw in rad; index ``R + axis``"""
 R_DOT, P_DOT, PSI_DOT = 4, 5, 6
-"""Their rates in rad/s; index ``R_DOT + axis``"""
+"""Rates of roll, pitch, yaw in rad/s; index ``R_DOT + axis``"""
 F_FRONT, F_BACK = 7, 8
 """N, thrusts: in `Stage.THRUST` before it, in `Stage.TORQUE` after the thrust effects"""
 V_FRONT, V_BACK = 9, 10

@@ -2,5 +2,5 @@
 
 A module ``heli3dof.model.serialization.<form>`` offers ``from_dict(data) -> Model``. This function
 may raise KeyError, TypeError or ValueError for content that does not fit. The model's own
-``to_dict`` writes ``"form": "<form>"``. A new form needs no other registration.
+``to_dict`` writes ``"form": "<form>"``. A module in this folder is all that a new form needs.
 """

@@ -17,8 +17,8 @@ def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
     """Return the model from the output of `GreyBoxModel.to_dict`.
 
     Raises KeyError for a missing key, TypeError or ValueError for invalid content, and UsageError
-    for an unknown term (effect). Its message names the plug-in that provided the term when the file
-    was written.
+    for an unknown effect. The message names the plug-in that provided the effect when the file was
+    written.
     """
     names = tuple(str(t) for t in data["terms"])
     _check_terms(names, data.get("plug_ins", {}))
@@ -54,7 +54,10 @@ def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
 
 
 def _check_terms(names: Sequence[str], written_with: Mapping[str, Any]) -> None:
-    """Raise UsageError for an effect not installed here; ``written_with``: {effect: plug-in}."""
+    """Raise UsageError if an effect in ``names`` is not installed.
+
+    ``written_with`` is {effect: plug-in} from the model file.
+    """
     for name in names:
         try:
             term(name)
