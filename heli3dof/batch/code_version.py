@@ -1,4 +1,4 @@
-"""The version of heli3dof with a hash of its code, so that results of other code are not kept."""
+"""The version of heli3dof with a hash of its code: a resumed batch keeps only results of both."""
 
 from __future__ import annotations
 
