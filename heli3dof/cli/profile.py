@@ -273,9 +273,10 @@ def _report(
     with_loop: bool = True,
     **more: Any,
 ) -> list[str]:
-    """Print the loop's poles, margins, step responses; return warnings. ``more``: JSON entries.
+    """Print the control loop's poles, margins and step responses; return the warnings.
 
-    Without ``with_loop``, nothing is printed on the loop, which only the JSON document then has.
+    Without ``with_loop``, only the JSON document describes the loop. ``more``: further entries of
+    the JSON document.
     """
     from heli3dof.rig.profile_remarks import unusual_values
 

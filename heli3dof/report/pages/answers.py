@@ -1,8 +1,9 @@
 """Write the first screen of the report: its questions, each with one sentence and one picture.
 
-A diagnosis answers how wrong the simulation was, what the cause is, what the extended model gains
-and what to do next. Without a diagnosis, a comparison answers how wrong the simulation was and
-which model predicts best, and an identification how well its model predicts.
+A diagnosis answers how wrong the simulation was, what the cause is, how much the extended model
+decreases the prediction error, and what to do next. Without a diagnosis, a comparison answers how
+wrong the simulation was and which model predicts best. Without both, an identification answers how
+well its model predicts.
 """
 
 from __future__ import annotations
@@ -117,7 +118,7 @@ def comparison_answers(comparison: Comparison) -> list[Answer]:
 
 
 def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
-    """Return the axis on which the model has the largest error; roll if no error is known."""
+    """Return the axis with the model's largest RMSE; the first axis if no error is known."""
     errors = m.replay_rmse_deg
     if errors is None or not np.isfinite(errors).any():
         errors = None if m.prediction is None else m.prediction.over_window_deg
