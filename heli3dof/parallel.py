@@ -1,6 +1,6 @@
 """Threads for estimation: `parallel_map` distributes calls, `one_blas_thread` limits BLAS.
 
-`replicate` is `parallel_map` for Monte Carlo replications, which can go to a cluster: `distribute`.
+`replicate` does the same for Monte Carlo replications, which `distribute` can send to a cluster.
 
 The compiled filters release Python's global lock, so threads run in parallel: one per core, at most
 `MOST`. The calling thread works too, and helper threads join it. Nested calls of `parallel_map`
@@ -39,7 +39,7 @@ def core_count() -> int:
 
 
 def worker_count() -> int:
-    """Return the number of threads to use: one per core, at most `MOST` or `limit_threads`."""
+    """Return the number of threads to use: one per core, at most `MOST`, or as `limit_threads`."""
     return min(_limit, core_count())
 
 

@@ -59,7 +59,7 @@ class NamedShare:
     named: int
     of: int
     in_recording: bool
-    """True if the diagnosis of the recording itself names it"""
+    """True if the diagnosis of the recording itself names the cause"""
 
     @property
     def share(self) -> float:

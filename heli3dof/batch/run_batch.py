@@ -26,9 +26,9 @@ class Batch:
     """The progress of a batch: numbers of recordings. Callbacks receive it after each outcome."""
 
     total: int
-    """Recordings"""
+    """Number of tasks: recordings, or replicates of them"""
     kept: int = 0
-    """Recordings whose outcome an earlier run has left"""
+    """Recordings that need no work: an earlier run finished them, or they equal another one"""
     done: int = 0
     """Recordings that this run has worked on"""
     failed: int = 0

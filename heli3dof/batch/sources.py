@@ -36,7 +36,7 @@ LIST = ".txt"
 
 @dataclass(frozen=True)
 class Source:
-    """A recording by its path or URL, as the user gave it."""
+    """The path or URL of a recording, as the user gave it."""
 
     where: str
 

@@ -36,7 +36,7 @@ class Task:
     profile: Profile | None = None
     """The profile for logs, which contain none"""
     where: str = ""
-    """Condition on the row's first columns; a recording that does not meet it is left out"""
+    """Condition on the row's first columns; a recording that does not meet this is left out"""
     content: bytes | None = None
     """The file's content, for a worker that cannot read it itself"""
 

@@ -81,7 +81,7 @@ def _printing(out: Output, view: FlightView) -> Iterator[None]:
 
 
 class FlightView:
-    """The screen or line that shows a flight; collects its traces."""
+    """The screen or line that shows a flight live; it collects the traces of the angles."""
 
     def __init__(self, console: Console, live: Live, name: str, profile: Profile) -> None:
         self.console, self.live, self.name, self.profile = console, live, name, profile

@@ -108,7 +108,7 @@ class ChangePosterior:
     """
 
     places: Places
-    """Kind → for each model, the flight that a step precedes, those of two, the deviating flight"""
+    """Kind → for each model, the first flight after the step (two: after each), or the deviating"""
     constant: float
     """Probability that nothing changed"""
     probability: Mapping[str, FloatArray]

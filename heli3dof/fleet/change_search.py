@@ -42,16 +42,17 @@ LEAST_FLIGHTS = 8
 DATES = 0.95
 """Probability that the stated dates of a step contain the true one (a convention)"""
 MOST_DEVIATING = 0.2
-"""Share of flights that may deviate; beyond it the others are no reference. Chosen."""
+"""Largest share of deviating flights: with more, the others would be no reference. Chosen."""
 HAMPEL_WIDTH = 5
-"""Flights of the running median: keeps a step of two flights at an end (a convention)"""
+"""Flights in the running median of the Hampel filter, which keeps two flights after a step at an
+end of the series (a convention)"""
 HAMPEL_SIGMAS = 5.0
-"""Proposed flights deviate by more standard deviations. Chosen: only proposes, and the posterior
-decides"""
+"""Standard deviations from the running median above which the Hampel filter proposes a flight as
+deviating. Chosen; the posterior decides."""
 MAD_TO_STD = 1.4826
 """Standard deviation over median absolute deviation of a normal distribution: 1/Φ⁻¹(¾)"""
 REFINEMENTS = 5
-"""Passes over the steps for each step; the second already changes few. Chosen."""
+"""Most passes over all steps, per step; the second already changes few dates. Chosen."""
 NORMAL_95 = 1.96
 """Half width of a 95 % interval in standard deviations"""
 
@@ -71,9 +72,9 @@ class Change:
     kinds: Mapping[str, float]
     """Probability of each kind; they sum to ``probability``"""
     dates: Mapping[int, float]
-    """Step: first flight after it → its probability, if it is a step; the likeliest, 95 %"""
+    """For a step: first flight after it → probability; the likeliest flights, together 95 %"""
     size: float
-    """In the quantity's unit; of a drift, between its first and last flight"""
+    """Size of the change in the quantity's unit; of a drift, from its first to its last flight"""
     interval: tuple[float, float]
     """95 % limits of ``size``"""
 

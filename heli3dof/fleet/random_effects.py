@@ -1,4 +1,4 @@
-"""Estimate of one quantity from several measurements that also scatter among themselves.
+"""Estimate of one quantity from several measurements that scatter by more than their errors.
 
 Random-effects model of n measurements yᵢ with standard deviations sᵢ, all in the quantity's unit::
 

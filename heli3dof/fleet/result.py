@@ -46,7 +46,10 @@ class FleetQuantity:
     name: str
     rigs: tuple[RigQuantity, ...]
     fleet: Estimate | None
-    """Mean of the rigs that do not differ, with their scatter; None if none has a standard error"""
+    """Mean of the rigs that do not differ, and the scatter between these rigs.
+
+    None if no rig has a standard error.
+    """
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -26,9 +26,9 @@ from heli3dof.fleet.change_posterior import Scale
 from heli3dof.fleet.tracks import Track
 
 LEAST_SIBLINGS = 5
-"""Siblings whose scatter has a scatter that can be estimated. Chosen."""
+"""Fewest siblings from which the distribution of φ² over the rigs is estimated. Chosen."""
 LEAST_DIFFERENCES = 4
-"""Differences of a sibling that count; fewer give f_r < 3. Chosen."""
+"""Fewest differences n_r with which a sibling counts; fewer give f_r < 3. Chosen."""
 MAD_TO_STD = 1.4826
 """Standard deviation over median absolute deviation of a normal distribution: 1/Φ⁻¹(¾)"""
 

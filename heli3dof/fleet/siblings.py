@@ -28,9 +28,9 @@ from heli3dof.fleet.random_effects import Estimate, is_known, random_effects
 LARGEST_P = 0.05
 """Chance that any rig is reported in any quantity although all rigs are alike (a convention)"""
 MOST_DIFFERING = 0.25
-"""Share of the rigs that may differ; beyond it the others are no reference. Chosen."""
+"""Largest share of differing rigs: with more, the others would be no reference. Chosen."""
 LEAST_RIGS = 3
-"""Two siblings are the least number that has a scatter"""
+"""Fewest rigs for a test: a rig and two siblings, the least number that has a scatter"""
 
 
 @dataclass(frozen=True)

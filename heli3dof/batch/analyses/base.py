@@ -66,7 +66,7 @@ class Analysis:
     run: Callable[[Job], Document]
     """Return the verb's JSON document. Raises Heli3dofError"""
     columns: Callable[[Document], Row]
-    """Return the columns of the results table that follow from the document"""
+    """Return the verb's columns of the results table, computed from its JSON document"""
     recording: Callable[[Job], Recording] = whole_recording
     """Return the recording for the first columns; info and recover also read torn ones"""
 

@@ -10,8 +10,8 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 AHEAD = 2
-"""Items that wait for each worker, so that it never waits for this process. Chosen: more would only
-fill the memory with the contents of files."""
+"""Number of items queued for each worker, so that no worker waits for this process. Chosen: more
+would only fill the memory with the contents of files."""
 
 
 @dataclass(frozen=True)

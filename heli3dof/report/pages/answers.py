@@ -89,7 +89,7 @@ def _gain(document: Document) -> Answer:
 
 
 def _next(document: Document, dt: float) -> Answer | None:
-    """Return the first recommended step, with a picture of its plan if its command names one."""
+    """Return the first recommended action, with a picture if its command names a plan."""
     for sentence in words.next_steps(document):
         command = PLAN_COMMAND.search(sentence)
         drawn = ""
@@ -128,7 +128,10 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _best(comparison: Comparison) -> list[Answer]:
-    """Return the verdict, with the first recording's errors; empty if nothing was predicted."""
+    """Return the verdict as an answer, with bars of the models' errors for the first recording.
+
+    Empty if nothing was predicted.
+    """
     flight = comparison.flights[0]
     alt = prediction_sentence(flight)
     if not alt:

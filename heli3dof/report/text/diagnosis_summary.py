@@ -89,5 +89,5 @@ def gain(document: Document) -> Iterator[str]:
 
 
 def _next(document: Document) -> list[str]:
-    """Return the first recommended step."""
+    """Return the first recommended action."""
     return list(words.next_steps(document))[:1]
