@@ -132,7 +132,7 @@ def possibly_off(document: Document) -> list[Document]:
 
 
 def calibration_doubts(document: Document) -> Iterator[str]:
-    """Yield a sentence per rig parameter that may differ from the profile; say how to measure it."""
+    """Yield a sentence per rig parameter that may be off the profile, and one on measuring them."""
     doubtful = possibly_off(document)
     for c in doubtful:
         off = number(c["value"]) / c["nominal"] - 1
