@@ -39,7 +39,10 @@ def core_count() -> int:
 
 
 def worker_count() -> int:
-    """Return the number of threads: one per core, at most `MOST` or the limit of `limit_threads`."""
+    """Return the number of threads to use: one per core, at most `MOST`.
+
+    `limit_threads` can set a lower limit.
+    """
     return min(_limit, core_count())
 
 

@@ -69,7 +69,10 @@ def latency_text(latency: Mapping[str, Any]) -> str:
 
 
 def unacknowledged_text(latency: Mapping[str, Any]) -> str:
-    """Return as text how many voltage commands the next sample did not echo, and how many none."""
+    """Return as text how many voltage commands the next sample did not echo.
+
+    The text also states how many commands no sample echoed.
+    """
     never = latency["commands_never_echoed"]
     return (
         f"{latency['commands_unacknowledged']} of {latency['commands']} commands not echoed by "

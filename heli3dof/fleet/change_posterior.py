@@ -108,7 +108,10 @@ class ChangePosterior:
     """
 
     places: Places
-    """Kind → for each model, the first flight after the step (two: after each), or the deviating"""
+    """Kind → for each model, the flights at which it has the change.
+
+    They are the first flight after each step, flight 0 for a drift, or the deviating flight.
+    """
     constant: float
     """Probability that nothing changed"""
     probability: Mapping[str, FloatArray]

@@ -73,7 +73,7 @@ def usable_rows(rows: Sequence[Row]) -> list[Row]:
 
 
 def main_plan(rows: Sequence[Row]) -> str:
-    """Return the most frequent plan of the usable rows; empty if rows without a plan prevail."""
+    """Return the most frequent plan of the usable rows; empty if most rows have no plan."""
     plans = Counter(map(_plan, sorted(usable_rows(rows), key=_plan)))
     return plans.most_common(1)[0][0] if plans else ""
 

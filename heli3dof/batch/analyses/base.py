@@ -48,7 +48,7 @@ class Job:
         return self.path
 
     def output(self, kind: str, ending: str) -> Path:
-        """Return the path for a file with this ``ending``, and create its folder ``kind``."""
+        """Return the path of an output file with this ``ending``; create its folder ``kind``."""
         path = self.folder / kind / f"{self.label}{ending}"
         path.parent.mkdir(parents=True, exist_ok=True)
         return path

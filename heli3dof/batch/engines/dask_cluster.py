@@ -28,7 +28,7 @@ RESTART_S = 60
 MEMORY = "memory"
 """Name of the workers' resource in bytes, as in ``dask worker ADDRESS --resources memory=8e9``"""
 WARNS_FROM = {"distributed.admin.large-graph-warning-threshold": "4 GiB"}
-"""Dask's threshold for a warning on large items. Its default is 10 MB; a recording is larger."""
+"""Dask's threshold for a warning on large items. Its default is 10 MB; recordings may be larger."""
 RESERVED = 1e9
 """Bytes of `MEMORY` that each item reserves, if a worker states how much memory it has. Chosen: a
 whole diagnosis of a minute of flight needs 0.3 GB, so there is room for longer flights."""

@@ -89,9 +89,9 @@ def noise_is_unknown(document: Document) -> bool:
 
 
 def before_and_after(gain: Document) -> str:
-    """Return as text the RMSE in degrees by axis, before → after, of a decrease of the error.
+    """Return as text the held-out RMSE in degrees by axis, before → after.
 
-    ``gain``: an object of the JSON document with the key ``holdout_rmse_deg``.
+    ``gain``: an object of the JSON document that contains this RMSE as ``holdout_rmse_deg``.
     """
     error = gain["holdout_rmse_deg"]
     return ", ".join(
@@ -103,7 +103,7 @@ def before_and_after(gain: Document) -> str:
 
 
 def calibration_change(document: Document) -> Iterator[str]:
-    """Yield the RMSE before and after a refit, and the parameter ratios off the profile.
+    """Yield sentences: the RMSE before and after a refit, the ratios that differ from the profile.
 
     Yields nothing if the verdict is other than off_calibration, or nothing_found with an unknown
     noise floor.
@@ -263,7 +263,7 @@ def adopted(document: Document) -> bool:
 
 
 def measured_on(document: Document) -> str:
-    """Return in words the data on which the causes' decrease of the error was measured."""
+    """Return in words the data on which the RMSE without and with the causes was measured."""
     if document["gain"].get("measured_on") == "the recordings themselves":
         return "the fitted recordings themselves, which is optimistic"
     return "the held-out recordings" if document["holdout"] else "blocks left out of the fit"
