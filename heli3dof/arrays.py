@@ -1,4 +1,4 @@
-"""Array types used in the signatures of the package; each docstring gives shapes and units."""
+"""Array types in the package's signatures; each function's docstring gives shapes and units."""
 
 from __future__ import annotations
 

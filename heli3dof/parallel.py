@@ -1,6 +1,6 @@
 """Threads for estimation: `parallel_map` distributes calls, `one_blas_thread` limits BLAS.
 
-`replicate` is `parallel_map` for Monte Carlo replications, which can go to a cluster: `distribute`.
+`replicate` does the same for Monte Carlo replications, which `distribute` can send to a cluster.
 
 The compiled filters release Python's global lock, so threads run in parallel: one per core, at most
 `MOST`. The calling thread works too, and helper threads join it. Nested calls of `parallel_map`
@@ -39,7 +39,10 @@ def core_count() -> int:
 
 
 def worker_count() -> int:
-    """Return the number of threads to use: one per core, at most `MOST` or `limit_threads`."""
+    """Return the number of threads to use: one per core, at most `MOST`.
+
+    `limit_threads` can set a lower limit.
+    """
     return min(_limit, core_count())
 
 
@@ -93,7 +96,10 @@ def report_progress(watcher: Watcher | None) -> Iterator[None]:
 
 
 def report_count(what: str, done: int, of: int) -> None:
-    """Report that a loop has finished ``done`` of its items, as `parallel_map` does."""
+    """Report that ``done`` of ``of`` items are finished, as `parallel_map` does for its calls.
+
+    ``what`` names the items in the plural.
+    """
     if (watcher := _watcher.get()) is not None:
         watcher(what, done, of)
 
@@ -111,8 +117,9 @@ def distribute(distributor: Distributor | None) -> Iterator[None]:
 def replicate(work: Callable[[int], X], count: int, *, what: str = "") -> list[X]:
     """Return ``work(0)`` … ``work(count − 1)``: Monte Carlo replications with small results.
 
-    Inside `distribute`, they are computed elsewhere, otherwise as by `parallel_map`. ``work`` must
-    then be picklable with cloudpickle. Calls inside ``work`` stay where it runs.
+    Inside `distribute`, its distributor computes the replications, and ``work`` must be picklable
+    with cloudpickle. Otherwise `parallel_map` computes them. Nested calls of `replicate` in
+    ``work`` are not distributed again.
     """
     distributor, watcher = _distributor.get(), _watcher.get()
     if distributor is None or count < 2:
@@ -162,7 +169,7 @@ class _Pieces(Generic[X]):
 
     @property
     def left(self) -> int:
-        """Return how many calls have not started; 0 after a failure, when none starts any more."""
+        """Return the number of calls still to start; 0 after a failure, which stops all others."""
         return 0 if self._failed else self._count - self._next
 
     def help(self) -> None:

@@ -1,4 +1,4 @@
-"""Run a verb on many recordings: one row of a table for each, and its JSON document.
+"""Run a verb (subcommand) on many recordings: for each, a row of a table and a JSON document.
 
 ::
 

@@ -1,9 +1,9 @@
-"""Block bootstrap of one recording: replicates of it, and how often each cause is named.
+"""Block bootstrap of one recording: replicates, and how often their diagnoses name each cause.
 
 A replicate consists of ⌊T/L⌋ blocks of L = `BLOCK_S`, drawn from the recording with replacement and
 kept in the order of time (Künsch, Annals of Statistics 17, 1989). Within a block the samples remain
 as they were, so noise that is correlated over less than L is reproduced. A pause of `PAUSE_S`
-without samples separates the blocks: the estimation starts each of them with a state of its own.
+without samples separates the blocks, so the estimation uses a separate initial state for each.
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Reco
 
 @dataclass(frozen=True)
 class NamedShare:
-    """A cause and the share of the replicates that name it, alone or confounded with others."""
+    """A cause and the share of replicates whose diagnosis names it, alone or confounded."""
 
     cause: str
     named: int
     of: int
     in_recording: bool
-    """True if the diagnosis of the recording itself names it"""
+    """True if the diagnosis of the recording itself names the cause"""
 
     @property
     def share(self) -> float:
@@ -85,7 +85,7 @@ class NamedShare:
 
 
 def named_shares(rows: Iterable[Mapping[str, Any]]) -> list[NamedShare]:
-    """Return the share of each cause among the replicates of one recording, largest first.
+    """Return for each cause the share of one recording's replicates that name it, largest first.
 
     ``rows``: rows of ``batch diagnose``; their column ``replicate`` is 0 for the recording itself.
     Failed replicates do not count.
@@ -99,7 +99,7 @@ def named_shares(rows: Iterable[Mapping[str, Any]]) -> list[NamedShare]:
 
 
 def causes_of(row: Mapping[str, Any]) -> set[str]:
-    """Return the causes that a row names, those confounded with them too.
+    """Return the causes in the row of a diagnosis, and the effects confounded with them.
 
     >>> sorted(causes_of({"causes": "timing.gaps; friction.coulomb.yaw|motor.lag"}))
     ['friction.coulomb.yaw', 'motor.lag']

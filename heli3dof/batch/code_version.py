@@ -1,4 +1,7 @@
-"""The version of heli3dof with a hash of its code, so that results of other code are not kept."""
+"""The version of heli3dof with a hash of its code.
+
+A resumed batch repeats the tasks whose results are from other code.
+"""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ SYNTAX = (
 
 
 def _of_values(compare: Callable[[Any, Any], bool]) -> Callable[[Any, Any], bool]:
-    """Return ``compare`` so that it is False if a value is missing, or of the wrong type."""
+    """Return ``compare``, changed to return False for a missing value or one of the wrong type."""
 
     def compared(one: Any, other: Any) -> bool:
         try:
@@ -52,7 +52,7 @@ OPERATORS = {
 def checked(text: str, columns: Mapping[str, str]) -> str:
     """Return the condition ``text`` as a Python expression. Raises UsageError if it is faulty.
 
-    ``columns``: the names that it may contain, with their descriptions.
+    ``columns``: the names that the condition may contain → their descriptions.
     """
     try:
         expression = _with_double_equals(text)

@@ -5,10 +5,10 @@
     OUT/results.parquet, results.csv   one row per recording
     OUT/documents/NAME-KEY.json        what the verb prints with --json
     OUT/models/, OUT/recordings/       files that the verb writes
-    OUT/journal.jsonl                  a line per outcome: key, row, cost
+    OUT/journal.jsonl                  a line per outcome: task key, table row, cost (s, bytes)
 
-An outcome's files are complete before its line is added. A line that an interruption cut off does
-not count, so its task is done again.
+An outcome's files are complete before its line is added to the journal. A line that an interruption
+cut off does not count, so its task is done again.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ def is_output_folder(folder: Path) -> bool:
 
 
 class OutputFolder:
-    """The folder of a batch, open for one process. Use it as a context manager."""
+    """The output folder of a batch. As a context manager it locks the folder for this process."""
 
     def __init__(self, path: Path, *, resume: bool) -> None:
-        """Open the folder ``path``. Raises OutputExists if it has results and not ``resume``."""
+        """Open or create ``path``. Raises OutputExists if it has results, unless ``resume``."""
         if is_output_folder(path) and not resume:
             raise OutputExists(
                 f"{path} contains the results of a batch.",
@@ -81,11 +81,14 @@ class OutputFolder:
         self._lock.release()
 
     def is_done(self, key: str) -> bool:
-        """Return True if the task has an outcome that another try would not change."""
+        """Return True if the task with this ``key`` has an outcome that no retry would change."""
         return key in self.lines and bool(self.lines[key]["final"])
 
     def add(self, outcome: Outcome, label: str) -> None:
-        """Keep an outcome. Raises NoSpace if the disk is full; what was kept before stays."""
+        """Write an outcome to the folder; ``label``: name of its JSON document.
+
+        Raises NoSpace if the disk is full; earlier outcomes stay.
+        """
         text = json.dumps(outcome.document, ensure_ascii=False, indent=1, allow_nan=False)
         document = f"documents/{label}.json"
         for name, content in (
@@ -106,7 +109,7 @@ class OutputFolder:
 
 
 def journal_lines(folder: Path) -> list[Line]:
-    """Return the lines of a batch's journal: key, row, cost."""
+    """Return the lines of a batch's journal, each with the keys key, final, row and cost."""
     return list(_lines(folder / JOURNAL))
 
 
@@ -124,7 +127,7 @@ def _lines(path: Path) -> Iterator[Line]:
 
 
 def _is_cut_off(path: Path) -> bool:
-    """Return True if the last line has no end, so that the next line would continue it."""
+    """Return True if the last line of the journal has no line break, because it was cut off."""
     with path.open("rb") as stream:
         if not stream.seek(0, os.SEEK_END):
             return False

@@ -1,7 +1,7 @@
-"""The first columns of the results table: what a recording is, for every verb the same.
+"""The first columns of the results table, on the recording itself: the same for every verb.
 
-``--where`` may use each of them. Jitter is a multiple of `RESOLUTION_S`. An angle's standard
-deviation is that of rounding to one count of its encoder: 360°/(counts √12).
+``--where`` may use all of them. Jitter is rounded to a multiple of `RESOLUTION_S`. An angle's
+standard deviation is that of rounding to one count of its encoder: 360°/(counts √12).
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ STARTS = ("roll", "pitch")
 
 
 def recording_columns(recording: Recording, path: str) -> dict[str, Any]:
-    """Return the columns `COLUMNS` of a recording; None where it does not contain the value."""
+    """Return the columns `COLUMNS` of a recording; None for a value that it does not contain.
+
+    ``path``: the recording's path or URL, as the user gave it.
+    """
     about = summary(recording)
     made, timing = about["provenance"], about["timing"] or {}
     identity, lateness, plan = made.get("identity"), about["lateness"] or {}, about["plan"]
@@ -68,7 +71,7 @@ def recording_columns(recording: Recording, path: str) -> dict[str, Any]:
 
 
 def _resolved(time_s: float | None) -> float | None:
-    """Return a time (s) as a multiple of `RESOLUTION_S`.
+    """Return a time (s) rounded to a multiple of `RESOLUTION_S`.
 
     >>> _resolved(2.5e-15), _resolved(2.00004e-5)
     (0.0, 2e-05)

@@ -86,8 +86,8 @@ def parquet_bytes(columns: Mapping[str, Sequence[Any]]) -> bytes | None:
 def read_rows(folder: Path, *, needed: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Return the rows of ``folder``'s results.csv: numbers as float, missing values as None.
 
-    Raises UsageError if there is no such file, RecordingError if it cannot be used: if it is no
-    table, or if columns ``needed`` are named and one of them, or every row, is missing.
+    Raises UsageError if there is no such file, RecordingError if it is not a CSV file. With
+    ``needed``, also raises RecordingError if one of these columns is missing, or if no row exists.
     """
     path = folder / CSV
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""`run_batch`: distribute tasks, keep their outcomes, and write the table."""
+"""`run_batch`: distribute tasks, keep their outcomes, and write the results table."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ Progress = Callable[["Batch"], None]
 
 @dataclass
 class Batch:
-    """The state of a batch; `Progress` callbacks receive it after each outcome."""
+    """The progress of a batch: numbers of recordings. Callbacks receive it after each outcome."""
 
     total: int
-    """Recordings"""
+    """Number of tasks: recordings, or replicates of them"""
     kept: int = 0
-    """Recordings whose outcome an earlier run has left"""
+    """Recordings that need no work: an earlier run finished them, or they equal another one"""
     done: int = 0
     """Recordings that this run has worked on"""
     failed: int = 0
@@ -46,7 +46,10 @@ def tasks_of(
     verb: str, sources: Sequence[Source], options: Sequence[Mapping[str, Any]],
     profile: Profile | None, where: str,
 ) -> Iterator[Task]:  # fmt: skip
-    """Yield a task for each recording and each of ``options``; reads the files for the keys."""
+    """Yield a task for each recording and each of ``options``, with a key from the file's content.
+
+    ``where``: condition on the recordings; ``profile``: for logs, which contain none.
+    """
     version = code_version()
     for source in sources:
         content = source.fingerprint()
@@ -59,10 +62,10 @@ def run_batch(
     tasks: Sequence[Task], folder: OutputFolder, engine: Engine,
     progress: Progress = lambda batch: None,
 ) -> Batch:  # fmt: skip
-    """Do the tasks that the folder has no outcome of, and write the table of all.
+    """Do the tasks without a final outcome in the folder; write the results table of all tasks.
 
-    The table is also written after Ctrl-C and after an error, then of what is done. Rows stand in
-    the order of the tasks.
+    After Ctrl-C or an error, the table contains the tasks done so far. Its rows are in the order of
+    the tasks.
     """
     # Two files of the same name and content are one task.
     todo = list({t.key: t for t in tasks if not folder.is_done(t.key)}.values())
@@ -92,7 +95,7 @@ def _row(task: Task, folder: OutputFolder) -> Mapping[str, Any]:
 
 
 def _with_content(task: Task) -> Task:
-    """Return the task with the content of its file, if it is a file of this machine."""
+    """Return the task with its file's content; unchanged if it is a URL or cannot be read."""
     source = Source(task.source)
     if not task.source or source.is_url:
         return task

@@ -28,7 +28,7 @@ FAILURE = ("exit_code", "error", "cause", "fix")
 
 
 def run_task(task: Task) -> Outcome:
-    """Return the outcome of a task; a failed one has an ``error`` and its ``exit_code``, not 0."""
+    """Return the outcome of a task; if it failed, its row has ``exit_code`` > 0 and ``error``."""
     wall, cpu = time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory(prefix="heli3dof-") as folder:
         outcome = _replaced(_run(task, Path(folder)), folder, task.source)
@@ -41,7 +41,7 @@ def run_task(task: Task) -> Outcome:
 
 
 def failed(task: Task, error: BaseException, *, final: bool) -> Outcome:
-    """Return the outcome of a task that ended with ``error``; see `Outcome.is_final`."""
+    """Return the outcome of a task that ended with ``error``; ``final``: a retry would fail too."""
     if not isinstance(error, Heli3dofError):
         error = Heli3dofError(
             f"{type(error).__name__}: {error}",
@@ -83,7 +83,10 @@ def _run(task: Task, folder: Path) -> Outcome:
 
 
 def _local(task: Task, folder: Path) -> Path | None:
-    """Return the path of the recording on this machine; its content is written there if it came."""
+    """Return a local path of the recording; None for a task without one.
+
+    The content of a URL, or content sent with the task, is written to ``folder`` first.
+    """
     if not task.source:
         return None
     source = Source(task.source)

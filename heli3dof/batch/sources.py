@@ -36,7 +36,7 @@ LIST = ".txt"
 
 @dataclass(frozen=True)
 class Source:
-    """A recording by its path or URL, as the user gave it."""
+    """The path or URL of a recording, as the user gave it."""
 
     where: str
 
@@ -50,7 +50,7 @@ class Source:
 
     @property
     def name(self) -> str:
-        """Return the recording's name: that of the file without its ending."""
+        """Return the recording's name: the file name without its ending."""
         return stem(Path(self.file_name))
 
     def fingerprint(self) -> str:
@@ -91,8 +91,9 @@ class Source:
 def find(words: Sequence[str]) -> list[Source]:
     """Return the recordings that ``words`` name, each once, in the order of the words.
 
-    The recordings of one folder or pattern are sorted by path. A file that is named itself need not
-    exist: its row then states so. Raises UsageError for a folder, pattern or list without any.
+    The recordings of one folder or pattern are sorted by path. A file named directly need not
+    exist: its row of the table then has an error. Raises UsageError for a folder, pattern or list
+    without any recording.
     """
     found = dict.fromkeys(each for word in words for each in _expanded(word))
     return [Source(each) for each in found]
@@ -132,7 +133,10 @@ def _lines(word: str) -> Iterable[str]:
 
 
 def _in_folder(folder: Path) -> Iterator[Path]:
-    """Yield the recordings and logs in a folder and in those below it, hidden ones left out."""
+    """Yield the recordings and logs in a folder and its subfolders, except hidden ones.
+
+    In the output folder of a batch, only the subfolder ``recordings`` counts.
+    """
     if is_output_folder(folder):  # its results.csv is no log
         folder = folder / RECORDINGS
         if not folder.is_dir():
@@ -159,7 +163,7 @@ def _not_empty(found: list[str], word: str, kind: str) -> list[str]:
 
 
 def _file_system(url: str) -> tuple[AbstractFileSystem, str]:
-    """Return the file system of a URL and the path on it. Raises UsageError if it is not known."""
+    """Return a URL's file system and the path on it. Raises UsageError if fsspec has none."""
     fsspec: Any = optional("fsspec", extra="cluster")
     try:
         files, path = fsspec.url_to_fs(url)

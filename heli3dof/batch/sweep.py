@@ -9,13 +9,14 @@
     "hide.friction.coulomb.yaw" = [0, 0.02, 0.04]
     noise = [1, 3]
 
-    [design]                                  # each of them with points spread in these ranges
+    [design]                                  # each combination at points in these ranges
     points = 16
     seed = 1
     between."hide.motor.lag" = [0.02, 0.1]
 
-A name is an option of ``mock:`` or ``hide.EFFECT``. The points are those of a scrambled Sobol
-sequence. Flight k = 0, 1, … has the seed k unless ``seed`` is varied.
+The varied names are options of ``mock:``, or ``hide.EFFECT`` for the size of a hidden effect.
+The points are those of a scrambled Sobol sequence. Flight k = 0, 1, … has the seed k unless
+``seed`` is varied.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ class SweepFile(Section):
 
 @dataclass(frozen=True)
 class SweptFlight:
-    """One flight of a sweep: its device and the values that were varied."""
+    """One flight of a sweep: the emulated rig's URL, and the varied options, name → value."""
 
     device: str
     values: Mapping[str, Value]
@@ -84,7 +85,7 @@ def read_sweep(path: Path) -> SweepFile:
 
 
 def flights(sweep: SweepFile) -> Iterator[SweptFlight]:
-    """Yield the flights: every combination of the listed values, each with every drawn point."""
+    """Yield the flights: every combination of the ``vary`` values, at every ``design`` point."""
     names = list(sweep.vary)
     number = itertools.count()
     for values in itertools.product(*sweep.vary.values()):
@@ -94,7 +95,7 @@ def flights(sweep: SweepFile) -> Iterator[SweptFlight]:
 
 
 def tasks_of_sweep(path: Path, profile: Profile) -> list[Task]:
-    """Return a task for each flight of the sweep in a file."""
+    """Return a task for each flight of the sweep in the TOML file ``path``."""
     sweep = read_sweep(path)
     plan = load_plan(sweep.plan).to_dict()
     tasks = []
@@ -107,7 +108,7 @@ def tasks_of_sweep(path: Path, profile: Profile) -> list[Task]:
 
 
 def _points(design: Design | None) -> list[dict[str, float]]:
-    """Return name → value of each point of the design; one empty point without a design."""
+    """Return the design's points, each as name → value; without a design, one empty point."""
     if design is None:
         return [{}]
     from scipy.stats import qmc
@@ -121,7 +122,7 @@ def _points(design: Design | None) -> list[dict[str, float]]:
 
 
 def _device(device: str, options: Mapping[str, Value]) -> str:
-    """Return the URL with these options; ``hide.EFFECT`` values are joined in ``hide=``.
+    """Return the URL ``device`` with these options; ``hide.EFFECT`` values are joined in ``hide=``.
 
     >>> _device("mock:?speed=max&seed=9", {"seed": 3, "hide.motor.lag": 0.1, "noise": 2})
     'mock:?speed=max&seed=3&noise=2&hide=motor.lag:0.1'

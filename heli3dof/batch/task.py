@@ -1,7 +1,7 @@
-"""`Task`: one verb on one recording; `Outcome`: its result. Both travel between processes.
+"""`Task`: one verb on one recording; `Outcome`: its result. Processes send them to one another.
 
 The key of a task is a hash of all that its result depends on: the verb, its options, the profile,
-the recording's content and name, and the version of heli3dof with its code.
+the recording's content and name, and the version of heli3dof with a hash of its code.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Task:
     profile: Profile | None = None
     """The profile for logs, which contain none"""
     where: str = ""
-    """Condition on the row's first columns; a recording that does not meet it is left out"""
+    """Condition on the row's first columns; a recording that does not meet this is left out"""
     content: bytes | None = None
     """The file's content, for a worker that cannot read it itself"""
 
@@ -48,7 +48,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of a task; a failure is one too."""
+    """The result of a task that succeeded or failed."""
 
     key: str
     row: Mapping[str, Any]
@@ -71,7 +71,7 @@ def key_of(
 ) -> str:  # fmt: skip
     """Return the SHA-256 (hexadecimal) of all that a task's result depends on.
 
-    ``content``: hash of the recording's content; ``version``: that of heli3dof and its code.
+    ``content``: hash of the recording's content; ``version``: the `code_version` of heli3dof.
     """
     parts = {
         "verb": verb, "name": name, "content": content, "options": options, "version": version,

@@ -32,7 +32,7 @@ MORE = "More"
 
 
 def _family(command: Any) -> str:
-    """Return the heading under which ``--help`` lists a command; `MORE` if the command has none."""
+    """Return the heading under which ``--help`` lists a subcommand; `MORE` if it has none."""
     panel = getattr(command, "rich_help_panel", None)
     return panel if isinstance(panel, str) else MORE  # typer's default is a placeholder
 

@@ -241,7 +241,11 @@ def _run(
     name: str, words: Sequence[str], options: Sequence[Mapping[str, Any]], output: Path, where: str,
     resume: bool, workers: int | None, cluster: str | None, profile: Path | None, out: Output,
 ) -> None:  # fmt: skip
-    """Run the verb ``name`` on the recordings that ``words`` name, and print what became of it."""
+    """Run the verb ``name`` on the recordings that ``words`` name, and print the results.
+
+    ``options``: the verb's options, once per run on a recording; ``where``: condition on the
+    recordings; the other arguments are the command line's options.
+    """
     from heli3dof.batch.condition import checked
     from heli3dof.batch.recording_columns import COLUMNS
     from heli3dof.batch.run_batch import tasks_of
@@ -259,7 +263,7 @@ def run_tasks(
     tasks: Sequence[Task], output: Path, resume: bool, workers: int | None, cluster: str | None,
     out: Output,
 ) -> None:  # fmt: skip
-    """Do the tasks of a batch with progress, and print and emit what became of them."""
+    """Do the tasks of a batch with a progress display, and print how many succeeded and failed."""
     from heli3dof.batch.engines import engine
     from heli3dof.batch.output_folder import OutputFolder
     from heli3dof.batch.run_batch import run_batch
@@ -284,7 +288,7 @@ def run_tasks(
 
 
 def _named_shares(tasks: Sequence[Task], folder: OutputFolder) -> dict[str, list[NamedShare]]:
-    """Return recording → share of the bootstrap replicates that name each cause."""
+    """Return recording → for each cause, the share of bootstrap replicates that name it."""
     from heli3dof.batch.bootstrap import named_shares
 
     rows: dict[str, list[Mapping[str, Any]]] = {}
@@ -344,7 +348,7 @@ def _share_table(recording: str, shares: Sequence[NamedShare]) -> Grid:
 
 @contextmanager
 def _progress(out: Output, name: str) -> Iterator[Callable[[Batch], None]]:
-    """Context manager: yields a function that displays how far a batch is, with the time left."""
+    """Context manager: yields a function that displays a batch's progress and the time left."""
     if out.quiet:
         yield lambda batch: None
         return

@@ -1,7 +1,7 @@
 """Complete what a person types at a shell's prompt: devices, plans, models, effects and files.
 
-``heli3dof --install-completion`` sets the shell up. A function returns the words that start with
-``incomplete``, what was typed so far.
+``heli3dof --install-completion`` sets the shell up. Each function returns the possible words that
+start with ``incomplete``, the text typed so far.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 
 
 def devices(incomplete: str) -> list[str]:
-    """Return URLs: of the rigs found, and the beginnings of those of all drivers."""
+    """Return the URLs of the rigs found, and each driver's URL scheme, such as ``serial:``."""
     from heli3dof.rig.drivers import find_rigs
 
     found = [(scheme, urls) for scheme, urls, _ in find_rigs()]

@@ -22,7 +22,7 @@ AnyDevice = Annotated[
 
 
 def device_or_default(out: Output, device: str | None) -> str:
-    """Return the URL ``device``, or (None) the URL of the only real rig, else of the emulated rig.
+    """Return ``device``; if it is None, the URL of the only real rig, else of the emulated rig.
 
     If this function chooses the emulated rig, it prints a note. Raises UsageError if it finds
     several real rigs, or if no driver can open the URL.

@@ -124,7 +124,10 @@ def _device(recordings: Sequence[Recording]) -> str | None:
 
 
 def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
-    """Return the exercise on whose sealed rig each recording was flown; None if on none."""
+    """Return for each recording its exercise, if it was flown on the rig of an exercise.
+
+    Returns None if no recording was flown on such a rig.
+    """
     from heli3dof.rig.sealed_rig import exercise_of
 
     identities = [r.meta.get("identity") for r in recordings]
@@ -135,7 +138,7 @@ def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
 
 
 def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = False) -> None:
-    """Print the diagnosis ``document`` (that of ``diagnose --json``), ``verbose``: with tables."""
+    """Print a diagnosis from its ``diagnose --json`` document; ``verbose``: also its tables."""
     from heli3dof.report.text.diagnosis_summary import diagnosis_summary
     from heli3dof.report.text.diagnosis_tables import diagnosis_tables
     from heli3dof.report.text.table import Grid, to_rich

@@ -149,5 +149,5 @@ def check(
 
 
 def _as_path(folder: Path) -> str:
-    """Return the folder so that pip does not take it for a package of the index."""
+    """Return the folder as a path with ``./``, which pip cannot take for a package's name."""
     return str(folder) if folder.is_absolute() else f"./{folder}"

@@ -1,4 +1,4 @@
-"""``heli3dof exercise``: sealed rigs for students to diagnose, their answers, and the marks."""
+"""``heli3dof exercise``: emulated rigs with hidden effects for students, their answers, marks."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ def _key(out: Output, path: Path) -> SigningKey:
 
 
 def _truths(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield a line for each exercise of the class: what it hides."""
+    """Yield a line for each exercise of the class: the effects that its rig hides."""
     seen = {r["exercise"]: r for r in rows if r["reason"] is None}
     for exercise, row in sorted(seen.items()):
         hidden = ", ".join(c["name"] for c in row["hidden"]) or "nothing"
@@ -209,9 +209,9 @@ def _truths(rows: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def _table(rows: list[dict[str, Any]]) -> Grid:
-    """Return the table of the marks, by name.
+    """Return the table of the marks: a row per answer, in order of the students' names.
 
-    The exercise is a column only if there are several: `_truths` names it.
+    A column gives the exercise only if the class has several exercises.
     """
     from heli3dof.report.text.table import Grid
 
@@ -234,7 +234,7 @@ def _table(rows: list[dict[str, Any]]) -> Grid:
 
 
 def _names(row: dict[str, Any]) -> str:
-    """Return how many hidden causes the answer names, and the names that are wrong."""
+    """Return as text how many hidden causes the answer names, and its wrong or confounded names."""
     lines = [f"{len(row['right'])} of {len(row['hidden'])}"]
     lines += [f"wrong: {name}" for name in row["wrong"]]
     lines += [f"confounded: {name}" for name in row["confounded"]]
@@ -242,14 +242,17 @@ def _names(row: dict[str, Any]) -> str:
 
 
 def _sizes(row: dict[str, Any]) -> str:
-    """Return each claimed size's relative error, and whether its interval holds the true size."""
+    """Return as text, for each claimed size of an effect, its relative error.
+
+    The text also states whether the claimed interval contains the true size.
+    """
     where = {True: "inside", False: "outside", None: "no interval"}
     lines = [f"{100 * s['relative_error']:.0f} %, {where[s['inside']]}" for s in row["sizes"]]
     return "\n".join(lines) or "–"
 
 
 def _holdout(errors: dict[str, float | None] | None) -> str:
-    """Return the RMSE in degrees of roll, pitch and yaw, as in 0.20/0.30/0.09°."""
+    """Return the held-out RMSE in degrees of roll, pitch and yaw as text: 0.20/0.30/0.09°."""
     if not errors:
         return "–"
     return "/".join(_number(errors.get(axis)) for axis in AXES) + "°"

@@ -1,4 +1,4 @@
-"""``heli3dof fleet``: what the recordings of many rigs say together."""
+"""``heli3dof fleet``: finds changes, differing rigs and bad data in recordings of many rigs."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def fleet(
 
 
 def _show(out: Output, found: Fleet, *, verbose: bool) -> None:
-    """Print the sentences and the table of rigs; with ``verbose`` all quantities and bad data."""
+    """Print the findings and the table of rigs; ``verbose``: all quantities and bad recordings."""
     from heli3dof.report.text.fleet_sentences import finding_sentences, remark_sentences
     from heli3dof.report.text.fleet_tables import bad_table, quantity_tables, rig_table
     from heli3dof.report.text.table import to_rich

@@ -94,7 +94,7 @@ def import_log(
 
 
 def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
-    """Yield what to print of an import's `heli3dof.recording.logs.preview.preview`."""
+    """Yield the table and lines to print on a log, from its `preview` ``found``."""
     from rich.table import Table
 
     table = Table("column", "from", "unit")
@@ -128,7 +128,7 @@ def _row(column: Mapping[str, Any]) -> list[str]:
 
 
 def _profile_table(given: Mapping[str, str], profile: Path | None) -> Iterator[str]:
-    """Yield lines that state how to keep the mapping ``given`` in the profile."""
+    """Yield lines that state how to store the column mapping ``given`` in the rig's profile."""
     from heli3dof.rig.profile_file import literal
 
     yield f"To use this mapping for every log of the rig, add to {profile or 'its profile'}:"

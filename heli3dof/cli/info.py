@@ -60,7 +60,7 @@ def info(
 
 
 def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | None) -> None:
-    """Print a table of at most ``most`` steps of the references, if there are any (None: all)."""
+    """Print a table of the references' steps, if there are any: at most ``most``, None: all."""
     from heli3dof.report.text.comparison_tables import metrics_of
     from heli3dof.report.text.table import to_rich
 

@@ -70,8 +70,8 @@ def check_distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> 
 def check_same_rig(recordings: Sequence[Recording]) -> None:
     """Raise UsageError if the recordings' profiles describe different rigs.
 
-    Geometry, masses, thrust gain and encoders identify a rig. Controller, limits and rest angles
-    may differ.
+    Geometry, masses, inertias, thrust gain and encoder counts identify a rig. Controller, limits
+    and rest angles may differ.
     """
     rigs = [_rig_numbers(r) for r in recordings]
     for r, rig in zip(recordings, rigs, strict=True):

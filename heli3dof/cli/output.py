@@ -100,7 +100,7 @@ class Output:
 def stages(out: Output) -> Iterator[Callable[[str], None]]:
     """Context manager: yields a function that displays a text on what a computation is doing.
 
-    On a terminal a spinner shows the text. Otherwise each text is printed as a line, but no counts
+    On a terminal a spinner shows the text. Otherwise each text is printed as a line, except counts
     such as "Screening … flights: 31 of 64".
     """
     if out.quiet or not live_allowed():

@@ -206,7 +206,10 @@ def update(
 
 
 def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> None:
-    """Store the hover voltage computed from the masses in ``data``, its comment in ``remarks``."""
+    """Compute the hover voltage from the masses; store it in the profile ``data``.
+
+    A comment on this value is stored in ``remarks``.
+    """
     from heli3dof.rig.profile import profile_from_dict
     from heli3dof.rig.profile_file import put
     from heli3dof.rig.profile_remarks import estimated_hover_voltage
@@ -220,7 +223,7 @@ def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> Non
 
 
 def _design_gain(data: dict[str, Any], remarks: dict[str, str]) -> None:
-    """Design an LQR gain; store it in the profile ``data``, and a comment on it in ``remarks``.
+    """Design an LQR controller's gain; store it in the profile ``data``, a comment in ``remarks``.
 
     If the designed gain equals the default gain, the key ``controller.K`` is removed instead.
     """
@@ -273,9 +276,10 @@ def _report(
     with_loop: bool = True,
     **more: Any,
 ) -> list[str]:
-    """Print the loop's poles, margins, step responses; return warnings. ``more``: JSON entries.
+    """Print the control loop's poles, margins and step responses; return the warnings.
 
-    Without ``with_loop``, nothing is printed on the loop, which only the JSON document then has.
+    Without ``with_loop``, only the JSON document describes the loop. ``more``: further entries of
+    the JSON document.
     """
     from heli3dof.rig.profile_remarks import unusual_values
 

@@ -1,8 +1,8 @@
 """Show a flight live: angles against references, voltages, limits, lateness, time left.
 
-In a terminal of at least 80 × 24 characters it is a screen of moving traces, in a smaller one a
-line; without a terminal, a line is printed every `PRINT_EVERY_S`. A thread of its own draws, from
-the control loop's state. It yields Python's interpreter lock to the loop within
+A terminal of at least 80 × 24 characters shows a screen of moving traces, a smaller one a line.
+Without a terminal, a line is printed every `PRINT_EVERY_S`. A separate thread draws the state of
+the control loop. This thread yields Python's interpreter lock to the loop within
 `heli3dof.experiment.control_loop.realtime_priority.SWITCH_S`.
 """
 
@@ -33,7 +33,7 @@ HOW_TO_STOP = "Ctrl-C ramps the motors to zero; heli3dof estop stops them at onc
 def progress(out: Output, live: Live, name: str, profile: Profile) -> Iterator[None]:
     """Context manager: shows a flight's progress; nothing with ``--quiet``.
 
-    ``live``: the loop's progress; ``name``: the plan's name; ``profile``: the rig's.
+    ``live``: the control loop's state; ``name``: the plan's name; ``profile``: the rig's profile.
     """
     if out.quiet:
         yield
@@ -81,14 +81,14 @@ def _printing(out: Output, view: FlightView) -> Iterator[None]:
 
 
 class FlightView:
-    """The screen or line that shows a flight; collects its traces."""
+    """The screen or line that shows a flight live; it collects the traces of the angles."""
 
     def __init__(self, console: Console, live: Live, name: str, profile: Profile) -> None:
         self.console, self.live, self.name, self.profile = console, live, name, profile
         self.traces = Traces()
 
     def render(self) -> RenderableType:
-        """Return what the terminal shows now."""
+        """Return the present screen, or a line if the terminal is too small for it."""
         from rich.cells import cached_cell_len
         from rich.console import Group
         from rich.text import Text
@@ -126,7 +126,7 @@ class FlightView:
         )
 
     def _time(self) -> str:
-        """Return the seconds that were flown, and those of the whole plan."""
+        """Return as text the seconds flown so far, and the duration of the plan."""
         done, total = (n * self.profile.dt for n in (self.live.done, self.live.total))
         return f"{done:.0f} of {total:.0f} s"
 

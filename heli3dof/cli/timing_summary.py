@@ -58,7 +58,10 @@ def timing_note(outcome: Outcome) -> str:
 
 
 def latency_text(latency: Mapping[str, Any]) -> str:
-    """Return the time from command to echo (ms, periods) as text: median, 99.9 %, maximum."""
+    """Return the latency (ms, periods) as text: median, 99.9 % quantile, maximum.
+
+    It is the time from sending a voltage command to its echo by the rig.
+    """
     return ", ".join(
         f"{name} {_ms(latency[f'{key}_s'])} ({_periods(latency[f'{key}_periods'])})"
         for name, key in (("median", "median"), ("99.9 %", "p999"), ("maximum", "worst"))
@@ -66,7 +69,10 @@ def latency_text(latency: Mapping[str, Any]) -> str:
 
 
 def unacknowledged_text(latency: Mapping[str, Any]) -> str:
-    """Return a text: how many commands the next sample did not echo, and how many no sample did."""
+    """Return as text how many voltage commands the next sample did not echo.
+
+    The text also states how many commands no sample echoed.
+    """
     never = latency["commands_never_echoed"]
     return (
         f"{latency['commands_unacknowledged']} of {latency['commands']} commands not echoed by "

@@ -86,7 +86,7 @@ def scale(values: Sequence[float]) -> tuple[float, float]:
 
 
 def levels(values: Sequence[float], low: float, high: float) -> list[int | None]:
-    """Return the row of dots of each value, 0 at ``high``; None for NaN."""
+    """Return the row of dots of each value: 0 at ``high``, the last at ``low``; None for NaN."""
     last = 4 * ROWS - 1
     return [None if v != v else round((high - v) / (high - low) * last) for v in values]
 
@@ -94,7 +94,10 @@ def levels(values: Sequence[float], low: float, high: float) -> list[int | None]
 def drawn(
     x: Sequence[int], angle: Sequence[int | None], reference: Sequence[int | None], width: int
 ) -> list[Text]:
-    """Return `ROWS` lines of ``width`` braille characters: angle and reference at the columns x."""
+    """Return `ROWS` lines of ``width`` braille characters that show an angle and its reference.
+
+    ``x``: columns of dots; ``angle``, ``reference``: the rows of dots at these columns.
+    """
     from rich.text import Text
 
     cells = [[0] * width for _ in range(ROWS)]

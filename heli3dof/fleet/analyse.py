@@ -1,4 +1,4 @@
-"""Analyse the rows of a batch: estimates, changes and differing rigs of each quantity."""
+"""Analyse a batch's results table: estimates, changes and differing rigs of each quantity."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from heli3dof.fleet.tracks import (
 
 
 def analyse(rows: Sequence[Row]) -> Fleet:
-    """Return what the rows of a batch have in common (`heli3dof.fleet.rows.read_rows`).
+    """Return each quantity's estimates, changes and differing rigs from a batch's table ``rows``.
 
-    Raises RecordingError if no recording can be used.
+    `heli3dof.fleet.rows.read_rows` reads the rows. Raises RecordingError if none can be used.
     """
     bad = bad_recordings(rows)
     names = quantities_of(rows)
@@ -59,9 +59,10 @@ def _quantity(name: str, tracks: Sequence[Track], quantities: int, plan: str) ->
 
 
 def _rig(track: Track, siblings: Sequence[Track], quantities: int, plan: str) -> RigQuantity:
-    """Return a rig's changes in one of its ``quantities``, and the estimate since the last step.
+    """Return the changes in a ``track``, and the estimate of its quantity since the last step.
 
-    The estimate is from flights of ``plan``, or without any from those of the rig's own main plan.
+    ``siblings``: tracks of the other rigs; ``quantities``: number of the rig's quantities. The
+    estimate is from flights of ``plan``, or else of the plan that is most frequent in the track.
     """
     changes = find_changes(
         track.t, track.y, track.s, track_prior(quantities), track.plans, sibling_scale(siblings)

@@ -29,7 +29,7 @@ which the weighted mean of their plan is subtracted::
     δ | x, a, g, d, y ~ Student t with ν + d degrees of freedom, mean B·Sxy,
                         scale² B·(R + dφ₀²)/(ν + d)
 
-A step at a change of plan has Sxx = 0: the flights cannot tell one from the other.
+A step at a change of plan has Sxx = 0, because the flights cannot distinguish the two.
 
 The constant has g = 0. For two steps, Sxx is a matrix and Sxy a vector: 1 + g²Sxx becomes
 det(I + g²Sxx), and Sxy²·B becomes Sxyᵀ(Sxx + I/g²)⁻¹Sxy. Sums over a, g, d and the flights of a
@@ -88,7 +88,10 @@ class Prior:
 
 @dataclass(frozen=True)
 class Scale:
-    """What the sibling rigs say of φ²: d·φ₀²/χ²_d with d = `freedom`, or `UNLIKE` with d = 1."""
+    """Prior distribution d·φ₀²/χ²_d of φ² from the sibling rigs.
+
+    d is `freedom`, or with the probability `UNLIKE` it is 1.
+    """
 
     variance: float
     """φ₀² > 0, in the squared unit of y"""
@@ -98,14 +101,17 @@ class Scale:
 
 @dataclass(frozen=True, eq=False)
 class ChangePosterior:
-    """Posterior probabilities of each change in n flights, and the size δ of each.
+    """Posterior probability and size δ of each possible change in n flights.
 
-    The models of a kind: steps before flights 2 … n − 2; pairs of steps; one drift; n deviating
-    flights.
+    Each possible change is a model: steps before flights 2 … n − 2, pairs of steps, one drift, n
+    deviating flights.
     """
 
     places: Places
-    """Kind → for each model, the flight that a step precedes, those of two, the deviating flight"""
+    """Kind → for each model, the flights at which it has the change.
+
+    They are the first flight after each step, flight 0 for a drift, or the deviating flight.
+    """
     constant: float
     """Probability that nothing changed"""
     probability: Mapping[str, FloatArray]
@@ -116,7 +122,7 @@ class ChangePosterior:
     """Kind, without ``two_steps`` → posterior standard deviation of δ for each model"""
 
     def kind(self, name: str) -> float:
-        """Return the probability of a kind of `KINDS`."""
+        """Return the probability of the kind of change ``name``, one of `KINDS`."""
         return float(self.probability[name].sum())
 
     @property
@@ -125,7 +131,7 @@ class ChangePosterior:
         return max(KINDS, key=self.kind)
 
     def best(self, kind: str) -> int:
-        """Return the index of the most probable model of a kind."""
+        """Return the index of the most probable model of a kind of change."""
         return int(np.argmax(self.probability[kind]))
 
 
@@ -136,7 +142,8 @@ def change_posterior(
     """Return the probabilities of all changes in n flights of P plans, n − P ≥ 3.
 
     ``y``, ``s`` (n,): values and standard deviations s > 0; ``t`` (n,): times in any unit, growing;
-    ``plans`` (n,): the plan of each flight, by default the same.
+    ``plans`` (n,): the plan of each flight, by default one for all; ``scale``: prior of φ² from the
+    sibling rigs.
     """
     from scipy.special import gammaln, logsumexp
 
@@ -208,7 +215,10 @@ def change_posterior(
 
 
 def _log_sum(each: FloatArray) -> FloatArray:
-    """Return the logarithm of the mean of exp(``each``) over d, g and a, for each model."""
+    """Return for each model the logarithm of its evidence, averaged over d, g and a.
+
+    ``each`` (d, g, a, model): logarithm of the evidence for given d, g and a.
+    """
     rows = each.reshape(int(np.prod(each.shape[:-1])), each.shape[-1])
     total: FloatArray = np.logaddexp.reduce(rows, axis=0) - np.log(len(rows))
     return total
@@ -235,7 +245,10 @@ def _two_steps(
 
 
 def change_places(n: int) -> Places:
-    """Return kind → the flights of each model of n flights, as in `ChangePosterior.places`."""
+    """Return kind of change → the flights at which each of its models has the change.
+
+    The keys and values are those of `ChangePosterior.places`; ``n``: number of flights.
+    """
     firsts = range(LEAST_SIDE, n - LEAST_SIDE + 1)
     grid = firsts[:: -(-len(firsts) // MOST_BOUNDARIES)]
     return {
@@ -247,7 +260,10 @@ def change_places(n: int) -> Places:
 
 
 def regressors(kind: str, places: Places, t: FloatArray) -> FloatArray:
-    """Return the regressors (models, n) of a kind with one size, for flights at ``t`` (n,)."""
+    """Return the regressors x (models, n) of a kind of change with one size δ.
+
+    ``kind``: one of `SINGLE`; ``t`` (n,): times of the flights.
+    """
     flights, at = np.arange(len(t)), np.array(places[kind])
     if kind == "drift":
         time = t - t[0] if t[-1] > t[0] else flights.astype(float)

@@ -7,9 +7,10 @@ proposes candidates first, and each is tested in the absence of the other candid
 the date, size and probability of each step are computed from the flights between its neighbours.
 
 A change is reported if its probability is at least `REPORTED`. Prior probabilities come from
-`CHANGES_PER_RIG_TERM`, divided by the rig's number of quantities. Among tracks without a change, a
-calibrated posterior reports at most the share π·(1 − p)/p, with π the prior and p = `REPORTED`: one
-report in 20 is false. For a rig with all its quantities, this is 0.15 · 0.05/0.95 = 0.8 %.
+`CHANGES_PER_RIG_TERM`, divided by the rig's number of quantities. A track (one quantity of one rig)
+without a change gets a false report with a probability of at most π·(1 − p)/p. Here π is the prior
+probability of a change, p is `REPORTED`, and the posterior is calibrated: one report in 20 is
+false. For a rig with all its quantities, this is 0.15 · 0.05/0.95 = 0.8 %.
 """
 
 from __future__ import annotations
@@ -33,30 +34,32 @@ from heli3dof.fleet.change_posterior import (
 REPORTED = 0.95
 """Least probability of a reported change: at most one report in 20 is false (a convention)"""
 CHANGES_PER_RIG_TERM = Prior(step=1 / 40, two_steps=1 / 40, drift=1 / 20, deviating=1 / 20)
-"""Expected changes of a rig in a term, in all its quantities. Chosen: a room of twenty rigs sees
-one step, one drift and one deviating flight a term. Half of the steps come in pairs (a repair)."""
+"""Expected changes of a rig in a semester, in all its quantities. Chosen: a room of twenty rigs
+has one step, one drift and one deviating flight a semester. Half of the steps come in pairs (a
+repair)."""
 LEAST_FLIGHTS = 8
 """Flights that a search needs: the least number for which the calibration is tested"""
 DATES = 0.95
 """Probability that the stated dates of a step contain the true one (a convention)"""
 MOST_DEVIATING = 0.2
-"""Share of flights that may deviate; beyond it the others are no reference. Chosen."""
+"""Largest share of deviating flights: with more, the others would be no reference. Chosen."""
 HAMPEL_WIDTH = 5
-"""Flights of the running median: keeps a step of two flights at an end (a convention)"""
+"""Flights in the running median of the Hampel filter, which keeps two flights after a step at an
+end of the series (a convention)"""
 HAMPEL_SIGMAS = 5.0
-"""Proposed flights deviate by more standard deviations. Chosen: only proposes, and the posterior
-decides"""
+"""Standard deviations from the running median above which the Hampel filter proposes a flight as
+deviating. Chosen; the posterior decides."""
 MAD_TO_STD = 1.4826
 """Standard deviation over median absolute deviation of a normal distribution: 1/Φ⁻¹(¾)"""
 REFINEMENTS = 5
-"""Passes over the steps for each step; the second already changes few. Chosen."""
+"""Most passes over all steps, per step; the second already changes few dates. Chosen."""
 NORMAL_95 = 1.96
 """Half width of a 95 % interval in standard deviations"""
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change of a quantity. Flights have the indices of the arrays searched."""
+    """A change of a quantity. Flights are given by their index in the arrays that were searched."""
 
     kind: str
     """``step``, ``drift`` or ``deviating``"""
@@ -69,15 +72,18 @@ class Change:
     kinds: Mapping[str, float]
     """Probability of each kind; they sum to ``probability``"""
     dates: Mapping[int, float]
-    """Step: first flight after it → its probability, if it is a step; the likeliest, 95 %"""
+    """For a step: first flight after it → probability; the likeliest flights, together 95 %"""
     size: float
-    """In the quantity's unit; of a drift, between its first and last flight"""
+    """Size of the change in the quantity's unit; of a drift, from its first to its last flight"""
     interval: tuple[float, float]
     """95 % limits of ``size``"""
 
 
 def track_prior(quantities: int) -> Prior:
-    """Return the prior of one of a rig's ``quantities``."""
+    """Return the prior probabilities of changes in one quantity of a rig.
+
+    ``quantities``: number of the rig's quantities.
+    """
     return CHANGES_PER_RIG_TERM.scaled(1 / quantities)
 
 
@@ -89,7 +95,8 @@ def find_changes(
 
     ``t``, ``y``, ``s`` (n,): growing times, values, standard deviations. Without ``s``, the search
     is on the normal scores of the values, because no normal distribution can be assumed. ``plans``
-    (n,): the plan of each flight, by default the same; ``scale``: what the siblings say of it.
+    (n,): the plan of each flight, by default one for all; ``scale``: prior of the variance of one
+    flight from the sibling rigs.
     """
     series = _Series(t, y, s, prior, np.zeros(len(y), int) if plans is None else plans, scale)
     deviating = list(_candidates(series))
@@ -118,11 +125,14 @@ class _Series:
     scale: Scale | None
 
     def is_searchable(self, flights: np.ndarray) -> bool:
-        """Return True if there are enough of these flights; each further plan takes one more."""
+        """Return True if ``flights`` has `LEAST_FLIGHTS` flights, and one more per further plan."""
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:
-        """Return the posterior of these flights; the prior of a part is smaller in proportion."""
+        """Return the posterior of changes in ``flights``, a part of the series.
+
+        The prior probabilities are multiplied by this part's share of all flights.
+        """
         t, y, plans = self.t[flights], self.y[flights], self.plans[flights]
         prior = self.prior.scaled(len(flights) / len(self.y))
         if self.s is not None:
@@ -145,7 +155,10 @@ def normal_scores(y: FloatArray) -> FloatArray:
 
 
 def _candidates(series: _Series) -> Iterator[Change]:
-    """Yield the flights that a Hampel filter proposes, and that deviate from those not proposed."""
+    """Yield the deviating flights: proposed by a Hampel filter, and confirmed by the posterior.
+
+    The posterior of each is computed from the flight and those that the filter does not propose.
+    """
     from scipy.ndimage import median_filter
 
     n = len(series.y)
@@ -166,7 +179,10 @@ def _candidates(series: _Series) -> Iterator[Change]:
 
 
 def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
-    """Yield the change of these flights; of a step, also the changes on both sides."""
+    """Yield the most probable change in ``flights``; for a step, also the changes on both sides.
+
+    Yields nothing if the flights are too few, or if a change is less probable than `REPORTED`.
+    """
     if not series.is_searchable(flights):
         return
     posterior = series.posterior(flights)
@@ -185,7 +201,10 @@ def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
 
 
 def _single(series: _Series, flights: np.ndarray) -> Change | None:
-    """Return the most probable change with one size; None if constant flights are too probable."""
+    """Return the most probable change other than two steps.
+
+    Returns None if the probability of a change is below `REPORTED`.
+    """
     posterior = series.posterior(flights)
     if 1 - posterior.constant < REPORTED:
         return None
@@ -193,9 +212,10 @@ def _single(series: _Series, flights: np.ndarray) -> Change | None:
 
 
 def _refined(series: _Series, kept: np.ndarray, steps: list[Change]) -> list[Change]:
-    """Return the steps as computed from the flights between their neighbours, if still probable.
+    """Return the steps, each computed again from the flights between its neighbouring steps.
 
-    The dates converge first. Then the least probable step goes, if it is not probable enough.
+    Once the dates no longer change, the least probable step below `REPORTED` is removed. Both are
+    repeated until all steps are probable enough.
     """
     for _ in range(REFINEMENTS * len(steps)):
         before = [c.first for c in steps]
@@ -216,7 +236,10 @@ def _refined(series: _Series, kept: np.ndarray, steps: list[Change]) -> list[Cha
 def _change(
     posterior: ChangePosterior, flights: np.ndarray, kind: str, before: int | None = None
 ) -> Change:
-    """Return the change of a kind; a step ``before`` this flight of ``flights`` if it is given."""
+    """Return the most probable change of this ``kind`` in ``flights``.
+
+    ``before``: index in ``flights`` of the first flight after a given step.
+    """
     model = posterior.best(kind)
     size, std = posterior.size[kind], posterior.size_std[kind]
     value, variance = float(size[model]), float(std[model]) ** 2
@@ -242,9 +265,10 @@ def _change(
 
 
 def _dates(share: FloatArray, flights: np.ndarray) -> dict[int, float]:
-    """Return the first flights after a step that have the probability `DATES`, the likeliest.
+    """Return first flight after the step → its probability, for the most probable flights.
 
-    ``share``: probability of each step, from that before flight 2 of ``flights``.
+    Together they have at least the probability `DATES`. ``share``: probability of a step before
+    each of ``flights``, from index 2 on.
     """
     order = np.argsort(-share, kind="stable")
     many = int(np.searchsorted(np.cumsum(share[order]), DATES)) + 1

@@ -12,13 +12,13 @@
     differing[]        rig, quantity, difference, std, p_value
     bad_recordings[]   recording, rig, reason
 
-An estimate has ``value std interval scatter flights``: all in the quantity's unit, with 95 %
-intervals; ``scatter`` is that between flights, in ``fleet`` that between rigs. ``own`` holds each
-flight's estimate, shrunken towards the rig's mean; both are from flights of ``plan`` (null: none is
-stated). A flight is ``recording``, ``day`` (days since
-1970-01-01 UTC; null if the order is that of the names). ``kinds`` gives the probability of each
-kind of change, ``p_value`` the chance of such a difference if all rigs are alike.
-Undefined numbers are null.
+An estimate has ``value std interval scatter flights``, in the quantity's unit: the 95 % interval,
+the scatter between flights (in ``fleet``: between rigs), and the number of flights (or rigs).
+``own`` holds each flight's estimate, shrunken towards the rig's mean. A rig's ``estimate`` and
+``own`` are from flights of ``plan`` (null: the recordings state none). A flight is ``recording``,
+``day`` (days since 1970-01-01 UTC; null if the flights are ordered by name). ``kinds`` gives the
+probability of each kind of change, ``p_value`` the chance of such a difference if all rigs are
+alike. Undefined numbers are null.
 """
 
 from __future__ import annotations
@@ -87,7 +87,10 @@ def _estimate(e: Estimate) -> dict[str, Any]:
 
 
 def _own(r: RigQuantity) -> list[dict[str, Any]]:
-    """Return the estimate of each flight since the last step; empty without deviations."""
+    """Return each flight's estimate since the last step; empty without standard deviations.
+
+    Also empty for a single flight.
+    """
     if r.track.s is None or r.estimate.n < 2:
         return []
     value, std = shrunken(r.track.y[r.present], r.track.s[r.present], r.estimate)

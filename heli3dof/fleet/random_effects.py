@@ -1,4 +1,4 @@
-"""Estimate of one quantity from several measurements that also scatter among themselves.
+"""Estimate of one quantity from several measurements that have errors, and scatter between them.
 
 Random-effects model of n measurements yᵢ with standard deviations sᵢ, all in the quantity's unit::
 
@@ -9,8 +9,8 @@ Random-effects model of n measurements yᵢ with standard deviations sᵢ, all i
 expected value n − 1 at the true τ², and falls as τ² grows. So τ² is the root of Q(τ²) = n − 1, or
 0 if Q(0) < n − 1 (Paule and Mandel, J. Res. NBS 87, 1982).
 
-The interval of θ is θ̂ ± t(n−1) · √(Q/(n−1)/Σwᵢ) (Hartung and Knapp, Stat. Med. 20, 2001). With
-equal sᵢ it is the t interval of the mean, whatever the sᵢ are. Without sᵢ (sᵢ = 0), too.
+The interval of θ is θ̂ ± t(n−1) · √(Q/(n−1)/Σwᵢ) (Hartung and Knapp, Stat. Med. 20, 2001). If all sᵢ
+are equal, or unknown (sᵢ = 0), it is the t interval of the mean.
 
 One measurement's own value θ + bᵢ has the estimate θ̂ + B(yᵢ − θ̂) with B = τ²/(τ² + sᵢ²) and the
 variance B·sᵢ² + (1 − B)²·var θ̂.
@@ -70,7 +70,10 @@ def random_effects(y: FloatArray, s: FloatArray) -> Estimate:
 
 
 def scatter_variance(y: FloatArray, s: FloatArray) -> float:
-    """Return τ² by Paule and Mandel, for two or more measurements ``y`` (n,) with ``s`` (n,)."""
+    """Return τ² by Paule and Mandel's method, for two or more measurements.
+
+    ``y``, ``s`` (n,): values and standard deviations.
+    """
     from scipy.optimize import brentq
 
     n = len(y)
@@ -101,9 +104,9 @@ def _weights(s: FloatArray, variance: float) -> FloatArray:
 
 
 def shrunken(y: FloatArray, s: FloatArray, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-    """Return the estimates (n,) of the measurements' own values, and their standard deviations.
+    """Return the estimates (n,) of the values θ + bᵢ, and their standard deviations (n,).
 
-    ``estimate``: θ̂ and τ of these measurements, two or more.
+    ``estimate``: θ̂ and τ of the measurements ``y`` with ``s``, two or more.
     """
     total = s**2 + estimate.scatter**2
     share = np.divide(estimate.scatter**2, total, out=np.zeros_like(s), where=total > 0)

@@ -1,4 +1,4 @@
-"""The result classes of `fleet`: of the fleet, of each quantity, of each rig's track."""
+"""The result classes of `heli3dof.fleet.analyse`: of the fleet, a quantity, a rig's quantity."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class RigQuantity:
-    """One quantity of one rig."""
+    """Results on one quantity of one rig: its values, changes, estimate and difference."""
 
     track: Track
     changes: tuple[Change, ...]
@@ -35,23 +35,26 @@ class RigQuantity:
     """Difference from the siblings, if the rig differs"""
 
     def has(self, kind: str) -> bool:
-        """Return True if a change of this kind was found."""
+        """Return True if the quantity has a change of this ``kind``, such as "step"."""
         return any(c.kind == kind for c in self.changes)
 
 
 @dataclass(frozen=True, eq=False)
 class FleetQuantity:
-    """One quantity of all rigs that have it."""
+    """Results on one quantity: those of each rig that has it, and the mean of the fleet."""
 
     name: str
     rigs: tuple[RigQuantity, ...]
     fleet: Estimate | None
-    """Mean of the rigs that do not differ, with their scatter; None if none has a standard error"""
+    """Mean of the rigs that do not differ, and the scatter between these rigs.
+
+    None if no rig has a standard error.
+    """
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fleet(Result):
-    """The result of `heli3dof.fleet.analyse`: what the recordings of a fleet have in common."""
+    """The result of `heli3dof.fleet.analyse`: the results on each quantity, and the bad data."""
 
     recordings: int
     plan: str
@@ -66,22 +69,25 @@ class Fleet(Result):
 
     @property
     def undated(self) -> tuple[str, ...]:
-        """Return the rigs whose flights are in the order of their names."""
+        """Return the rigs whose flights are ordered by name, because start times are missing."""
         return tuple(sorted({r.track.rig for r in self.tracks() if not r.track.dated}))
 
     def tracks(self) -> Iterator[RigQuantity]:
-        """Yield each quantity of each rig."""
+        """Yield the results on each quantity of each rig."""
         for quantity in self.quantities:
             yield from quantity.rigs
 
     def changes(self) -> list[tuple[Track, Change]]:
-        """Return all changes: steps, drifts, deviating flights; the most probable first."""
+        """Return (track, change) of all steps, then drifts, then deviating flights.
+
+        In each kind, the most probable change comes first.
+        """
         found = [(r.track, c) for r in self.tracks() for c in r.changes]
         kinds = ("step", "drift", "deviating")
         return sorted(found, key=lambda tc: (kinds.index(tc[1].kind), -tc[1].probability))
 
     def differences(self) -> list[tuple[str, Difference]]:
-        """Return (quantity, difference) of all rigs that differ, the clearest first."""
+        """Return (quantity, difference) of all rigs that differ, smallest p-value first."""
         found = [(r.track.quantity, r.difference) for r in self.tracks() if r.difference]
         return sorted(found, key=lambda qd: qd[1].p_value)
 
@@ -98,14 +104,14 @@ class Fleet(Result):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fleet as ``fleet --json`` prints it."""
+        """Return the JSON document that ``heli3dof fleet --json`` prints."""
         return fleet_document(self)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas data frame with a row per rig and quantity.
 
-        Columns: ``value``, ``low``, ``high``, ``scatter``, ``flights``. Raises UsageError if pandas
-        is missing.
+        Columns: the estimate's ``value``, its 95 % limits ``low`` and ``high``, the ``scatter``
+        between flights, and the number of ``flights``. Raises UsageError if pandas is missing.
         """
         rows = []
         for r in self.tracks():

@@ -1,4 +1,4 @@
-"""The rows of a batch's table that a fleet needs: one dict per recording."""
+"""Read a batch's results table for the analysis of a fleet: one dict per recording."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NEEDED = ("recording", "rig", "exit_code")
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows of a batch's folder, without bootstrap replicates; an empty cell is None.
+    """Return the rows of a batch's results table without bootstrap replicates; empty cell: None.
 
     Raises UsageError if the table is missing, RecordingError if it cannot be used.
     """

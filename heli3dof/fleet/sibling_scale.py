@@ -1,12 +1,13 @@
-"""Scatter of a quantity from flight to flight, as the sibling rigs show it.
+"""Prior for a quantity's variance from flight to flight, estimated from the sibling rigs.
 
-Few flights of one rig say little of its standard deviation φ, and rigs of one kind scatter alike.
-Each sibling r has an estimate of φ² from the differences of successive flights of one plan, in
-which a step counts once only (von Neumann, Ann. Math. Stat. 12, 1941)::
+A few flights of one rig hardly determine its standard deviation φ, but rigs of one kind scatter
+alike. Each sibling r has an estimate of φ² from the differences of successive flights of one plan.
+A step is in only one of these differences (von Neumann, Ann. Math. Stat. 12, 1941)::
 
     q_r = mean of (yᵢ₊₁ − yᵢ)²/2 over n_r differences,   f_r = 2n_r²/(3n_r − 1) degrees of freedom
 
-If φ² of the rigs is distributed as d·φ₀²/χ²_d, ln q_r has mean and variance::
+If φ² of the rigs is distributed as d·φ₀²/χ²_d, ln q_r has a mean E and variance V with the digamma
+and trigamma functions ψ and ψ'::
 
     E = ln φ₀² + ψ(f_r/2) − ln(f_r/2) − ψ(d/2) + ln(d/2),   V = ψ'(f_r/2) + ψ'(d/2)
 
@@ -25,15 +26,15 @@ from heli3dof.fleet.change_posterior import Scale
 from heli3dof.fleet.tracks import Track
 
 LEAST_SIBLINGS = 5
-"""Siblings whose scatter has a scatter that can be estimated. Chosen."""
+"""Fewest siblings from which the distribution of φ² over the rigs is estimated. Chosen."""
 LEAST_DIFFERENCES = 4
-"""Differences of a sibling that count; fewer give f_r < 3. Chosen."""
+"""Fewest differences n_r with which a sibling counts; fewer give f_r < 3. Chosen."""
 MAD_TO_STD = 1.4826
 """Standard deviation over median absolute deviation of a normal distribution: 1/Φ⁻¹(¾)"""
 
 
 def sibling_scale(siblings: Sequence[Track]) -> Scale | None:
-    """Return what the ``siblings`` say of φ² of one more rig; None if they are too few."""
+    """Return the prior of φ² of one more rig from its ``siblings``; None if they are too few."""
     from scipy.special import digamma, polygamma
 
     found = [d for d in map(_differences, siblings) if len(d) >= LEAST_DIFFERENCES and d.any()]
@@ -52,7 +53,7 @@ def sibling_scale(siblings: Sequence[Track]) -> Scale | None:
 
 
 def _differences(track: Track) -> np.ndarray:
-    """Return y of each flight minus that of the flight before, if it has the same plan."""
+    """Return the differences in y between successive flights of the same plan."""
     return np.asarray(np.diff(track.y)[track.plans[1:] == track.plans[:-1]])
 
 

@@ -6,7 +6,8 @@ deviation S, the mean of their squared standard errors v². For a rig like its s
     z = (θ̂ᵣ − θ̄)/√(S²·(1 + 1/(R − 1)) + max(vᵣ² − v², 0)) ~ Student t with R − 2 degrees of freedom
 
 S² contains the scatter between rigs and v². With equally many flights on each rig, this is the
-exact prediction of one more normal value. A rig with fewer flights has its larger error added.
+exact prediction of one more normal value. For a rig with fewer flights, max(vᵣ² − v², 0) adds its
+larger error.
 
 The p-value of z is multiplied by the number of rigs and of quantities (Bonferroni). Two differing
 rigs would hide each other, so the search removes the most deviating rig, and tests the next against
@@ -25,11 +26,11 @@ import numpy as np
 from heli3dof.fleet.random_effects import Estimate, is_known, random_effects
 
 LARGEST_P = 0.05
-"""Chance that any rig of any quantity is named although all rigs are alike (a convention)"""
+"""Chance that any rig is reported in any quantity although all rigs are alike (a convention)"""
 MOST_DIFFERING = 0.25
-"""Share of the rigs that may differ; beyond it the others are no reference. Chosen."""
+"""Largest share of differing rigs: with more, the others would be no reference. Chosen."""
 LEAST_RIGS = 3
-"""Two siblings are the least number that has a scatter"""
+"""Fewest rigs for a test: a rig and two siblings, the least number that has a scatter"""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Difference:
 
 
 def fleet_estimate(rigs: Mapping[str, Estimate]) -> Estimate | None:
-    """Return the estimate of μ, with ω as its scatter; None if no rig has a standard error."""
+    """Return the mean of the rigs, with the scatter between them; None without standard errors."""
     known = [e for e in rigs.values() if is_known(e)]
     return _mean(known) if known else None
 
@@ -73,7 +74,10 @@ def differing_rigs(rigs: Mapping[str, Estimate], quantities: int) -> tuple[Diffe
 
 
 def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Difference:
-    """Return the difference of a rig from the others, with its p-value among so many ``tests``."""
+    """Return the difference of the rig ``name`` from the others, with its p-value.
+
+    ``tests``: number of tests, by which the p-value is multiplied.
+    """
     from scipy.stats import t
 
     rig, others = rigs[name], [e for other, e in rigs.items() if other != name]
@@ -88,7 +92,7 @@ def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Differen
 
 
 def _with_scatter(estimate: Estimate, scatter: float) -> Estimate:
-    """Return the estimate of one flight with the ``scatter`` between flights in its error."""
+    """Return the estimate; if it is from one flight, add the ``scatter`` between flights to std."""
     if estimate.n > 1:
         return estimate
     return replace(estimate, std=hypot(estimate.std, scatter))

@@ -1,9 +1,10 @@
-"""Tracks: one quantity of one rig over its flights, in order of time.
+"""Tracks: the values of one quantity of one rig in its flights, in order of time.
 
-A quantity is a column with a partner ``NAME_std``, or one of `WITHOUT_STD`. A recording is bad data
-if its command failed (``exit_code``), if an integrity check did (``faults``), or if another one has
-the same samples (``digest``). Bad data are in no track. A flight without a finite value, or without
-a standard deviation > 0, is not in the track of that quantity.
+A quantity is a column of the batch's results table with a partner ``NAME_std``, or one of
+`WITHOUT_STD`. A recording is bad data if the verb failed (``exit_code``), if an integrity check
+failed (``faults``), or if an earlier recording has the same samples (``digest``). No track contains
+bad data. A flight without a finite value of a quantity, or without a standard deviation > 0, is not
+in the track of that quantity.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class BadRecording:
-    """A recording that is not used, and why."""
+    """A recording that is not used because it is bad data, and the reason."""
 
     recording: str
     rig: str
@@ -39,7 +40,7 @@ class BadRecording:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """A quantity of a rig over n flights in order of time."""
+    """The values of one quantity of one rig in n flights, in order of time."""
 
     rig: str
     quantity: str
@@ -72,13 +73,13 @@ def usable_rows(rows: Sequence[Row]) -> list[Row]:
 
 
 def main_plan(rows: Sequence[Row]) -> str:
-    """Return the plan of most of the usable rows; empty if most have none."""
+    """Return the most frequent plan of the usable rows; empty if most rows have no plan."""
     plans = Counter(map(_plan, sorted(usable_rows(rows), key=_plan)))
     return plans.most_common(1)[0][0] if plans else ""
 
 
 def _reasons(rows: Sequence[Row]) -> list[str]:
-    """Return for each row why it is bad data; empty for the others."""
+    """Return for each row the reason why it is bad data; an empty text for a usable row."""
     reasons, first = [], dict[str, str]()
     for row in rows:
         reason, digest = _reason(row), row.get("digest")
@@ -113,7 +114,7 @@ def quantities_of(rows: Sequence[Row]) -> tuple[str, ...]:
 
 
 def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ...]:
-    """Return the tracks of all rigs, in order of the rigs' names; none is empty."""
+    """Return the tracks of all rigs that have a flight, in order of the rigs' names."""
     rigs: dict[str, list[Row]] = {}
     for row in usable_rows(rows):
         rigs.setdefault(rig_of(row), []).append(row)
@@ -127,9 +128,9 @@ def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ..
 
 
 def _in_order(rows: Sequence[Row]) -> tuple[list[Row], list[float] | None]:
-    """Return rows in order of time and their starts in days; by name, None if a start is missing.
+    """Return the rows in order of time, and their starts in days since 1970-01-01 UTC.
 
-    Equal starts would be no order, so they count as missing if all are equal.
+    If a start is missing, or if all are equal, the rows are ordered by name, and starts is None.
     """
     named = sorted(rows, key=_name)
     starts = {id(row): _start(row.get("started_utc")) for row in named}
@@ -173,7 +174,10 @@ def _track(
 
 
 def _value(row: Row, quantity: str) -> tuple[float, float] | None:
-    """Return value and standard deviation (0 if the quantity has none); None if not usable."""
+    """Return a row's value and standard deviation of a quantity; None if they are not usable.
+
+    The standard deviation is 0 for a quantity `WITHOUT_STD`.
+    """
     with_std = quantity not in WITHOUT_STD
     value, std = row.get(quantity), row.get(quantity + STD) if with_std else 0.0
     if not isinstance(value, float | int) or not isinstance(std, float | int):

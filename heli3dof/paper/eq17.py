@@ -55,7 +55,10 @@ def poles() -> np.ndarray:
 
 
 def dc_gains_deg() -> np.ndarray:
-    """Return the DC gains of eq (17), printed or corrected, in °/V, (2, 3): motor, angle."""
+    """Return the DC gains of eq (17) in °/V, (2, 3): motor, angle.
+
+    The correction of T_11 does not change them.
+    """
     return numerators_deg()[:, :, -1] / DENOMINATOR[-1]
 
 

@@ -39,7 +39,10 @@ class Reproduced:
 
 
 def paper_step(profile: Profile | None = None) -> LoopTask:
-    """Return the paper's simulation, a 10° roll step from level hover; default: Table I's rig."""
+    """Return the simulation task of the paper: a 10° roll step from level hover.
+
+    ``profile``: the rig's profile, by default that of Table I's rig.
+    """
     profile = profile or default_profile()
     n = round(DURATION_S / profile.dt) + 1
     return LoopTask(

@@ -1,6 +1,6 @@
-"""The verbs that a batch can run on each recording: every module of this folder has one.
+"""The verbs that ``heli3dof batch`` can run on each recording, one per module of this folder.
 
-The module defines ``ANALYSIS``, an `Analysis`.
+Each module defines the constant ``ANALYSIS``, an `Analysis`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ __all__ = ["Analysis", "Job", "analyses", "analysis"]
 
 @cache
 def analyses() -> dict[str, Analysis]:
-    """Return name → verb."""
+    """Return name → `Analysis` of every verb."""
     modules = [
         importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__)
     ]
@@ -25,5 +25,5 @@ def analyses() -> dict[str, Analysis]:
 
 
 def analysis(name: str) -> Analysis:
-    """Return the verb of this name; raises KeyError."""
+    """Return the `Analysis` of the verb ``name``; raises KeyError if there is none."""
     return analyses()[name]

@@ -20,7 +20,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Job:
-    """What a verb needs for one recording, on the worker's machine."""
+    """The arguments of a verb for one recording: file on the worker's machine, options, profile."""
 
     path: Path | None
     """The recording's file; None in a sweep"""
@@ -38,7 +38,7 @@ class Job:
 
     @cached_property
     def intact(self) -> tuple[Recording, dict[str, Any]]:
-        """Return the recording, or of a torn one the intact part, and its `file_info`."""
+        """Return (recording, `file_info`); for a torn file, the recording is its intact part."""
         return read_with_info(self.file, self.profile)
 
     @property
@@ -48,7 +48,7 @@ class Job:
         return self.path
 
     def output(self, kind: str, ending: str) -> Path:
-        """Return the path for a file of a kind such as "models", and create its folder."""
+        """Return the path of an output file with this ``ending``; create its folder ``kind``."""
         path = self.folder / kind / f"{self.label}{ending}"
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
@@ -60,13 +60,13 @@ def whole_recording(job: Job) -> Recording:
 
 @dataclass(frozen=True)
 class Analysis:
-    """A verb of a batch."""
+    """A verb that a batch runs on each recording: its function and its table columns."""
 
     name: str
     run: Callable[[Job], Document]
     """Return the verb's JSON document. Raises Heli3dofError"""
     columns: Callable[[Document], Row]
-    """Return the columns of the results table that follow from the document"""
+    """Return the verb's columns of the results table, computed from its JSON document"""
     recording: Callable[[Job], Recording] = whole_recording
     """Return the recording for the first columns; info and recover also read torn ones"""
 

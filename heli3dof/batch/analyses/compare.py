@@ -17,9 +17,10 @@ def run(job: Job) -> Document:
 
 
 def model_texts(names: Sequence[str]) -> dict[str, str | None]:
-    """Return the option ``models``: name → content of the model file, None for a built-in name.
+    """Return model name → content of the model file, None for a built-in model.
 
-    Raises UsageError or RecordingError if there is no such model.
+    The result is the option ``models`` of a job. Raises UsageError or RecordingError for a model
+    that cannot be loaded.
     """
     from heli3dof.paper.models import BUILT_IN, load_model
 
@@ -29,7 +30,7 @@ def model_texts(names: Sequence[str]) -> dict[str, str | None]:
 
 
 def _models(job: Job) -> list[Model]:
-    """Return the models of the options: built-in names, and model files by name → content."""
+    """Return the models of the job's option ``models``, which `model_texts` describes."""
     from heli3dof.paper.models import load_model
 
     models: list[Model] = []

@@ -1,7 +1,7 @@
 """``batch diagnose``: the causes of each recording's simulation error.
 
-The column ``causes`` lists the causes, strongest first; after ``|`` follow those that a cause is
-confounded with, as in ``friction.coulomb.yaw|friction.viscous.yaw; motor.lag``.
+The column ``causes`` lists the causes, strongest first; after ``|`` follow the effects that a cause
+is confounded with, as in ``friction.coulomb.yaw|friction.viscous.yaw; motor.lag``.
 """
 
 from __future__ import annotations

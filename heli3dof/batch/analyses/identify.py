@@ -1,13 +1,15 @@
-"""``batch identify``: a model of each recording, and its parameters as columns.
+"""``batch identify``: a model of each recording, and its parameters as columns of the table.
 
-Unlike ``heli3dof identify``, it also runs the integrity checks: ``fleet`` leaves out bad data.
+Unlike ``heli3dof identify``, it also runs the integrity checks, so that ``fleet`` can leave out
+recordings with bad data.
 
-Two columns combine parameters of the grey box:
+Two columns combine parameters of the grey-box model:
 
-- ``thrust_gain_ratio``: K_f over its nominal value. The identification keeps K_f at the profile's
-  value, so a gain of g times K_f appears as inertias J/g. ln g is the generalised least-squares
-  mean of ln(J_nominal/Ĵ) over the three axes, with their covariance.
-- ``hover_voltage_V``: V_o T̂_g/T_g, the voltage per motor at hover.
+- ``thrust_gain_ratio``: g, the thrust gain over its nominal value K_f. The identification keeps K_f
+  at the profile's value, so a thrust gain g·K_f appears as inertias J/g. ln g is the generalised
+  least-squares mean of ln(J_nominal/Ĵ) over the three axes, with the covariance of the Ĵ.
+- ``hover_voltage_V``: V_o T̂_g/T_g, the voltage per motor at hover, with the profile's hover voltage
+  V_o and gravity torque T_g, and the estimated T̂_g.
 """
 
 from __future__ import annotations
@@ -72,7 +74,10 @@ def columns(document: Document) -> Row:
 def _thrust(
     parameters: Mapping[str, Mapping[str, Any]], correlation: Sequence[Any] | None, V_o: float
 ) -> Row:
-    """Return thrust gain ratio and hover voltage with standard deviations; empty without a fit."""
+    """Return the columns of thrust gain ratio and hover voltage; empty if they are not estimated.
+
+    ``parameters``, ``correlation``: estimates of the model; ``V_o``: the profile's hover voltage.
+    """
     if not correlation or any(n not in parameters for n in (*INERTIAS, "T_g")):
         return {}
     names = list(parameters)

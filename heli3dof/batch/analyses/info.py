@@ -1,4 +1,4 @@
-"""``batch info``: what each recording contains; torn ones are described too."""
+"""``batch info``: what each recording contains; of a torn (incomplete) one, its intact part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``batch recover``: the intact part of each torn recording, as a new file."""
+"""``batch recover``: the intact part of each torn (incomplete) recording, as a new file."""
 
 from __future__ import annotations
 

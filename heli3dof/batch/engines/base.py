@@ -10,13 +10,13 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 AHEAD = 2
-"""Items that wait for each worker, so that it never waits for this process. Chosen: more would only
-fill the memory with the contents of files."""
+"""Number of items queued for each worker, so that no worker waits for this process. Chosen: more
+would only fill the memory with the contents of files."""
 
 
 @dataclass(frozen=True)
 class Lost:
-    """In place of a result: the workers ended while they worked on the item."""
+    """Yielded in place of a result if worker processes ended while they worked on the item."""
 
     why: str
 
@@ -40,7 +40,7 @@ class Engine(Protocol):
         """Yield (number of the item, ``work(item)``) in the order in which they finish.
 
         ``work`` must be importable in the workers, or picklable with cloudpickle on a cluster. An
-        exception of ``work`` is raised here. Items are taken as workers get free. Work that waits
-        is cancelled if the caller stops early.
+        exception of ``work`` is raised here. Items are taken as workers get free. If the caller
+        stops early, calls that have not started are cancelled.
         """
         ...

@@ -1,7 +1,7 @@
 """`DaskCluster`: distributes work to a Dask distributed cluster.
 
 Dask moves work away from a worker that ends. If the scheduler is restarted, this engine connects
-again and sends what had no result. The workers must run the same code as this process.
+again and resends the items without a result. The workers must run the same code as this process.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ RESTART_S = 60
 MEMORY = "memory"
 """Name of the workers' resource in bytes, as in ``dask worker ADDRESS --resources memory=8e9``"""
 WARNS_FROM = {"distributed.admin.large-graph-warning-threshold": "4 GiB"}
-"""Dask's setting: it would warn of each item above 10 MB, but an item is a recording"""
+"""Dask's threshold for a warning on large items. Its default is 10 MB; recordings may be larger."""
 RESERVED = 1e9
-"""Bytes of `MEMORY` that each piece of work reserves, if a worker states how much it has. Chosen: a
+"""Bytes of `MEMORY` that each item reserves, if a worker states how much memory it has. Chosen: a
 whole diagnosis of a minute of flight needs 0.3 GB, so there is room for longer flights."""
 
 
 class DaskCluster:
-    """The workers of the Dask cluster whose scheduler has this address."""
+    """Engine that uses the workers of the Dask cluster whose scheduler has this ``address``."""
 
     remote = True
 
@@ -139,7 +139,7 @@ class DaskCluster:
         return dict(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def _check_code(self) -> None:
-        """Raise DeviceError without workers, UsageError if a worker runs other code than this."""
+        """Raise DeviceError if there is no worker, UsageError if one runs another code version."""
         if not self._workers():
             raise DeviceError(
                 f"The Dask scheduler {self._address} has no worker.",
@@ -157,7 +157,7 @@ def _threads(workers: dict[str, Any]) -> int:
 
 
 def other_code(worker: str, other: str) -> UsageError:
-    """Return the error for a worker that runs another version of heli3dof."""
+    """Return the error for a ``worker`` that runs another version of heli3dof, ``other``."""
     return UsageError(
         f"The worker {worker} runs heli3dof {other}; here it is {code_version()}.",
         cause="another version is installed there, or a file was changed here.",
@@ -170,7 +170,10 @@ def _version_of_worker() -> str:
 
 
 def _in_worker(work: Callable[[T], R], item: T, version: str) -> R:
-    """Run ``work(item)`` with one thread; raise UsageError if the worker runs another version."""
+    """Run ``work(item)`` with one thread; raise UsageError if the worker's code is another one.
+
+    ``version``: the `code_version` of the process that sent the work.
+    """
     if code_version() != version:  # a worker that joined later
         from distributed import get_worker
 

@@ -20,7 +20,7 @@ from heli3dof.batch.engines.base import AHEAD, Lost, R, T
 from heli3dof.parallel import core_count, limit_threads
 
 MOST_DEATHS = 3
-"""Processes that may end while they work on the same item, before it is given up: Dask's default"""
+"""Processes that may end while they work on the same item, before it is `Lost`: Dask's default"""
 PRELOADED = [
     "heli3dof.batch.run_task",
     "heli3dof.diagnosis.diagnose",
@@ -31,7 +31,7 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class Processes:
-    """Processes of this machine; ``workers``: how many, by default one per core."""
+    """Engine that uses processes of this machine: ``workers``, by default one per core."""
 
     remote = False
 
@@ -82,7 +82,7 @@ class Processes:
 
 
 def _context() -> multiprocessing.context.BaseContext:
-    """Return how processes start: forked from a process that has imported the heavy modules."""
+    """Return the start method: fork from a server that has imported `PRELOADED`, else spawn."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
@@ -91,7 +91,7 @@ def _context() -> multiprocessing.context.BaseContext:
 
 
 def _begin(threads: int) -> None:
-    """Prepare a process: Ctrl-C ends the parent only, which then stops the process."""
+    """Prepare a worker process: limit its ``threads``, and leave Ctrl-C to the parent process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for name in THREADS:
         os.environ[name] = str(threads)

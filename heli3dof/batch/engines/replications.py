@@ -1,7 +1,7 @@
 """Give the Monte Carlo replications of one diagnosis to an engine.
 
-Each of n workers gets one part: the replications k, k + n, k + 2n, … The function contains the
-recordings (about 0.3 MB per second of flight), so it is sent once per part, not per replication.
+Each of n workers gets one part: the replications k, k + n, k + 2n, … The function that computes
+them contains the recordings (about 0.3 MB per second of flight), so it is sent once per part.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from heli3dof.results import optional
 def replications_on_cluster(address: str | None) -> Iterator[None]:
     """Context manager: a diagnosis inside it computes its replications on a Dask cluster.
 
-    None: on this computer. Raises DeviceError or UsageError for a cluster out of reach.
+    ``address``: the scheduler's; None: this computer computes the replications. Raises DeviceError
+    or UsageError for a cluster out of reach.
     """
     if address is None:
         yield
@@ -31,9 +32,9 @@ def replications_on_cluster(address: str | None) -> Iterator[None]:
 
 
 def replications_on(used: Engine) -> Distributor:
-    """Return a distributor for `heli3dof.parallel.distribute`.
+    """Return a distributor for `heli3dof.parallel.distribute` that uses this engine.
 
-    This process computes the replications of a part that several workers did not survive.
+    If several workers end while they compute a part, this process computes that part.
     """
 
     def distributor(work: Callable[[int], Any], count: int) -> Iterator[tuple[int, Any]]:

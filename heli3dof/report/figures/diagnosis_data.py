@@ -35,7 +35,7 @@ class FigureData:
     after: HeldOut | None = None
     replayed: Sequence[Replayed] = ()
     names: Sequence[str] = ()
-    """Names of the recordings whose prediction errors were compared, without and with the causes"""
+    """Names of the recordings on which predictions without and with the causes were compared"""
 
 
 def figure_data(

@@ -1,4 +1,4 @@
-"""Draw a flight, or what a plan asks for: panels over one time axis, with matplotlib."""
+"""Draw a flight, or a plan's references and voltages: panels over one time axis, by matplotlib."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def flight_figure(recording: Recording) -> Figure:
 
 
 def plan_figure(plan: Plan, dt: float) -> Figure:
-    """Draw what a plan asks for: references in degrees and, if any, the added voltages in V.
+    """Draw a plan's references in degrees and, if any, the voltages that it adds in V.
 
     Random signals are drawn with the seed 0. ``dt``: the control period in s.
     """

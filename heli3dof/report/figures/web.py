@@ -73,7 +73,10 @@ def live_data(figure: Figure) -> dict[str, Any]:
 
 
 def _panel(axes: Any, others: Sequence[Any]) -> dict[str, Any]:
-    """Return one panel: labels, ranges, curves, bands and shaded spans."""
+    """Return one panel as JSON values: labels, ranges, curves, bands and shaded spans.
+
+    ``others``: the axes of all panels.
+    """
     siblings = [a for a in others if a is axes or axes.get_shared_x_axes().joined(axes, a)]
     row = [axes, *(a for a in siblings if _in_one(a, axes, "row"))]
     column = [axes, *(a for a in others if _in_one(a, axes, "col"))]

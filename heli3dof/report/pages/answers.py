@@ -1,8 +1,9 @@
 """Write the first screen of the report: its questions, each with one sentence and one picture.
 
-A diagnosis answers how wrong the simulation was, what the cause is, what the extended model gains
-and what to do next. Without a diagnosis, a comparison answers how wrong the simulation was and
-which model predicts best, and an identification how well its model predicts.
+A diagnosis answers how wrong the simulation was, what the cause is, how much the extended model
+decreases the prediction error, and what to do next. Without a diagnosis, a comparison answers how
+wrong the simulation was and which model predicts best. Without both, an identification answers how
+well its model predicts.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ def _gain(document: Document) -> Answer:
 
 
 def _next(document: Document, dt: float) -> Answer | None:
-    """Return the first recommended step, with a picture of its plan if its command names one."""
+    """Return the first recommended action, with a picture if its command names a plan."""
     for sentence in words.next_steps(document):
         command = PLAN_COMMAND.search(sentence)
         drawn = ""
@@ -117,7 +118,7 @@ def comparison_answers(comparison: Comparison) -> list[Answer]:
 
 
 def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
-    """Return the axis on which the model has the largest error; roll if no error is known."""
+    """Return the axis with the model's largest RMSE; the first axis if no error is known."""
     errors = m.replay_rmse_deg
     if errors is None or not np.isfinite(errors).any():
         errors = None if m.prediction is None else m.prediction.over_window_deg
@@ -127,7 +128,10 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _best(comparison: Comparison) -> list[Answer]:
-    """Return the verdict, with the first recording's errors; empty if nothing was predicted."""
+    """Return the verdict as an answer, with bars of the models' errors for the first recording.
+
+    Empty if nothing was predicted.
+    """
     flight = comparison.flights[0]
     alt = prediction_sentence(flight)
     if not alt:

@@ -117,7 +117,7 @@ def _answers(
     identified: Sequence[Identification],
     diagnosed: Diagnosed | None,
 ) -> list[Answer]:
-    """Return the answers of the most conclusive result: diagnosis, comparison, identification."""
+    """Return the answers of the diagnosis, else of the comparison, else of identifications."""
     if diagnosed is not None:
         dt = recordings[0].dt
         return diagnosis_answers(diagnosed.document, diagnosed.data, dt)

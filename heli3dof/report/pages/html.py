@@ -121,10 +121,10 @@ def listing(value: Any) -> str:
 def bars(
     groups: Mapping[str, Mapping[str, float]], styles: Mapping[str, str], title: str, alt: str
 ) -> str:
-    """Return horizontal bars, each with its number in degrees: group → name → value.
+    """Return groups of horizontal bars, each labelled with its value in degrees.
 
-    ``styles``: name → colour of the figure style; ``title``: the quantity, before the legend;
-    ``alt``: alternative text. A value that is NaN has no bar.
+    ``groups``: group → name → value, NaN for no bar; ``styles``: name → colour of the figure style;
+    ``title``: the quantity, before the legend; ``alt``: alternative text.
     """
     colors = {name: f"background:var(--{variable_of(color)})" for name, color in styles.items()}
     known = [(n, v) for values in groups.values() for n, v in values.items() if np.isfinite(v)]
@@ -151,7 +151,7 @@ def bars(
 def figure(drawn: Figure, alt: str, *, flight: str = "") -> str:
     """Return a figure that a reader can zoom, with its SVG image for readers without scripts.
 
-    ``flight``: key of the recording; figures with the same key have one time axis.
+    ``flight``: key of the recording; figures with the same key zoom together in time.
     """
     values = {**live_data(drawn), "flight": flight}
     data = json.dumps(values, ensure_ascii=False, separators=(",", ":"))

@@ -54,7 +54,10 @@ def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
 
 
 def linearised(model: Model) -> LinearModel | None:
-    """Return a linear model, or a grey box linearised; None if it cannot hover level."""
+    """Return a linear model unchanged, or a grey-box model linearised about level hover.
+
+    None for a model that cannot hover level, and for other kinds of models.
+    """
     if isinstance(model, LinearModel):
         return model
     if not isinstance(model, GreyBoxModel):

@@ -229,8 +229,8 @@ def published_table(rows: Iterable[Reproduced]) -> Grid:
 def fit_table(comparison: Comparison) -> Grid:
     """Return one table of all models: RMSE of predictions and of the replay, by recording and axis.
 
-    Of more than `MOST_ROWS` rows, it has the RMS over the recordings instead. Its last row of a
-    recording is the prediction of constant angles.
+    The last row for each recording is the prediction that the angles stay constant. If there would
+    be more than `MOST_ROWS` rows, the table has the RMS over all recordings instead.
     """
     horizon = min(comparison.horizons_s, key=lambda h: abs(h - HORIZON_S), default=HORIZON_S)
     flights = [replace(comparison, flights=(f,)) for f in comparison.flights]

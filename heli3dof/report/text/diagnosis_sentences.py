@@ -89,7 +89,10 @@ def noise_is_unknown(document: Document) -> bool:
 
 
 def before_and_after(gain: Document) -> str:
-    """Return the RMSE in degrees by axis, before → after, of a gain of the JSON document."""
+    """Return as text the held-out RMSE in degrees by axis, before → after.
+
+    ``gain``: an object of the JSON document that contains this RMSE as ``holdout_rmse_deg``.
+    """
     error = gain["holdout_rmse_deg"]
     return ", ".join(
         f"{axis} {fixed(number(error['before'][axis]), 2, '°')} → "
@@ -100,9 +103,10 @@ def before_and_after(gain: Document) -> str:
 
 
 def calibration_change(document: Document) -> Iterator[str]:
-    """Yield the gain of a refit and the ratios that are off, if only the refit changes the error.
+    """Yield sentences: the RMSE before and after a refit, the ratios that differ from the profile.
 
-    That is the verdict off_calibration, or nothing_found without a noise floor.
+    Yields nothing if the verdict is other than off_calibration, or nothing_found with an unknown
+    noise floor.
     """
     unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
     if document["verdict"] != "off_calibration" and not unknown:
@@ -120,15 +124,15 @@ def calibration_change(document: Document) -> Iterator[str]:
 
 
 def possibly_off(document: Document) -> list[Document]:
-    """Return the entries of ``calibration`` that may exceed the tolerance.
+    """Return the entries of ``calibration`` that may be off the profile.
 
-    Their estimates exceed it, but without statistical significance.
+    Such an estimate differs from the profile by more than the tolerance, but not significantly.
     """
     return [c for c in document["calibration"] if c.get("beyond_tolerance") == "not_surely"]
 
 
 def calibration_doubts(document: Document) -> Iterator[str]:
-    """Yield a sentence per rig parameter that may be off the profile, then how to measure it."""
+    """Yield a sentence per rig parameter that may be off the profile, and one on measuring them."""
     doubtful = possibly_off(document)
     for c in doubtful:
         off = number(c["value"]) / c["nominal"] - 1
@@ -259,7 +263,7 @@ def adopted(document: Document) -> bool:
 
 
 def measured_on(document: Document) -> str:
-    """Return the data on which the gain was measured, in words."""
+    """Return in words the data on which the RMSE without and with the causes was measured."""
     if document["gain"].get("measured_on") == "the recordings themselves":
         return "the fitted recordings themselves, which is optimistic"
     return "the held-out recordings" if document["holdout"] else "blocks left out of the fit"
@@ -268,7 +272,7 @@ def measured_on(document: Document) -> str:
 def unmodelled_effects(document: Document) -> Iterator[str]:
     """Yield a sentence per residual torque without a known cause: its axis, what it depends on.
 
-    The last sentence states the errors that remain although the torque depends on nothing measured.
+    The last sentence states the errors that remain without an explanation, if there are any.
     """
     for rest in (x for x in document["leftover"] if x["depends_on"]):
         share = number(rest["share"])
@@ -318,7 +322,10 @@ def slow_noise(document: Document) -> Iterator[str]:
 
 
 def _torque_term(rest: Document, where: str) -> str:
-    """Return a sentence on the extended model's term for an unmodelled torque, and its gain."""
+    """Return sentences on the extended model's term for an unmodelled torque, and on its effect.
+
+    The effect is the RMSE before → after; ``where`` names the data.
+    """
     if not rest.get("term"):
         return "The extended model does not contain this torque."
     gain = f"Its contribution on {where}: {before_and_after(rest['gain'])}."

@@ -1,7 +1,7 @@
 """Summarise a diagnosis in about ten lines: what `heli3dof diagnose` prints without --verbose.
 
 The lines answer in this order: how wrong the simulation is, the causes and how certain they are,
-what the extended model gains, what no effect explains, and what to do next.
+the prediction error without and with the causes, what no effect explains, and what to do next.
 """
 
 from __future__ import annotations
@@ -89,5 +89,5 @@ def gain(document: Document) -> Iterator[str]:
 
 
 def _next(document: Document) -> list[str]:
-    """Return the first recommended step."""
+    """Return the first recommended action."""
     return list(words.next_steps(document))[:1]

@@ -76,7 +76,7 @@ def _worst(error: Document) -> list[str]:
 
 
 def findings(document: Document) -> Grid:
-    """Return a table of the causes: parameter ± standard deviation, gain in log-likelihood."""
+    """Return a table of the causes: parameter ± standard deviation, increase of log-likelihood."""
     rows = []
     for f in document["findings"]:
         gain = fixed(number(f["gain"]["holdout_log_likelihood"]), 0)

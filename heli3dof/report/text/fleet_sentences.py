@@ -1,4 +1,4 @@
-"""Sentences of a fleet: changes with date and size, rigs that differ, bad data."""
+"""Write the sentences on a fleet: changes with date and size, rigs that differ, bad data."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST_REASONS = 3
 
 
 def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
-    """Return what changed, then which rigs differ from their siblings."""
+    """Return a sentence on each change, then on each rig that differs from its siblings."""
     found = [change_sentence(track, c) for track, c in fleet.changes()]
     if not found and any(len(r.track.y) >= LEAST_FLIGHTS for r in fleet.tracks()):
         found = [f"No quantity of {_count(len(fleet.rigs), 'rig')} changed."]
@@ -66,7 +66,7 @@ def difference_sentence(quantity: str, d: Difference) -> str:
 
 
 def remark_sentences(fleet: Fleet) -> Iterator[str]:
-    """Yield how many recordings are bad data, and what limits the search for changes."""
+    """Yield sentences: how many recordings are bad data, what limits the search for changes."""
     if fleet.bad:
         reasons = Counter(part for b in fleet.bad for part in _kinds_of_reason(b))
         named = [f"{reason} ({n})" for reason, n in reasons.most_common(MOST_REASONS)]
@@ -97,7 +97,7 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
 
 
 def _kinds_of_reason(bad: BadRecording) -> list[str]:
-    """Return the checks that failed; of a failed command, its error without the recording's name.
+    """Return the failed integrity checks, or the verb's error without the recording's name.
 
     >>> _kinds_of_reason(BadRecording("term/a.mcap", "r", "exit code 5: a holds pitch only."))
     ['exit code 5: it holds pitch only']
@@ -113,7 +113,7 @@ def _kinds_of_reason(bad: BadRecording) -> list[str]:
 
 
 def moment(track: Track, flight: int) -> str:
-    """Return a flight's name, with its date if known."""
+    """Return the name of the flight with this index in the ``track``, with its date if known."""
     name = track.flights[flight]
     if not track.dated:
         return name
@@ -130,7 +130,7 @@ def date(day: float) -> str:
 
 
 def signed_size(size: float, interval: tuple[float, float]) -> str:
-    """Return a signed size ± half of its 95 % interval, both to two digits of the latter.
+    """Return a signed size ± half of its 95 % interval, to two significant digits of this half.
 
     >>> signed_size(-0.0612, (-0.0672, -0.0552))
     '−0.0612 ± 0.0060'
@@ -156,7 +156,7 @@ def _chance(p: float) -> str:
 
 
 def _level(track: Track, change: Change) -> float:
-    """Return the mean value before a step."""
+    """Return the mean value of all flights before a step."""
     return float(track.y[: change.first].mean())
 
 

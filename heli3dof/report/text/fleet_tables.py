@@ -1,4 +1,4 @@
-"""Tables of a fleet: the rigs' main quantities, all quantities, bad recordings."""
+"""Make the tables of a fleet: the rigs' main quantities, all quantities, bad recordings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from heli3dof.report.text.table import Grid
 
 @dataclass(frozen=True)
 class Column:
-    """A main quantity: pattern of its name, title in the table, factor from its unit to that."""
+    """A main quantity: regular expression for its name, title, factor to the title's unit."""
 
     pattern: str
     title: str
@@ -41,7 +41,7 @@ MARKS = "* changed or drifts; ! differs from its siblings, and is not in the las
 
 
 def rig_table(fleet: Fleet) -> Grid:
-    """Return a row per rig with its main quantities, and a row of their means."""
+    """Return a table of main quantities: a row per rig, and a row of the means over the rigs."""
     chosen = main_quantities(fleet)
     rows = []
     for rig in fleet.rigs:
@@ -57,9 +57,9 @@ def rig_table(fleet: Fleet) -> Grid:
 
 
 def main_quantities(fleet: Fleet) -> list[tuple[FleetQuantity, Column]]:
-    """Return the first quantity of each column of `MAIN`, at most `MOST_COLUMNS`.
+    """Return the first quantity that matches each column of `MAIN`, at most `MOST_COLUMNS`.
 
-    If there is none, the first quantities that the fleet has.
+    If none matches, returns the first quantities of the fleet.
     """
     found = []
     for column in MAIN:
@@ -92,7 +92,7 @@ def quantity_table(q: FleetQuantity) -> Grid:
 
 
 def bad_table(fleet: Fleet) -> Grid:
-    """Return the recordings that are not used, each with the reason."""
+    """Return a table of the recordings that are not used, each with the reason."""
     rows = [(b.recording, b.rig, b.reason) for b in fleet.bad]
     return Grid("Bad data", ("recording", "rig", "reason"), rows, text_columns=3)
 

@@ -46,7 +46,7 @@ def identification_summary(found: Identification) -> list[str | Grid]:
 
 
 def _scores(found: Identification) -> str:
-    """Return the scores on held-out data as a sentence."""
+    """Return a sentence on the fit (%) to held-out data: predictions and closed-loop replay."""
     metrics, name = found.metrics, f"Model {found.model.name}"
     ahead = metrics.prediction.get(SUMMARY_HORIZON_S)
     if ahead is None or np.isnan(ahead.fit_percent).all():
@@ -214,7 +214,7 @@ def residuals_table(found: Identification) -> Grid:
 
 
 def candidates_table(found: Identification) -> Grid:
-    """Return a table of the model orders and sampling intervals that were tried, with scores."""
+    """Return a table of the model orders and sampling intervals tried, with fit (%) and ln L."""
     rows = [
         [
             str(c.order),

@@ -68,7 +68,7 @@ class _FittingTable:
             yield self._table(columns, options.max_width)
 
     def _parts(self, width: int) -> list[list[int]]:
-        """Return the columns of each part; a part has the columns of text, and others that fit."""
+        """Return the indices of each part's columns: all columns of text, and others that fit."""
         least = [self._least_width(i) + GAP for i in range(len(self.grid.columns))]
         always = list(range(self.grid.text_columns))
         parts, room = [list(always)], width - sum(least[i] for i in always)
@@ -91,12 +91,12 @@ class _FittingTable:
         return max(map(cell_len, (*self._head(column), *cells)), default=0)
 
     def _head(self, column: int) -> list[str]:
-        """Return the lines of a column's title; units are below the names, to save width."""
+        """Return the lines of a column's title; in a column of numbers, the unit has its own."""
         head = self.grid.columns[column]
         return head.rsplit(" ", 1) if self.grid.is_number(column) else [head]
 
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
-        """Return the columns' widths: the least ones, plus the remaining room from the left on."""
+        """Return the columns' widths: the least ones, widened from the left up to ``width``."""
         from rich.cells import cell_len
 
         widths = [self._least_width(i) for i in columns]
