@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import numpy as np
+
 from heli3dof.fleet.change_search import LEAST_FLIGHTS, REPORTED, Change
 from heli3dof.fleet.result import Fleet
 from heli3dof.fleet.siblings import Difference
@@ -156,8 +158,8 @@ def _chance(p: float) -> str:
 
 
 def _level(track: Track, change: Change) -> float:
-    """Return the mean value of all flights before a step."""
-    return float(track.y[: change.first].mean())
+    """Return the median value of the flights before a step; earlier changes hardly affect it."""
+    return float(np.median(track.y[: change.first]))
 
 
 def _count(n: int, noun: str) -> str:
