@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from heli3dof.errors import Heli3dofError, UsageError
 from heli3dof.exercise.answer import Answer, read_answer
 from heli3dof.exercise.marks import Mark, mark
-from heli3dof.exercise.teacher_key import Truth, open_truth, why_not_ours
+from heli3dof.exercise.teacher_key import Truth, open_truth, signature_problem
 
 if TYPE_CHECKING:
     from nacl.signing import SigningKey
@@ -19,7 +19,7 @@ NOT_ANSWERS = (".mcap", ".exercise")
 
 
 @dataclass(frozen=True)
-class Row:
+class MarkedAnswer:
     """An answer file and its marks, or the reason why the file has no marks."""
 
     file: str
@@ -55,10 +55,10 @@ def _printable(text: str) -> str:
     return "".join(c if c.isprintable() else "�" for c in text)
 
 
-def mark_folder(folder: Path, key: SigningKey) -> list[Row]:
-    """Return the marks of each answer file in the folder and its subfolders, one `Row` per file.
+def mark_folder(folder: Path, key: SigningKey) -> list[MarkedAnswer]:
+    """Return a `MarkedAnswer` for each answer file in the folder and its subfolders.
 
-    A file that is no answer gets a row with the reason; hidden files and those with an ending in
+    A file that is not an answer gets one with the reason; hidden files and those with an ending in
     `NOT_ANSWERS` get none. ``key``: the teacher's. Raises UsageError if the folder is missing or
     empty.
     """
@@ -75,7 +75,7 @@ def mark_folder(folder: Path, key: SigningKey) -> list[Row]:
             cause="another folder, or recordings only.",
             fix=f"ls -R {folder}",
         )
-    return [_row(file, str(file.relative_to(folder)), key) for file in files]
+    return [_marked(file, str(file.relative_to(folder)), key) for file in files]
 
 
 def _may_be_answer(file: Path, folder: Path) -> bool:
@@ -83,19 +83,19 @@ def _may_be_answer(file: Path, folder: Path) -> bool:
     return not hidden and not file.is_dir() and file.suffix.lower() not in NOT_ANSWERS
 
 
-def _row(file: Path, name: str, key: SigningKey) -> Row:
+def _marked(file: Path, name: str, key: SigningKey) -> MarkedAnswer:
     name = _printable(name)
     if not file.is_file():
-        return Row(name, None, None, None, "it is not a regular file")
+        return MarkedAnswer(name, None, None, None, "it is not a regular file")
     try:
         answer = read_answer(file)
     except Heli3dofError as error:
-        return Row(name, None, None, None, _printable(error.what))
+        return MarkedAnswer(name, None, None, None, _printable(error.what))
     exercise = answer.exercise
-    if (why := why_not_ours(key, exercise)) is not None:
-        return Row(name, answer, None, None, why)
+    if (why := signature_problem(key, exercise)) is not None:
+        return MarkedAnswer(name, answer, None, None, why)
     if other := {x for x in answer.flown_on if x != exercise.id}:
         flown = ", ".join(sorted(x or "another rig" for x in other))
-        return Row(name, answer, None, None, f"the diagnosed recordings are of {flown}")
+        return MarkedAnswer(name, answer, None, None, f"the diagnosed recordings are of {flown}")
     truth = open_truth(key, exercise)
-    return Row(name, answer, truth, mark(answer, truth), None)
+    return MarkedAnswer(name, answer, truth, mark(answer, truth), None)

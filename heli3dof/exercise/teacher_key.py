@@ -127,7 +127,7 @@ def _sealed(key: SigningKey, text: bytes) -> str:
     return base64.b64encode(SealedBox(public).encrypt(text)).decode()
 
 
-def why_not_ours(key: SigningKey, exercise: Exercise) -> str | None:
+def signature_problem(key: SigningKey, exercise: Exercise) -> str | None:
     """Return None if ``key`` signed exactly this exercise, else why not.
 
     The reason is that the exercise was changed, or that another key signed it.
@@ -144,7 +144,7 @@ def open_truth(key: SigningKey, exercise: Exercise) -> Truth:
 
     Raises RecordingError if this key did not sign exactly this exercise.
     """
-    if (why := why_not_ours(key, exercise)) is not None:
+    if (why := signature_problem(key, exercise)) is not None:
         raise RecordingError(
             f"Exercise {exercise.id} cannot be opened: {why}.",
             cause="the wrong key, or a file that was changed.",

@@ -7,9 +7,9 @@ proposes candidates first, and each is tested in the absence of the other candid
 the date, size and probability of each step are computed from the flights between its neighbours.
 
 A change is reported if its probability is at least `REPORTED`. Prior probabilities come from
-`CHANGES_PER_RIG_TERM`, divided by the rig's number of quantities. A track (one quantity of one rig)
-without a change gets a false report with a probability of at most π·(1 − p)/p. Here π is the prior
-probability of a change, p is `REPORTED`, and the posterior is calibrated: one report in 20 is
+`CHANGES_PER_RIG_SEMESTER`, divided by the rig's number of quantities. A track (one quantity of one
+rig) without a change gets a false report with a probability of at most π·(1 − p)/p. Here π is the
+prior probability of a change, p is `REPORTED`, and the posterior is calibrated: one report in 20 is
 false. For a rig with all its quantities, this is 0.15 · 0.05/0.95 = 0.8 %.
 """
 
@@ -33,7 +33,7 @@ from heli3dof.fleet.change_posterior import (
 
 REPORTED = 0.95
 """Least probability of a reported change: at most one report in 20 is false (a convention)"""
-CHANGES_PER_RIG_TERM = Prior(step=1 / 40, two_steps=1 / 40, drift=1 / 20, deviating=1 / 20)
+CHANGES_PER_RIG_SEMESTER = Prior(step=1 / 40, two_steps=1 / 40, drift=1 / 20, deviating=1 / 20)
 """Expected changes of a rig in a semester, in all its quantities. Chosen: a room of twenty rigs
 has one step, one drift and one deviating flight a semester. Half of the steps come in pairs (a
 repair)."""
@@ -84,7 +84,7 @@ def track_prior(quantities: int) -> Prior:
 
     ``quantities``: number of the rig's quantities.
     """
-    return CHANGES_PER_RIG_TERM.scaled(1 / quantities)
+    return CHANGES_PER_RIG_SEMESTER.scaled(1 / quantities)
 
 
 def find_changes(

@@ -76,7 +76,7 @@ def rightmost_first(poles: Sequence[Pole]) -> tuple[Pole, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class CandidateOrder:
     """A fit of the order search: a black box of one order, fitted at one sampling interval.
 
     The search compares ``score``, the mean fit of the axes in %.
@@ -116,7 +116,7 @@ class FitResult:
     poles: tuple[Pole, ...] = ()
     transfer: TransferFunctions | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
-    candidates: tuple[Candidate, ...] = ()
+    candidates: tuple[CandidateOrder, ...] = ()
     warnings: tuple[str, ...] = ()
     """Sentences on problems of the fit, or on limits of its use"""
     notes: tuple[str, ...] = ()

@@ -71,7 +71,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
     rows["falling"] = np.zeros(len(recording), dtype=bool)
     if ROLL in measured:
         roll = y[:, ROLL]
-        table, take_off = _table(recording, off)
+        table, take_off = _table(recording)
         rows["table"], rows["take_off"] = table, take_off
         rows["motors_off"] |= _dropping(off, roll)
         rows["falling"] = _falling(roll)
@@ -87,7 +87,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
     return rows
 
 
-def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _table(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     """Return two masks (N,) of a recording's rows: on the table, in take-off."""
     roll = np.nan_to_num(recording.angle[:, ROLL], nan=0.0)
     rest = float(roll.min())

@@ -49,7 +49,7 @@ class Standing:
     readings: int
 
 
-def watch_standing(rig: Rig, seconds: float) -> Standing:
+def read_at_rest(rig: Rig, seconds: float) -> Standing:
     """Return encoder readings of a rig over ``seconds`` s. Raises SafetyTrip if it is armed."""
     rows = []
     until = time.monotonic() + seconds
@@ -140,7 +140,7 @@ def zero(
     device, profile = device or default_device(), profile or default_profile()
     with open_rig(device, profile) as rig:
         before, rig.rest = rig.rest, COUNTS_AT_POWER_UP  # raw counts of the device
-        standing = watch_standing(rig, MEASURE_S)
+        standing = read_at_rest(rig, MEASURE_S)
         measured = calibrate(standing, rig, profile, device, angles_deg)
     roll, pitch, yaw = (
         degrees((now - then) * per_count)

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 from heli3dof_recordings import references
 
-from heli3dof.experiment.control_loop.timekeeping import CountedTime, timekeeper
+from heli3dof.experiment.control_loop.timekeeping import CountedDeadlines, timekeeper
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.write import write_recording
 from heli3dof.rig.link_counters import attribute_of, present_names
@@ -49,5 +49,5 @@ def test_a_driver_with_former_names_is_used_with_a_warning() -> None:
         identity=SimpleNamespace(timebase="device"), statistics=FormerStatistics()
     )
     with pytest.warns(DeprecationWarning, match="FormerStatistics.* is now called"):
-        assert isinstance(timekeeper(rig, 0.002), CountedTime)  # type: ignore[arg-type]
+        assert isinstance(timekeeper(rig, 0.002), CountedDeadlines)  # type: ignore[arg-type]
     assert attribute_of(object(), "retries") is None

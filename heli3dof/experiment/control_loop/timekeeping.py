@@ -41,7 +41,7 @@ Skipped = Callable[[], tuple[int, int, int]]
 """Returns the numbers of samples *lost*, *left out* and *passed over* since the rig was opened"""
 
 
-class VirtualTime:
+class VirtualDeadlines:
     """Deadlines on a virtual clock, which advances with the samples: every sample is on time.
 
     Base class of the other classes of deadlines.
@@ -75,7 +75,7 @@ class VirtualTime:
         """
 
 
-class HostTime(VirtualTime):
+class HostDeadlines(VirtualDeadlines):
     """Deadlines for a rig that takes sample k when the host requests the sample, at due[k] (s)."""
 
     def arrived(self, sample: Sample, since_s: float) -> None:
@@ -84,7 +84,7 @@ class HostTime(VirtualTime):
         self.due += self.missed * self.dt
 
 
-class DeviceTime(VirtualTime):
+class DeviceDeadlines(VirtualDeadlines):
     """Deadlines for a rig whose device sends sample k at time k·dt of the device's clock.
 
     ``lost``: returns how many samples the link has lost so far; None for a link without a count.
@@ -120,10 +120,10 @@ class DeviceTime(VirtualTime):
         return self._lost - before
 
 
-class CountedTime(DeviceTime):
+class CountedDeadlines(DeviceDeadlines):
     """Deadlines for a rig whose link counts lost, left-out and passed-over samples separately.
 
-    `DeviceTime` estimates these numbers; here the link's counts replace the estimates.
+    `DeviceDeadlines` estimates these numbers; here the link's counts replace the estimates.
     """
 
     def __init__(self, dt: float, skipped: Skipped) -> None:
@@ -142,20 +142,20 @@ class CountedTime(DeviceTime):
         )  # fmt: skip
 
 
-def timekeeper(rig: Rig, dt: float) -> VirtualTime:
+def timekeeper(rig: Rig, dt: float) -> VirtualDeadlines:
     """Return the object that computes the deadlines for ``rig``, chosen by the rig's timebase.
 
     ``dt`` is the control period in s.
     """
     if rig.identity.timebase == "host":
-        return HostTime(dt)
+        return HostDeadlines(dt)
     if rig.identity.timebase == "virtual":
-        return VirtualTime(dt)
+        return VirtualDeadlines(dt)
     counts: Any = getattr(rig, "statistics", None)
     lost, skipped, stale = (
         attribute_of(counts, name) for name in ("lost", "device_skipped", "samples_stale")
     )
     if lost and skipped and stale:
         read = attrgetter(lost, skipped, stale)
-        return CountedTime(dt, lambda: read(counts))
-    return DeviceTime(dt, (lambda: int(counts.lost)) if hasattr(counts, "lost") else None)
+        return CountedDeadlines(dt, lambda: read(counts))
+    return DeviceDeadlines(dt, (lambda: int(counts.lost)) if hasattr(counts, "lost") else None)

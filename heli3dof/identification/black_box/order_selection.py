@@ -27,7 +27,7 @@ from heli3dof.identification import validation
 from heli3dof.identification.black_box.pbsid import Pair, StateSpace, realise, states, varx
 from heli3dof.identification.black_box.pem import PemFit, pem
 from heli3dof.identification.black_box.resampling import NoContinuousModel, at_rate, trims
-from heli3dof.identification.fit_result import Candidate
+from heli3dof.identification.fit_result import CandidateOrder
 from heli3dof.identification.preprocessing import Prepared, segments
 from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.linear.model import LinearModel
@@ -159,14 +159,14 @@ def search(
     orders: Sequence[int] = ORDERS,
     intervals_s: Sequence[float] = INTERVALS_S,
     name: str = "black box",
-) -> tuple[StateSpaceFit, list[Candidate]]:
+) -> tuple[StateSpaceFit, list[CandidateOrder]]:
     """Fit all orders at all sampling intervals; return the best fit, and the score of every fit.
 
     ``method`` is ``pem``, ``oe`` or ``pbsid``. ``orders`` are numbers of states, ``name`` is the
     model's name, ``prepared`` holds the recordings. Raises RecordingError if no candidate can be
     used.
     """
-    tried: list[tuple[Candidate, StateSpaceFit | None]] = []
+    tried: list[tuple[CandidateOrder, StateSpaceFit | None]] = []
     for interval_s in intervals_s:
         d = decimated(prepared, prepared.train, interval_s)
         rows = sum(len(u) for u, _ in d.data)
@@ -192,7 +192,7 @@ def search(
             likelihood = -0.5 * rows * (float(np.linalg.slogdet(S)[1]) + 3 * np.log(2 * np.pi) + 3)
             free = n * (2 + 3 * (1 if method == "oe" else 2)) + 3
             bic = -2 * likelihood + free * np.log(rows)
-            tried.append((Candidate(n, d.interval_s, value, likelihood, bic, ""), fit))
+            tried.append((CandidateOrder(n, d.interval_s, value, likelihood, bic, ""), fit))
     usable = [(c, f) for c, f in tried if f is not None and np.isfinite(c.score)]
     if not usable:
         reasons = "; ".join(sorted({c.problem for c, _ in tried if c.problem})) or "none predicts"
@@ -207,5 +207,5 @@ def search(
     return chosen, [c for c, _ in tried]
 
 
-def _failed(order: int, interval_s: float, problem: str) -> Candidate:
-    return Candidate(order, interval_s, -np.inf, -np.inf, np.inf, problem)
+def _failed(order: int, interval_s: float, problem: str) -> CandidateOrder:
+    return CandidateOrder(order, interval_s, -np.inf, -np.inf, np.inf, problem)

@@ -197,7 +197,7 @@ def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.
 
 
 @dataclass(frozen=True)
-class Candidate:
+class ScoreTestResult:
     """The result of `score_test` for one candidate effect: its score and estimated parameters."""
 
     name: str
@@ -209,7 +209,7 @@ class Candidate:
     """The estimate of one Gauss–Newton step, in the parameters' units."""
 
 
-def score_test(found: Estimate, term: Term) -> Candidate:
+def score_test(found: Estimate, term: Term) -> ScoreTestResult:
     """Test by Rao's score test whether the model of the fit ``found`` lacks the effect ``term``.
 
     The test takes one linearisation and no fit: 10 ms per parameter for 60 s of flight. The
@@ -233,4 +233,4 @@ def score_test(found: Estimate, term: Term) -> Candidate:
     step = inverse @ g[new]
     score = float(g[new] @ step) / found.inflation
     values = problem.values(np.concatenate([o.theta, theta[new] + step]))[old:]
-    return Candidate(term.name, score, tuple(float(v) for v in values))
+    return ScoreTestResult(term.name, score, tuple(float(v) for v in values))

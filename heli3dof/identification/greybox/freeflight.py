@@ -277,7 +277,7 @@ def notes(found: MultiStepFit) -> tuple[str, ...]:
     return tuple(out)
 
 
-def handed_over(found: FitResult, reason: str) -> FitResult:
+def as_replacement(found: FitResult, reason: str) -> FitResult:
     """Return the fit ``found`` that replaces a fit by ``greybox``, marked as by ``freeflight``.
 
     ``reason``, why the method was replaced, becomes the first warning.

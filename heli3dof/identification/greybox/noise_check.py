@@ -115,7 +115,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     likelihood in two cases: ``request`` names the terms, or a recording lacks an angle.
     """
     if request.terms is None and not request.partial and (reason := no_likelihood(prepared)):
-        return freeflight.handed_over(freeflight.fit(prepared, request), reason)
+        return freeflight.as_replacement(freeflight.fit(prepared, request), reason)
     return method.fit(prepared, request)
 
 

@@ -39,7 +39,7 @@ from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.dry_friction import settle, shrink
 from heli3dof.model.physics.integrator import (
     flanks,
-    midpoint_without_friction,
+    midpoint_without_dry_friction,
     readings,
     setup,
     step_midpoint,
@@ -256,7 +256,7 @@ def _filter(  # type: ignore[no-untyped-def]
                     s[T] = t[k]
                     linearise(s, x, F[k], first, address, par, mem, axes, w, A)
                 since += h[k]
-                midpoint_without_friction(
+                midpoint_without_dry_friction(
                     s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, cache
                 )
                 grow(P, A, h[k], driven, work)

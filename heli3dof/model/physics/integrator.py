@@ -42,7 +42,9 @@ def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
 setup = compiled(_setup, leaf=True, error_model="numpy")
 
 
-def _step_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
+def _step_without_dry_friction(  # type: ignore[no-untyped-def]
+    s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache
+):
     """Advance the state x = (q, q̇) from row k to the next, without dry friction.
 
     ``cache`` begins with h, exp(−h/2τ), exp(−h/τ), τ the rotors' lag (s). w[7] becomes the final
@@ -68,7 +70,7 @@ def _step_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem
     advance(s, x, h[k], w[5], w[6], w[7], first, address, par, mem, free, w)
 
 
-step_without_friction = compiled(_step_without_friction, leaf=True, error_model="numpy")
+step_without_dry_friction = compiled(_step_without_dry_friction, leaf=True, error_model="numpy")
 
 
 def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
@@ -76,7 +78,7 @@ def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
 
     t, h, V: rows' times, intervals, voltages; target, F: thrusts; ``w``, ``cache``: work space.
     """
-    step_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
+    step_without_dry_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
     settle(s, x, h[k], first, address, par, mem, free, w)
 
@@ -110,10 +112,10 @@ def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cac
 fly_row = compiled(_fly_row, leaf=True, error_model="numpy")
 
 
-def _midpoint_without_friction(  # type: ignore[no-untyped-def]
+def _midpoint_without_dry_friction(  # type: ignore[no-untyped-def]
     s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache
 ):  # fmt: skip
-    """Advance the state x = (q, q̇) as `_step_without_friction` does, but by the midpoint rule.
+    """Advance the state x = (q, q̇) as `_step_without_dry_friction` does, but by the midpoint rule.
 
     cache[3:6] holds the acceleration of the previous step; with it, effects get the rate in the
     middle of this step. With the rate at the start, viscous friction c q̇ would act as if the
@@ -141,12 +143,16 @@ def _midpoint_without_friction(  # type: ignore[no-untyped-def]
         cache[3 + i] = w[2, i]
 
 
-midpoint_without_friction = compiled(_midpoint_without_friction, leaf=True, error_model="numpy")
+midpoint_without_dry_friction = compiled(
+    _midpoint_without_dry_friction, leaf=True, error_model="numpy"
+)
 
 
 def _step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
     """Advance the state x = (q, q̇) by one row as `_step` does, but by the midpoint rule."""
-    midpoint_without_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
+    midpoint_without_dry_friction(
+        s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache
+    )
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
     settle(s, x, h[k], first, address, par, mem, free, w)
 

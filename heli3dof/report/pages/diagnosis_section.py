@@ -94,7 +94,7 @@ def _unmodelled(document: Document, p: FigureData) -> list[str]:
     if unmodelled := [paragraph(s) for s in words.unmodelled_effects(document)]:
         blocks += [subheading("Unmodelled effects"), *unmodelled]
     if p.leftovers:
-        blocks.append(table(unmodelled_table(p.leftovers)))
+        blocks.append(table(residual_torque_table(p.leftovers)))
         blocks += [figure(evidence_figure(e), evidence_alt(e)) for e in p.leftover_evidence]
     blocks += map(paragraph, words.slow_noise(document))
     if deviations := [paragraph(s) for s in words.model_deviations(document)]:
@@ -121,7 +121,7 @@ def error_table(w: SimulationError) -> Grid:
     return Grid("Simulation error, degrees", heads, rows, notes, text_columns=0)
 
 
-def unmodelled_table(leftovers: Sequence[ResidualTorque]) -> Grid:
+def residual_torque_table(leftovers: Sequence[ResidualTorque]) -> Grid:
     """Return a table of the residual torques that no known effect explains, one row each."""
     rows = [
         [

@@ -76,7 +76,7 @@ def verdict(document: Document) -> str:
             meaning = NOISE_UNKNOWN
         if document.get("dropped"):
             meaning = UNCONFIRMED
-        doubtful = [str(c["parameter"]) for c in possibly_off(document)]
+        doubtful = [str(c["parameter"]) for c in not_significantly_off(document)]
         if doubtful:
             meaning += f" But {listed(doubtful)} may be off: see the calibration."
     return f"Verdict: {word.replace('_', ' ')}. {meaning}"
@@ -123,7 +123,7 @@ def calibration_change(document: Document) -> Iterator[str]:
         yield f"Determined by these recordings and not as in the profile: {', '.join(off)}."
 
 
-def possibly_off(document: Document) -> list[Document]:
+def not_significantly_off(document: Document) -> list[Document]:
     """Return the entries of ``calibration`` that may be off the profile.
 
     Such an estimate differs from the profile by more than the tolerance, but not significantly.
@@ -133,7 +133,7 @@ def possibly_off(document: Document) -> list[Document]:
 
 def calibration_doubts(document: Document) -> Iterator[str]:
     """Yield a sentence per rig parameter that may be off the profile, and one on measuring them."""
-    doubtful = possibly_off(document)
+    doubtful = not_significantly_off(document)
     for c in doubtful:
         off = number(c["value"]) / c["nominal"] - 1
         spread = fixed(100 * number(c["std"]) / abs(c["nominal"]), 1, " %")

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import pytest
 
 from heli3dof.experiment.control_loop.timekeeping import (
-    DeviceTime,
-    HostTime,
-    VirtualTime,
+    DeviceDeadlines,
+    HostDeadlines,
+    VirtualDeadlines,
     timekeeper,
 )
 from heli3dof.rig.interface import Flags, Identity, Sample
@@ -25,18 +25,19 @@ def sample(device_s: float, host_s: float) -> Sample:
     return Sample(0, device_s, (0, 0, 0), (0.0, 0.0), (0.0, 0.0), Flags(0), host_s)
 
 
-def judged(time: VirtualTime) -> tuple[float, int, int]:
+def judged(time: VirtualDeadlines) -> tuple[float, int, int]:
     return pytest.approx(time.lateness, abs=2e-6), time.missed, time.lost
 
 
-def started(kind: type, host_s: float = 100.0) -> VirtualTime:
+def started(kind: type, host_s: float = 100.0) -> VirtualDeadlines:
     time = kind(DT)
     time.start(sample(7.0, host_s))
     return time
 
 
 @pytest.mark.parametrize(
-    ("timebase", "kind"), [("host", HostTime), ("device", DeviceTime), ("virtual", VirtualTime)]
+    ("timebase", "kind"),
+    [("host", HostDeadlines), ("device", DeviceDeadlines), ("virtual", VirtualDeadlines)],
 )
 def test_the_rigs_timebase_chooses_the_clock(timebase: str, kind: type) -> None:
     rig = SimpleNamespace(identity=replace(IDENTITY, timebase=timebase))
@@ -44,14 +45,14 @@ def test_the_rigs_timebase_chooses_the_clock(timebase: str, kind: type) -> None:
 
 
 def test_on_a_virtual_clock_nothing_is_late() -> None:
-    time = started(VirtualTime)
+    time = started(VirtualDeadlines)
     time.next()
     time.arrived(sample(7 + DT, 500.0), 100.0)
     assert judged(time) == NOTHING
 
 
 def test_the_hosts_deadlines_are_absolute() -> None:
-    time = started(HostTime)
+    time = started(HostDeadlines)
     for k, late in enumerate([0.0, 0.0015, 0.0, 0.001], 1):
         due = time.next()
         assert due == pytest.approx(100 + k * DT)
@@ -60,14 +61,14 @@ def test_the_hosts_deadlines_are_absolute() -> None:
 
 
 def test_missed_periods_are_skipped_and_deadlines_stay_on_the_grid() -> None:
-    time = started(HostTime)
+    time = started(HostDeadlines)
     due = time.next()
     time.arrived(sample(7.013, due + 5.5 * DT), due - DT)
     assert judged(time) == (5.5 * DT, 5, 0)
     assert time.next() == pytest.approx(100 + 7 * DT)
 
 
-def stream(time: VirtualTime, first: int, last: int, way_s: float = 0.0) -> None:
+def stream(time: VirtualDeadlines, first: int, last: int, way_s: float = 0.0) -> None:
     """Punctual samples of a device-timed stream."""
     for k in range(first, last + 1):
         time.next()
@@ -75,7 +76,7 @@ def stream(time: VirtualTime, first: int, last: int, way_s: float = 0.0) -> None
 
 
 def test_lateness_of_a_stream_is_measured_by_the_devices_clock() -> None:
-    time = started(DeviceTime)
+    time = started(DeviceDeadlines)
     stream(time, 1, 100)
     assert judged(time) == NOTHING
     time.arrived(sample(7 + 101 * DT, 100 + 101 * DT + 0.0013), 100 + 100 * DT + 1e-4)
@@ -85,14 +86,14 @@ def test_lateness_of_a_stream_is_measured_by_the_devices_clock() -> None:
 
 
 def test_samples_that_did_not_come_while_the_host_waited_are_lost() -> None:
-    time = started(DeviceTime)
+    time = started(DeviceDeadlines)
     stream(time, 1, 10)
     time.arrived(sample(7 + 13 * DT, 100 + 13 * DT), 100 + 10 * DT + 1e-4)
     assert judged(time) == (0.0, 0, 2)
 
 
 def test_samples_that_came_while_the_host_was_away_are_missed() -> None:
-    time = started(DeviceTime)
+    time = started(DeviceDeadlines)
     stream(time, 1, 10)
     # The host asks 3.3 periods late and gets the newest sample.
     requested = 100 + 13.3 * DT
@@ -136,7 +137,7 @@ def test_what_the_device_left_out_is_neither_lost_nor_missed() -> None:
 
 def test_host_time_and_device_time_report_the_same_delay() -> None:
     away = 4.4 * DT
-    host, device = started(HostTime), started(DeviceTime)
+    host, device = started(HostDeadlines), started(DeviceDeadlines)
     due = host.next()
     host.arrived(sample(7 + DT + away, due + away), due - DT)
     device.next()
@@ -146,7 +147,7 @@ def test_host_time_and_device_time_report_the_same_delay() -> None:
 
 
 def test_a_device_with_a_slow_clock_is_neither_late_nor_losing() -> None:
-    time = started(DeviceTime)
+    time = started(DeviceDeadlines)
     for k in range(1, 20_000):
         at = 100 + k * DT * (1 + 80e-6)
         time.next()
@@ -158,7 +159,7 @@ def test_a_device_with_a_slow_clock_is_neither_late_nor_losing() -> None:
 @pytest.mark.parametrize("first_late", [0.0, 0.3, 0.5, 0.85])
 def test_a_device_with_sampling_jitter_loses_no_sample(first_late: float) -> None:
     draw = random.Random(3)
-    time = DeviceTime(DT)
+    time = DeviceDeadlines(DT)
     time.start(sample(7 + first_late * DT, 100.0))
     for k in range(1, 5000):
         taken = k + (draw.uniform(0, 0.85) if draw.random() < 0.3 else draw.uniform(0, 0.002))
@@ -168,7 +169,7 @@ def test_a_device_with_sampling_jitter_loses_no_sample(first_late: float) -> Non
 
 @pytest.mark.parametrize("longer", [-3e-4, 3e-4])
 def test_a_period_rounded_to_microseconds_is_no_loss(longer: float) -> None:
-    time = started(DeviceTime)
+    time = started(DeviceDeadlines)
     for k in range(1, 20_000):
         at = k * DT * (1 + longer)
         time.arrived(sample(7 + at, 100 + at), 100 + at - 0.9 * DT)
@@ -177,7 +178,7 @@ def test_a_period_rounded_to_microseconds_is_no_loss(longer: float) -> None:
 
 def test_losses_are_counted_under_sampling_jitter() -> None:
     draw = random.Random(4)
-    time = started(DeviceTime)
+    time = started(DeviceDeadlines)
     k = lost = 0
     for _ in range(5000):
         gone = draw.choice([0, 0, 0, 0, 1, 2])
