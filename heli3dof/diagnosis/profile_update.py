@@ -196,7 +196,7 @@ def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured
     """Return the ratios that flights determine without K_f: V_o in V, K_f/J in N/(V·kg·m²).
 
     The standard deviations of K_f, T_g and the inertias include that of K_f, which only the
-    profile's tolerance bounds. It cancels in these ratios.
+    profile's tolerance bounds. The error of K_f cancels in these ratios.
     """
     if not base:
         return {}

@@ -28,7 +28,10 @@ STANDS_IN = "it only compensated for an unmodelled torque"
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """A cause: its term, the selection step that added it, and its gain on held-out data."""
+    """A cause: the selection step that added it, its size, and its gain on held-out data.
+
+    The gain is the decrease of the prediction error by the cause's term.
+    """
 
     choice: Choice
     values: Mapping[str, tuple[float, float]]
@@ -66,9 +69,11 @@ class Fitted:
     """Gain of the extended model over the refitted base simulation"""
     before: HeldOut | None
     after: HeldOut | None
+    """Results on held-out data of the refitted base simulation and of the extended model"""
     wrong: SimulationError
     """Prediction errors with the profile's numbers, and the extended model's noise floor"""
     noise_floor: Mapping[str, float | None]
+    """Axis → noise floor in degrees, 1 s ahead; None if unknown"""
     refit: Gain | None = None
     """Gain of the refitted base simulation over the one with the profile's numbers"""
     calibration: tuple[BaseParameter, ...] = ()
@@ -163,7 +168,7 @@ def verdict_of(
     *,
     unsure: bool = False,
 ) -> str:
-    """Return the verdict on causes in the order of `in_order`.
+    """Return the verdict, such as "explained" or "ambiguous"; causes are ordered by `in_order`.
 
     ``left``: the residual torques, and the errors that the causes leave (`remainders`).
     ``refit``: the gain of refitting the profile's numbers. ``unsure``: the first physical cause may

@@ -46,7 +46,7 @@ def not_confirmed(names: Sequence[str], recordings: Sequence[Recording]) -> set[
 
 
 def confirmed(sizes: Sequence[tuple[float, float]]) -> bool:
-    """Return whether one of the (θ − θ_0, σ) is significant and all are of one size.
+    """Return whether the recordings' (θ − θ_0, σ) confirm the cause (module).
 
     >>> confirmed([(0.9, 0.8), (1.9, 1.4), (10.0, 6.5)])  # none is significant
     False

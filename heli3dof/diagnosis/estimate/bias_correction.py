@@ -88,7 +88,7 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def colour(self) -> np.ndarray:
-        """Return ρ (n,) of `estimate.coloured_noise`; ones if no flights were simulated."""
+        """Return ρ (n,), by which coloured noise multiplies variances; ones without flights."""
         if self.scatter is None:
             return np.ones(len(self.optimum.theta))
         return colour(self, self.scatter)
@@ -108,7 +108,7 @@ class CorrectedFit(Estimate):
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
-    """Return the model at θ = ``theta`` (n,) and a = ``noise`` (4,), with an unknown covariance."""
+    """Return the model at θ = ``theta`` (n,) and a = ``noise`` (4,); its covariance is NaN."""
     n = len(theta)
     return GreyBoxModel(
         "null", problem.structure.profile, tuple(t.name for t in problem.structure.terms),
@@ -142,7 +142,7 @@ def correct(
     rounds: int = ROUNDS,
     log: Callable[[str], None] = lambda s: None,
 ) -> CorrectedFit:
-    """Return the parameters at which the recordings score as simulated flights do, on average.
+    """Return the fit at which the recordings' score is the mean score of simulated flights.
 
     The search starts at ``theta`` (n,) and ``noise`` (4,), simulates ``pilots`` flights per round
     and takes at most ``rounds`` rounds. If it diverges, the start is returned, with ``scatter`` and
@@ -232,7 +232,7 @@ class NoiseScoreBias:
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return whether ``theta`` or ``noise`` has left the range `REUSED_WITHIN`."""
+        """Return whether a value differs from that of the flights by over `REUSED_WITHIN`."""
         noise_range, theta_range = REUSED_WITHIN
         noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()
         theta_distance = np.abs((theta - self.theta) / self.sd).max()

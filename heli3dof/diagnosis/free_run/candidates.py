@@ -95,7 +95,7 @@ def score_tests(fit: MultiStepFit) -> list[Candidate]:
 
 
 def threshold(tests: int) -> float:
-    """Return the Z² that the largest of so many tests exceeds by chance with `FALSE_ALARMS`.
+    """Return the Z² that the largest of ``tests`` exceeds with the probability `FALSE_ALARMS`.
 
     >>> round(threshold(60), 1)
     16.4

@@ -61,7 +61,10 @@ def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
 
 
 def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Return rows of `residuals` without overlap, times (10⁴ s between recordings), variables."""
+    """Return (rows of `residuals`, times t, {variable: means}) of spans that do not overlap.
+
+    Times are in s, with 10⁴ s between recordings.
+    """
     rows, t, at = [], [], 0
     x: dict[str, list[np.ndarray]] = {}
     for n, log in enumerate(logs):

@@ -121,9 +121,9 @@ def recommend(
 def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
     """Return the recommended experiment of a diagnosis, or None. The first of these is planned for:
 
-    1. what a fit to free-run predictions left open (`planning.free_run_plan`)
+    1. the terms that a fit to free-run predictions left open (`planning.free_run_plan`)
     2. the first finding with confounded causes that a flight can separate
-    3. without findings: a cause whose gain held-out data do not confirm
+    3. without findings: a cause that held-out data do not confirm
     4. without findings: an effect that the recordings could not show
 
     For 3 and 4, the result is None if its certainty is below `MIN_CERTAINTY`.
