@@ -37,7 +37,7 @@ class Scan(Protocol):
     def term(self) -> Term: ...
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return the information of a unit torque; ``unit`` (C, 3): e, in rad/s²."""
+        """Return (knots, information v of a unit torque there); ``unit`` (C, 3): e, in rad/s²."""
         ...
 
     def peak(
@@ -58,7 +58,7 @@ def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.nd
 
 @dataclass(frozen=True)
 class Frequencies:
-    """A torque τ_0 sin(2π f t + φ) of any frequency f."""
+    """The scan for a torque τ_0 sin(2π f t + φ) of any frequency f."""
 
     term: Term
 

@@ -100,7 +100,7 @@ def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
 
 
 def significant_formula(fit: Estimate) -> Place | None:
-    """Return where the most significant formula acts; None if none is significant."""
+    """Return the axis and variable of the most significant formula; None if none is."""
     flown = flown_fit(fit)
     flight, nuisance, at = flown.flight, flown.nuisance, flown.flight.at
     block = block_numbers(flight.data, BLOCK_S)[at.row]
@@ -142,7 +142,7 @@ def variable_of(product: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class FlownFit:
-    """A fit along its flight: what every test of a torque needs."""
+    """A fit with its filter run, tangents and score, which every test of a torque needs."""
 
     flight: Trail
     path: Path
@@ -154,7 +154,7 @@ class FlownFit:
 
 
 def flown_fit(fit: Estimate) -> FlownFit:
-    """Return the fit along the flight of its recordings."""
+    """Return the fit with its filter run over its recordings."""
     flight, problem = trail(fit), fit.problem
     nuisance = Nuisance.of_fit(fit, flight, None)
     bias = getattr(fit, "bias", None)  # of a bias-corrected fit
@@ -202,7 +202,7 @@ def projected(flown: FlownFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def spline_score(flown: FlownFit, axis: int, variable: str) -> tuple[float, int]:
-    """Return S of the piecewise linear torque of ``variable`` and its rank; zero if it is still."""
+    """Return S and rank of the piecewise linear torque of ``variable``; S = 0 if it is constant."""
     flight = flown.flight
     library = hats(flight, np.array([axis]))
     if variable not in library.variables:

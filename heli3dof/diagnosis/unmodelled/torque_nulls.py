@@ -1,4 +1,4 @@
-"""Scores of the free-form torques without a residual torque, from simulations or from blocks.
+"""Scores of the free-form torques in flights without a residual torque, or in blocks of a flight.
 
 If the controller is known, B flights of the fitted rig are simulated (`estimate.simulated_flight`).
 The same filter gives their scores of the J hat functions and of the fit's coordinates. The latter
@@ -24,7 +24,7 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Scores in B flights, or in m blocks of one flight: of J functions, of n fit coordinates."""
+    """Scores of J hat functions and n fit coordinates in B flights, or in B blocks of a flight."""
 
     u: np.ndarray
     """(B, J)"""

@@ -304,8 +304,9 @@ def score_tests(
 def gumbel_stretch(n: int) -> float:
     """Return the factor by which to stretch a Gumbel scale estimated from the moments of n nulls.
 
-    With it, one further flight exceeds the threshold in a share `FALSE_ALARMS` of cases. Without,
-    three times (n = 24) or twelve times (n = 8) as many do. Accurate to 2 % for n ≥ 8.
+    With the stretch, a further flight exceeds the threshold with the probability `FALSE_ALARMS`.
+    Without, the probability is three times (n = 24) or twelve times (n = 8) as large. Accurate to
+    2 % for n ≥ 8.
     """
     return 1 + 4.5 / n + 10 / n**2
 
@@ -360,7 +361,10 @@ def _residual_torque(flight: Trail, library: Hats, tests: ScoreTests, best: int)
 
 
 def share_of(torque: np.ndarray, f: np.ndarray, h: np.ndarray) -> float:
-    """Return 1 − var(τ̂ − f)/var(τ̂), at least 0, of averages over `WINDOW_S`; ``h`` (N,) in s."""
+    """Return the share 1 − var(τ̂ − f)/var(τ̂) ≥ 0 of the torque τ̂ (N,) that f (N,) explains.
+
+    Both are averaged over `WINDOW_S`; ``h`` (N,): sampling intervals in s.
+    """
     every = max(1, round(WINDOW_S / float(np.median(h))))
     n = len(f) // every
     mean = torque[: n * every].reshape(n, every).mean(axis=1)

@@ -89,7 +89,7 @@ def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
 
 
 def uncalibrated(fit: Estimate, holdout: Sequence[Recording]) -> HeldOut:
-    """Evaluate the fit's structure with the profile's numbers, on the rows of `held_out`."""
+    """Evaluate the fit's structure with the profile's numbers, on the rows that `held_out` uses."""
     problem, noise = fit.problem, fit.optimum.noise
     theta = problem.coordinates(fit.structure.values_of({}))
     if holdout:
@@ -221,7 +221,10 @@ def _with_settling(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -
 
 
 def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
-    """Return (N, 3) ln Z of each row by axis (0 outside the blocks) from a pass with ``keep`` 3."""
+    """Return the log-likelihood ln Z (N, 3) of each row by axis; 0 outside the blocks.
+
+    X are the states of a filter run with ``keep`` = 3.
+    """
     out = np.zeros((len(d.t), 3))
     total = np.zeros(3)
     for _, start, stop in d.blocks:

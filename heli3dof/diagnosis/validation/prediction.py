@@ -81,7 +81,8 @@ def prediction_errors(
 ) -> PredictionErrors:
     """Return the prediction errors from the filter's states X (N, ≥ 6) at the coordinates θ (n,).
 
-    ``starts`` (S,): rows to start from, by default `starts_of` the data; NaN if outside the runs.
+    ``starts`` (S,): rows to start from, by default `starts_of` the data. The errors from a start
+    outside the runs are NaN.
     """
     from heli3dof.diagnosis.validation.prediction_passes import predict_free_run
 

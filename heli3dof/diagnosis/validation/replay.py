@@ -22,7 +22,7 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True)
 class Replayed:
-    """One axis of one recording, in degrees; NaN if not defined or if the model diverges."""
+    """Overshoot and steady error of one axis; NaN if not defined or if the model diverges."""
 
     recording: str
     axis: str
@@ -34,7 +34,10 @@ class Replayed:
 def replayed(
     before: GreyBoxModel, after: GreyBoxModel, recordings: Sequence[Recording]
 ) -> tuple[Replayed, ...]:
-    """Return each axis with a step or constant reference, if the controller is known."""
+    """Return the results for each axis with a step or constant reference.
+
+    Recordings with an unknown controller are omitted.
+    """
     out = []
     for recording in recordings:
         if why_not_replayed(recording) is not None:
