@@ -225,7 +225,7 @@ def _fault(f: Fault) -> dict[str, Any]:
 
 
 def _off_nominal(x: OffNominal) -> dict[str, Any]:
-    """Return the JSON object of a base parameter off nominal; see ``calibration_gain``."""
+    """Return the JSON object of a base parameter off nominal; its gain is `calibration_gain`."""
     return {
         "effect": x.term.effect.name,
         "axis": x.term.axis,
@@ -309,7 +309,7 @@ def _recommendation(n: NextExperiment) -> dict[str, Any]:
 
 
 def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
-    """Return the plan in the effect's catalogue entry for the first causes to be separated."""
+    """Return the effect catalogue's plan for the first causes that a flight can separate."""
     ties = (
         (x.term, x.tied_with) if isinstance(x, OffNominal) else (x.choice.term, x.choice.tied_with)
         for x in d.in_order

@@ -1,4 +1,4 @@
-"""Define the expected result of a simulated plan, the recommended plan, and its open terms."""
+"""Define the expected result of a simulated plan, the recommended plan, and a fit's open terms."""
 
 from __future__ import annotations
 

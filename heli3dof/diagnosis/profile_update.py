@@ -7,9 +7,10 @@
     encoder.scale          encoder.<axis> · k                   reading = rest + k (angle − rest)
     encoder.sign           −encoder.<axis>                      (from the integrity checks)
 
-T_g (N·m) and the inertias (kg·m²) of a model file are in units of its profile's K_f (N/V).
-`greybox.thrust_scale` converts them to SI and gives K_f, as ``diagnose --json`` does. V_o does not
-depend on that scale. Causes without a key (friction, lag, …) stay in the model file and are listed.
+The trim torque T_g (N·m) and the inertias (kg·m²) of a model file are in units of its profile's
+thrust gain K_f (N/V). `greybox.thrust_scale` converts them to SI and gives K_f, as
+``diagnose --json`` does. The operating voltage V_o does not depend on that scale. Causes without a
+key (friction, lag, …) stay in the model file and are listed.
 """
 
 from __future__ import annotations

@@ -199,9 +199,9 @@ def remainders(
 
         Σ max(e_1² − e_n², 0) > ½ Σ e_0²
 
-    The result are the axes of which this holds alone. An axis with slow noise is left out, because
-    e_n does not contain it. Without a physical cause there is no claim to refute, so the result is
-    empty.
+    The result contains the axes that satisfy this inequality on their own. An axis with slow noise
+    is left out, because e_n does not contain that noise. Without a physical cause there is no claim
+    to refute, so the result is empty.
     """
     if not physical(findings) or f.refit is None:
         return ()

@@ -110,8 +110,8 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
 
     Such errors are backlash, if it is the cause, and an encoder offset, if it is the cause or is
     confounded with the cause. An encoder's zero is uncertain by a count, because counts start at
-    power-up and data-acquisition cards round differently. The cause has its size in ``fit``, which
-    may differ from its size when it was selected.
+    power-up and data-acquisition cards round differently. The cause's size is that in ``fit``,
+    which may differ from its size in the selection step.
     """
     for c in choice.contenders:
         axis, is_choice = c.term.axis, c.term.name == choice.term.name
@@ -202,10 +202,10 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
 
 
 def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:
-    """Return the choices; each other and the ``formal`` terms are removed from ``tied_with``.
+    """Return the choices without each other's names and ``formal`` names in ``tied_with``.
 
-    The confidence of each choice is then that against the remaining alternatives. Weak choices are
-    not removed. ``formal``: names of the fit's other forms of the body's equations.
+    The confidence of each choice is then that against the remaining alternatives. The names of weak
+    choices remain. ``formal``: names of the fit's other forms of the body's equations.
     """
     named = {c.term.name for c in choices if not c.weak} | set(formal)
     out = []
@@ -227,7 +227,7 @@ def log_likelihood_gain(g: Gain) -> float:
 def with_positive_torque(
     values: Mapping[str, tuple[float, float]],
 ) -> dict[str, tuple[float, float]]:
-    """Return a periodic torque with τ > 0 and a phase in (−π, π]: −τ sin φ = τ sin(φ + π)."""
+    """Return a periodic torque's values with τ > 0, phase in (−π, π]: −τ sin φ = τ sin(φ + π)."""
     out = dict(values)
     if {"torque_Nm", "phase_rad"} <= out.keys():
         (torque, std), (phase, spread) = out["torque_Nm"], out["phase_rad"]

@@ -85,7 +85,7 @@ def undetectable_scales(
 
 
 def flyable(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
-    """Return the names in ``tied_with`` that some flight separates from the cause ``of``.
+    """Return the causes in ``tied_with`` that a flight can separate from the cause ``of``.
 
     >>> flyable("inertia.roll", [SCALE, "encoder.scale.yaw"]), flyable("motor.dead_zone", [SCALE])
     ((), ('motor.thrust_gain',))
@@ -104,7 +104,7 @@ def flyable(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
-    """Return the findings; if the thrust gain K_f is one, it and the others are confounded.
+    """Return the findings; if K_f (thrust gain) is one, the others are confounded with K_f.
 
     Without simulated nulls, only the profile's nominal values separate a wrong K_f from inertias
     that are all wrong by the inverse factor (`greybox.thrust_scale`).
@@ -142,13 +142,13 @@ def _inertia_ties(
 
 
 def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bool:
-    """Return whether x = (ln(J/J_nominal), σ) may differ from ``shift`` by at most ln(1 + ε)."""
+    """Return whether x = (ln(J/J_nominal), σ) is within ln(1 + ε) + `SIGMAS` σ of ``shift``."""
     value, std = x
     return abs(value - shift) <= math.log1p(tolerance) + SIGMAS * std
 
 
 def _zero_error(f: Finding, T_g: float) -> float:
-    """Return δ in rad from an offset or pendulum torque of roll; NaN if the latter exceeds T_g."""
+    """Return the roll offset δ in rad of a finding; NaN if its pendulum torque exceeds T_g."""
     value = next(iter(f.values.values()))[0]
     if f.choice.term.effect.name == "encoder.offset":
         return math.radians(value)

@@ -1,11 +1,12 @@
 """Test whether one formula explains the flight better than causes of the catalogue.
 
-Causes may imitate a torque outside the catalogue, alone or together. On pitch, k V_f V_b is, to
-first order about hover, a thrust mismatch and a constant torque. So each cause, each pair and all
-of them compete with the product of quantities that explains most without them, on any axis
-(`unmodelled.torque_formula`). With ℓ_s the log-likelihood with the causes (n_s parameters, N
-readings), ℓ_φ that with the formula in their place, K the number of formulas, and κ the fit's
-variance inflation (`Estimate.inflation`), the formula replaces the causes if
+Causes may imitate a torque outside the catalogue, alone or together. On pitch, a torque k V_f V_b
+(front and back voltage) is, to first order about hover, a thrust mismatch and a constant torque. So
+each cause, each pair and all of them compete with the product of measured quantities that explains
+most without them, on any axis (`unmodelled.torque_formula`). With ℓ_s the log-likelihood with the
+causes (n_s parameters, N readings), ℓ_φ that with the formula in their place, K the number of
+formulas, and κ the fit's variance inflation (`Estimate.inflation`), the formula replaces the causes
+if
 
     2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `selection.select.TIE`
 
@@ -113,7 +114,7 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
 
 
 def with_best_product(fit: CorrectedFit) -> Formula:
-    """Return ``fit`` extended by the formula c φ, with the product φ that explains most."""
+    """Return ``fit`` extended by a torque c φ, φ the product of quantities that explains most."""
     flown = flown_fit(fit)
     axes = np.flatnonzero(fit.problem.data.axes)
     scores = {int(i): product_scores(flown, int(i)) for i in axes}

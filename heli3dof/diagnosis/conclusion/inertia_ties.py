@@ -1,6 +1,6 @@
-"""Report effects confounded with a base parameter off its profile value (inertia, T_g, K_f).
+"""Report effects confounded with a wrong inertia, trim torque T_g or thrust gain K_f.
 
-The base fit absorbs some effects without a trace. For example, a step about one hover voltage only
+The base fit absorbs some effects completely. For example, a step about one hover voltage only
 determines the ratio of thrust slope and inertia, so a curved thrust appears as another inertia.
 
 A unit of probe i changes base coordinate j by b_ji = (A⁻¹ T W δc_i)_j (`screening.score_test`). If

@@ -35,7 +35,7 @@ MAX_COMPARED = 3
 
 
 def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return the findings; causes that segments do not separate from one join its ``tied_with``."""
+    """Return the findings, with causes that segments do not separate from one in ``tied_with``."""
     adopted = {f.choice.term.name for f in findings}
     return tuple(
         replace(f, choice=tied_by_segments(f.choice, adopted)) if not f.choice.by_flights else f
@@ -44,9 +44,9 @@ def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
-    """Return the choice; causes that segments do not separate from it join its ``tied_with``.
+    """Return the choice, with causes that the segments do not separate from it in ``tied_with``.
 
-    The ``adopted`` causes are not compared.
+    The ``adopted`` causes are not compared with it.
     """
     best, *others = choice.contenders
     if best.term.effect.of_base:

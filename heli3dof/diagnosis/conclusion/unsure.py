@@ -84,14 +84,14 @@ def insignificant(fit: Estimate) -> set[str]:
 
 
 def centred_score(nuisance: Nuisance) -> np.ndarray:
-    """Return g − ḡ (p,)."""
+    """Return the score minus its mean in null simulations, g − ḡ (p,)."""
     return nuisance.g if not len(nuisance.g_null) else nuisance.g - nuisance.g_null.mean(axis=0)
 
 
 def with_resemblance(
     residuals: Sequence[ResidualTorque], names: Sequence[str]
 ) -> tuple[ResidualTorque, ...]:
-    """Return the residual torques, the first marked as ``names[0]``-like if it has no mark."""
+    """Return the residual torques, the first as ``names[0]``-like if like no other cause."""
     if not residuals or residuals[0].like is not None or not names:
         return tuple(residuals)
     return (replace(residuals[0], like=f"{names[0]}-like"), *residuals[1:])

@@ -1,7 +1,7 @@
-"""Convert the base parameters to SI, and test which ones are off by more than the tolerance.
+"""Convert the base parameters to SI, and test which differ from nominal by over the tolerance.
 
-A fit gives torques and inertias in units of K_f, and `greybox.thrust_scale` estimates K_f. The
-parameters X and their findings are
+A fit gives the trim torque T_g and the inertias J in units of the thrust gain K_f, which
+`greybox.thrust_scale` estimates. The parameters X and their findings are
 
     K_f             motor.thrust_gain       gain = K_f/K_f,nominal
     T_g             mass.imbalance          torque_Nm = T_g − T_g,nominal
@@ -130,7 +130,7 @@ def std_inflation(fit: CorrectedFit) -> float:
 
 
 def finding_of(number: str) -> str:
-    """Return the name of the finding that base parameter ``number`` is off.
+    """Return the name of the finding that base parameter ``number`` differs from nominal.
 
     >>> [finding_of(n) for n in ("K_f", "T_g", "J_yaw")]
     ['motor.thrust_gain', 'mass.imbalance', 'inertia.yaw']

@@ -88,7 +88,7 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def colour(self) -> np.ndarray:
-        """Return ρ (n,), by which coloured noise multiplies variances; ones without flights."""
+        """Return ρ (n,), by which coloured noise multiplies variances; 1 without simulations."""
         if self.scatter is None:
             return np.ones(len(self.optimum.theta))
         return colour(self, self.scatter)
@@ -145,8 +145,8 @@ def correct(
     """Return the fit at which the recordings' score is the mean score of simulated flights.
 
     The search starts at ``theta`` (n,) and ``noise`` (4,), simulates ``pilots`` flights per round
-    and takes at most ``rounds`` rounds. If it diverges, the start is returned, with ``scatter`` and
-    ``bias`` None.
+    and takes at most ``rounds`` rounds. If the search diverges, its start is returned, with
+    ``scatter`` and ``bias`` None.
     """
     start = theta, noise
     low, high = problem.bounds
@@ -232,7 +232,7 @@ class NoiseScoreBias:
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return whether a value differs from that of the flights by over `REUSED_WITHIN`."""
+        """Return whether θ or the noise is more than `REUSED_WITHIN` from that of the flights."""
         noise_range, theta_range = REUSED_WITHIN
         noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()
         theta_distance = np.abs((theta - self.theta) / self.sd).max()

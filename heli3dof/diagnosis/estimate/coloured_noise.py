@@ -8,8 +8,7 @@ West (1987) with L = `MEMORY_S` / `BLOCK_S`, is
     S = Γ_0 + Σ_{l=1}^{L} (1 − l/(L + 1)) (Γ_l + Γ_lᵀ),      Γ_l = Σ_b s_b s_{b+l}ᵀ
 
 Let C be the covariance of the simulated flights' scores, H the information of the recordings and Λ
-that of the prior.
-Coloured noise multiplies the variance of parameter j by
+that of the prior. Coloured noise multiplies the variance of parameter j by
 
     ρ_j = (A⁻¹ S A⁻¹)_jj / (A⁻¹ C A⁻¹)_jj,         A = H + Λ
 
@@ -57,7 +56,7 @@ def freedom(blocks: int, memory: int) -> float:
 
 
 def significant_ratio(ratio: np.ndarray, nu: float, chance: float = CHANCE) -> np.ndarray:
-    """Return the variance ratios, or 1 where white noise exceeds one with over ``chance``."""
+    """Return ``ratio`` where it is significant: above χ²_ν/ν at ``chance``; elsewhere 1."""
     from scipy.stats import chi2
 
     return np.where(ratio > float(chi2.isf(chance, nu)) / nu, ratio, 1.0)

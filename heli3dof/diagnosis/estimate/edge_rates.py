@@ -76,7 +76,10 @@ def fit_with_edge_rates(
     problem: Likelihood, start: CorrectedFit, recordings: Sequence[Recording], *, seed: int,
     flights: int = FLIGHTS, rounds: int = ROUNDS,
 ) -> CorrectedFit:  # fmt: skip
-    """Return the fit with edge rates; ``start``, where it begins, if flights or search diverge."""
+    """Return the fit with edge rates, or ``start`` if the flights or the search diverge.
+
+    The search begins at ``start``.
+    """
     n = len(start.theta)
     jitter = start.optimum.noise[3:]
     y = np.concatenate([start.theta, np.log(start.optimum.noise[:3])])

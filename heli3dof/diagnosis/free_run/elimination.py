@@ -9,7 +9,8 @@ seconds of held-out flight, the loss increases by
 
 Windows overlap, so the bootstrap resamples cells (block bootstrap).
 
-1. The terms are tested by increasing significance. The first without any of these is removed:
+1. The terms are tested by increasing significance. The first to which none of these applies is
+   removed:
 
    - Need: the `LEVEL` bootstrap interval of Δ on held-out blocks lies above zero.
    - Prior knowledge: the prior mean is more than `KNOWN` prior deviations from the null value.
@@ -163,7 +164,10 @@ def without_elimination(full: MultiStepFit) -> Elimination:
 
 
 def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
-    """Return (term, Σ (θ − θ_0)²/σ²), ascending; θ_0 is the lower bound on a logarithmic scale."""
+    """Return (term, Σ (θ − θ_0)²/σ² over its parameters), ascending.
+
+    θ_0 is the null value, on a logarithmic scale the lower bound.
+    """
     p, out = full.problem, {}
     C = np.linalg.inv(full.tangents @ full.tangents.T + p.prior)
     for t in full.structure.terms:
@@ -188,7 +192,7 @@ def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -
 def with_confounded_terms(
     result: Elimination, causes: Sequence[TermResult], *, seed: int, says: Says = lambda s: None
 ) -> list[TermResult]:
-    """Return the causes, with the effects that can replace a cause in its ``tied_with``."""
+    """Return the causes; the ``tied_with`` of each contains the effects that can replace it."""
     fit = result.fit if result.last is None else result.last.fit
     says("Testing the other effects of the catalogue …")
     tests = score_tests(fit)
@@ -207,7 +211,7 @@ def with_confounded_terms(
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
-    """Return the terms with a prior mean over `KNOWN` prior deviations from the null value."""
+    """Return the terms with a prior mean more than `KNOWN` prior σ from the null value."""
     out = set()
     sd = 1 / np.sqrt(np.diag(problem.prior))
     for j, f in enumerate(problem.structure.free):
@@ -219,7 +223,10 @@ def known_beforehand(problem: MultiStep) -> set[str]:
 
 
 def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
-    """Return the terms with a parameter whose |correlation| with one of ``name`` is high."""
+    """Return the other terms with a parameter that is correlated with one of term ``name``.
+
+    The |correlation| exceeds `CORRELATED`.
+    """
     free, C = full.structure.free, full.correlation
     at = [j for j, f in enumerate(free) if f.term == name]
     largest = {

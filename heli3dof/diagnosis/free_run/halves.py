@@ -97,7 +97,7 @@ def chi_squared(fit: MultiStepFit, j: int) -> tuple[float, int]:
 
 
 def equivalent_deviation(chi2: float, freedom: int) -> float:
-    """Return the normal deviate with the two-sided tail probability of χ² (``freedom`` dof)."""
+    """Return the normal deviate as improbable as ``chi2`` with ``freedom`` degrees of freedom."""
     from scipy.stats import chi2 as law
     from scipy.stats import norm
 

@@ -43,7 +43,7 @@ MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly th
 
 
 def probability_nonzero(fit: MultiStepFit, name: str) -> float:
-    """Return P, that the term's first parameter is not at its null value; 1 if it has none."""
+    """Return P, the probability that a term has an effect; 1 if it has no null value."""
     distance = null_distance(fit, name)
     return 1.0 if distance is None else math.erf(abs(distance[0]) / math.sqrt(2))
 

@@ -1,11 +1,11 @@
 """Report what the fitted model does not explain: the take-off, and creep at a constant voltage.
 
-**Take-off.** The fit does not use it. Roll is simulated from the last row on the table to the end
-of the climb, with rotors initially at rest and at steady speed. The true initial speed depends on
-voltages before the recording. After `SPUN_UP_S` the difference is negligible. From there, the
+**Take-off.** The fit omits the take-off. Roll is simulated from the last row on the table to the
+end of the climb, with rotors initially at rest and at steady speed. The true initial speed depends
+on voltages before the recording. After `SPUN_UP_S` the difference is negligible. From there, the
 measured mean of p̈ (pitch, rad/s²) is compared with the model's along the measured path, in weak
-form. The take-off is reported if they differ by `SIGNIFICANT` standard deviations of the model's
-mean (from the parameters' covariance) or more.
+form. The take-off is reported if the two means differ by `SIGNIFICANT` standard deviations of the
+model's mean (from the parameters' covariance) or more.
 
 **Creep.** Both motors have one constant voltage V. Mean roll early and late (`EARLY_S`, `LATE_S`)
 is compared with the model's equilibrium. L_a is the arm's length (m), F the thrust (N):
@@ -137,7 +137,7 @@ def _state_at_rest(structure: Any, values: np.ndarray, reading: np.ndarray) -> n
 
 @dataclass(frozen=True)
 class CreepRun:
-    """Roll at a constant voltage: measured early and late in the run, and the model's."""
+    """Roll at a constant voltage: measured early and late in the run, and in the model."""
 
     recording: str
     voltage_V: float

@@ -8,9 +8,9 @@ every other block of `BLOCK_S`. It is tested on the remaining blocks; then they 
     share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²      over the test spans, mean of the training spans
 
 Each axis reports the variable with the largest share, if share ≥ `LEAST` and its 95 % bootstrap
-interval over blocks lies above zero. ``also`` lists those above `NEARLY` times this share. Coloured
-residuals and the choice of the best variable raise the false-alarm rate above 5 %: the result is a
-hint, not a cause.
+interval over blocks lies above zero. ``also`` lists the variables with more than `NEARLY` times
+this share. Coloured residuals and the choice of the best variable raise the false-alarm rate above
+5 %: the result is a hint, not a cause.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Report two swapped columns of a log, from the motion, the encoder's grid or the references.
 
 **Motion.** `response` gives each axis's response g with the explained share R². An axis is *driven*
-if its `Response.drive` exceeds `DRIVEN`. It is
+if its `Response.drive` exceeds `DRIVEN`. An axis is
 
 * *consistent* if |g| is within `RANGE`, g is `SURE` standard deviations from 0, R² > `EXPLAINED`;
 * *inconsistent* if it is driven, and |g| is outside `RANGE` or R² < `UNEXPLAINED`.

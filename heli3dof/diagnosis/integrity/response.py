@@ -166,10 +166,10 @@ class _Windows:
 
 
 def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the regressors X (W, n) of z (W,), with a step of ``trim`` (W,) as another column.
+    """Return the regressors X (W, n) of z (W,), with a step of the trim as another column.
 
-    The column is added if the best step explains the share `STEP` (module). ``t`` (W,) s are the
-    middles of the windows.
+    The column is added if the best step explains the share `STEP` (module). ``trim`` (W,): column
+    of x_1; ``t`` (W,): middles of the windows, s.
     """
     times = np.arange(t[0] + STEP_INSIDE_S, t[-1] - STEP_INSIDE_S, STEP_EVERY_S)
     if not len(times):

@@ -146,7 +146,7 @@ def _roll_divided(view: View, k: float) -> View:
 
 
 def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
-    """Return the axis's scale and its standard deviation: its response over the others' mean."""
+    """Return (scale, standard deviation) of an axis: its response over the mean of the others."""
     others = [
         np.log(x.gain) for a, x in responses.items() if a != axis and (axis, a) != ("pitch", "yaw")
     ] or [0.0]

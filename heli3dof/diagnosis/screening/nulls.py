@@ -69,7 +69,7 @@ class Nulls:
     """(B,) largest Z² of each null relative to the other nulls"""
 
     def standardised(self, result: ScreenResult) -> np.ndarray:
-        """Return Z (P,)."""
+        """Return the standardised scores Z (P,)."""
         return np.asarray((result.z - self.mean) / self.std)
 
     def least(self, term: Term) -> float:

@@ -43,12 +43,12 @@ class Scan(Protocol):
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> tuple[float, tuple[float, ...], float]:
-        """Return (the largest z, the parameters' values there, the first of these)."""
+        """Return (largest z, values of the term's parameters there, value of the first one)."""
         ...
 
 
 def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """Return v (J,) of the accelerations a (J, C, 3); nan if the base parameters absorb them."""
+    """Return the information v (J,) of accelerations a (J, C, 3); nan if the base absorbs them."""
     D = forward(evaluation.path, a)
     cross = (evaluation.T * evaluation.at.w) @ D.T
     full = np.einsum("ij,j,ij->i", D, evaluation.at.w, D)

@@ -12,7 +12,8 @@ and standard deviation s_k. With Student's density t of B − 1 degrees of freed
    rival with the largest min_j W_kj is the cause. Rivals with W < `TIE` are confounded with it.
    `certainty` of the smallest other W is its probability.
 2. **Small score bias, score below `SUFFICIENT_SCORE`**: the scores choose the cause. The rival that
-   this test prefers is confounded with it, and so are those confounded with that rival.
+   this test prefers is confounded with that cause. So are the rivals that the test does not
+   separate from the preferred one (W < `TIE`).
 3. **Otherwise** the scores decide and nothing is simulated.
 """
 

@@ -213,7 +213,7 @@ def tie_margin(screen: Screen, nulls: Nulls, best: CandidateFit, other: Candidat
 
 
 def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
-    """Return the terms with 3 σ of a size above `LARGE` typical sizes, smallest ratio first."""
+    """Return the terms with 3 σ > `LARGE` typical sizes (first parameter), by rising ratio."""
     sigma = _sigma(screen, nulls)
     best: dict[str, float] = {}
     for p, s, v in zip(screen.plain, sigma, screen.v, strict=True):

@@ -104,7 +104,7 @@ class Evidence:
 def evidence(
     fit: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
 ) -> Evidence:
-    """Return the evidence in the recordings that ``fit`` was fitted to.
+    """Return the evidence for torques in the recordings that ``fit`` was fitted to.
 
     It includes max(``flights``, `MIN_NULLS`) null simulations, if the controller is known and
     stabilises the fitted rig.

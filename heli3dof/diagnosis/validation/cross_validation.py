@@ -72,7 +72,7 @@ def on_holdout(
 
 
 def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
-    """Evaluate a fit by cross-validation: on each block, re-estimated without it."""
+    """Evaluate a fit by cross-validation: on each block, re-estimated without the block."""
     problem, o, d = fit.problem, fit.optimum, fit.problem.data
     at = problem.run(o.theta, o.noise)
     tangents = problem.tangents(o.theta, at)

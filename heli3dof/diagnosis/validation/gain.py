@@ -200,7 +200,7 @@ def worst(before: HeldOut, after: HeldOut) -> Worst | None:
 
 
 def rmse_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -> dict[str, float | None]:
-    """Return the RMSE 1 s ahead by axis in degrees; None for an axis that was not measured."""
+    """Return the RMSE of predictions 1 s ahead by axis in degrees; None if not measured."""
     return _by_axis(model_errors(model, recordings, (HORIZON_S,))[1].rmse_deg()[0])
 
 
@@ -212,7 +212,7 @@ def noise_floor_deg(
 
 
 def log_likelihood(model: GreyBoxModel, recordings: Sequence[Recording]) -> float:
-    """Return Σ ln Z of the recordings under the model."""
+    """Return the log-likelihood Σ ln Z of the recordings under the model."""
     problem = problem_of(model, recordings)
     theta = problem.coordinates(model.values)
     return float(problem.run(theta, noise_of(model), keep=0).loglik.sum())

@@ -47,7 +47,7 @@ class PredictionErrors:
     """(S, H, 3) rad; NaN beyond the end of a run and on axes that were not measured"""
 
     def rmse_deg(self, of: np.ndarray | None = None) -> np.ndarray:
-        """Return the RMSE (H, 3) over all starts, or over those selected by ``of`` (S,) bool."""
+        """Return the RMSE (H, 3) in degrees over all starts, or over those in ``of`` (S,) bool."""
         e = self.errors if of is None else self.errors[of]
         return np.asarray(np.degrees(np.sqrt(mean_square(e))))
 
