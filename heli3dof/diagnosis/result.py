@@ -91,7 +91,7 @@ class TorqueTerm:
     """Parameter → (value, standard deviation) in the extended model, SI"""
     units: dict[str, str]
     gain: Gain
-    """The model without this torque → with it"""
+    """Gain of the model with this torque over the model without"""
 
 
 @dataclass(frozen=True)

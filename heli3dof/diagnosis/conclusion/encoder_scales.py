@@ -34,12 +34,12 @@ from heli3dof.diagnosis.result import Finding
 from heli3dof.model.effects import term
 
 SIGMAS = 2.0
-"""Standard deviations of an inertia. Chosen; not derived."""
+"""Standard deviations of x by which the inequalities are wider. Chosen; not derived."""
 EFFECT = "encoder.scale"
 SCALE, WITH_MASS = "motor.thrust_gain", ("inertia.", "mass.imbalance")
 """The thrust gain, and base parameters that no flight separates from it"""
 LEVEL = "encoder.offset.roll"
-"""The cause with which a roll scale is confounded"""
+"""The cause with which a scale error of roll is confounded"""
 
 
 def with_scale_ties(

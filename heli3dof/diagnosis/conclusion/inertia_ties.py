@@ -35,7 +35,7 @@ from heli3dof.diagnosis.selection.steps import Step
 from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust_scale
 
 MAX_DEVIATION = 3.0
-"""Standard deviations of Z. Chosen; not derived."""
+"""Standard deviations of Z by which its range is widened. Chosen; not derived."""
 SIZES = 21
 """Number of trial sizes, from zero to the largest. Chosen; not derived."""
 PARAMETERS = ("mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw")

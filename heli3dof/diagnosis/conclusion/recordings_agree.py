@@ -31,7 +31,7 @@ from heli3dof.recording.recording import Recording
 LEAST_SHARE = 0.02
 """Share of the variance from which on a frequency belongs to the motion. Chosen; not derived."""
 MOST_CONFIDENCE = 0.5
-"""As likely as not"""
+"""Largest confidence of a marked finding: as likely as not"""
 
 
 def marked_if_recordings_disagree(

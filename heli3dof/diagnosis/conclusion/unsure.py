@@ -26,7 +26,7 @@ from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.physics.parametrisation import first_parameters
 
 MIN_EVIDENCE_SHARE = 0.25
-"""Of Z². Chosen; not derived."""
+"""Z'²/Z² below which a cause is unsure. Chosen; not derived."""
 MIN_SIGMAS = 2.0
 """Standard deviations by which a size must differ from zero. Chosen; not derived."""
 

@@ -72,7 +72,7 @@ class VoltageReplay:
 
     match: Match
     share: float
-    """Upper quartile of the blocks"""
+    """Upper quartile of the blocks' shares"""
     std_V: float
     """The share times the standard deviation of the logged voltage"""
     difference: np.ndarray

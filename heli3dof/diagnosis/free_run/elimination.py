@@ -99,15 +99,15 @@ class Elimination:
     """The result of a backward elimination."""
 
     fit: MultiStepFit
-    """With every term"""
+    """The fit with every term"""
     begun: MultiStepFit
-    """With every term, converged at the error scales s that all refits share"""
+    """The fit with every term, converged at the error scales s that all refits share"""
     kept: tuple[TermResult, ...]
-    """Needed or known beforehand, by falling Δ"""
+    """Terms that are needed or known beforehand, by falling Δ"""
     gone: tuple[TermResult, ...]
     """The removed terms in order, then those that only the cost on training blocks retained"""
     halves: tuple[MultiStepFit, ...] = ()
-    """With every term, each fitted to the training blocks of one fold"""
+    """Fits with every term, each to the training blocks of one fold"""
     first: FitWithFolds | None = None
     last: FitWithFolds | None = None
     """``begun`` and the fit after the last removal, with folds; None without cross-validation"""

@@ -59,7 +59,7 @@ class Nulls:
     inflation: float
     """κ ≥ 1: variance of the scores relative to an exact likelihood's, the median over probes"""
     threshold: float
-    """Of the largest Z²"""
+    """Threshold of the largest Z²"""
     freedom: float
     """ν, Student's degrees of freedom"""
     flights: int

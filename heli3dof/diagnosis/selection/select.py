@@ -78,7 +78,7 @@ class Choice:
     weak: bool = False
     """True if it may be the error of an earlier cause's formula."""
     threshold: float = 0.0
-    """Of Z², from the nulls"""
+    """Threshold of Z², from the nulls"""
     by_flights: bool = False
     """True if it was chosen by simulated flights of its rivals (`selection.rivals`), not scores."""
 

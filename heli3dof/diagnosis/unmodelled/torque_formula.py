@@ -74,8 +74,11 @@ class Proposal:
 
 
 def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
-    """Return terms for ``torque``, best first: the formula if it holds as well as the curve, and
-    the curve if it is a function of a product of quantities."""
+    """Return terms for ``torque``, best first: a formula and a curve.
+
+    The formula is left out unless it holds as well as the curve (module), and the curve unless its
+    variable is a product of known quantities.
+    """
     flown = flown_fit(fit)
     axis = AXES.index(torque.axis)
     kappa = max(fit.inflation, 1.0)
@@ -154,7 +157,7 @@ class FlownFit:
 
 
 def flown_fit(fit: Estimate) -> FlownFit:
-    """Return the fit with its filter run over its recordings."""
+    """Return the fit with the filter run over the fit's recordings."""
     flight, problem = trail(fit), fit.problem
     nuisance = Nuisance.of_fit(fit, flight, None)
     bias = getattr(fit, "bias", None)  # of a bias-corrected fit

@@ -19,7 +19,7 @@ The second term removes the constant torque, which leaves r degrees of freedom.
 
 Time is a variable too. A torque that depends on time only is slow noise, such as a draught's: it is
 projected out like the others, but it is no effect that a model could contain. With slow noise on
-one axis, the other axes' ρ counts even if it is not significant.
+one axis, the other axes' ρ is used even if ρ is not significant.
 
 If the controller is unknown, half-second blocks of the flight give κ, and the threshold is twice
 Bonferroni's.
@@ -210,9 +210,9 @@ def _exceeds_coloured_noise(
     *,
     is_coloured: bool,
 ) -> bool:
-    """Return whether x exceeds the threshold with the coloured noise that this torque leaves.
+    """Return whether x exceeds the threshold with the coloured noise that torque ``new`` leaves.
 
-    ``is_coloured``: slow noise was found, so ρ counts even if it is not significant here.
+    ``is_coloured``: slow noise was found, so ρ is used even if ρ is not significant here.
     """
     P = tests.directions[q]
     torque = np.array([f for _, f in new.table])

@@ -12,7 +12,8 @@ Without hold-out recordings, this is cross-validation: each block b of the train
 
 1. A step longer than `LONG_STEP` is only the start of a Gauss-Newton search.
 2. If simulated flights give the score's covariance C, Λ_jj ← Λ_jj max(1, C_jj/H_jj), with C and H
-   of the remaining rows. Otherwise an inertia could diverge without the block of the only step.
+   of the remaining rows. Otherwise an inertia could diverge if the left-out block contains the
+   only step.
 3. Event times (`estimate.evaluation.HELD`) stay fixed: no other block contains information on them.
 4. The process noise is re-estimated on the evaluated rows, for base and extended model alike, so
    that a rougher held-out flight favours neither.

@@ -45,7 +45,7 @@ class Interval:
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """Measured angles at S instants, and their predictions `HORIZON_S` ahead."""
+    """Measured angles at S instants, and predictions of them made `HORIZON_S` earlier."""
 
     t: np.ndarray
     """(S,) s, on the recording's clock"""
@@ -85,7 +85,7 @@ class Gain:
     """The decrease of the prediction error from one model (before) to another (after)."""
 
     on: str
-    """Data of the evaluation, as `HeldOut.on`"""
+    """The evaluated data, such as "holdout" or "blocks left out\""""
     before: Mapping[str, float | None]
     after: Mapping[str, float | None]
     """RMSE in degrees, 1 s ahead"""

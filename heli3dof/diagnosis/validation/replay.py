@@ -27,7 +27,7 @@ class Replayed:
     recording: str
     axis: str
     overshoot_deg: tuple[float, float, float]
-    """Each: in the experiment, before, after"""
+    """In the experiment, with the model ``before``, with the model ``after``"""
     steady_error_deg: tuple[float, float, float]
 
 
