@@ -193,9 +193,9 @@ def remainders(
 ) -> tuple[Remainder, ...]:
     """Return the errors that remain, largest first; empty if the causes explain most of the error.
 
-    With the RMSE e_0 of the simulation with the profile's numbers, e_1 of the extended model, both
-    on held-out data, and e_n of the noise (0 if unknown), most of the error remains if, with sums
-    over the axes,
+    On held-out data, e_0 is the RMSE of the simulation with the profile's numbers and e_1 that of
+    the extended model; e_n is the noise floor (0 if unknown). Most of the error remains if, with
+    sums over the axes,
 
         Σ max(e_1² − e_n², 0) > ½ Σ e_0²
 

@@ -3,10 +3,9 @@
 Causes may imitate a torque outside the catalogue, alone or together. On pitch, a torque k V_f V_b
 (front and back voltage) is, to first order about hover, a thrust mismatch and a constant torque. So
 each cause, each pair and all of them compete with the product of measured quantities that explains
-most without them, on any axis (`unmodelled.torque_formula`). With ℓ_s the log-likelihood with the
-causes (n_s parameters, N readings), ℓ_φ that with the formula in their place, K the number of
-formulas, and κ the fit's variance inflation (`Estimate.inflation`), the formula replaces the causes
-if
+most without them, on any axis (`unmodelled.torque_formula`). Let ℓ_s be the log-likelihood with the
+causes (n_s parameters, N readings) and ℓ_φ that with the formula in their place. With K formulas
+and the fit's variance inflation κ (`Estimate.inflation`), the formula replaces the causes if
 
     2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `selection.select.TIE`
 

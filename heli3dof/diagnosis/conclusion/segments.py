@@ -35,7 +35,7 @@ MAX_COMPARED = 3
 
 
 def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return the findings, with causes that segments do not separate from one in ``tied_with``."""
+    """Return the findings; ``tied_with`` also names causes that the segments do not separate."""
     adopted = {f.choice.term.name for f in findings}
     return tuple(
         replace(f, choice=tied_by_segments(f.choice, adopted)) if not f.choice.by_flights else f
@@ -44,9 +44,9 @@ def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
-    """Return the choice, with causes that the segments do not separate from it in ``tied_with``.
+    """Return the choice; ``tied_with`` also names causes that the segments do not separate.
 
-    The ``adopted`` causes are not compared with it.
+    The ``adopted`` causes are not compared with the choice.
     """
     best, *others = choice.contenders
     if best.term.effect.of_base:

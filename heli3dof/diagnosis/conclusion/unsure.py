@@ -91,7 +91,7 @@ def centred_score(nuisance: Nuisance) -> np.ndarray:
 def with_resemblance(
     residuals: Sequence[ResidualTorque], names: Sequence[str]
 ) -> tuple[ResidualTorque, ...]:
-    """Return the residual torques, the first as ``names[0]``-like if like no other cause."""
+    """Return the residual torques; the first is marked ``names[0]``-like unless it has a mark."""
     if not residuals or residuals[0].like is not None or not names:
         return tuple(residuals)
     return (replace(residuals[0], like=f"{names[0]}-like"), *residuals[1:])

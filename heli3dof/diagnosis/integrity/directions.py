@@ -1,8 +1,8 @@
 """Report wrong signs of encoders and voltages, and swapped motors.
 
-The profile predicts accelerations u_r ∝ S of roll r, u_p ∝ D of pitch p and u_ψ ∝ −sin p S of yaw
-ψ, with the sum S and difference D of the front and back voltages. The measured ones are g u, with
-g = 1 on a rig like its profile (`response`). With the hover ratio h (`View.hover_ratio`)
+The front and back voltages have the sum S and the difference D. The profile predicts accelerations
+u_r ∝ S of roll, u_p ∝ D of pitch p and u_ψ ∝ −sin p S of yaw. The measured ones are g u, with g = 1
+on a rig like its profile (`response`). With the hover ratio h (`View.hover_ratio`)
 
     roll's sign wrong        g_r < 0
     pitch's sign wrong       g_p < 0 and g_ψ < 0     (sin p has the wrong sign too)

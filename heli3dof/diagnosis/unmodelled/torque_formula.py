@@ -17,11 +17,11 @@ Of products whose S is within `selection.select.TIE` κ of the largest, the one 
 is proposed; the others are alternatives.
 
 If flights of the fit cannot be simulated, the formulas themselves show whether there is a torque.
-With s the sums of the score of φ over blocks of `estimate.coloured_noise.BLOCK_S`, the torque c φ
-taken off, and Var s their long-run variance (Newey and West), at least κ v, t² = u²/Var s is valid
-for coloured noise. The threshold is twice the squared two-sided quantile of Student's t at
-`FALSE_ALARMS` divided by the number of formulas (Bonferroni). It is doubled as in
-`screening.nulls`: without null simulations the bias of the filter's score is unknown.
+Let s be the sums of the score of φ, without the torque c φ, over blocks of
+`estimate.coloured_noise.BLOCK_S`, and Var s their long-run variance (Newey and West), at least κ v.
+Then t² = u²/Var s is valid for coloured noise. The threshold is twice the squared two-sided
+quantile of Student's t at `FALSE_ALARMS` divided by the number of formulas (Bonferroni). It is
+doubled as in `screening.nulls`: without null simulations the bias of the filter's score is unknown.
 """
 
 from __future__ import annotations
