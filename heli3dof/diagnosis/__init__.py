@@ -1,1 +1,1 @@
-"""Diagnose simulations: their errors, the causes, and the gain of an extended model."""
+"""Diagnose simulations: their errors, the causes, and the smaller errors of an extended model."""

@@ -1,12 +1,15 @@
-"""Diagnose recordings: find the causes of simulation errors, and measure their gain.
+"""Diagnose recordings: find the causes of simulation errors, and measure the gain of each.
+
+The gain of a cause is the decrease of the prediction error by a model that contains the cause.
 
 1. Integrity checks: a faulty recording is not diagnosed.
-2. Base fit: T_g and the inertias of the rigid body (or the paper's hover model) are estimated and
-   bias-corrected (`estimate.bias_correction`).
+2. Base fit: the trim torque T_g and the inertias of the rigid body (or of the paper's hover model)
+   are estimated and bias-corrected (`estimate.bias_correction`).
 3. Forward selection (`selection.select`): a score test against simulated nulls, then full fits of
    the best candidates; both are repeated after each cause.
 4. Gain: causes that do not improve the prediction of held-out data are dropped.
-5. Residual torques: causes that only compensated for one are dropped (`conclusion.unnamed`).
+5. Residual torques: causes that only compensated for such a torque are dropped
+   (`conclusion.unnamed`).
 """
 
 from __future__ import annotations
@@ -76,12 +79,12 @@ def diagnose(
     says: Says = lambda sentence: None,
     base: str = "rigid",
 ) -> Diagnosis:
-    """Return what the simulation of these recordings gets wrong, and why.
+    """Return the errors of a simulation of these recordings, and their causes.
 
     ``base``: the simulation to diagnose, "rigid" (nonlinear rigid body) or "hover" (the paper's
-    linear model; the rigid body is then a candidate, ``geometry``). ``quick``: `QUICK_FLIGHTS`
-    nulls instead of `FLIGHTS`; no cross-validation if the logs have no reliable likelihood. Without
-    ``holdout``, gains are cross-validated. ``says`` receives progress messages.
+    linear model; the rigid body is then a candidate, ``geometry``). ``quick``: `QUICK_FLIGHTS` null
+    simulations instead of `FLIGHTS`, and no cross-validation if the logs have no reliable
+    likelihood. Without ``holdout``, gains are cross-validated. ``says`` receives progress messages.
 
     Raises RecordingError if nothing can be fitted, UsageError if ``base`` is unknown.
     """
@@ -175,7 +178,7 @@ def _diagnosed(
 def forward_selection(
     setup: Setup, base: CorrectedFit, flights: int, clock: StageClock
 ) -> tuple[list[Step], CorrectedFit]:
-    """Return the steps of forward selection and the final fit; the last may have found nothing."""
+    """Return (steps of forward selection, final fit); the last step may have found no effect."""
     fit, steps = base, list[Step]()
     # An inertia far off nominal counts as a first cause: the position of its mass is unknown.
     off_nominal_parameters = off_nominal(base, std_inflation=std_inflation(base))

@@ -76,7 +76,7 @@ def diagnosis_document(
 
 
 def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
-    """Return the error with the profile's numbers, over every horizon."""
+    """Return an axis' prediction error with the profile's numbers, and its noise floor."""
     if f is None:
         return {"rmse_deg": None, "noise_floor_deg": None, "horizon_s": HORIZON_S}
     error, floor = (_finite_or_none(x) for x in f.wrong.at(HORIZON_S, axis))
@@ -153,7 +153,7 @@ def _profile(f: Fitted | None) -> list[dict[str, Any]]:
 
 
 def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
-    """Return the ratios that these recordings determine independently of K_f."""
+    """Return the ratios of base parameters that these recordings determine without K_f."""
     if f is None:
         return []
     return [
@@ -211,7 +211,7 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 
 def _fault(f: Fault) -> dict[str, Any]:
-    """Return a cause in the recording itself; it has no gain, as no model is extended."""
+    """Return the JSON object of a fault of a recording; its gain is empty: no model changes."""
     value, std = next(iter(f.parameters.values()), (0.0, 0.0))
     return {
         "effect": f.effect,
@@ -225,7 +225,7 @@ def _fault(f: Fault) -> dict[str, Any]:
 
 
 def _off_nominal(x: OffNominal) -> dict[str, Any]:
-    """Return a base parameter that is off nominal; its gain is part of the calibration."""
+    """Return the JSON object of a base parameter off nominal; its gain is `calibration_gain`."""
     return {
         "effect": x.term.effect.name,
         "axis": x.term.axis,
@@ -238,7 +238,7 @@ def _off_nominal(x: OffNominal) -> dict[str, Any]:
 
 
 def _residual_torque(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
-    """Return an unmodelled torque with the extended model's term for it."""
+    """Return the JSON object of an unmodelled torque, with its term in the extended model."""
     f = t if t is not None and t.proposal.is_formula else None
     return {
         "axis": x.axis,
@@ -260,7 +260,7 @@ def _residual_torque(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
 
 
 def _remainder(r: Remainder) -> dict[str, Any]:
-    """Return an unexplained error, as an unmodelled torque that depends on nothing measured."""
+    """Return the JSON object of an unexplained error: a torque that depends on nothing measured."""
     return {
         "axis": r.axis,
         "depends_on": None,
@@ -309,7 +309,7 @@ def _recommendation(n: NextExperiment) -> dict[str, Any]:
 
 
 def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
-    """Return the catalogue's plan for the first confounded causes that a flight can separate."""
+    """Return the effect catalogue's plan for the first causes that a flight can separate."""
     ties = (
         (x.term, x.tied_with) if isinstance(x, OffNominal) else (x.choice.term, x.choice.tied_with)
         for x in d.in_order

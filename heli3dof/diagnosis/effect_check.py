@@ -154,7 +154,10 @@ def _equation_problems(effect: Effect) -> Iterator[str]:
 
 
 def _change(hook: Any, stage: Stage, s: np.ndarray, axis: int, values: list[float]) -> np.ndarray:
-    """Return what the hook adds to ``out``, which begins with zero torques or the state's own."""
+    """Return what the hook, an equation of an effect, adds to its output array.
+
+    The array first contains zero torques or, by ``stage``, the state's voltages, thrusts or angles.
+    """
     begun = {Stage.VOLTAGE: s[V_FRONT : V_BACK + 1], Stage.THRUST: s[F_FRONT : F_BACK + 1],
              Stage.MEASURE: s[R : R + 3]}.get(stage, np.zeros(3))  # fmt: skip
     par, out = np.zeros(PARAMETERS), begun.copy()

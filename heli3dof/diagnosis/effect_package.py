@@ -34,7 +34,7 @@ so that a rig with ten times the effect can still be identified."""
 
 @dataclass(frozen=True)
 class Formula:
-    """A torque c · product on an axis; c in SI units. ``std`` is 0 if unknown."""
+    """A torque c · ``product`` on an axis; c is ``value`` ± ``std`` (0 if unknown) in SI units."""
 
     axis: str
     product: str
@@ -100,7 +100,7 @@ def _of_model(data: dict[str, Any]) -> list[Formula]:
 
 
 def package_files(formula: Formula, source: str) -> dict[str, str]:
-    """Return {file name: text} of the package; ``source`` names the diagnosis in the docstring."""
+    """Return {file name: text} of the package; ``source``: file in which c was estimated."""
     module = module_name(formula.name)
     return {
         "pyproject.toml": pyproject(module),

@@ -1,7 +1,7 @@
-"""Write an effect to begin with: a package with an equation to replace, on both sides.
+"""Write a template of an effect: a package with an example equation, which the user replaces.
 
-The package contains the effect of the models and, written a second time, that of the emulated rig.
-A flight that hides the one then tests the other independently.
+The equation is written twice, for the model and for the emulated rig. A flight of the emulated rig
+with this effect then tests the model's equation independently.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ NAME = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
 def template_files(name: str) -> dict[str, str]:
     """Return {file name: text} of a package with an effect called ``name``.
 
-    Raises UsageError for a name that is no name of an effect, or is taken.
+    Raises UsageError if no effect can have this name, or another effect has it.
     """
     if not NAME.fullmatch(name):
         raise UsageError(

@@ -1,4 +1,4 @@
-"""Hold the expected results of simulated plans, and the recommended plan."""
+"""Define the expected result of a simulated plan, the recommended plan, and a fit's open terms."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Outlook:
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """The recommended plan, the causes it separates, its probability, all plans (best first)."""
+    """The recommended plan: causes it separates, probability of a decision, plans by rank."""
 
     plan: str
     separates: tuple[str, ...]

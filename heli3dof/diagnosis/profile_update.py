@@ -7,9 +7,10 @@
     encoder.scale          encoder.<axis> · k                   reading = rest + k (angle − rest)
     encoder.sign           −encoder.<axis>                      (from the integrity checks)
 
-T_g (N·m) and the inertias (kg·m²) of a model file are in units of its profile's K_f (N/V).
-`greybox.thrust_scale` converts them to SI and gives K_f, as ``diagnose --json`` does. V_o does not
-depend on that scale. Causes without a key (friction, lag, …) stay in the model file and are listed.
+The trim torque T_g (N·m) and the inertias (kg·m²) of a model file are in units of its profile's
+thrust gain K_f (N/V). `greybox.thrust_scale` converts them to SI and gives K_f, as
+``diagnose --json`` does. The operating voltage V_o does not depend on that scale. Causes without a
+key (friction, lag, …) stay in the model file and are listed.
 """
 
 from __future__ import annotations
@@ -196,7 +197,7 @@ def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured
     """Return the ratios that flights determine without K_f: V_o in V, K_f/J in N/(V·kg·m²).
 
     The standard deviations of K_f, T_g and the inertias include that of K_f, which only the
-    profile's tolerance bounds. It cancels in these ratios.
+    profile's tolerance bounds. The error of K_f cancels in these ratios.
     """
     if not base:
         return {}

@@ -28,7 +28,10 @@ STANDS_IN = "it only compensated for an unmodelled torque"
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """A cause: its term, the selection step that added it, and its gain on held-out data."""
+    """A cause: the selection step that added it, its size, and its gain on held-out data.
+
+    The gain is the decrease of the prediction error by the cause's term.
+    """
 
     choice: Choice
     values: Mapping[str, tuple[float, float]]
@@ -66,9 +69,11 @@ class Fitted:
     """Gain of the extended model over the refitted base simulation"""
     before: HeldOut | None
     after: HeldOut | None
+    """Results on held-out data of the refitted base simulation and of the extended model"""
     wrong: SimulationError
     """Prediction errors with the profile's numbers, and the extended model's noise floor"""
     noise_floor: Mapping[str, float | None]
+    """Axis → noise floor in degrees, 1 s ahead; None if unknown"""
     refit: Gain | None = None
     """Gain of the refitted base simulation over the one with the profile's numbers"""
     calibration: tuple[BaseParameter, ...] = ()
@@ -86,7 +91,7 @@ class TorqueTerm:
     """Parameter → (value, standard deviation) in the extended model, SI"""
     units: dict[str, str]
     gain: Gain
-    """The model without this torque → with it"""
+    """Gain of the model with this torque over the model without"""
 
 
 @dataclass(frozen=True)
@@ -163,7 +168,7 @@ def verdict_of(
     *,
     unsure: bool = False,
 ) -> str:
-    """Return the verdict on causes in the order of `in_order`.
+    """Return the verdict, such as "explained" or "ambiguous"; causes are ordered by `in_order`.
 
     ``left``: the residual torques, and the errors that the causes leave (`remainders`).
     ``refit``: the gain of refitting the profile's numbers. ``unsure``: the first physical cause may
@@ -188,15 +193,15 @@ def remainders(
 ) -> tuple[Remainder, ...]:
     """Return the errors that remain, largest first; empty if the causes explain most of the error.
 
-    With the RMSE e_0 of the simulation with the profile's numbers, e_1 of the extended model, both
-    on held-out data, and e_n of the noise (0 if unknown), most of the error remains if, with sums
-    over the axes,
+    On held-out data, e_0 is the RMSE of the simulation with the profile's numbers and e_1 that of
+    the extended model; e_n is the noise floor (0 if unknown). Most of the error remains if, with
+    sums over the axes,
 
         Σ max(e_1² − e_n², 0) > ½ Σ e_0²
 
-    The result are the axes of which this holds alone. An axis with slow noise is left out, because
-    e_n does not contain it. Without a physical cause there is no claim to refute, so the result is
-    empty.
+    The result contains the axes that satisfy this inequality on their own. An axis with slow noise
+    is left out, because e_n does not contain that noise. Without a physical cause there is no claim
+    to refute, so the result is empty.
     """
     if not physical(findings) or f.refit is None:
         return ()

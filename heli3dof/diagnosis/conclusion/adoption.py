@@ -15,11 +15,12 @@ Condition 3 is for effects that act briefly, such as a dead zone: few cells, so 
 
 In any case, a cause is dropped if
 
-- Z²/ρ is below the nulls' threshold, with ρ of coloured noise (`estimate.coloured_noise`);
-- an encoder error of at most one count explains it as well.
+- Z²/ρ is below the threshold of simulated nulls (`screening.nulls`). Z is the standardised score
+  and ρ the factor by which coloured noise increases its variance (`estimate.coloured_noise`);
+- an encoder error of at most one count explains the data as well.
 
-These causes are dropped first, then those with the smallest Δℓ. After each the others are measured
-again. Two adopted causes are not confounded with each other.
+These causes are dropped first, then those with the smallest Δℓ. After each, the Δℓ of the remaining
+causes are computed again. Adopted causes are not reported as confounded with each other.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ data is at most 1, so Δℓ > 12 has a probability below e⁻¹² (Markov's ineq
 def adopted(
     fit: CorrectedFit, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int
 ) -> tuple[CorrectedFit, tuple[Finding, ...], tuple[Dropped, ...], HeldOut]:
-    """Return the fit with the adopted causes, these, the dropped ones and the held-out results."""
+    """Return (fit, adopted causes, dropped causes, results of the fit on held-out data)."""
     kept, dropped = list(choices), list[Dropped]()
     while True:
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term), len(kept))  # type: ignore[misc]
@@ -90,9 +91,10 @@ def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) ->
 
 
 def exceeds_coloured_noise(fit: CorrectedFit, choice: Choice) -> float:
-    """Return Z²/ρ over the nulls' threshold; a cause with less than 1 may be coloured noise.
+    """Return Z²/ρ divided by the nulls' threshold; below 1, the cause may be coloured noise.
 
-    Infinite without coloured noise, without a threshold, and for the base's own effects.
+    The result is infinite without coloured noise, without a threshold, and for a part of the body's
+    equations (`Effect.of_base`).
     """
     if choice.threshold <= 0 or choice.term.effect.of_base:
         return math.inf
@@ -106,9 +108,10 @@ def exceeds_coloured_noise(fit: CorrectedFit, choice: Choice) -> float:
 def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
     """Return whether an encoder error of at most one count explains the cause.
 
-    This is backlash as the cause itself, or an encoder offset as the cause or confounded with it.
-    The zero lies anywhere within a count: counts start at power-up, and cards round differently.
-    The cause's own size is that in ``fit``, which may differ from its size when it was selected.
+    Such errors are backlash, if it is the cause, and an encoder offset, if it is the cause or is
+    confounded with the cause. An encoder's zero is uncertain by a count, because counts start at
+    power-up and data-acquisition cards round differently. The cause's size is that in ``fit``,
+    which may differ from its size in the selection step.
     """
     for c in choice.contenders:
         axis, is_choice = c.term.axis, c.term.name == choice.term.name
@@ -127,7 +130,7 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
 
 
 def pays_enough(choice: Choice, g: Gain, *, first: bool) -> bool:
-    """Return whether the gain suffices to adopt a cause; see the module."""
+    """Return whether the gain on held-out data meets one of the module's conditions 1 to 3."""
     strong = first or choice.weak or choice.score >= WEAK
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
     return (
@@ -141,9 +144,10 @@ def fitted(
     base: CorrectedFit, fit: CorrectedFit, extended: CorrectedFit, after: HeldOut,
     train: Sequence[Recording], holdout: Sequence[Recording], *, seed: int,
 ) -> Fitted:  # fmt: skip
-    """Return the base simulation and the extended model, with their errors and gains.
+    """Return the base simulation and the extended model, with their prediction errors.
 
-    ``fit`` contains the causes, ``extended`` also the unmodelled torques; ``after`` is its error.
+    ``fit`` contains the causes, ``extended`` also the unmodelled torques. ``after``: results of
+    ``extended`` on held-out data.
     """
     model = model_of(extended, train, "extended")
     at = model_at(extended.problem, extended.optimum.theta, extended.optimum.noise)
@@ -187,7 +191,7 @@ def _findings(
 def size_confidence(fit: CorrectedFit, name: str) -> float:
     """Return the probability Φ(|v − v_0|/σ) that a term's first parameter v has the sign found.
 
-    v_0 is its value in a rig without the effect. Returns 1 for a term without one, such as a limit.
+    v_0 is the value of v in a rig without the effect. A term without v_0, such as a limit, gives 1.
     """
     from scipy.stats import norm
 
@@ -198,9 +202,10 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
 
 
 def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:
-    """Return the choices without ties to each other or to the fit's ``formal`` terms.
+    """Return the choices without each other's names and ``formal`` names in ``tied_with``.
 
-    The confidence is then that against the remaining alternatives. Ties to a weak choice remain.
+    The confidence of each choice is then that against the remaining alternatives. The names of weak
+    choices remain. ``formal``: names of the fit's other forms of the body's equations.
     """
     named = {c.term.name for c in choices if not c.weak} | set(formal)
     out = []
@@ -222,7 +227,7 @@ def log_likelihood_gain(g: Gain) -> float:
 def with_positive_torque(
     values: Mapping[str, tuple[float, float]],
 ) -> dict[str, tuple[float, float]]:
-    """Return a periodic torque with τ > 0 and a phase in (−π, π]: −τ sin φ = τ sin(φ + π)."""
+    """Return a periodic torque's values with τ > 0, phase in (−π, π]: −τ sin φ = τ sin(φ + π)."""
     out = dict(values)
     if {"torque_Nm", "phase_rad"} <= out.keys():
         (torque, std), (phase, spread) = out["torque_Nm"], out["phase_rad"]

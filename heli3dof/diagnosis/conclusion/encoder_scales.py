@@ -1,7 +1,7 @@
 """Report causes that are confounded with a wrong encoder scale (counts per revolution).
 
-An encoder with scale error k reads y = rest + k (q − rest) for the angle q. Flights with it look
-like flights of another rig:
+An encoder with scale error k reads y = rest + k (q − rest) for the angle q. Flights with this error
+look like flights of a rig with other inertias J (arm length L_a, thrust F; roll r, pitch p, yaw ψ):
 
     yaw     ψ = y/k:  k L_a F cos r sin p = J_ψ ÿ, so an inertia J_ψ/k
     pitch   an inertia J_p/k; thrust directed by y/k, so also an inertia k J_ψ on yaw
@@ -15,8 +15,9 @@ confounded with a scale if some k in its range explains all inertias:
     pitch   |x_p + ln k| ≤ e   and   |x_ψ − ln k| ≤ e
     roll    1/k = 1 + δ/rest   and   |x_r + ln k| ≤ e
 
-Each inequality allows `SIGMAS` standard deviations more. Without a finding, a scale of yaw or pitch
-within the tolerance is not detectable; one of roll is if the offset rest (1 − 1/(1 + ε)) is.
+Each inequality allows `SIGMAS` standard deviations more. Without a finding, a scale error of yaw or
+pitch within the tolerance is not detectable. A scale error of roll is detectable if the roll offset
+rest (1 − 1/(1 + ε)) is.
 """
 
 from __future__ import annotations
@@ -33,19 +34,22 @@ from heli3dof.diagnosis.result import Finding
 from heli3dof.model.effects import term
 
 SIGMAS = 2.0
-"""Standard deviations of an inertia. Chosen; not derived."""
+"""Standard deviations of x by which the inequalities are wider. Chosen; not derived."""
 EFFECT = "encoder.scale"
 SCALE, WITH_MASS = "motor.thrust_gain", ("inertia.", "mass.imbalance")
 """The thrust gain, and base parameters that no flight separates from it"""
 LEVEL = "encoder.offset.roll"
-"""The cause with which a roll scale is confounded"""
+"""The cause with which a scale error of roll is confounded"""
 
 
 def with_scale_ties(
     findings: Sequence[Finding], off: Sequence[OffNominal], numbers: Sequence[BaseParameter], *,
     rest_rad: float, tolerance: float,
 ) -> tuple[tuple[Finding, ...], tuple[OffNominal, ...]]:  # fmt: skip
-    """Return both, each tied with its confounded scale errors; ``rest_rad``: roll at rest."""
+    """Return ``findings`` and ``off``, with confounded scale errors added to their ``tied_with``.
+
+    ``numbers``: estimates of the base parameters; ``rest_rad``: roll at rest on the table.
+    """
     x = {c.name: (c.x, c.noise_std) for c in numbers}
     T_g = next((c.value for c in numbers if c.name == "T_g"), math.nan)
     ties = {f"inertia.{axis}": of for axis, of in _inertia_ties(x, tolerance).items()}
@@ -73,7 +77,7 @@ def undetectable_scales(
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the scale errors of the measured ``axes`` that these recordings cannot show.
 
-    ``tied``: names already reported in a tie. ``level_deg``: the least detectable roll offset.
+    ``tied``: names already reported as confounded. ``level_deg``: least detectable roll offset.
     """
     detectable = abs(math.degrees(rest_rad)) * (1 - 1 / (1 + tolerance)) > level_deg
     names = (f"{EFFECT}.{axis}" for axis in axes if axis != "roll" or not detectable)
@@ -81,7 +85,7 @@ def undetectable_scales(
 
 
 def flyable(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
-    """Return the names in ``tied_with`` that some flight separates from the cause ``of``.
+    """Return the causes in ``tied_with`` that a flight can separate from the cause ``of``.
 
     >>> flyable("inertia.roll", [SCALE, "encoder.scale.yaw"]), flyable("motor.dead_zone", [SCALE])
     ((), ('motor.thrust_gain',))
@@ -100,10 +104,10 @@ def flyable(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
-    """Return the findings; with K_f among them, each is confounded with it.
+    """Return the findings; if K_f (thrust gain) is one, the others are confounded with K_f.
 
-    Without simulated nulls nothing but the profile separates K_f from inertias that are all off by
-    the inverse factor (`greybox.thrust_scale`).
+    Without simulated nulls, only the profile's nominal values separate a wrong K_f from inertias
+    that are all wrong by the inverse factor (`greybox.thrust_scale`).
     """
     if not any(o.term.name == SCALE for o in off):
         return tuple(off)
@@ -117,7 +121,10 @@ def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
 def _inertia_ties(
     x: dict[str, tuple[float, float]], tolerance: float
 ) -> dict[str, tuple[str, ...]]:
-    """Return axis → scale errors confounded with a wrong inertia of that axis."""
+    """Return {axis: scale errors confounded with a wrong inertia of this axis}.
+
+    ``x``: {inertia: (ln(J/J_nominal), its standard deviation)}.
+    """
     out: dict[str, list[str]] = {"pitch": [], "yaw": []}
     if _is_possible(-x["J_yaw"][0]):
         out["yaw"].append(f"{EFFECT}.yaw")
@@ -135,13 +142,13 @@ def _inertia_ties(
 
 
 def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bool:
-    """Return whether x ± σ of an inertia is within the tolerance of ``shift``."""
+    """Return whether x = (ln(J/J_nominal), σ) is within ln(1 + ε) + `SIGMAS` σ of ``shift``."""
     value, std = x
     return abs(value - shift) <= math.log1p(tolerance) + SIGMAS * std
 
 
 def _zero_error(f: Finding, T_g: float) -> float:
-    """Return the error of the roll zero in rad; NaN if a pendulum torque exceeds T_g."""
+    """Return the roll offset δ in rad of a finding; NaN if its pendulum torque exceeds T_g."""
     value = next(iter(f.values.values()))[0]
     if f.choice.term.effect.name == "encoder.offset":
         return math.radians(value)

@@ -1,18 +1,18 @@
 """Test whether one formula explains the flight better than causes of the catalogue.
 
-Causes may imitate a torque outside the catalogue, alone or together. On pitch, k V_f V_b is, to
-first order about hover, a thrust mismatch and a constant torque. So each cause, each pair and all
-of them compete with the product of quantities that explains most without them, on any axis
-(`unmodelled.torque_formula`). With ℓ_s the log-likelihood with the causes (n_s parameters, N
-readings), ℓ_φ that with the formula in their place, K the number of formulas, and κ the inflation
-of the scores, the formula replaces the causes if
+Causes may imitate a torque outside the catalogue, alone or together. On pitch, a torque k V_f V_b
+(front and back voltage) is, to first order about hover, a thrust mismatch and a constant torque. So
+each cause, each pair and all of them compete with the product of measured quantities that explains
+most without them, on any axis (`unmodelled.torque_formula`). Let ℓ_s be the log-likelihood with the
+causes (n_s parameters, N readings) and ℓ_φ that with the formula in their place. With K formulas
+and the fit's variance inflation κ (`Estimate.inflation`), the formula replaces the causes if
 
     2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `selection.select.TIE`
 
 The second term is the BIC price of the causes' further parameters, the third the prior odds against
-one formula of K. On a limit cycle a likelihood may prefer a wrong model by hundreds. So flights
-simulated with the causes, and with the formula, must also tell that the recording is one of the
-latter (Cox's test, W > `TIE` in `selection.rivals`), where the controller is known.
+one formula of K. On a limit cycle a likelihood may prefer a wrong model by hundreds. So if the
+controller is known, flights are also simulated, with the causes and with the formula. Those with
+the formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from heli3dof.model.effects.empirical import PREFIX
 
 @dataclass(frozen=True, eq=False)
 class Formula:
-    """The fit with the best formula, and where it acts."""
+    """The fit with the best formula, and the axis and variable of the formula's torque."""
 
     problem: Likelihood
     optimum: Optimum
@@ -55,7 +55,7 @@ class Formula:
 
 @dataclass(frozen=True, eq=False)
 class Contest:
-    """A set of causes, the formula in their place, and the condition's left side."""
+    """A set of causes, the formula in their place, and the left side of the module's condition."""
 
     causes: tuple[str, ...]
     formula: Formula
@@ -63,7 +63,10 @@ class Contest:
 
 
 def replaced_by_formula(setup: Setup, fit: CorrectedFit, causes: Sequence[str]) -> Contest | None:
-    """Return the contest of the set of ``causes`` that a formula explains best; None: none does."""
+    """Return the contest that the formula wins by the largest margin; None if it wins none.
+
+    Each of the ``causes``, each pair and all of them are compared with a formula.
+    """
     if not causes:
         return None
     o = fit.optimum
@@ -76,9 +79,9 @@ def replaced_by_formula(setup: Setup, fit: CorrectedFit, causes: Sequence[str]) 
 
 
 def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
-    """Return whether simulated flights tell that the recording is one with the formula.
+    """Return whether flights simulated with the formula agree better with the recording.
 
-    True if the flights cannot be simulated. ``fit`` contains the causes.
+    The alternative is ``fit``, which contains the causes. True if flights cannot be simulated.
     """
     if not setup.controller_is_known or fit.scatter is None:
         return True
@@ -92,7 +95,7 @@ def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool
 
 
 def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Contest:
-    """Return the contest of a set of causes; its margin is −∞ if a fit fails.
+    """Return the contest of some causes with the best formula; its margin is −∞ if a fit fails.
 
     ``ln_causes``: the log-likelihood of ``fit``, which contains the causes.
     """
@@ -110,7 +113,7 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
 
 
 def with_best_product(fit: CorrectedFit) -> Formula:
-    """Return the fit with the product that explains most in addition to ``fit``."""
+    """Return ``fit`` extended by a torque c φ, φ the product of quantities that explains most."""
     flown = flown_fit(fit)
     axes = np.flatnonzero(fit.problem.data.axes)
     scores = {int(i): product_scores(flown, int(i)) for i in axes}

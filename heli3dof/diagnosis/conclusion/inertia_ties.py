@@ -1,6 +1,6 @@
-"""Report effects confounded with a base parameter off its profile value (inertia, T_g, K_f).
+"""Report effects confounded with a wrong inertia, trim torque T_g or thrust gain K_f.
 
-The base fit absorbs some effects without a trace. For example, a step about one hover voltage only
+The base fit absorbs some effects completely. For example, a step about one hover voltage only
 determines the ratio of thrust slope and inertia, so a curved thrust appears as another inertia.
 
 A unit of probe i changes base coordinate j by b_ji = (A⁻¹ T W δc_i)_j (`screening.score_test`). If
@@ -8,7 +8,8 @@ effect i alone explains why θ_j lies beyond the edge of its tolerance, its size
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
-or more, up to those for the opposite edge. Effect i is confounded with parameter j if
+or more, up to the values for the opposite edge. v_i is the information of probe i, std_i the
+standard deviation of its score in the nulls. Effect i is confounded with parameter j if
 
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
 2. the measured Z_i lies within this range of Z, widened by `MAX_DEVIATION`.
@@ -34,7 +35,7 @@ from heli3dof.diagnosis.selection.steps import Step
 from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust_scale
 
 MAX_DEVIATION = 3.0
-"""Standard deviations of Z. Chosen; not derived."""
+"""Standard deviations of Z by which its range is widened. Chosen; not derived."""
 SIZES = 21
 """Number of trial sizes, from zero to the largest. Chosen; not derived."""
 PARAMETERS = ("mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw")
@@ -42,7 +43,7 @@ PARAMETERS = ("mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw")
 
 
 def with_confounded_causes(off: OffNominal, step: Step) -> OffNominal:
-    """Return the finding, tied with the effects confounded with it."""
+    """Return the finding with the effects that are confounded with it in ``tied_with``."""
     if off.term.name == "motor.thrust_gain":
         return replace(off, tied_with=confounded_with_thrust_gain(step))
     if off.term.name not in PARAMETERS:
@@ -54,7 +55,7 @@ def with_confounded_causes(off: OffNominal, step: Step) -> OffNominal:
 
 
 def step_with_same_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:
-    """Return the last step with the causes of ``fit``; the last of all if there is none."""
+    """Return the last step whose fit has the same causes as ``fit``; else the last step."""
     names = {t.name for t in fit.structure.terms}
     same = (s for s in reversed(steps) if {t.name for t in s.fit.structure.terms} == names)
     return next(same, steps[-1])
@@ -75,7 +76,7 @@ def confounded_causes(step: Step, j: int) -> tuple[str, ...]:
 
 
 def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
-    """Return the terms confounded with K_f."""
+    """Return the terms confounded with the thrust gain K_f."""
     fit, screen = step.fit, step.screen
     base, half = fit.free[:4], 0.5 * fit.structure.profile.tolerance
     nominal = np.array([f.start for f in base])
@@ -89,7 +90,7 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     limit = abs(edge(log_k(0.0, np.zeros(4)), fit.structure.profile.tolerance))
 
     def size_ranges(i: int) -> list[tuple[float, float]]:
-        """Return (least α, most α) of probe i, for each sign that has any."""
+        """Return (least α, most α) of probe i that put K_f within tolerance, by sign of α."""
         p, b = screen.plain[i], screen.solved[:4, i]
         largest = LARGE * p.term.effect.parameters[0].typical / abs(p.size)
         sizes = np.linspace(0.0, largest, SIZES)[1:]
@@ -101,7 +102,7 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
 
 def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the terms of which a possible amount agrees with the measured Z.
+    """Return the terms whose size α in the given range is possible and agrees with Z (module).
 
     ``amounts``: (probe i, least α, most α).
     """

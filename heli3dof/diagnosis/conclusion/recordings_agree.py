@@ -1,4 +1,4 @@
-"""Mark findings that recordings with an unknown controller cannot confirm as "…-like".
+"""Mark as "…-like" the findings that recordings with an unknown controller cannot confirm.
 
 Without the controller there are no null simulations, so nothing shows what a model error looks
 like. These findings are marked, with a confidence of `MOST_CONFIDENCE` at most:
@@ -7,7 +7,9 @@ like. These findings are marked, with a confidence of `MOST_CONFIDENCE` at most:
    that motion have the same period. x(t) are the references (the angles, if none were logged). The
    share of x's variance in the spectral line at f reaches `LEAST_SHARE` on an axis:
 
-       share(f) = 2 |mean (x − x̄) e^{−2πi f t}|² / var x     (8/π²k²: k-th harmonic, square wave)
+       share(f) = 2 |mean (x − x̄) e^{−2πi f t}|² / var x
+
+   The k-th harmonic of a square wave has the share 8/π²k².
 
 2. `mass.change` with more than one recording, or at a constant voltage. A change at the same time
    after the first sample of each flight is a drift, for example of warming motors. At a constant
@@ -29,13 +31,13 @@ from heli3dof.recording.recording import Recording
 LEAST_SHARE = 0.02
 """Share of the variance from which on a frequency belongs to the motion. Chosen; not derived."""
 MOST_CONFIDENCE = 0.5
-"""As likely as not"""
+"""Largest confidence of a marked finding: as likely as not"""
 
 
 def marked_if_recordings_disagree(
     findings: Sequence[Finding], recordings: Sequence[Recording]
 ) -> tuple[Finding, ...]:
-    """Return the findings, with those that the recordings cannot confirm marked as "…-like"."""
+    """Return the findings; those that the recordings cannot confirm are marked "…-like"."""
     unconfirmed = not_confirmed([f.choice.term.name for f in findings], recordings)
     return tuple(
         marked_like(f) if f.choice.term.name in unconfirmed or _is_doubtful(f, recordings) else f
@@ -44,7 +46,7 @@ def marked_if_recordings_disagree(
 
 
 def marked_like(f: Finding) -> Finding:
-    """Return the finding marked as "…-like"."""
+    """Return the finding marked "…-like", with a confidence of at most `MOST_CONFIDENCE`."""
     confidence = min(f.choice.confidence, MOST_CONFIDENCE)
     return replace(f, like=True, choice=replace(f.choice, confidence=confidence))
 
@@ -59,7 +61,7 @@ def _is_doubtful(f: Finding, recordings: Sequence[Recording]) -> bool:
 
 
 def constant_voltage(recording: Recording) -> tuple[int, int] | None:
-    """Return the first and last row with voltage; None unless it is constant, the same on both."""
+    """Return the first and last row with motors on; None unless both have one constant voltage."""
     V = recording.voltage
     on = np.flatnonzero((V > 0).all(axis=1))
     if not len(on) or np.ptp(V[on]) > 1e-9 or on[-1] - on[0] + 1 != len(on):
@@ -68,7 +70,7 @@ def constant_voltage(recording: Recording) -> tuple[int, int] | None:
 
 
 def is_in_motion(recording: Recording, frequency_Hz: float) -> bool:
-    """Return whether the references (or the angles, if none) have a spectral line there."""
+    """Return whether the references (angles, if none) have a spectral line at the frequency."""
     r = recording
     x = r.reference if np.isfinite(r.reference).any() else r.angle
     return any(line_share(r.t, x[:, i], frequency_Hz) >= LEAST_SHARE for i in range(x.shape[1]))

@@ -35,7 +35,7 @@ MAX_COMPARED = 3
 
 
 def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return the findings, each also tied with the causes that the segments do not separate."""
+    """Return the findings; ``tied_with`` also names causes that the segments do not separate."""
     adopted = {f.choice.term.name for f in findings}
     return tuple(
         replace(f, choice=tied_by_segments(f.choice, adopted)) if not f.choice.by_flights else f
@@ -44,7 +44,10 @@ def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
-    """Return the choice, also tied with inseparable causes other than those ``adopted``."""
+    """Return the choice; ``tied_with`` also names causes that the segments do not separate.
+
+    The ``adopted`` causes are not compared with the choice.
+    """
     best, *others = choice.contenders
     if best.term.effect.of_base:
         return choice
@@ -69,7 +72,7 @@ def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
 
 
 def log_likelihood_cells(c: CandidateFit) -> np.ndarray:
-    """Return the log-likelihood (C,) of each cell."""
+    """Return the log-likelihood (C,) of a candidate's fit in each cell of `CELL_S`."""
     data = c.problem.data
     X = c.problem.run(c.optimum.theta, c.optimum.noise, keep=3).X
     assert X is not None
@@ -79,7 +82,7 @@ def log_likelihood_cells(c: CandidateFit) -> np.ndarray:
 
 
 def ranking_std(d: np.ndarray) -> float:
-    """Return s for the differences d (C,) of the cells.
+    """Return s (module) for the log-likelihood differences d (C,) of the cells.
 
     >>> ranking_std(np.array([1.0, -1.0, 1.0, -1.0]))
     4.0
@@ -88,7 +91,7 @@ def ranking_std(d: np.ndarray) -> float:
 
 
 def ranking_probability(difference: float, s: float) -> float:
-    """Return Φ(Δ/s) for scores that differ by Δ.
+    """Return Φ(Δ/s), the confidence in the higher of two scores that differ by Δ.
 
     >>> round(ranking_probability(20.0, 20.0), 2), ranking_probability(1.0, 0.0)
     (0.84, 1.0)

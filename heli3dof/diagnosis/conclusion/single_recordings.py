@@ -1,7 +1,7 @@
 """Find causes that no single recording confirms, only the comparison of several recordings.
 
-A joint fit also explains differences between recordings (warm motors, battery, thrust at another
-voltage) by the terms. The likelihood's σ does not contain these differences. So each recording is
+A joint fit also attributes differences between recordings (warm motors, battery, thrust at another
+voltage) to the terms. The likelihood's σ does not contain these differences. So each recording is
 fitted alone with the same terms. A term's first parameter has the estimate θ_i ± σ_i in recording i
 and the null value θ_0 (no effect). The recordings confirm the cause if both hold:
 
@@ -46,7 +46,7 @@ def not_confirmed(names: Sequence[str], recordings: Sequence[Recording]) -> set[
 
 
 def confirmed(sizes: Sequence[tuple[float, float]]) -> bool:
-    """Return whether one of the (θ − θ_0, σ) is significant and all are of one size.
+    """Return whether the recordings' sizes (θ − θ_0, σ) of a cause confirm the cause (module).
 
     >>> confirmed([(0.9, 0.8), (1.9, 1.4), (10.0, 6.5)])  # none is significant
     False

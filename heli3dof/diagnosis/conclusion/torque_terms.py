@@ -1,4 +1,4 @@
-"""Put unmodelled torques into the extended model, and measure what they gain on held-out data.
+"""Put unmodelled torques into the extended model if they improve predictions of held-out data.
 
 For each torque in turn, the model is extended by the term of a proposal
 (`unmodelled.torque_formula`), fitted in full and bias-corrected. The first proposal that makes
@@ -30,7 +30,7 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class Extended:
-    """The fit with causes and unmodelled torques."""
+    """The fit with causes and terms for unmodelled torques, and its results on held-out data."""
 
     fit: CorrectedFit
     after: HeldOut
@@ -42,7 +42,10 @@ def with_torques(
     setup: Setup, fit: CorrectedFit, after: HeldOut, torques: Sequence[ResidualTorque],
     holdout: Sequence[Recording],
 ) -> Extended:  # fmt: skip
-    """Return the fit extended by a term per torque; ``after``: the fit on held-out data."""
+    """Return the fit, extended by a term for each torque that improves held-out predictions.
+
+    ``after``: results of ``fit`` on held-out data.
+    """
     adopted: list[tuple[Proposal, Gain] | None] = []
     for torque in torques:
         adopted.append(None)
@@ -66,7 +69,7 @@ def _sized(fit: CorrectedFit, scale: ThrustScale, proposal: Proposal, won: Gain)
 
 
 def fit_with(setup: Setup, fit: CorrectedFit, proposal: Proposal) -> CorrectedFit:
-    """Return the bias-corrected fit with the proposal's term."""
+    """Return ``fit`` extended by the proposal's term, refitted and bias-corrected."""
     o = fit.optimum
     wide = widened(fit.problem, o.theta, term(proposal.term))
     new = wide.structure.free[len(o.theta) :]

@@ -1,7 +1,8 @@
-"""Search for residual torques and remove their stand-ins from the fit, until neither changes.
+"""Search for residual torques, and drop the causes that only stand in for one.
 
-Causes that a formula explains better are stand-ins (`conclusion.formula_contest`). Without them,
-the other causes are fitted and adopted again, and the search is repeated.
+A cause is a stand-in if a formula for a torque explains the flight better than the cause does
+(`conclusion.formula_contest`). Without the stand-ins, the other causes are fitted and adopted
+again, and the search is repeated until there is no further stand-in.
 """
 
 from __future__ import annotations
@@ -29,12 +30,13 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """The fit with the adopted causes, the residual torques and the slow noise."""
+    """The adopted causes with their fit, the residual torques and the slow noise."""
 
     fit: CorrectedFit
     findings: tuple[Finding, ...]
     dropped: tuple[Dropped, ...]
     after: HeldOut
+    """Results of ``fit`` on held-out data"""
     residual_torques: tuple[ResidualTorque, ...] = ()
     slow_noise: tuple[ResidualTorque, ...] = ()
     """Torques that depend on time only"""
@@ -47,7 +49,10 @@ class Settled:
 def settle_unmodelled(
     setup: Setup, start: Settled, holdout: Sequence[Recording], *, flights: int
 ) -> Settled:
-    """Return the settled fit, from the adopted causes ``start``; ``flights`` nulls per search."""
+    """Return the result of the search, which begins with the adopted causes of ``start``.
+
+    ``flights``: number of null simulations per search.
+    """
     if start.fit.scatter is None:  # without a dropped cause, simulation may work
         again = bias_corrected_again(setup, start.fit)
         start = start if again.scatter is None else _adopted_again(setup, start, again, (), holdout)
@@ -78,16 +83,17 @@ def settle_unmodelled(
 
 
 def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
-    """Return the causes that may be stand-ins: all except the base's own effects."""
+    """Return the causes that may be stand-ins: all but parts of the body's equations."""
     return [f.choice.term.name for f in findings if not f.choice.term.effect.of_base]
 
 
 def _undecided(
     start: Settled, left: tuple[ResidualTorque, ...], held: Nuisance, removed: Sequence[str]
 ) -> Settled:
-    """Return ``start`` with the first residual torques; neither they nor the causes are certain.
+    """Return ``start`` with the residual torques ``left`` of the first search.
 
-    Called if no residual torque is significant without the stand-ins.
+    Called if no residual torque is significant without the stand-ins ``removed``. Then neither the
+    torques nor the causes are certain: the causes are marked "…-like".
     """
     findings = tuple(replace(f, like=True) for f in start.findings)
     return replace(
@@ -114,7 +120,7 @@ def _adopted_again(
     setup: Setup, now: Settled, found: CorrectedFit, names: Sequence[str],
     holdout: Sequence[Recording],
 ) -> Settled:  # fmt: skip
-    """Return ``found``, the fit without ``names``, with those other causes that still gain."""
+    """Return ``found``, the fit without ``names``; held-out data must confirm the other causes."""
     kept = [f.choice for f in now.findings if f.choice.term.name not in names]
     gains = {f.choice.term.name: f.gain for f in now.findings}
     found, findings, dropped, after = adopted(found, kept, holdout, seed=setup.seed)

@@ -1,9 +1,9 @@
 """Mark causes that residual torques make unsure.
 
 A torque outside the catalogue raises the score of the most similar cause. With residual torques
-(`unmodelled.unmodelled_torque`) in the fit as well, such a cause loses its evidence in one
-Gauss–Newton step. With A and g the information and score of the fit's parameters and the residual
-torques, and ḡ the mean score in null simulations,
+(`unmodelled.unmodelled_torque`) in the fit as well, one Gauss–Newton step δ moves such a cause
+towards zero. With A and g the information and score of the fit's parameters and the residual
+torques, and ḡ the mean score in null simulations, the evidence for a cause is then Z'²:
 
     δ = A⁻¹ (g − ḡ),       v' = v + δ_v,       Z'² = (v' − v_0)² / (A⁻¹)_vv
 
@@ -26,15 +26,15 @@ from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.physics.parametrisation import first_parameters
 
 MIN_EVIDENCE_SHARE = 0.25
-"""Of Z². Chosen; not derived."""
+"""Z'²/Z² below which a cause is unsure. Chosen; not derived."""
 MIN_SIGMAS = 2.0
 """Standard deviations by which a size must differ from zero. Chosen; not derived."""
 
 
 def evidence_with_residual(fit: Estimate, nuisance: Nuisance) -> dict[str, tuple[float, float]]:
-    """Return {term: (Z², Z'²)} for the terms of the fit with parameters.
+    """Return {term: (Z², Z'²)}, the evidence without and with the residual torques (module).
 
-    ``nuisance`` contains the residual torques.
+    Terms without parameters are omitted. ``nuisance`` contains the residual torques.
     """
     n = len(fit.optimum.theta)
     g = centred_score(nuisance)
@@ -57,9 +57,10 @@ def marked_unsure(
     residuals: Sequence[ResidualTorque],
     nuisance: Nuisance,
 ) -> tuple[Finding, ...]:
-    """Return the findings; those that are weak or unsure are marked "…-like".
+    """Return the findings; those that are weak or unsure (module) are marked "…-like".
 
-    Also those with a gain whose interval contains zero, or a size below `MIN_SIGMAS` σ.
+    So are findings of less than `MIN_SIGMAS` σ, and those that do not significantly improve the
+    prediction of held-out data.
     """
     unsure = set[str]()
     if residuals:
@@ -73,7 +74,7 @@ def marked_unsure(
 
 
 def insignificant(fit: Estimate) -> set[str]:
-    """Return the terms whose first parameter is not significantly different from absence."""
+    """Return the terms whose first parameter is within `MIN_SIGMAS` σ of having no effect."""
     return {
         name
         for name, j in first_parameters(fit.free).items()
@@ -83,14 +84,14 @@ def insignificant(fit: Estimate) -> set[str]:
 
 
 def centred_score(nuisance: Nuisance) -> np.ndarray:
-    """Return g − ḡ (p,)."""
+    """Return the score minus its mean in null simulations, g − ḡ (p,)."""
     return nuisance.g if not len(nuisance.g_null) else nuisance.g - nuisance.g_null.mean(axis=0)
 
 
 def with_resemblance(
     residuals: Sequence[ResidualTorque], names: Sequence[str]
 ) -> tuple[ResidualTorque, ...]:
-    """Return the residual torques; the first becomes like ``names[0]`` unless like another."""
+    """Return the residual torques; the first is marked ``names[0]``-like unless it has a mark."""
     if not residuals or residuals[0].like is not None or not names:
         return tuple(residuals)
     return (replace(residuals[0], like=f"{names[0]}-like"), *residuals[1:])

@@ -1,7 +1,7 @@
-"""Convert the base parameters to SI, and test which ones are off by more than the tolerance.
+"""Convert the base parameters to SI, and test which differ from nominal by over the tolerance.
 
-A fit gives torques and inertias in units of K_f, and `greybox.thrust_scale` estimates K_f. The
-parameters X and their findings are
+A fit gives the trim torque T_g and the inertias J in units of the thrust gain K_f, which
+`greybox.thrust_scale` estimates. The parameters X and their findings are
 
     K_f             motor.thrust_gain       gain = K_f/K_f,nominal
     T_g             mass.imbalance          torque_Nm = T_g − T_g,nominal
@@ -56,12 +56,12 @@ class BaseParameter:
 
     @property
     def x(self) -> float:
-        """Return x; −∞ if X and X_nominal have different signs."""
+        """Return x = ln X/X_nominal; −∞ if X and X_nominal have different signs."""
         ratio = self.value / self.nominal
         return float(np.log(ratio)) if ratio > 0 else -np.inf
 
     def beyond(self, tolerance: float) -> float:
-        """Return |x| − |e|; it is negative within the tolerance."""
+        """Return |x| − |e|, by which x exceeds the tolerance; negative within the tolerance."""
         return abs(self.x) - abs(edge(self.x, tolerance))
 
     def is_significant(self, beyond: float, quantile: float, std: float) -> bool:
@@ -111,9 +111,9 @@ class OffNominal:
 def off_nominal(
     fit: PhysicalFit, *, std_inflation: float = STD_INFLATION
 ) -> tuple[OffNominal, ...]:
-    """Return the parameters that are off by significantly more than the tolerance, by score.
+    """Return the base parameters that differ from nominal by significantly more than tolerance.
 
-    ``std_inflation`` is f.
+    The largest score comes first. ``std_inflation`` is f (module).
     """
     tolerance = fit.structure.profile.tolerance
     out = [
@@ -125,12 +125,12 @@ def off_nominal(
 
 
 def std_inflation(fit: CorrectedFit) -> float:
-    """Return f: 1 for a fit that uses edge rates, else `STD_INFLATION`."""
+    """Return the factor f of σ (module): 1 for a fit with edge rates, else `STD_INFLATION`."""
     return STD_INFLATION if fit.spread is None else 1.0
 
 
 def finding_of(number: str) -> str:
-    """Return the name of the finding that base parameter ``number`` is off.
+    """Return the name of the finding that base parameter ``number`` differs from nominal.
 
     >>> [finding_of(n) for n in ("K_f", "T_g", "J_yaw")]
     ['motor.thrust_gain', 'mass.imbalance', 'inertia.yaw']

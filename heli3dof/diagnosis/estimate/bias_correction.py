@@ -88,7 +88,7 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def colour(self) -> np.ndarray:
-        """Return ρ (n,) of `estimate.coloured_noise`; ones if no flights were simulated."""
+        """Return ρ (n,), by which coloured noise multiplies variances; 1 without simulations."""
         if self.scatter is None:
             return np.ones(len(self.optimum.theta))
         return colour(self, self.scatter)
@@ -108,7 +108,7 @@ class CorrectedFit(Estimate):
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
-    """Return the model at θ = ``theta`` (n,) and a = ``noise`` (4,), with an unknown covariance."""
+    """Return the model at θ = ``theta`` (n,) and a = ``noise`` (4,); its covariance is NaN."""
     n = len(theta)
     return GreyBoxModel(
         "null", problem.structure.profile, tuple(t.name for t in problem.structure.terms),
@@ -142,11 +142,11 @@ def correct(
     rounds: int = ROUNDS,
     log: Callable[[str], None] = lambda s: None,
 ) -> CorrectedFit:
-    """Return the parameters at which the recordings score as simulated flights do, on average.
+    """Return the fit at which the recordings' score is the mean score of simulated flights.
 
     The search starts at ``theta`` (n,) and ``noise`` (4,), simulates ``pilots`` flights per round
-    and takes at most ``rounds`` rounds. If it diverges, the start is returned, with ``scatter`` and
-    ``bias`` None.
+    and takes at most ``rounds`` rounds. If the search diverges, its start is returned, with
+    ``scatter`` and ``bias`` None.
     """
     start = theta, noise
     low, high = problem.bounds
@@ -232,7 +232,7 @@ class NoiseScoreBias:
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return whether ``theta`` or ``noise`` has left the range `REUSED_WITHIN`."""
+        """Return whether θ or the noise is more than `REUSED_WITHIN` from that of the flights."""
         noise_range, theta_range = REUSED_WITHIN
         noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()
         theta_distance = np.abs((theta - self.theta) / self.sd).max()

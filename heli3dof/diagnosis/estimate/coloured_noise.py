@@ -7,8 +7,8 @@ West (1987) with L = `MEMORY_S` / `BLOCK_S`, is
 
     S = Γ_0 + Σ_{l=1}^{L} (1 − l/(L + 1)) (Γ_l + Γ_lᵀ),      Γ_l = Σ_b s_b s_{b+l}ᵀ
 
-Let C be the covariance of the simulated flights' scores, H the information and Λ the prior's.
-Coloured noise multiplies the variance of parameter j by
+Let C be the covariance of the simulated flights' scores, H the information of the recordings and Λ
+that of the prior. Coloured noise multiplies the variance of parameter j by
 
     ρ_j = (A⁻¹ S A⁻¹)_jj / (A⁻¹ C A⁻¹)_jj,         A = H + Λ
 
@@ -28,7 +28,7 @@ CHANCE = 0.01  # chosen
 
 
 def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
-    """Return ρ (n,); ``scatter`` (n, n) is C. It is 1 for fewer than 2 (L + 1) blocks."""
+    """Return ρ (n,), ones for fewer than 2 (L + 1) blocks; ``scatter`` (n, n) is C."""
     n = len(fit.optimum.theta)
     scores = block_scores(fit.problem.data, fit.optimum, BLOCK_S)
     memory = round(MEMORY_S / BLOCK_S)
@@ -41,7 +41,7 @@ def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
 
 
 def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
-    """Return S (n, n) of ``scores`` (m, n), with L = ``memory`` rows."""
+    """Return the long-run covariance S (n, n) of ``scores`` (m, n), with L = ``memory`` rows."""
     s = scores - scores.mean(axis=0)
     S = s.T @ s
     for lag in range(1, memory + 1):
@@ -51,12 +51,12 @@ def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
 
 
 def freedom(blocks: int, memory: int) -> float:
-    """Return ν for m = ``blocks`` and L = ``memory``."""
+    """Return ν, the degrees of freedom of S, for m = ``blocks`` and L = ``memory``."""
     return 1.5 * blocks / (memory + 1)
 
 
 def significant_ratio(ratio: np.ndarray, nu: float, chance: float = CHANCE) -> np.ndarray:
-    """Return ``ratio`` where it exceeds χ²_ν/ν at the probability ``chance``, else 1."""
+    """Return ``ratio`` where it is significant: above χ²_ν/ν at ``chance``; elsewhere 1."""
     from scipy.stats import chi2
 
     return np.where(ratio > float(chi2.isf(chance, nu)) / nu, ratio, 1.0)

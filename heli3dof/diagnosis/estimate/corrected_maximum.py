@@ -2,7 +2,8 @@
 
 At the true parameters, the score of the filter's likelihood ℓ has a mean: ḡ for the base parameters
 θ and s̄ for the log noise intensities ln a (`estimate.bias_correction`). For a candidate's
-parameters φ the mean is b, from the nulls. To first order, the corrected likelihood has none:
+parameters φ the mean is b, from the nulls. To first order, the score of the corrected likelihood
+ℓ_c has zero mean:
 
     ℓ_c(θ, φ, a) = ℓ(θ, φ, a) − ḡ·(θ − θ_0) − b·(φ − φ_0) − s̄·(ln a − ln a_0) + ln prior
 

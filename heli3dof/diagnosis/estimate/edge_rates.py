@@ -76,7 +76,10 @@ def fit_with_edge_rates(
     problem: Likelihood, start: CorrectedFit, recordings: Sequence[Recording], *, seed: int,
     flights: int = FLIGHTS, rounds: int = ROUNDS,
 ) -> CorrectedFit:  # fmt: skip
-    """Return the fit searched from ``start``, or ``start`` if flights or the search diverge."""
+    """Return the fit with edge rates, or ``start`` if the flights or the search diverge.
+
+    The search begins at ``start``.
+    """
     n = len(start.theta)
     jitter = start.optimum.noise[3:]
     y = np.concatenate([start.theta, np.log(start.optimum.noise[:3])])
@@ -121,9 +124,10 @@ def simulated_round(
     problem: Likelihood, y: np.ndarray, jitter: np.ndarray, recordings: Sequence[Recording],
     seed: tuple[int, ...], flights: int, *, designed: bool, number: int,
 ) -> Round:  # fmt: skip
-    """Return the moments at y (n + 3,); ``designed``: of flights by the two-level design.
+    """Return the moments of the recordings and of ``flights`` simulated flights at y (n + 3,).
 
-    ``jitter`` (1,) is the sampling jitter in s, ``number`` the round's number.
+    With ``designed``, the two-level design varies the flights' inertias and noises. ``jitter``
+    (1,) is the sampling jitter in s, ``number`` the round's number.
     """
     n = len(y) - 3
     theta, noise = y[:n], np.append(np.exp(y[n:]), jitter)
@@ -170,7 +174,10 @@ def design(flights: int) -> np.ndarray:
 
 
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
-    """Return G (n + 6, n + 3): ``effects`` (6, n + 6) for each axis' three moments, H elsewhere."""
+    """Return the moments' derivatives G (n + 6, n + 3): ``effects`` (6, n + 6) for the triples.
+
+    A triple consists of the three moments of an axis. Elsewhere G is H (n, n) or zero.
+    """
     n = len(H)
     G = np.zeros((n + 6, n + 3))
     G[:n, :n] = H

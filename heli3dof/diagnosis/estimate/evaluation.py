@@ -47,7 +47,7 @@ class Derivatives:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation(Derivatives):
-    """The derivatives with the E readings that they are from: hundreds of bytes per reading."""
+    """The derivatives, and the filter run over E readings that gives them (much memory)."""
 
     at: Pass
     path: Path
@@ -56,16 +56,16 @@ class Evaluation(Derivatives):
 
     @property
     def derivatives(self) -> Derivatives:
-        """Return the derivatives alone, to keep those of many simulated flights."""
+        """Return the derivatives without the filter run, which saves memory."""
         return Derivatives(self.g, self.H, self.slope, self.curvature)
 
 
 def evaluate(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bool = True
 ) -> Evaluation:
-    """Return the derivatives at θ = ``theta`` (n,), a = ``noise`` (4,).
+    """Return the log-likelihood's derivatives at θ = ``theta`` (n,), a = ``noise`` (4,).
 
-    Without ``whole``, those by the noise are not computed: slope 0, curvature −1.
+    Without ``whole``, the derivatives by the noise are not computed: slope 0, curvature −1.
     """
     factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
 

@@ -34,9 +34,10 @@ def _fly(  # type: ignore[no-untyped-def]
     s, first, address, par, mem, free, x, F, low, p, c, reference, extra, late, grid0, grid, t, h,
     kick, angle, voltage,
 ):  # fmt: skip
-    """Write ``angle`` (N, 3) rad, ``voltage`` (N, 2) V.
+    """Simulate the closed loop; write the results ``angle`` (N, 3) rad and ``voltage`` (N, 2) V.
 
-    ``kick`` (N, 3): Δq̇; ``low``: the table; ``late``: the voltage acts one period later.
+    ``kick`` (N, 3): Δq̇; ``low``: roll on the table, rad; ``late``: 1 if the voltage acts one
+    period later, else 0.
     """
     setup(s, first, address, par, mem)
     s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0

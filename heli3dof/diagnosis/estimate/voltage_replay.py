@@ -72,7 +72,7 @@ class VoltageReplay:
 
     match: Match
     share: float
-    """Upper quartile of the blocks"""
+    """Upper quartile of the blocks' shares"""
     std_V: float
     """The share times the standard deviation of the logged voltage"""
     difference: np.ndarray
@@ -118,8 +118,8 @@ def with_known_controller(recording: Recording) -> Recording:
     """Return the recording with a profile and extra voltages that reproduce its voltages.
 
     An excitation that was not logged becomes the extra voltage. `is_late` holds for the result if
-    the controller is one period late. If another controller flew the recording, the profile has
-    none in the result.
+    the controller is one period late. If another controller flew the recording, the result's
+    profile has no controller.
     """
     result = voltage_replay(recording)
     if result is None or result.match is Match.REPRODUCED:
@@ -159,7 +159,7 @@ _replay_compiled = compiled(_replay)
 
 
 def _shares(r: Recording, rows: np.ndarray, d: np.ndarray, logged: np.ndarray) -> list[float]:
-    """Return the share of each block; d and ``logged`` are (N, 2) V, ``rows`` (N,) bool count."""
+    """Return the share (module) of each block; d, ``logged``: (N, 2) V, ``rows``: (N,) bool."""
     counted = np.flatnonzero(rows)
     block = (r.t[counted] - r.t[0]) // BLOCK_S
     shares = []
@@ -175,7 +175,7 @@ def _quartile(shares: list[float]) -> float:
 
 
 def _line(t: np.ndarray) -> np.ndarray:
-    """Return the columns (n, 2) of a constant and a slope."""
+    """Return the regressors (n, 2) of a constant and a slope in time."""
     return np.column_stack([np.ones(len(t)), t - t[0]])
 
 

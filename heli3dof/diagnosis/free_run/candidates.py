@@ -11,7 +11,7 @@ d (R,), which one simulation gives. With the fit's parameters projected out,
 
 Let w (R,) be the change of r if a cause c of the fit is removed, without the share of the fit's
 other parameters, and d̃ the same of a probe. To first order, the probe's effect makes up for a share
-ρ² = (d̃·w)²/(d̃·d̃ w·w) of what the removal costs. It may be confounded with c if ρ² exceeds
+ρ² = (d̃·w)²/(d̃·d̃ w·w) of what the removal costs. The effect may be confounded with c if ρ² exceeds
 `REPLACES`.
 """
 
@@ -95,7 +95,7 @@ def score_tests(fit: MultiStepFit) -> list[Candidate]:
 
 
 def threshold(tests: int) -> float:
-    """Return the Z² that the largest of so many tests exceeds by chance with `FALSE_ALARMS`.
+    """Return the value that the largest Z² of ``tests`` exceeds by chance (`FALSE_ALARMS`).
 
     >>> round(threshold(60), 1)
     16.4

@@ -222,7 +222,10 @@ def _without_each(
     result: Elimination, causes: Sequence[TermResult], whole: Sequence[Recording],
     held: Sequence[Recording],
 ) -> dict[str, tuple[FreeRun, FreeRun]]:  # fmt: skip
-    """Return {cause: predictions (without, with it)}, on held-out data or else blocks left out."""
+    """Return {cause: (predictions without it, predictions with it)}.
+
+    They are on held-out data, else on blocks left out, else (``quick``) on the recordings.
+    """
 
     removal = {"geometry": ("", "base.hover")}
     full = None if result.last is not None and not held else _predicted(result.fit, whole, held)

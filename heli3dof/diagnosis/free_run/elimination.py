@@ -9,15 +9,17 @@ seconds of held-out flight, the loss increases by
 
 Windows overlap, so the bootstrap resamples cells (block bootstrap).
 
-1. The terms are tested by increasing significance. The first without any of these is removed:
+1. The terms are tested by increasing significance. The first to which none of these applies is
+   removed:
 
    - Need: the `LEVEL` bootstrap interval of Δ on held-out blocks lies above zero.
    - Prior knowledge: the prior mean is more than `KNOWN` prior deviations from the null value.
-   - Training cost: Q on the training blocks increases by `LEAST_COST` or more without the term.
-     Without such a term the model is wrong, and the tests of the other terms are invalid.
+   - Training cost: the cost Q of the multi-step fit on the training blocks increases by
+     `LEAST_COST` or more without the term. Without such a term the model is wrong, and the tests
+     of the other terms are invalid.
 2. The model is refitted. Retained terms correlated with the removed one are tested again.
-3. An effect of the catalogue is confounded with a cause (`tied_with`) if it can replace it without
-   significant loss. `free_run.candidates` lists the effects to try.
+3. An effect of the catalogue is confounded with a cause (`tied_with`) if the effect can replace the
+   cause without significant loss. `free_run.candidates` lists the effects to try.
 
 Terms that vary by recording are tested by leaving out whole recordings, if there are several. The
 filter (`heli3dof.model.estimation.ekf_jitter`) estimates their values in a left-out recording.
@@ -97,15 +99,15 @@ class Elimination:
     """The result of a backward elimination."""
 
     fit: MultiStepFit
-    """With every term"""
+    """The fit with every term"""
     begun: MultiStepFit
-    """With every term, converged at the error scales s that all refits share"""
+    """The fit with every term, converged at the error scales s that all refits share"""
     kept: tuple[TermResult, ...]
-    """Needed or known beforehand, by falling Δ"""
+    """Terms that are needed or known beforehand, by falling Δ"""
     gone: tuple[TermResult, ...]
     """The removed terms in order, then those that only the cost on training blocks retained"""
     halves: tuple[MultiStepFit, ...] = ()
-    """With every term, each fitted to the training blocks of one fold"""
+    """Fits with every term, each to the training blocks of one fold"""
     first: FitWithFolds | None = None
     last: FitWithFolds | None = None
     """``begun`` and the fit after the last removal, with folds; None without cross-validation"""
@@ -162,7 +164,10 @@ def without_elimination(full: MultiStepFit) -> Elimination:
 
 
 def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
-    """Return (term, Σ (θ − θ_0)²/σ²), ascending; θ_0 is the lower bound on a logarithmic scale."""
+    """Return (term, Σ (θ − θ_0)²/σ² over its parameters), ascending.
+
+    θ_0 is the null value, on a logarithmic scale the lower bound.
+    """
     p, out = full.problem, {}
     C = np.linalg.inv(full.tangents @ full.tangents.T + p.prior)
     for t in full.structure.terms:
@@ -178,7 +183,7 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
 
 
 def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -> TermResult:
-    """Return the test of ``name`` by adding the term ``added``, which removes the effect."""
+    """Return the test of the effect ``name``, which the term ``added`` removes from the model."""
     fits = result.first or FitWithFolds.of(result.begun)
     trial = without_term(fits, "", seed=seed, instead=added)
     return TermResult(name, trial.increase, (), trial)
@@ -187,7 +192,7 @@ def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -
 def with_confounded_terms(
     result: Elimination, causes: Sequence[TermResult], *, seed: int, says: Says = lambda s: None
 ) -> list[TermResult]:
-    """Return the causes, each ``tied_with`` the effects that can replace it."""
+    """Return the causes; the ``tied_with`` of each contains the effects that can replace it."""
     fit = result.fit if result.last is None else result.last.fit
     says("Testing the other effects of the catalogue …")
     tests = score_tests(fit)
@@ -206,7 +211,7 @@ def with_confounded_terms(
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
-    """Return the terms whose prior mean is more than `KNOWN` deviations from the null value."""
+    """Return the terms with a prior mean more than `KNOWN` prior σ from the null value."""
     out = set()
     sd = 1 / np.sqrt(np.diag(problem.prior))
     for j, f in enumerate(problem.structure.free):
@@ -218,7 +223,10 @@ def known_beforehand(problem: MultiStep) -> set[str]:
 
 
 def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
-    """Return the other terms with a parameter correlated by more than `CORRELATED` with one."""
+    """Return the other terms with a parameter that is correlated with one of term ``name``.
+
+    The |correlation| exceeds `CORRELATED`.
+    """
     free, C = full.structure.free, full.correlation
     at = [j for j, f in enumerate(free) if f.term == name]
     largest = {
@@ -232,7 +240,7 @@ def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
 def without_term(
     current: FitWithFolds, name: str, *, seed: int, instead: str | None = None
 ) -> Trial:
-    """Return the trial without term ``name``, or with ``instead`` in its place, refitted."""
+    """Return the trial of refits without term ``name``, or with ``instead`` in its place."""
     p = current.fit.problem
     if any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1:
 
@@ -256,7 +264,7 @@ def without_term(
 
 
 def training_cost(current: FitWithFolds, trial: Trial) -> float:
-    """Return the increase of Q on the training blocks; 0 if recordings were left out instead."""
+    """Return the increase of Q on training blocks in a trial; 0 if it left out recordings."""
     each = zip(trial.fits_without, current.folds, strict=False)
     return sum(less.cost - fit.cost for less, (fit, _) in each)
 
@@ -303,7 +311,7 @@ def split_at_climb_end(data: Data, row: int) -> Data:
 
 
 def bootstrap(increase: np.ndarray, seed: int) -> LossIncrease:
-    """Return the mean of the increases (m,) by cell, with its bootstrap interval."""
+    """Return the mean of the loss increases (m,) of the cells, with its bootstrap interval."""
     rng = np.random.default_rng([seed, 7])
     means = increase[rng.integers(0, len(increase), (DRAWS, len(increase)))].mean(axis=1)
     tail = 50 * (1 - LEVEL)

@@ -49,7 +49,7 @@ class HalvesComparison:
 
 
 def compare_halves(halves: tuple[MultiStepFit, ...], name: str) -> HalvesComparison | None:
-    """Return the comparison for a term; None without two halves, or if the term has no number."""
+    """Return the comparison for a term; None without two halves, or if the term has no σ."""
     values = [null_distance(h, name) for h in halves]
     if len(values) < 2 or any(v is None for v in values):
         return None
@@ -97,7 +97,7 @@ def chi_squared(fit: MultiStepFit, j: int) -> tuple[float, int]:
 
 
 def equivalent_deviation(chi2: float, freedom: int) -> float:
-    """Return the normal deviate with the two-sided tail probability of a χ² of ``freedom``."""
+    """Return the normal deviate as improbable as ``chi2`` with ``freedom`` degrees of freedom."""
     from scipy.stats import chi2 as law
     from scipy.stats import norm
 

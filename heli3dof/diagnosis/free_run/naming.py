@@ -43,7 +43,7 @@ MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly th
 
 
 def probability_nonzero(fit: MultiStepFit, name: str) -> float:
-    """Return P of the term's first parameter; 1 if it has no null value."""
+    """Return P, the probability that a term has an effect; 1 if it has no null value."""
     distance = null_distance(fit, name)
     return 1.0 if distance is None else math.erf(abs(distance[0]) / math.sqrt(2))
 
@@ -82,10 +82,10 @@ def contradicted(result: Elimination, r: TermResult) -> str:
 
 
 def confidence(result: Elimination, r: TermResult) -> float:
-    """Return the probability that the term differs from zero.
+    """Return the probability that the term's effect is not zero.
 
-    For a term that not every rig has, it is at most the share of bootstrap draws of the held-out
-    blocks in which predictions without it are worse.
+    Unless the term is known beforehand, the probability is at most the share of bootstrap draws of
+    the held-out blocks in which predictions without the term are worse.
     """
     P = probability_nonzero(result.fit, r.term)
     known = r.term in known_beforehand(result.fit.problem)
@@ -95,7 +95,11 @@ def confidence(result: Elimination, r: TermResult) -> float:
 def open_terms(
     result: Elimination, model: GreyBoxModel, causes: list[TermResult], only_kept: list[TermResult]
 ) -> Open:
-    """Return what a further flight should decide: confounded, else needed, else unseen terms."""
+    """Return the terms on which a further flight should decide.
+
+    These are a cause and the terms confounded with it; else needed terms of no significant size;
+    else terms that the recordings do not identify.
+    """
     for r in causes:
         if r.tied_with:
             fit = result.fit
@@ -108,7 +112,7 @@ def open_terms(
 
 
 def kept_terms(result: Elimination, only_kept: list[TermResult]) -> list[dict[str, Any]]:
-    """Return each term as a JSON object, with its size, its prior, and why it is not a cause."""
+    """Return the terms that are only kept, as JSON objects: size, prior, why only kept."""
     varying = {v.rsplit(".", 1)[0] for v in result.fit.problem.varying}
     as_what = "with one value per recording: "
     return [

@@ -57,7 +57,7 @@ class FitWithFolds:
         return self._without_recording[i]
 
     def without_term(self, name: str, fits: Sequence[MultiStepFit] = ()) -> FitWithFolds:
-        """Return all fits without that term; ``fits`` are those of the folds, if they exist."""
+        """Return all fits without a term; ``fits``: the folds' fits without it, if they exist."""
         each = list(fits) or parallel_map(lambda k: refit(self.folds[k][0], name), len(self.folds))
         tests = [test for _, test in self.folds]
         whole = refit(self.fit, name)
@@ -82,7 +82,10 @@ def refit(full: MultiStepFit, name: str, instead: str | None = None) -> MultiSte
 def warm_fit(
     full: MultiStepFit, new: MultiStep, z: np.ndarray, D: np.ndarray | None, fresh: int = FRESH
 ) -> MultiStepFit:
-    """Return the fit of ``new`` from z (dim,) and tangents D (dim, R), with full's scales."""
+    """Return the fit of ``new``, started from z (dim,) and tangents D (dim, R).
+
+    The error scales are those of ``full``. ``fresh``: number of times D may be recomputed.
+    """
     v = least_squares_problem(new, full.noise, STAGE_S, full.scale)
     r = follow_on(v, z, D, settled=SETTLED, fresh=fresh)
     return MultiStepFit(new, r.z, full.noise, full.scale, r.cost, r.tangents, r.rounds, r.settled)
@@ -100,7 +103,10 @@ def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
 
 
 def carried_over(full: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.ndarray]:
-    """Return (z, D) of ``full`` for ``new``; its new parameters get their prior mean and NaN."""
+    """Return the coordinates z and tangents D of ``full``, arranged for the problem ``new``.
+
+    Parameters that ``full`` lacks get their prior mean in z and NaN in D.
+    """
     old, z = full.problem, new.start.copy()
     D = np.full((new.dim, full.tangents.shape[1]), np.nan)
     at = {n: j for j, n in enumerate(old.structure.names)}
@@ -144,7 +150,10 @@ def window_tangents(full: MultiStepFit, kept: np.ndarray) -> np.ndarray:
 
 
 def split_windows(flight: Flight, fold: int) -> tuple[Flight, Flight]:
-    """Return (training, test): windows outside and inside the fold's blocks, none across two."""
+    """Return (training windows outside the fold's blocks, test windows inside).
+
+    Windows that cross the edge of a block are omitted.
+    """
     start = flight.t[flight.starts]
     stop = start + WINDOW_S
     block = np.floor(start / BLOCK_S).astype(int)

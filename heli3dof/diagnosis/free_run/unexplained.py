@@ -1,11 +1,11 @@
 """Report what the fitted model does not explain: the take-off, and creep at a constant voltage.
 
-**Take-off.** The fit does not use it. Roll is simulated from the last row on the table to the end
-of the climb, with rotors initially at rest and at steady speed. The true initial speed depends on
-voltages before the recording. After `SPUN_UP_S` the difference is negligible. From there, the
+**Take-off.** The fit omits the take-off. Roll is simulated from the last row on the table to the
+end of the climb, with rotors initially at rest and at steady speed. The true initial speed depends
+on voltages before the recording. After `SPUN_UP_S` the difference is negligible. From there, the
 measured mean of p̈ (pitch, rad/s²) is compared with the model's along the measured path, in weak
-form. The take-off is reported if they differ by `SIGNIFICANT` standard deviations of the model's
-mean (from the parameters' covariance) or more.
+form. The take-off is reported if the two means differ by `SIGNIFICANT` standard deviations of the
+model's mean (from the parameters' covariance) or more.
 
 **Creep.** Both motors have one constant voltage V. Mean roll early and late (`EARLY_S`, `LATE_S`)
 is compared with the model's equilibrium. L_a is the arm's length (m), F the thrust (N):
@@ -54,14 +54,17 @@ LARGEST_RATIO = 2.0
 def unexplained_effects(
     fit: MultiStepFit, flights: Sequence[Recording], runs: Sequence[Recording] = ()
 ) -> list[dict[str, Any]]:
-    """Return JSON objects with a ``sentence`` each; the fit used ``flights``, but not ``runs``."""
+    """Return a JSON object, with a ``sentence``, for each effect that the fit does not explain.
+
+    ``flights``: the fitted recordings; ``runs``: recordings that lack an angle and are not fitted.
+    """
     out = [x for i, r in enumerate(flights) for x in take_off(fit, i, r)]
     out += [x for r in runs for x in creep(fit, r)]
     return out + list(compare_runs([c for r in runs if (c := measure_creep(fit, r)) is not None]))
 
 
 def take_off(fit: MultiStepFit, i: int, recording: Recording) -> Iterator[dict[str, Any]]:
-    """Yield the climb of the fit's recording i, if its pitch acceleration is not the model's."""
+    """Yield the take-off of recording i, if its pitch acceleration differs from the model's."""
     p, flight = fit.problem, fit.problem.flights[i]
     airborne = np.flatnonzero(~table_of(recording)[1])
     if not flight.still or not len(airborne) or airborne[0] == 0:
@@ -134,7 +137,7 @@ def _state_at_rest(structure: Any, values: np.ndarray, reading: np.ndarray) -> n
 
 @dataclass(frozen=True)
 class CreepRun:
-    """Roll at a constant voltage: measured early and late in the run, and the model's."""
+    """Roll at a constant voltage: measured early and late in the run, and in the model."""
 
     recording: str
     voltage_V: float
@@ -193,7 +196,7 @@ def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
 
 
 def compare_runs(runs: Sequence[CreepRun]) -> Iterator[dict[str, Any]]:
-    """Yield whether one growth of thrust, or one of voltage, explains all runs."""
+    """Yield whether one growth of thrust, or one of voltage, explains the creep of all runs."""
     if len({c.voltage_V for c in runs}) < 2 or not any(c.creeps for c in runs):
         return
     growth = {

@@ -8,9 +8,9 @@ every other block of `BLOCK_S`. It is tested on the remaining blocks; then they 
     share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²      over the test spans, mean of the training spans
 
 Each axis reports the variable with the largest share, if share ≥ `LEAST` and its 95 % bootstrap
-interval over blocks lies above zero. ``also`` lists those above `NEARLY` times this share. Coloured
-residuals and the choice of the best variable raise the false-alarm rate above 5 %: the result is a
-hint, not a cause.
+interval over blocks lies above zero. ``also`` lists the variables with more than `NEARLY` times
+this share. Coloured residuals and the choice of the best variable raise the false-alarm rate above
+5 %: the result is a hint, not a cause.
 """
 
 from __future__ import annotations
@@ -61,7 +61,10 @@ def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
 
 
 def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Return rows of `residuals` without overlap, times (10⁴ s between recordings), variables."""
+    """Return (rows of `residuals`, times t, {variable: means}) of spans that do not overlap.
+
+    Times are in s, with 10⁴ s between recordings.
+    """
     rows, t, at = [], [], 0
     x: dict[str, list[np.ndarray]] = {}
     for n, log in enumerate(logs):

@@ -29,7 +29,7 @@ def angles(view: View) -> Iterable[Fault]:
 
 
 def unit(view: View, i: int) -> Iterable[Fault]:
-    """Yield a fault if axis number i is in degrees or counts, or radians converted as degrees."""
+    """Yield a fault if axis number i is in degrees, in counts, or too small by a factor π/180."""
     r, rows = view.recording, view.read
     axis, q = AXES[i], r.angle[rows, i]
     if np.abs(q).max() > 10 and angle_units.on_grid(q, 1.0, levels=10):

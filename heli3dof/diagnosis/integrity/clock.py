@@ -2,8 +2,9 @@
 
 Let m be the stamps' period over the profile's, with |m − 1| > `OFF`. If m or 1/m is nearly an
 integer, the log is decimated or repeats samples; otherwise the clock is wrong. Accelerations scale
-with 1/time², so with a wrong clock the axes respond with g = 1/m² (`View.responses`). An integer m
-or 1/m is therefore a wrong clock too if |ln g + 2 ln m| < |ln g|, with the median g.
+with 1/time², so with a wrong clock the axes respond to the voltages with g = 1/m² times the
+profile's acceleration (`View.responses`). An integer m or 1/m is therefore a wrong clock too if
+|ln g + 2 ln m| < |ln g|, with the median g of the axes.
 """
 
 from __future__ import annotations
@@ -115,8 +116,9 @@ def device(view: View) -> Iterable[Fault]:
 def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if too many rows repeat the angles and voltages of the row before.
 
-    It uses rows whose voltage changes often, is not zero and is below the limit. The experiment's
-    extra voltage must repeat too: at rest the voltage alone may be constant for a few rows.
+    Rows count only if their voltage changes often, is not zero and is below the limit. The
+    experiment's extra voltage must repeat too: at rest the voltage alone may be constant for a few
+    rows.
     """
     r = view.recording
     if len(r) < 2 * NEAR:

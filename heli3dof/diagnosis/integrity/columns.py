@@ -1,7 +1,7 @@
 """Report two swapped columns of a log, from the motion, the encoder's grid or the references.
 
 **Motion.** `response` gives each axis's response g with the explained share R². An axis is *driven*
-if its `Response.drive` exceeds `DRIVEN`. It is
+if its `Response.drive` exceeds `DRIVEN`. An axis is
 
 * *consistent* if |g| is within `RANGE`, g is `SURE` standard deviations from 0, R² > `EXPLAINED`;
 * *inconsistent* if it is driven, and |g| is outside `RANGE` or R² < `UNEXPLAINED`.
@@ -12,7 +12,8 @@ the largest agreement over the driven axes
 
     M = Σ R² exp(−½ (ln |g| / `USUAL`)²)
 
-is reported if its M exceeds the log's by `BETTER`, and no reversed voltage gives a larger M.
+is reported if its M exceeds that of the unchanged log by `BETTER`, and no reversed voltage gives a
+larger M.
 
 **Grid.** Otherwise: an angle that is not on its encoder's grid, and a reference that is.
 
@@ -173,7 +174,7 @@ def _names(*columns: int) -> set[str]:
 
 
 def _by_encoder(view: View) -> tuple[int, int, str] | None:
-    """Return an angle and a reference that are swapped by their grids, with the evidence."""
+    """Return (angle column, reference column, evidence) if their grids show a swap."""
     r, rows = view.recording, view.read
     if rows.sum() < 100:
         return None

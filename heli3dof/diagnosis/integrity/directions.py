@@ -1,7 +1,8 @@
 """Report wrong signs of encoders and voltages, and swapped motors.
 
-The responses g of `response` are 1 on a rig like its profile; u_r ∝ S, u_p ∝ D, u_ψ ∝ −sin p S.
-With the hover ratio h
+The front and back voltages have the sum S and the difference D. The profile predicts accelerations
+u_r ∝ S of roll, u_p ∝ D of pitch p and u_ψ ∝ −sin p S of yaw. The measured ones are g u, with g = 1
+on a rig like its profile (`response`). With the hover ratio h (`View.hover_ratio`)
 
     roll's sign wrong        g_r < 0
     pitch's sign wrong       g_p < 0 and g_ψ < 0     (sin p has the wrong sign too)
@@ -11,8 +12,8 @@ With the hover ratio h
     V_o's sign wrong         h < 0, and no sign is reversed
 
 A sign counts if |g| exceeds `SURE` standard deviations, R² ≥ `EXPLAINED` and the drive ≥ `DRIVE`.
-If one is unknown, the fault names both causes. Roll's sign is also wrong if roll sinks into the
-table.
+If a sign is unknown, the fault names both possible causes. Roll's sign is also wrong if roll sinks
+into the table.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ BEYOND_REACH = np.radians(60.0)
 
 
 def sign(response: Response | None) -> int:
-    """Return the sign of g, or 0 if the recording does not determine it (module)."""
+    """Return the sign of the response g, or 0 if the recording does not determine it (module)."""
     if response is None or response.explained < EXPLAINED or response.drive < DRIVE:
         return 0
     return int(np.sign(response.t)) if abs(response.t) > SURE else 0

@@ -1,8 +1,9 @@
 """Report an encoder that stays on one count while its axis must move.
 
-Dry friction or backlash may hold an axis for `LEAST_S` against the torque J u, with its inertia J
-and u (rad/s²) of `response`. Constant torques are unknown, so only the range of J u counts. With u
-smoothed over `SMOOTH_S`, the axis must move if ½ (max J u − min J u) > `HOLDS_NM`.
+Dry friction or backlash may hold an axis for `LEAST_S` against the torque J u of the voltages. J is
+the inertia, u (rad/s²) the acceleration by `response`, which defines the other symbols too.
+Constant torques are unknown, so only the range of J u counts. With u smoothed over `SMOOTH_S`, the
+axis must move if ½ (max J u − min J u) > `HOLDS_NM`.
 
 The table stops roll on one side only. There roll must move if r̈ = (L_a K_f S − T_g cos r)/J_r,
 integrated twice with ṙ ≥ 0, exceeds `RISEN`. Stops, motors off and the landing are left out.
@@ -32,7 +33,10 @@ TABLE_BELOW = np.radians(-15.0)
 
 
 def still(view: View, axis: int) -> list[tuple[int, int]]:
-    """Return the intervals (first row, last row + 1) of at least `LEAST_S` on one count."""
+    """Return the intervals (first row, last row + 1) in which the axis stays on one count.
+
+    They last at least `LEAST_S`.
+    """
     r = view.recording
     q = r.angle[:, axis]
     out = np.logical_or.reduce([view.unusable[k] for k in LEFT_OUT])

@@ -1,8 +1,9 @@
 """Report ``timing.jitter``: samples that are not taken at equal intervals.
 
 If the time stamps are the sampling times, they show the jitter
-(`heli3dof.recording.logs.sampling_clock`). If they are even, the motion shows it: every axis is off
-by its rate times the same δ (`heli3dof.recording.logs.sampling_jitter`). If both show jitter,
+(`heli3dof.recording.logs.sampling_clock`). If the stamps are even, the motion shows the jitter: the
+angle of every axis is off by its rate times the same time error δ
+(`heli3dof.recording.logs.sampling_jitter`). If both show jitter, with standard deviations σ,
 σ² = σ_stamps² + σ_motion². Time stamps that the motion contradicts are times of arrival: a note.
 """
 

@@ -62,7 +62,10 @@ class Response:
 
 
 def driven(angle: np.ndarray, voltage: np.ndarray, profile: Profile) -> np.ndarray:
-    """Return u (N, 3) rad/s² of the axes, from angles (N, 3) rad and voltages (N, 2) V."""
+    """Return the profile's accelerations u (N, 3) rad/s² for angles (N, 3) rad, voltages (N, 2) V.
+
+    u is the part that the voltages cause (module).
+    """
     g, K_f = profile.geometry, profile.motor.K_f
     J = profile.inertias
     r, p = angle[:, 0], angle[:, 1]
@@ -163,9 +166,10 @@ class _Windows:
 
 
 def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the regressors X (W, n) of z (W,), with the best step of ``trim`` (W,) if it is large.
+    """Return the regressors X (W, n) of z (W,), with a step of the trim as another column.
 
-    ``t`` (W,) s are the middles of the windows.
+    The column is added if the best step explains the share `STEP` (module). ``trim`` (W,): column
+    of x_1; ``t`` (W,): middles of the windows, s.
     """
     times = np.arange(t[0] + STEP_INSIDE_S, t[-1] - STEP_INSIDE_S, STEP_EVERY_S)
     if not len(times):

@@ -20,9 +20,9 @@ h, and k_ψ/k_p as yaw's k_i, the check compares each k with k = 1 by
   it is bad data.
 
 **Amplifier.** If the motors get K times the logged voltages, every response is K and h = 1/K. It is
-bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does not. Smaller K
-are usual (0.13 … 0.22 N/V for one type of rig): ``motor.thrust_gain``. h = 3 with responses of 1 is
-another counterweight: ``mass.imbalance``.
+bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does not. Smaller
+deviations of K are usual (thrust gains of one type of rig are 0.13 … 0.22 N/V):
+``motor.thrust_gain``. h = 3 with responses of 1 is another counterweight: ``mass.imbalance``.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def _roll_divided(view: View, k: float) -> View:
 
 
 def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
-    """Return the axis's scale and its standard deviation: its response over the others' mean."""
+    """Return (scale, standard deviation) of an axis: its response over the mean of the others."""
     others = [
         np.log(x.gain) for a, x in responses.items() if a != axis and (axis, a) != ("pitch", "yaw")
     ] or [0.0]

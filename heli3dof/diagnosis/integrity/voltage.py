@@ -1,4 +1,4 @@
-"""Check voltages: their unit, their sign, the amplifier's limit, and agreement with the commands.
+"""Check voltages: unit, sign, the amplifier's limit, and agreement with the commanded voltages.
 
 The hover ratio h (`View.hover_ratio`) is 0.5 … 2 on rigs that differ from their profile. If |h| is
 below `ANOTHER_UNIT`, the voltages have another unit, or one of them has the wrong sign.
@@ -122,7 +122,7 @@ def clipped(view: View) -> Iterable[Fault]:
 
 
 def commanded(view: View) -> Iterable[Fault]:
-    """Yield a fault if voltages below the limit differ from their commands."""
+    """Yield a fault if voltages below the limit differ from the commanded voltages."""
     r = view.recording
     cmd, v = r.voltage_cmd, r.voltage
     phase = r.channels.get("phase")

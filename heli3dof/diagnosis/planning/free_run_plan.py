@@ -42,9 +42,10 @@ MAX_TERMS = 3
 
 @dataclass(frozen=True)
 class OpenParameter:
-    """The first shared parameter of an open term: index, size and standard deviation in ``unit``.
+    """The first parameter of an open term that has one value for all recordings.
 
-    ``size``: distance from the value without the effect; ``slope``: unit per coordinate.
+    ``size``: distance from the value without the effect, like ``std`` in ``unit``; ``slope``:
+    derivative of the parameter by its coordinate; ``index``: of this coordinate.
     """
 
     name: str
@@ -130,7 +131,10 @@ def probability_significant(u: float) -> float:
 
 
 def information(open_: Open, plan: Plan, seed: int) -> np.ndarray | None:
-    """Return the information (n, n) of a simulated flight on the common parameters, or None."""
+    """Return the information (n, n) of a flight of ``plan`` on the common parameters.
+
+    The flight is simulated; None if it is not feasible.
+    """
     fit = open_.fit
     task = task_of(plan, open_.model.profile, seed)
     flight = None if task is None else fly_task(task, open_.model)

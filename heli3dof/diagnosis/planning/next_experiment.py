@@ -61,7 +61,7 @@ class Cause:
 
     @classmethod
     def fitted(cls, candidate: CandidateFit) -> Cause:
-        """Return the cause with the values of its own fit."""
+        """Return the candidate's term as a cause, with the values of its full fit."""
         values = candidate.problem.values(candidate.optimum.theta)
         n = len(candidate.term.effect.parameters)
         return cls(candidate.term, tuple(float(v) for v in values[-n:]))
@@ -121,9 +121,9 @@ def recommend(
 def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
     """Return the recommended experiment of a diagnosis, or None. The first of these is planned for:
 
-    1. what a fit to free-run predictions left open (`planning.free_run_plan`)
+    1. the terms that a fit to free-run predictions left open (`planning.free_run_plan`)
     2. the first finding with confounded causes that a flight can separate
-    3. without findings: a cause whose gain held-out data do not confirm
+    3. without findings: a cause that held-out data do not confirm
     4. without findings: an effect that the recordings could not show
 
     For 3 and 4, the result is None if its certainty is below `MIN_CERTAINTY`.
@@ -170,7 +170,7 @@ def _why(best: Outlook, names: Sequence[str]) -> str:
 
 
 def _flights_needed(margin: float) -> str:
-    """Return how many such flights decide with `MIN_CERTAINTY`; the margins of flights add.
+    """Return the number of flights that decide with `MIN_CERTAINTY`, as text; their margins add.
 
     >>> _flights_needed(2.0)
     '3 such flights decide with a probability of 50 %'
@@ -185,7 +185,7 @@ def _flights_needed(margin: float) -> str:
 
 
 def _probability_decided(margin: float) -> float:
-    """Return P(X > TIE) for X ~ N(margin, 4 margin).
+    """Return the probability of a decision, P(X > TIE) for X ~ N(margin, 4 margin).
 
     >>> p = _probability_decided
     >>> p(6.0), round(p(30.0), 3), p(-1.0)
@@ -231,7 +231,7 @@ def _outlooks(
                 margins.setdefault(task, {})[which - 1] = m
 
     def best_rank(task: Task) -> float:
-        """Return an upper bound of the rank, exact if every cause was simulated."""
+        """Return an upper bound of margin/duration, exact if every cause was simulated."""
         return min(margins[task].values()) / task.plan.duration_s
 
     causes = list(range(len(models) - 1))
@@ -284,7 +284,7 @@ def _margin(z: np.ndarray, i: int, probe_groups: Sequence[Sequence[Probe]]) -> f
 
 
 def _model_with(base: Estimate, cause: Cause | None) -> GreyBoxModel:
-    """Return the base model with the cause, or alone for None."""
+    """Return the base model with the cause, or without any cause for None."""
     new = () if cause is None else (cause.term,)
     structure = Structure(base.structure.profile, (*base.structure.terms, *new))
     values = np.concatenate([base.values, () if cause is None else cause.values])

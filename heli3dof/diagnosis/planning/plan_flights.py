@@ -34,7 +34,10 @@ class Task:
 
 
 def task_of(plan: Plan, profile: Profile, seed: int) -> Task | None:
-    """Return the plan rendered for a known controller; None if it leaves the envelope."""
+    """Return the plan rendered for a rig; None if it leaves the safety envelope.
+
+    If the profile's controller is unknown, the default one is used.
+    """
     profile = profile.with_controller()
     try:
         signals = plan.render(profile.dt, seed)

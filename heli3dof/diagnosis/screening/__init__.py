@@ -1,1 +1,1 @@
-"""Score test of every candidate effect, calibrated by simulated nulls."""
+"""Score test of every candidate effect, calibrated by simulated flights without the effect."""

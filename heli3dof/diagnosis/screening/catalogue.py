@@ -64,6 +64,6 @@ def probes(term: Term, V: np.ndarray) -> list[Probe]:
 
 
 def scans(terms: Sequence[Term]) -> list[Scan]:
-    """Return the scans of the scanned terms among ``terms``."""
+    """Return a scan of each term in ``terms`` with a frequency or an instant to be scanned."""
     kinds: dict[str, Callable[[Term], Scan]] = {"frequency": Frequencies, "instant": Instants}
     return [kinds[t.effect.scan](t) for t in terms if t.effect.scan]

@@ -42,7 +42,7 @@ NEIGHBOURS = 3
 
 @dataclass(frozen=True)
 class GridTrial:
-    """A term at one value of its first parameter (in its unit)."""
+    """A term at one ``value`` of its first parameter, and the log-likelihood it gains there."""
 
     term: Term
     value: float
@@ -78,7 +78,7 @@ def tried_terms(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
 def trials(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, untested: Sequence[Term]
 ) -> list[GridTrial]:
-    """Return the terms with Δℓ > `MIN_GAIN` at the point ``theta`` (n,), ``noise`` (4,)."""
+    """Return the terms with Δℓ > `MIN_GAIN` over the base with ``theta`` (n,), ``noise`` (4,)."""
     base = float(problem.run(theta, noise, keep=0).loglik.sum())
 
     def one(k: int) -> GridTrial:
@@ -97,7 +97,7 @@ def exceeds_nulls(
     noise: np.ndarray,
     nulls: Sequence[Data],
 ) -> bool:
-    """Return True if Δℓ exceeds that of every null by `MIN_GAIN`, at the same point."""
+    """Return True if the trial's Δℓ exceeds Δℓ in every null flight by `MIN_GAIN`."""
     ext = widened(problem, theta, trial.term)
     at = np.append(theta, ext.structure.free[-1].inward(trial.value))
 

@@ -1,4 +1,4 @@
-"""Standardise the scores by simulated nulls, and compute the threshold of the screen.
+"""Standardise the scores z of the score test by simulated nulls, and compute its threshold.
 
 *Nulls* are B flights simulated from the fit, with the recordings' references and controller. Their
 scores contain the bias that encoder quantisation and feedback cause. For each probe
@@ -59,7 +59,7 @@ class Nulls:
     inflation: float
     """κ ≥ 1: variance of the scores relative to an exact likelihood's, the median over probes"""
     threshold: float
-    """Of the largest Z²"""
+    """Threshold of the largest Z²"""
     freedom: float
     """ν, Student's degrees of freedom"""
     flights: int
@@ -69,7 +69,7 @@ class Nulls:
     """(B,) largest Z² of each null relative to the other nulls"""
 
     def standardised(self, result: ScreenResult) -> np.ndarray:
-        """Return Z (P,)."""
+        """Return the standardised scores Z (P,)."""
         return np.asarray((result.z - self.mean) / self.std)
 
     def least(self, term: Term) -> float:
@@ -82,7 +82,7 @@ class Nulls:
         return float(spread * t.isf(FALSE_ALARMS / (2 * FORMAL_CANDIDATES), self.freedom) ** 2)
 
     def confidence(self, Z2: float) -> float:
-        """Return the probability that no probe reaches Z² by chance, exp(−P p)."""
+        """Return the probability exp(−P p) that no probe reaches Z² by chance; p: for one probe."""
         from scipy.stats import t
 
         spread = 1 + 1 / self.flights if self.flights else 2.0
@@ -98,7 +98,10 @@ def simulated_nulls(
     flights: int,
     seed: int,
 ) -> tuple[Nulls, np.ndarray]:
-    """Return the nulls and their scores along θ (B, n); the controller must be known."""
+    """Return the distribution of z over simulated nulls, and the nulls' scores ∂ℓ/∂θ (B, n).
+
+    The controller must be known.
+    """
     problem, o = fit.problem, fit.optimum
     model = model_at(problem, o.theta, o.noise)
 
@@ -113,7 +116,10 @@ def simulated_nulls(
 
 
 def nulls_from_scores(z: np.ndarray, signed: int | None = None) -> Nulls:
-    """Return the nulls of z (B, P), whose first ``signed`` probes (all) are not maxima."""
+    """Return the distribution of the scores z (B, P) of P probes in B nulls.
+
+    The first ``signed`` probes (default: all) are plain ones, the others maxima of scans.
+    """
     from scipy.stats import t
 
     B, P = z.shape
@@ -141,7 +147,7 @@ def _shrunk_std(z: np.ndarray) -> np.ndarray:
 
 
 def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
-    """Return the nulls for an unknown controller: twice Bonferroni's threshold."""
+    """Return the distribution by formula, for an unknown controller (module)."""
     from scipy.stats import chi2
 
     n = len(screen.names)

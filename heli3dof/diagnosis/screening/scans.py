@@ -37,18 +37,18 @@ class Scan(Protocol):
     def term(self) -> Term: ...
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return the information of a unit torque; ``unit`` (C, 3): e, in rad/s²."""
+        """Return (knots, information v of a unit torque there); ``unit`` (C, 3): e, in rad/s²."""
         ...
 
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> tuple[float, tuple[float, ...], float]:
-        """Return (the largest z, the parameters' values there, the first of these)."""
+        """Return (largest z, values of the term's parameters there, value of the first one)."""
         ...
 
 
 def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """Return v (J,) of the accelerations a (J, C, 3); nan if the base parameters absorb them."""
+    """Return the information v (J,) of accelerations a (J, C, 3); nan if the base absorbs them."""
     D = forward(evaluation.path, a)
     cross = (evaluation.T * evaluation.at.w) @ D.T
     full = np.einsum("ij,j,ij->i", D, evaluation.at.w, D)
@@ -58,7 +58,7 @@ def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.nd
 
 @dataclass(frozen=True)
 class Frequencies:
-    """A torque τ_0 sin(2π f t + φ) of any frequency f."""
+    """The scan for a torque τ_0 sin(2π f t + φ) of any frequency f."""
 
     term: Term
 

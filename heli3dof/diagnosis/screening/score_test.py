@@ -117,7 +117,7 @@ class Screen:
         return float(1 - self.v[i] / alone)
 
     def score(self, evaluation: Evaluation, *, prior: bool) -> ScreenResult:
-        """Return all scores; ``prior`` adds the prior's: for recordings, not for nulls."""
+        """Return all scores; ``prior``: add that of the prior, for recordings but not for nulls."""
         problem = self.problem
         g = evaluation.g
         if prior:
@@ -146,7 +146,10 @@ class Screen:
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
-        """Return per term: its probes, the structure with it, values (absent, each probe)."""
+        """Return for each term (indices of its probes, structure with the term, values).
+
+        The values are those of the structure without the effect, then at each of the probes.
+        """
         out = []
         names = [q.name for q in self.plain]
         for name in dict.fromkeys(names):
@@ -162,7 +165,10 @@ class Screen:
         return out
 
     def _changes(self, evaluation: Evaluation) -> Iterator[Changes]:
-        """Yield the changes term by term: those of all terms together would fill the memory."""
+        """Yield the changes of accelerations and readings by the probes of each term.
+
+        Those of all terms together would fill the memory.
+        """
         p = evaluation.path
         for rows, wide, sets in self.sets:
             hooks = set(wide.terms[-1].effect.hooks)

@@ -2,8 +2,8 @@
 
 The fits maximise the bias-corrected log-likelihood ℓ_c (`estimate.corrected_maximum`). With the
 nulls' variance inflation κ, score = 2 Δℓ_c/κ − price (`selection.parameter_price`). A screened term
-starts at its probe with the highest score, and once more near zero if that fit ends below the
-current one. A term without a score starts from its grid (`screening.grid_trials`).
+starts at its probe with the highest score. If the result is worse than the current fit, it starts
+again near zero. A term without a score starts from its grid (`screening.grid_trials`).
 """
 
 from __future__ import annotations
@@ -53,8 +53,9 @@ def fit_candidates(
     current: CorrectedFit, screen: Screen, result: ScreenResult, nulls: Nulls, bias: np.ndarray,
     ranked: Sequence[tuple[Term, float, int]], tried: Sequence[GridTrial] = (),
 ) -> list[CandidateFit]:  # fmt: skip
-    """Return full fits of ``ranked`` and ``tried`` terms, best first.
+    """Return full fits of the ``ranked`` terms and of the ``tried`` terms, best score first.
 
+    ``ranked``: from `selection.select.ranked_candidates`; ``tried``: terms without a score.
     ``bias`` (n,): mean scores of the nulls. Fits that diverge or end at a bound are omitted.
     """
     if not ranked and not tried:

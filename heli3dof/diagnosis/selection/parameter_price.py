@@ -1,11 +1,12 @@
-"""Compute what a term's parameters cost of its score 2 Δℓ: BIC, reduced by prior information.
+"""Compute the BIC penalty of a term's parameters, reduced by prior information.
 
-With N encoder events, the first parameter costs ln N, and each further one
+The penalty is subtracted from the term's score 2 Δℓ. With N encoder events, the first parameter
+costs ln N, and each further one
 
     min(ln N, ln(σ₀²/σ²)),      at least 0
 
-by Laplace's approximation of the evidence. σ₀² is its prior variance, σ² its posterior variance
-with all other parameters free. A parameter determined only by its prior costs nothing.
+by Laplace's approximation of the evidence. σ₀² is the parameter's prior variance, σ² its posterior
+variance with all other parameters free. A parameter determined only by its prior costs nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from heli3dof.identification.greybox.maximum_likelihood import Optimum
 
 
 def price(problem: Likelihood, fit: Optimum, name: str, inflation: float = 1.0) -> float:
-    """Return the cost of a term's parameters; ``inflation``: κ, which divides the information."""
+    """Return the penalty of a term's parameters; ``inflation``: κ, which divides information."""
     at = [i for i, f in enumerate(problem.structure.free) if f.term == name]
     most = float(np.log(max(len(fit.at.row), 2)))
     if len(at) < 2:

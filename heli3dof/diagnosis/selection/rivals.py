@@ -8,11 +8,12 @@ and standard deviation s_k. With Student's density t of B − 1 degrees of freed
 
     f_k(d) = t_{B−1}((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
-1. **Large score bias** (|z̄|/√κ > `LARGE_BIAS`): the rival with the largest min_j W_kj is the cause.
-   Rivals with W < `TIE` are confounded with it. `certainty` of the smallest other W is its
-   probability.
+1. **Large score bias** (|z̄|/√κ > `LARGE_BIAS`, with the nulls' mean score z̄ and inflation κ): the
+   rival with the largest min_j W_kj is the cause. Rivals with W < `TIE` are confounded with it.
+   `certainty` of the smallest other W is its probability.
 2. **Small score bias, score below `SUFFICIENT_SCORE`**: the scores choose the cause. The rival that
-   this test prefers is confounded with it, and so are those confounded with that rival.
+   this test prefers is confounded with that cause. So are the rivals that the test does not
+   separate from the preferred one (W < `TIE`).
 3. **Otherwise** the scores decide and nothing is simulated.
 """
 
@@ -55,7 +56,8 @@ MIN_STD = 1.0
 def rivals(choice: Choice, nulls: Nulls) -> tuple[list[CandidateFit], bool]:
     """Return the rivals, the chosen cause first, and True if their score bias is large.
 
-    No rivals: the scores decide. Terms without a score have no score bias, so they are none.
+    An empty list means that the scores decide. Terms without a score have no score bias and are no
+    rivals.
     """
     best = choice.contenders[0]
     others = [c for c in choice.contenders[1:] if c.probe is not None]
@@ -81,7 +83,7 @@ def compared_by_simulation(
     choice: Choice, nulls: Nulls, recordings: Sequence[Recording], *, seed: int, pilots: int,
     opinions: bool = True,
 ) -> Choice:  # fmt: skip
-    """Return the choice after the comparison; ``opinions``: also if the bias is small (rule 2)."""
+    """Return the choice after the test; ``opinions``: also test if the bias is small (rule 2)."""
     compared, decides = rivals(choice, nulls)
     if not compared or not (decides or opinions):
         return choice
@@ -116,7 +118,10 @@ def compared_by_simulation(
 def likelihoods(
     fits: Sequence[CorrectedFit], recordings: Sequence[Recording], *, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return ℓ of the recordings (K,), and of flights of each fit under each (K, B, K)."""
+    """Return ℓ of the recordings (K,) and of B flights simulated from each fit (K, B, K).
+
+    The last axis is the fit whose likelihood is evaluated.
+    """
     models = [model_at(f.problem, f.theta, f.optimum.noise) for f in fits]
     data = fits[0].problem.data
 

@@ -1,7 +1,8 @@
 """Choose the next cause of a step from the screen and the full fits, or none.
 
 The screen's Z² shows whether any effect is present; full fits (`selection.candidate_fits`) show
-which one, by their score: BIC for the bias-corrected log-likelihood. Without a cause it is 0.
+which one, by their score: BIC for the bias-corrected log-likelihood. The current fit, without a
+further cause, has the score 0.
 
 Two candidates are **confounded** if their scores differ by less than (`tie_margin`)
 
@@ -12,8 +13,8 @@ the correlation of the traces without the base's share. The last term, for plain
 error of the bias correction: z̄ was simulated without the cause. The rules (`best_choice`):
 
 1. If the best score is below `TIE`, no effect is a cause.
-2. A candidate qualifies if its own Z² reaches its threshold (`Nulls.least`). In addition, it is
-   confounded with the best one, or its score reaches that threshold too.
+2. A candidate qualifies if its own Z² reaches its threshold (`Nulls.least`). In addition, it must
+   be confounded with the best candidate, or its score must reach that threshold too.
 3. The best candidate that qualifies is taken. All candidates with higher scores are confounded with
    it: their scores may be bias.
 4. The error of an earlier cause's formula may resemble a further cause. So a further cause needs at
@@ -77,7 +78,7 @@ class Choice:
     weak: bool = False
     """True if it may be the error of an earlier cause's formula."""
     threshold: float = 0.0
-    """Of Z², from the nulls"""
+    """Threshold of Z², from the nulls"""
     by_flights: bool = False
     """True if it was chosen by simulated flights of its rivals (`selection.rivals`), not scores."""
 
@@ -135,7 +136,7 @@ def best_choice(
     current: CorrectedFit, screen: Screen, nulls: Nulls, fits: Sequence[CandidateFit],
     first_score: float | None,
 ) -> Choice | None:  # fmt: skip
-    """Return the cause among the fits, if any; ``first_score``: the first cause's, or None."""
+    """Return the cause among the fits, if any; ``first_score``: of the first cause, else None."""
     fits = missing_parts_first(screen, nulls, sorted(fits, key=lambda f: -f.score))
     if not fits or fits[0].score < TIE:
         return None
@@ -171,15 +172,16 @@ def best_choice(
 
 
 def resembles_found_causes(current: CorrectedFit, screen: Screen, new: CandidateFit) -> bool:
-    """Return True if the causes of ``current`` absorb most of the new one's information."""
+    """Return True if the causes of ``current`` absorb most of the candidate's information."""
     causes = np.array([f.term is not None for f in current.free])
     return new.probe is not None and screen.shared(new.probe, causes) > MAX_ABSORBED
 
 
 def certainty(scores: Sequence[float]) -> float:
-    """Return the posterior probability of the first score against the best other, at equal priors.
+    """Return the posterior probability of the first model against the best other.
 
-    Scores are 2 ln L: it is 1/(1 + exp(−Δ/2)) with their difference Δ.
+    ``scores``: 2 ln L of the models. With their difference Δ and equal priors, the probability is
+    1/(1 + exp(−Δ/2)).
 
     >>> round(certainty([20.0, 20.0]), 2), round(certainty([26.0, 20.0]), 2)
     (0.5, 0.95)
@@ -192,7 +194,7 @@ def certainty(scores: Sequence[float]) -> float:
 def missing_parts_first(
     screen: Screen, nulls: Nulls, fits: Sequence[CandidateFit]
 ) -> list[CandidateFit]:
-    """Return the fits; parts of the full equations confounded with the best come first."""
+    """Return the fits; parts of the body's equations confounded with the best fit come first."""
     confounded = [
         f for f in fits if fits[0].score - f.score < tie_margin(screen, nulls, fits[0], f)
     ]
@@ -211,7 +213,7 @@ def tie_margin(screen: Screen, nulls: Nulls, best: CandidateFit, other: Candidat
 
 
 def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
-    """Return the terms whose 3 σ exceeds `LARGE` × typical, the nearest to identifiable first."""
+    """Return the terms with 3 σ > `LARGE` typical sizes (first parameter), by rising ratio."""
     sigma = _sigma(screen, nulls)
     best: dict[str, float] = {}
     for p, s, v in zip(screen.plain, sigma, screen.v, strict=True):

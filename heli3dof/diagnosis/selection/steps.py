@@ -71,7 +71,7 @@ class Step:
 
     @property
     def largest(self) -> list[tuple[str, float]]:
-        """Return the three terms with the largest Z², and Z²."""
+        """Return the three terms with the largest Z², each with its Z²."""
         return [(t.name, z) for t, z, _ in ranked_candidates(self.recorded, self.nulls)[:3]]
 
     def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
@@ -93,7 +93,7 @@ class Step:
         return instead_of_inertia(self.fit, self.screen, self.recorded, self.nulls, self.bias)
 
     def chosen(self, setup: Setup, first_score: float | None) -> Step:
-        """Return the step with its choice; without a cause by scores, a term of last resort."""
+        """Return the step with its choice; if scores show none, try terms of last resort."""
         present = [t.name for t in self.fit.problem.structure.terms]
 
         def choice_with(tried: Sequence[GridTrial]) -> Choice | None:
@@ -161,7 +161,7 @@ def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
 def with_forms(
     problem: Likelihood, optimum: Optimum, others: Sequence[CandidateFit]
 ) -> tuple[Likelihood, Optimum]:
-    """Return problem and optimum with all ``others`` added at once: they hardly share a trace."""
+    """Return problem and optimum with all ``others`` added at once: their traces hardly overlap."""
     theta = optimum.theta
     for c in others:
         problem = widened(problem, theta, c.term)
@@ -187,14 +187,15 @@ def bias_corrected(setup: Setup, problem: Likelihood, optimum: Optimum) -> Corre
 
 
 def bias_corrected_again(setup: Setup, fit: CorrectedFit) -> CorrectedFit:
-    """Return the same structure, bias-corrected from the optimum of ``fit``."""
+    """Return a new bias correction of ``fit``, with the same structure, from its optimum."""
     return bias_corrected(setup, fit.problem, fit.optimum)
 
 
 def without(fit: CorrectedFit, term: Term) -> CorrectedFit:
     """Return the fit without one of its terms, refitted; cached.
 
-    If the refit is `out_of_range` of the bias correction, it has none, and ``bias`` is zero.
+    If the refit is `out_of_range` of the bias correction of ``fit``, the refit has no correction:
+    its ``bias`` is zero.
     """
     return _without(fit, term.name)
 
@@ -229,7 +230,10 @@ def as_written(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
 
 
 def out_of_range(fit: CorrectedFit, keep: np.ndarray, refit: Optimum) -> bool:
-    """Return True if a refit of the coordinates ``keep`` ((n,) bool) is too far from ``fit``."""
+    """Return True if a refit of the coordinates ``keep`` ((n,) bool) is too far from ``fit``.
+
+    The bias correction of ``fit`` is then not valid for the refit.
+    """
     o = fit.optimum
     A = o.information + np.diag(fit.problem.prior_precision)
     sd = np.sqrt(np.diag(np.linalg.inv(A)))[keep]

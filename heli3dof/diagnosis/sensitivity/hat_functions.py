@@ -24,7 +24,10 @@ MIN_RANGE_PRODUCT = 1e-3  # the same for the products
 
 @dataclass(frozen=True, eq=False)
 class Hats:
-    """A basis of M variables on A axes; column of a function: (axis M + variable) KNOTS + knot."""
+    """The hat functions of M variables on A axes.
+
+    A function has the column (axis M + variable) `KNOTS` + knot, with indices from zero.
+    """
 
     variables: tuple[str, ...]
     axes: np.ndarray
@@ -41,7 +44,10 @@ class Hats:
         return slice(group * KNOTS, (group + 1) * KNOTS)
 
     def place(self, flight: Trail) -> tuple[np.ndarray, np.ndarray]:
-        """Return the knot below z and the fraction of the way to the next, (N, M) each."""
+        """Return, for each variable z, the knot below z and the fraction of the way to the next.
+
+        Both arrays are (N, M).
+        """
         N, M = len(flight.data.t), len(self.variables)
         left, share = np.zeros((N, M), dtype=np.int8), np.zeros((N, M), dtype=np.float32)
         for m, name in enumerate(self.variables):
@@ -53,7 +59,7 @@ class Hats:
         return left, share
 
     def scores(self, flight: Trail, blocks: np.ndarray | None = None) -> np.ndarray:
-        """Return the scores ∂ ln L/∂τ_j (J,); with the rows' ``blocks`` (N,), (blocks, J)."""
+        """Return the scores ∂ ln L/∂τ_j (J,), or (blocks, J) with the rows' block numbers (N,)."""
         left, share = self.place(flight)
         from heli3dof.diagnosis.sensitivity.residual_torque_passes import gather
 
@@ -97,7 +103,10 @@ class Sums:
 def sums_along(
     library: Hats, flight: Trail, tangents: np.ndarray, wanted: np.ndarray | None = None
 ) -> Sums:
-    """Return the sums of all functions, given a fit's ``tangents`` (p, E); ``wanted``: columns."""
+    """Return the sums of all functions, given a fit's ``tangents`` (p, E).
+
+    ``wanted``: columns of the functions whose traces are returned.
+    """
     from heli3dof.diagnosis.sensitivity.residual_torque_passes import forced
 
     left, share = library.place(flight)

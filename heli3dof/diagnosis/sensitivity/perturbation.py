@@ -91,7 +91,10 @@ def path(structure: Structure, values: np.ndarray, data: Data, at: Pass) -> Path
 def forcing(
     p: Path, wide: Structure, sets: Sequence[np.ndarray], moves: Sequence[bool]
 ) -> np.ndarray:
-    """Return δa (J, C, 3) rad/s² of J sets of values of ``wide``; ``moves``: thrusts change."""
+    """Return the changes δa (J, C, 3) rad/s² by J sets of values of the structure ``wide``.
+
+    ``moves`` (J,): True if a set changes the thrusts.
+    """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
     out = np.zeros((len(sets), len(p.chunk), 3))
@@ -127,7 +130,10 @@ def misreading(
 def forward(
     p: Path, a: np.ndarray, m: np.ndarray | None = None, m0: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return δc (J, E) of δa = ``a`` (J, C, 3) and of δm: ``m`` (J, E), ``m0`` (J, B, 3)."""
+    """Return the traces δc (J, E) by δa = ``a`` (J, C, 3) and δm: ``m`` (J, E), ``m0`` (J, B, 3).
+
+    ``m`` is at the events, ``m0`` at the start of each block.
+    """
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0
     passes.forward(
@@ -140,7 +146,8 @@ def forward(
 def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the derivatives of Σ_e q_e δc_e for M sets of weights q (M, E).
 
-    They are by δa (M, C, 3), by δm at each event (M, E), and by the initial states (M, B, 6).
+    The three results are the derivatives by δa (M, C, 3), by δm at each event (M, E), and by the
+    initial states (M, B, 6).
     """
     L = np.zeros((len(q), len(p.chunk), 3))
     mu = np.zeros(q.shape)

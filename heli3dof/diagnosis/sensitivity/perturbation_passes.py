@@ -1,7 +1,8 @@
 """The compiled loops of `sensitivity.perturbation`, which explains the equations and symbols.
 
 A, X and ``chunk`` are as in `Path`, h (N,) s. ``row``, ``state``, W (E,) and K (E, 6) are the
-events' row, state, information and gain. ``state``: 0–2 angle, 3–5 rate, 6–8 negative rate.
+events' row, state, information and filter gain. ``state``: what the event reads; 0–2 an angle, 3–5
+a rate, 6–8 a negative rate.
 """
 
 from __future__ import annotations

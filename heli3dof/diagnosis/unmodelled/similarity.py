@@ -6,7 +6,7 @@
     cos = ⟨δ, δ_p⟩/√(⟨δ, δ⟩⟨δ_p, δ_p⟩),      ⟨a, b⟩ = Σ w a b − (T w a)ᵀ A⁻¹ (T w b)
 
 w (E,) is the information of the readings, T (p, E) the derivatives of the predicted readings by the
-parameters, A (p, p) their information. Beyond `LIKE`, the torque is reported as "…-like".
+parameters, A (p, p) their information. If |cos| exceeds `LIKE`, the torque is reported as "…-like".
 """
 
 from __future__ import annotations

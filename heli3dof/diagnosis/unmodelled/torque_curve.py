@@ -99,7 +99,10 @@ def variable_of(effect: Effect, axis: str | None) -> str | None:
 
 
 def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | None:
-    """Return the figure of a term of ``fit``, or None; ``noise`` (4,): of the fit without it."""
+    """Return the figure of a cause, a term of ``fit``; None if the cause has no figure.
+
+    ``noise`` (4,): that of the fit without the cause.
+    """
     name = variable_of(term.effect, term.axis)
     if name is None:
         return None
@@ -154,7 +157,7 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
 
 
 def _clearest(flight: Trail, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
-    """Return the variable and axis in which the points follow the cause's bins best.
+    """Return the variable and axis in which the residual torque τ̂ follows the cause's τ best.
 
     The clarity is Σ (τ̂ − mean)²/σ² − Σ (τ̂ − τ − mean)²/σ² over the bins. The base's trim torque
     absorbs the means. Variables after the first need `MIN_CLARITY_RATIO` times the best clarity.

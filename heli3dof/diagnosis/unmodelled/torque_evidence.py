@@ -5,7 +5,7 @@ the derivatives ∂c/∂θ of the E predicted readings c; w (E,) is the readings
 are the derivatives by K values of free-form torques (`sensitivity.hat_functions`). Then
 
     A = T w Tᵀ + Λ        g = T ∂ ln L/∂c − Λ(θ − θ_0)      information and score of θ
-    V = D w Dᵀ            u = D ∂ ln L/∂c                   the same of the torques
+    V = D w Dᵀ            u = D ∂ ln L/∂c                   information and score of the torques
     X = T w Dᵀ                                              information shared by both
 
 The tests in `unmodelled_torque` and `conclusion.unsure` need nothing else.
@@ -72,7 +72,10 @@ class Nuisance:
     def with_torque(
         self, flight: Trail, D: np.ndarray, P: np.ndarray, columns: np.ndarray, null: Scores | None
     ) -> Nuisance:
-        """Return these and one group with traces D (KNOTS, E), in directions P (KNOTS, rank)."""
+        """Return these parameters and those of one group of hat functions with traces D (KNOTS, E).
+
+        ``P`` (KNOTS, rank): informative directions of the group; ``columns``: of its functions.
+        """
         D = P.T @ D
         stacked = np.vstack([self.tangents, D])
         shared = (self.tangents * flight.at.w) @ D.T
@@ -101,7 +104,7 @@ class Evidence:
 def evidence(
     fit: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
 ) -> Evidence:
-    """Return the evidence in the recordings that ``fit`` was fitted to.
+    """Return the evidence for torques in the recordings that ``fit`` was fitted to.
 
     It includes max(``flights``, `MIN_NULLS`) null simulations, if the controller is known and
     stabilises the fitted rig.

@@ -17,11 +17,11 @@ Of products whose S is within `selection.select.TIE` κ of the largest, the one 
 is proposed; the others are alternatives.
 
 If flights of the fit cannot be simulated, the formulas themselves show whether there is a torque.
-With s the sums of the score of φ over blocks of `estimate.coloured_noise.BLOCK_S`, the torque c φ
-taken off, and Var s their long-run variance (Newey and West), t² = u²/Var s is valid for coloured
-noise. The threshold is the squared quantile of Student's t at `FALSE_ALARMS`, divided by the number
-of formulas (Bonferroni), and doubled as in `screening.nulls`: without null simulations the bias of
-the filter's score is unknown.
+Let s be the sums of the score of φ, without the torque c φ, over blocks of
+`estimate.coloured_noise.BLOCK_S`, and Var s their long-run variance (Newey and West), at least κ v.
+Then t² = u²/Var s is valid for coloured noise. The threshold is twice the squared two-sided
+quantile of Student's t at `FALSE_ALARMS` divided by the number of formulas (Bonferroni). It is
+doubled as in `screening.nulls`: without null simulations the bias of the filter's score is unknown.
 """
 
 from __future__ import annotations
@@ -74,8 +74,11 @@ class Proposal:
 
 
 def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
-    """Return terms for ``torque``, best first: the formula if it holds as well as the curve, and
-    the curve if it is a function of a product of quantities."""
+    """Return terms for ``torque``, best first: a formula and a curve.
+
+    The formula is left out unless it holds as well as the curve (module), and the curve unless its
+    variable is a product of known quantities.
+    """
     flown = flown_fit(fit)
     axis = AXES.index(torque.axis)
     kappa = max(fit.inflation, 1.0)
@@ -100,7 +103,7 @@ def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
 
 
 def significant_formula(fit: Estimate) -> Place | None:
-    """Return where the most significant formula acts; None if none is significant."""
+    """Return the axis and variable of the most significant formula; None if none is."""
     flown = flown_fit(fit)
     flight, nuisance, at = flown.flight, flown.nuisance, flown.flight.at
     block = block_numbers(flight.data, BLOCK_S)[at.row]
@@ -142,7 +145,7 @@ def variable_of(product: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class FlownFit:
-    """A fit along its flight: what every test of a torque needs."""
+    """A fit with its filter run, tangents and score, which every test of a torque needs."""
 
     flight: Trail
     path: Path
@@ -154,7 +157,7 @@ class FlownFit:
 
 
 def flown_fit(fit: Estimate) -> FlownFit:
-    """Return the fit along the flight of its recordings."""
+    """Return the fit with the filter run over the fit's recordings."""
     flight, problem = trail(fit), fit.problem
     nuisance = Nuisance.of_fit(fit, flight, None)
     bias = getattr(fit, "bias", None)  # of a bias-corrected fit
@@ -202,7 +205,7 @@ def projected(flown: FlownFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def spline_score(flown: FlownFit, axis: int, variable: str) -> tuple[float, int]:
-    """Return S of the piecewise linear torque of ``variable`` and its rank; zero if it is still."""
+    """Return S and rank of the piecewise linear torque of ``variable``; S = 0 if it is constant."""
     flight = flown.flight
     library = hats(flight, np.array([axis]))
     if variable not in library.variables:

@@ -1,9 +1,9 @@
-"""Scores of the free-form torques without a residual torque, from simulations or from blocks.
+"""Scores of the free-form torques in flights without a residual torque, or in blocks of a flight.
 
 If the controller is known, B flights of the fitted rig are simulated (`estimate.simulated_flight`).
-The same filter gives their scores of the J hat functions and of the fit's coordinates. The latter
-are without the prior: their mean is the filter's bias, as in `estimate.bias_correction`. If the
-controller is unknown, the scores of half-second blocks of the recorded flight take their place.
+The same filter gives the flights' scores of the J hat functions and of the fit's coordinates. The
+latter are without the prior: their mean is the filter's bias, as in `estimate.bias_correction`. If
+the controller is unknown, half-second blocks of the recorded flight take the flights' place.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Scores in B flights, or in m blocks of one flight: of J functions, of n fit coordinates."""
+    """Scores of J hat functions and n fit coordinates in B flights, or in B blocks of a flight."""
 
     u: np.ndarray
-    """(B, J)"""
+    """(B, J) scores of the hat functions"""
     g: np.ndarray
-    """(B, n)"""
+    """(B, n) scores of the fit's coordinates"""
 
 
 def simulated_scores(

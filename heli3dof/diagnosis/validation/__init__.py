@@ -1,1 +1,1 @@
-"""Predictions of held-out data: errors, gains and their intervals."""
+"""Predictions of held-out data: errors, their decrease (gain), and confidence intervals."""

@@ -12,7 +12,8 @@ Without hold-out recordings, this is cross-validation: each block b of the train
 
 1. A step longer than `LONG_STEP` is only the start of a Gauss-Newton search.
 2. If simulated flights give the score's covariance C, Λ_jj ← Λ_jj max(1, C_jj/H_jj), with C and H
-   of the remaining rows. Otherwise an inertia could diverge without the block of the only step.
+   of the remaining rows. Otherwise an inertia could diverge if the left-out block contains the
+   only step.
 3. Event times (`estimate.evaluation.HELD`) stay fixed: no other block contains information on them.
 4. The process noise is re-estimated on the evaluated rows, for base and extended model alike, so
    that a rougher held-out flight favours neither.
@@ -72,7 +73,7 @@ def on_holdout(
 
 
 def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
-    """Evaluate a fit by cross-validation: on each block, re-estimated without it."""
+    """Evaluate a fit by cross-validation: on each block, re-estimated without the block."""
     problem, o, d = fit.problem, fit.optimum, fit.problem.data
     at = problem.run(o.theta, o.noise)
     tangents = problem.tangents(o.theta, at)
@@ -89,7 +90,7 @@ def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
 
 
 def uncalibrated(fit: Estimate, holdout: Sequence[Recording]) -> HeldOut:
-    """Evaluate the fit's structure with the profile's numbers, on the rows of `held_out`."""
+    """Evaluate the fit's structure with the profile's numbers, on the rows that `held_out` uses."""
     problem, noise = fit.problem, fit.optimum.noise
     theta = problem.coordinates(fit.structure.values_of({}))
     if holdout:
@@ -221,7 +222,10 @@ def _with_settling(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -
 
 
 def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
-    """Return (N, 3) ln Z of each row by axis (0 outside the blocks) from a pass with ``keep`` 3."""
+    """Return the log-likelihood ln Z (N, 3) of each row by axis; 0 outside the blocks.
+
+    X are the states of a filter run with ``keep`` = 3.
+    """
     out = np.zeros((len(d.t), 3))
     total = np.zeros(3)
     for _, start, stop in d.blocks:

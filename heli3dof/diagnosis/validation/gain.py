@@ -1,7 +1,8 @@
 """Compute the gain of an extended model on held-out data, with bootstrap intervals.
 
-Both models are evaluated on the same rows (`validation.cross_validation`). The base simulation is
-always refitted, so calibration alone is no gain.
+The gain is the decrease of the prediction error ΔRMSE and the increase of the log-likelihood Δℓ.
+Base simulation (before) and extended model (after) are evaluated on the same rows
+(`validation.cross_validation`). The base simulation is refitted, so calibration alone is no gain.
 
     ΔRMSE_i = RMSE_i(before) − RMSE_i(after)       ° on axis i, of predictions 1 s ahead
     Δℓ = Σ ln Z(after) − Σ ln Z(before)            Z: probability of a reading given earlier ones
@@ -44,7 +45,7 @@ class Interval:
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """Measured angles at S instants, and their predictions `HORIZON_S` ahead."""
+    """Measured angles at S instants, and predictions of them made `HORIZON_S` earlier."""
 
     t: np.ndarray
     """(S,) s, on the recording's clock"""
@@ -81,9 +82,10 @@ class HeldOut:
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """The gain of the model ``after`` over the model ``before`` on held-out data."""
+    """The decrease of the prediction error from one model (before) to another (after)."""
 
     on: str
+    """The evaluated data, such as "holdout" or "blocks left out\""""
     before: Mapping[str, float | None]
     after: Mapping[str, float | None]
     """RMSE in degrees, 1 s ahead"""
@@ -92,11 +94,11 @@ class Gain:
     log_likelihood: Interval | None
     """Δℓ; None if the likelihood is not reliable (`free_run.diagnose_free_run`)"""
     worst: Worst | None
-    """The cell with the largest error of ``before``, relative to the axis"""
+    """The cell with the largest relative error of ``before``, see the function `worst`"""
 
     @property
     def of_calibration(self) -> bool:
-        """Return True if, on an axis, the removed error significantly exceeds the remaining one.
+        """Return True if refitting removes significantly more error on an axis than remains.
 
         ``before`` has the profile's numbers, ``after`` refitted ones: e_before² − e_after² >
         e_after², and the interval of e_before − e_after lies above zero.
@@ -122,7 +124,10 @@ class Worst:
 
 
 def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
-    """Return the gain between two results on the same rows; ``seed`` is that of the bootstrap."""
+    """Return the gain of one model (after) over another (before), from results on the same rows.
+
+    ``seed`` is that of the bootstrap.
+    """
     m = len(before.loglik)
     drawn = np.random.default_rng([seed, 5]).integers(0, m, (DRAWS, m))
     delta = after.loglik - before.loglik
@@ -167,7 +172,10 @@ def pays(g: Gain) -> bool:
 
 
 def worst(before: HeldOut, after: HeldOut) -> Worst | None:
-    """Return the cell with the largest error of ``before`` over the axis' median of ``after``."""
+    """Return the axis and cell with the largest relative error of ``before``.
+
+    It is relative to the median error of ``after`` over the cells of the axis.
+    """
     if not after.counts.any():
         return None
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -192,7 +200,7 @@ def worst(before: HeldOut, after: HeldOut) -> Worst | None:
 
 
 def rmse_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -> dict[str, float | None]:
-    """Return the RMSE 1 s ahead by axis in degrees; None for an axis that was not measured."""
+    """Return the RMSE of predictions 1 s ahead by axis in degrees; None if not measured."""
     return _by_axis(model_errors(model, recordings, (HORIZON_S,))[1].rmse_deg()[0])
 
 
@@ -204,7 +212,7 @@ def noise_floor_deg(
 
 
 def log_likelihood(model: GreyBoxModel, recordings: Sequence[Recording]) -> float:
-    """Return Σ ln Z of the recordings under the model."""
+    """Return the log-likelihood Σ ln Z of the recordings under the model."""
     problem = problem_of(model, recordings)
     theta = problem.coordinates(model.values)
     return float(problem.run(theta, noise_of(model), keep=0).loglik.sum())

@@ -47,7 +47,7 @@ class PredictionErrors:
     """(S, H, 3) rad; NaN beyond the end of a run and on axes that were not measured"""
 
     def rmse_deg(self, of: np.ndarray | None = None) -> np.ndarray:
-        """Return the RMSE (H, 3) over all starts, or over those selected by ``of`` (S,) bool."""
+        """Return the RMSE (H, 3) in degrees over all starts, or over those in ``of`` (S,) bool."""
         e = self.errors if of is None else self.errors[of]
         return np.asarray(np.degrees(np.sqrt(mean_square(e))))
 
@@ -81,7 +81,8 @@ def prediction_errors(
 ) -> PredictionErrors:
     """Return the prediction errors from the filter's states X (N, ≥ 6) at the coordinates θ (n,).
 
-    ``starts`` (S,): rows to start from, by default `starts_of` the data; NaN if outside the runs.
+    ``starts`` (S,): rows to start from, by default `starts_of` the data. The errors from a start
+    outside the runs are NaN.
     """
     from heli3dof.diagnosis.validation.prediction_passes import predict_free_run
 

@@ -22,19 +22,22 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True)
 class Replayed:
-    """One axis of one recording, in degrees; NaN if not defined or if the model diverges."""
+    """Overshoot and steady error of one axis; NaN if not defined or if the model diverges."""
 
     recording: str
     axis: str
     overshoot_deg: tuple[float, float, float]
-    """Each: in the experiment, before, after"""
+    """In the experiment, with the model ``before``, with the model ``after``"""
     steady_error_deg: tuple[float, float, float]
 
 
 def replayed(
     before: GreyBoxModel, after: GreyBoxModel, recordings: Sequence[Recording]
 ) -> tuple[Replayed, ...]:
-    """Return each axis with a step or constant reference, if the controller is known."""
+    """Return the results for each axis with a step or constant reference.
+
+    Recordings with an unknown controller are omitted.
+    """
     out = []
     for recording in recordings:
         if why_not_replayed(recording) is not None:
