@@ -25,6 +25,7 @@ MAY_IMPORT = {
     "recording": {"errors", "results", "arrays", "axes", "plugins", "rig", "write_errors"},
     "model": {"errors", "arrays", "axes", "rig", "recording"},
     "experiment": {"errors", "arrays", "axes", "toml_file", "rig", "recording", "model"},
+    "effect_files": {"errors", "axes", "rig", "model"},
     "exercise": {"errors", "axes", "rig", "model"},
     "identification": {
         "errors", "results", "arrays", "axes", "parallel", "plugins", "stage_clock", "rig",
@@ -48,7 +49,7 @@ MAY_IMPORT = {
     "cli": {
         "errors", "axes", "write_errors", "rig", "recording", "model", "experiment", "exercise",
         "identification", "comparison", "diagnosis", "fleet", "report", "toml_file", "paper",
-        "plugins", "batch",
+        "plugins", "batch", "effect_files",
     },
 }  # fmt: skip
 

@@ -50,8 +50,8 @@ def new(
     quiet: Quiet = False,
 ) -> None:
     """Write an effect: effect new NAME, or from a diagnosis: effect new --from diagnosis.json."""
-    from heli3dof.diagnosis.effect_package import package_files, read_formulas
-    from heli3dof.diagnosis.effect_template import template_files
+    from heli3dof.effect_files.from_diagnosis import package_files, read_formulas
+    from heli3dof.effect_files.template import template_files
 
     if (name is None) == (source is None):
         raise UsageError(
@@ -129,7 +129,7 @@ def check(
     quiet: Quiet = False,
 ) -> None:
     """Check an effect's units, equation and names: effect check FILE.py."""
-    from heli3dof.diagnosis.effect_check import effect_of_file, problems
+    from heli3dof.effect_files.check import effect_of_file, problems
     from heli3dof.experiment.plan import named_plans
     from heli3dof.model.effects import effects, term
 

@@ -9,7 +9,7 @@ The gain of a cause is the decrease of the prediction error by a model that cont
    the best candidates; both are repeated after each cause.
 4. Gain: causes that do not improve the prediction of held-out data are dropped.
 5. Residual torques: causes that only compensated for such a torque are dropped
-   (`conclusion.unnamed`).
+   (`conclusion.stand_ins`).
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from dataclasses import replace
 
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
 from heli3dof.diagnosis.conclusion.encoder_scales import LEVEL, undetectable_scales, with_scale_ties
-from heli3dof.diagnosis.conclusion.inertia_ties import step_with_same_causes, with_confounded_causes
+from heli3dof.diagnosis.conclusion.inertia_ties import last_step_with_causes, with_confounded_causes
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_if_recordings_disagree
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
+from heli3dof.diagnosis.conclusion.stand_ins import TorqueSearchResult, settle_unmodelled
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
-from heli3dof.diagnosis.conclusion.unnamed import Settled, settle_unmodelled
 from heli3dof.diagnosis.estimate.base_fit import BASES, fit_base
 from heli3dof.diagnosis.estimate.base_parameters import (
     base_parameters,
@@ -39,16 +39,16 @@ from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
     Remainder,
+    confounded_names,
     in_order,
     physical,
     remainders,
-    tied_in,
     verdict_of,
 )
 from heli3dof.diagnosis.selection.select import MAX_CAUSES, detectable_size
 from heli3dof.diagnosis.selection.steps import (
     Step,
-    as_written,
+    base_with_forms,
     extended,
     screening_step,
 )
@@ -128,7 +128,7 @@ def _diagnosed(
     clock.start("left", "Searching for unmodelled effects …")
     torque_flights = QUICK_TORQUE_FLIGHTS if quick else TORQUE_FLIGHTS
     settled = settle_unmodelled(
-        setup, Settled(fit, findings, dropped, after), held, flights=torque_flights
+        setup, TorqueSearchResult(fit, findings, dropped, after), held, flights=torque_flights
     )
     settled = replace(settled, findings=with_segment_ties(settled.findings))
     if not setup.controller_is_known:
@@ -138,12 +138,12 @@ def _diagnosed(
         clock.start("torque terms", "Extending the model by the unmodelled torque …")
     extended = with_torques(setup, settled.fit, settled.after, settled.residual_torques, held)
     clock.start("gain", "Measuring the gain on held-out data …")
-    base_fit = as_written(base_fit, settled.fit)
+    base_fit = base_with_forms(base_fit, settled.fit)
     result = fitted(base_fit, settled.fit, extended.fit, extended.after, train, held, seed=seed)
     clock.start("off", "Comparing the calibration with the profile …")
     inflation = std_inflation(settled.fit)
     off = off_nominal(settled.fit, std_inflation=inflation) if settled.is_decided else ()
-    off = tuple(with_confounded_causes(o, step_with_same_causes(steps, settled.fit)) for o in off)
+    off = tuple(with_confounded_causes(o, last_step_with_causes(steps, settled.fit)) for o in off)
     profile = train[0].profile
     findings, off = with_scale_ties(
         settled.findings, off, base_parameters(settled.fit),
@@ -159,7 +159,7 @@ def _diagnosed(
     clock_faults = [f for f in faults if f.is_cause]
     ordered = in_order(clock_faults, findings, off)
     undetectable = undetectable_scales(
-        tied_in(ordered), setup.axes, rest_rad=float(profile.encoder.rest_rad[0]),
+        confounded_names(ordered), setup.axes, rest_rad=float(profile.encoder.rest_rad[0]),
         tolerance=profile.tolerance, level_deg=detectable_size(first.screen, first.nulls, LEVEL),
     )  # fmt: skip
     first_is_like = any(isinstance(f, Finding) and f.like for f in physical(ordered)[:1])

@@ -40,7 +40,7 @@ class NextExperiment:
 
 
 @dataclass(frozen=True, eq=False)
-class Open:
+class OpenTerms:
     """Terms that a fit leaves open: needed but without a significant size, or not identifiable."""
 
     fit: MultiStepFit

@@ -12,7 +12,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.integrity import Fault
-from heli3dof.diagnosis.outlook import Open
+from heli3dof.diagnosis.outlook import OpenTerms
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
@@ -78,7 +78,7 @@ class Fitted:
     """Gain of the refitted base simulation over the one with the profile's numbers"""
     calibration: tuple[BaseParameter, ...] = ()
     """The base parameters if there is no ``final`` that contains them"""
-    open: Open | None = None
+    open: OpenTerms | None = None
     """Terms that a fit to free-run predictions left open; None if a likelihood was fitted"""
 
 
@@ -222,7 +222,7 @@ def _unexplained(r: Remainder) -> float:
     return float(max(r.extended_deg**2 - (r.noise_deg or 0.0) ** 2, 0.0))
 
 
-def tied_in(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
+def confounded_names(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
     """Return the names that are confounded with any cause, and the names of the faults."""
     names: list[str] = []
     for f in causes:

@@ -9,7 +9,7 @@ import pytest
 
 from heli3dof.model.effects import effects
 from tests.cli.running import heli3dof
-from tests.diagnosis.test_effect_package import DIAGNOSIS, write
+from tests.effect_files.test_from_diagnosis import DIAGNOSIS, write
 
 FOLDER = "heli3dof-torque-voltage-front-times-voltage-back"
 

@@ -116,7 +116,7 @@ RULES = (
     Rule("a cause must gain on held-out data", "conclusion.adoption:pays_enough", _always(True)),
     Rule(
         "… and stand out of coloured noise",
-        "conclusion.adoption:exceeds_coloured_noise",
+        "conclusion.adoption:coloured_noise_margin",
         _always(float("inf")),
     ),
     Rule("… and exceed one count", "conclusion.adoption:within_a_count", _always(False)),
@@ -152,11 +152,13 @@ RULES = (
         "estimate.base_parameters:std_inflation",
         _always(0.0),
     ),
-    Rule("free run: both halves must show it", "free_run.naming:contradicted", _always("")),
+    Rule(
+        "free run: both halves must show it", "free_run.cause_selection:contradicted", _always("")
+    ),
     Rule("free run: confounded causes", "free_run.elimination:with_confounded_terms", _argument(1)),
     Rule(
         "free run: the size must be significant",
-        "free_run.naming:probability_nonzero",
+        "free_run.cause_selection:probability_nonzero",
         _always(1.0),
     ),
 )

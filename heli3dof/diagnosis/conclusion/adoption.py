@@ -70,7 +70,7 @@ def adopted(
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term), len(kept))  # type: ignore[misc]
         after, *befores = each_held_out((fit, *reduced), holdout)
         gains = [gain(before, after, seed=seed) for before in befores]
-        margins = [0.0 if within_a_count(fit, c) else exceeds_coloured_noise(fit, c) for c in kept]
+        margins = [0.0 if within_a_count(fit, c) else coloured_noise_margin(fit, c) for c in kept]
         failing = [i for i, g in enumerate(gains) if not pays_enough(kept[i], g, first=i == 0)]
         failing = [i for i, s in enumerate(margins) if s < 1] or failing
         if not failing:
@@ -90,7 +90,7 @@ def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) ->
     return parallel_map(lambda i: held_out(fits[i], holdout), len(fits), what="fits")
 
 
-def exceeds_coloured_noise(fit: CorrectedFit, choice: Choice) -> float:
+def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
     """Return Z²/ρ divided by the nulls' threshold; below 1, the cause may be coloured noise.
 
     The result is infinite without coloured noise, without a threshold, and for a part of the body's

@@ -54,7 +54,7 @@ def with_confounded_causes(off: OffNominal, step: Step) -> OffNominal:
     return replace(off, tied_with=tied)
 
 
-def step_with_same_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:
+def last_step_with_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:
     """Return the last step whose fit has the same causes as ``fit``; else the last step."""
     names = {t.name for t in fit.structure.terms}
     same = (s for s in reversed(steps) if {t.name for t in s.fit.structure.terms} == names)

@@ -129,14 +129,14 @@ def std_inflation(fit: CorrectedFit) -> float:
     return STD_INFLATION if fit.spread is None else 1.0
 
 
-def finding_of(number: str) -> str:
-    """Return the name of the finding that base parameter ``number`` differs from nominal.
+def finding_of(parameter: str) -> str:
+    """Return the name of the finding that a base ``parameter`` differs from nominal.
 
     >>> [finding_of(n) for n in ("K_f", "T_g", "J_yaw")]
     ['motor.thrust_gain', 'mass.imbalance', 'inertia.yaw']
     """
     named = {"K_f": "motor.thrust_gain", "T_g": "mass.imbalance"}
-    return named.get(number, f"inertia.{number.removeprefix('J_')}")
+    return named.get(parameter, f"inertia.{parameter.removeprefix('J_')}")
 
 
 def _off(c: BaseParameter) -> OffNominal:

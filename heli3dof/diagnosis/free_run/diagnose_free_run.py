@@ -5,7 +5,8 @@ The controller is unknown, and the log has sampling jitter or unmodelled fast mo
 
 1. The full model (all terms) and the base simulation are fitted to predictions of up to 3 s.
    `free_run.candidates` adds further effects of the catalogue that the recordings show.
-2. `free_run.elimination` tests which terms held-out blocks need; `free_run.naming` selects causes.
+2. `free_run.elimination` tests which terms held-out blocks need; `free_run.cause_selection` selects
+   causes.
 3. `free_run.free_run_gain` compares the base simulation with the full model on held-out recordings,
    or on blocks left out. In the same way it compares the full model with and without each cause.
 4. The full model is adopted if it predicts better. Otherwise the result is the base simulation.
@@ -29,6 +30,14 @@ from heli3dof.diagnosis.conclusion.recordings_agree import marked_like
 from heli3dof.diagnosis.estimate.base_fit import BASES
 from heli3dof.diagnosis.estimate.base_parameters import base_parameters, off_nominal
 from heli3dof.diagnosis.free_run.candidates import with_further_effects
+from heli3dof.diagnosis.free_run.cause_selection import (
+    confidence,
+    kept_terms,
+    not_identifiable,
+    open_terms,
+    select_causes,
+    sizes,
+)
 from heli3dof.diagnosis.free_run.elimination import (
     Elimination,
     TermResult,
@@ -39,7 +48,7 @@ from heli3dof.diagnosis.free_run.elimination import (
     with_confounded_terms,
     without_elimination,
 )
-from heli3dof.diagnosis.free_run.explanations import explains
+from heli3dof.diagnosis.free_run.explanations import explanation_sentences
 from heli3dof.diagnosis.free_run.free_run_gain import (
     FreeRun,
     cross_validated,
@@ -48,26 +57,18 @@ from heli3dof.diagnosis.free_run.free_run_gain import (
     pays,
 )
 from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
-from heli3dof.diagnosis.free_run.naming import (
-    confidence,
-    kept_terms,
-    not_identifiable,
-    open_terms,
-    select_causes,
-    sizes,
-)
 from heli3dof.diagnosis.free_run.refits import folds_of, refit
+from heli3dof.diagnosis.free_run.residual_torques import residual_torques
 from heli3dof.diagnosis.free_run.unexplained import unexplained_effects
-from heli3dof.diagnosis.free_run.weak_form import residual_torques
 from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Dropped,
     Finding,
     Fitted,
+    confounded_names,
     in_order,
     remainders,
-    tied_in,
     verdict_of,
 )
 from heli3dof.diagnosis.selection.select import Choice
@@ -203,13 +204,15 @@ def diagnose_without_likelihood(
         },
         "known_beforehand": sorted(known_beforehand(result.fit.problem)),
         "kept_within_what_is_known": kept_terms(result, only_kept),
-        "explains": explains(adopted, flights, {f.choice.term.name for f in findings}),
+        "explains": explanation_sentences(adopted, flights, {f.choice.term.name for f in findings}),
         "still_hidden": unexplained_effects(adopted, flights, partial),
         "seed": seed,
     }  # fmt: skip
     each = in_order((), findings, off)
     remaining = remainders(fitted, each, slow_noise)
-    undetectable = undetectable_scales(tied_in(each), AXES, rest_rad=rest_rad, tolerance=tolerance)
+    undetectable = undetectable_scales(
+        confounded_names(each), AXES, rest_rad=rest_rad, tolerance=tolerance
+    )
     return Diagnosis(
         tuple(r.name for r in train), tuple(r.name for r in held),
         verdict_of(each, (*residual, *remaining), unfitted, unsure=quick), faults, fitted,

@@ -74,7 +74,7 @@ def steady_rows(recording: Recording) -> np.ndarray:
     return np.asarray(np.column_stack([roll, np.degrees(r.angle[:, 1]), V])[rows])
 
 
-def explains(
+def explanation_sentences(
     fit: MultiStepFit, recordings: Sequence[Recording], causes: Container[str]
 ) -> list[str]:
     """Return a sentence for each property that one of the ``causes`` explains."""

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.free_run.refits import STAGE_S
-from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, Open, Outlook, percent
+from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, OpenTerms, Outlook, percent
 from heli3dof.diagnosis.planning.plan_flights import fly_task, is_stable, task_of
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
@@ -60,7 +60,7 @@ class OpenParameter:
         return self.size * math.sqrt(max(after**-2 - self.std**-2, 0.0))
 
 
-def open_parameters(open_: Open) -> list[OpenParameter]:
+def open_parameters(open_: OpenTerms) -> list[OpenParameter]:
     """Return the open parameters that a plan can determine, at most `MAX_TERMS`."""
     fit, out = open_.fit, []
     for name in open_.names:
@@ -75,7 +75,7 @@ def open_parameters(open_: Open) -> list[OpenParameter]:
 
 
 def next_free_flight(
-    open_: Open, *, plans: Sequence[str] | None = None, seed: int = 0
+    open_: OpenTerms, *, plans: Sequence[str] | None = None, seed: int = 0
 ) -> NextExperiment | None:
     """Return the recommended plan; None if nothing is open or no plan is feasible."""
     parameters, profile = open_parameters(open_), open_.model.profile
@@ -111,7 +111,7 @@ def next_free_flight(
     )  # fmt: skip
 
 
-def why_none(open_: Open | None) -> str:
+def why_none(open_: OpenTerms | None) -> str:
     """Return the reason why `next_free_flight` recommends no plan or was not called."""
     if open_ is None:
         return "the extended model was not adopted, so there is no model to simulate plans on"
@@ -130,7 +130,7 @@ def probability_significant(u: float) -> float:
     return 0.5 * (1 + math.erf((u - QUANTILE) / math.sqrt(2)))
 
 
-def information(open_: Open, plan: Plan, seed: int) -> np.ndarray | None:
+def information(open_: OpenTerms, plan: Plan, seed: int) -> np.ndarray | None:
     """Return the information (n, n) of a flight of ``plan`` on the common parameters.
 
     The flight is simulated; None if it is not feasible.

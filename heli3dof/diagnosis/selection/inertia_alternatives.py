@@ -33,7 +33,11 @@ MAX_FITS = 6
 
 
 def instead_of_inertia(
-    fit: CorrectedFit, screen: Screen, result: ScreenResult, nulls: Nulls, bias: np.ndarray
+    fit: CorrectedFit,
+    screen: Screen,
+    result: ScreenResult,
+    nulls: Nulls,
+    bias: np.ndarray,
 ) -> list[CandidateFit]:
     """Return the candidates' fits that return all significantly wrong inertias to nominal."""
     off = [o.term.name for o in off_nominal(fit, std_inflation=std_inflation(fit))]

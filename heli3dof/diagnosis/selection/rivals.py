@@ -81,11 +81,14 @@ def relative_bias(nulls: Nulls, contenders: Sequence[CandidateFit]) -> list[floa
 
 def compared_by_simulation(
     choice: Choice, nulls: Nulls, recordings: Sequence[Recording], *, seed: int, pilots: int,
-    opinions: bool = True,
+    test_small_bias: bool = True,
 ) -> Choice:  # fmt: skip
-    """Return the choice after the test; ``opinions``: also test if the bias is small (rule 2)."""
+    """Return the choice after the test.
+
+    ``test_small_bias``: also test if the bias is small (rule 2).
+    """
     compared, decides = rivals(choice, nulls)
-    if not compared or not (decides or opinions):
+    if not compared or not (decides or test_small_bias):
         return choice
     fits = [
         correct(c.problem, c.optimum.theta, c.optimum.noise, recordings, seed=seed, pilots=pilots,

@@ -112,7 +112,7 @@ class Step:
             choice = compared_by_simulation(
                 choice, self.nulls, setup.recordings, seed=setup.seed, pilots=setup.pilots,
                 # The report does not state what a formal effect is confounded with.
-                opinions=setup.compare_small_scores and not choice.term.effect.formal,
+                test_small_bias=setup.compare_small_scores and not choice.term.effect.formal,
             )  # fmt: skip
         return replace(self, choice=choice)
 
@@ -218,7 +218,7 @@ def _without(fit: CorrectedFit, name: str) -> CorrectedFit:
     return CorrectedFit(problem, refit, scatter, bias, noise_bias, fit.flights)
 
 
-def as_written(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
+def base_with_forms(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
     """Return the base simulation refitted with the form of the body's equations of ``fit``."""
     if not fit.structure.formal:
         return base

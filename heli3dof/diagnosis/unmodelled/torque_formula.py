@@ -144,7 +144,7 @@ def variable_of(product: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class FlownFit:
+class FilteredFit:
     """A fit with its filter run, tangents and score, which every test of a torque needs."""
 
     flight: Trail
@@ -156,17 +156,17 @@ class FlownFit:
     """(n,) score of the fit's coordinates, without the filter's bias"""
 
 
-def flown_fit(fit: Estimate) -> FlownFit:
+def flown_fit(fit: Estimate) -> FilteredFit:
     """Return the fit with the filter run over the fit's recordings."""
     flight, problem = trail(fit), fit.problem
     nuisance = Nuisance.of_fit(fit, flight, None)
     bias = getattr(fit, "bias", None)  # of a bias-corrected fit
     g = nuisance.g if bias is None else nuisance.g - bias
     p = path(problem.structure, problem.values(fit.optimum.theta), problem.data, flight.at)
-    return FlownFit(flight, p, nuisance, g)
+    return FilteredFit(flight, p, nuisance, g)
 
 
-def product_scores(flown: FlownFit, axis: int) -> tuple[np.ndarray, np.ndarray]:
+def product_scores(flown: FilteredFit, axis: int) -> tuple[np.ndarray, np.ndarray]:
     """Return S and c, each (P,), of the products on an axis; S is 0 for one without information."""
     u, v = np.zeros(len(PRODUCTS)), np.zeros(len(PRODUCTS))
     for k in range(0, len(PRODUCTS), AT_ONCE):
@@ -177,7 +177,7 @@ def product_scores(flown: FlownFit, axis: int) -> tuple[np.ndarray, np.ndarray]:
     return np.where(known, u**2 / np.where(known, v, 1.0), 0.0), u / np.where(known, v, np.inf)
 
 
-def product_traces(flown: FlownFit, axis: int, products: Sequence[str]) -> np.ndarray:
+def product_traces(flown: FilteredFit, axis: int, products: Sequence[str]) -> np.ndarray:
     """Return (P, E): the change of the innovations per unit coefficient of each product."""
     p, flight = flown.path, flown.flight
     middle = (p.chunk[:, 0] + p.chunk[:, 1]) // 2
@@ -195,7 +195,7 @@ def value(flight: Trail, product: str) -> np.ndarray:
     return np.nan_to_num(out)
 
 
-def projected(flown: FlownFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def projected(flown: FilteredFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return u (K,) and v (K, K) of traces D (K, E), without what the fit's coordinates explain."""
     at, nuisance = flown.flight.at, flown.nuisance
     weighted = D * at.w
@@ -204,7 +204,7 @@ def projected(flown: FlownFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return D @ at.g - solved.T @ flown.g, weighted @ D.T - cross @ solved
 
 
-def spline_score(flown: FlownFit, axis: int, variable: str) -> tuple[float, int]:
+def spline_score(flown: FilteredFit, axis: int, variable: str) -> tuple[float, int]:
     """Return S and rank of the piecewise linear torque of ``variable``; S = 0 if it is constant."""
     flight = flown.flight
     library = hats(flight, np.array([axis]))

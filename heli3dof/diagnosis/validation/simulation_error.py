@@ -31,7 +31,7 @@ WINDOW_S = 3.0
 
 
 @dataclass(frozen=True)
-class WorstStretch:
+class WorstInterval:
     """The worst interval of one axis, in s on the recording's clock from its first sample."""
 
     axis: str
@@ -52,7 +52,7 @@ class SimulationError:
     """(H, 3)"""
     floor_by: str
     """Method that computed the noise floor"""
-    worst: tuple[WorstStretch, ...]
+    worst: tuple[WorstInterval, ...]
     """One per measured axis"""
 
     def at(self, horizon_s: float, axis: str) -> tuple[float, float]:
@@ -83,11 +83,11 @@ def simulation_error(
 
 def _worst(
     data: Data, prediction: PredictionErrors, recordings: Sequence[Recording]
-) -> tuple[WorstStretch, ...]:
+) -> tuple[WorstInterval, ...]:
     nearest = int(np.argmin(np.abs(np.array(prediction.horizons_s) - HORIZON_S)))
     horizon = prediction.horizons_s[nearest]
     errors = prediction.errors[:, nearest]
-    worst: dict[int, WorstStretch] = {}
+    worst: dict[int, WorstInterval] = {}
     for run, (_, start, stop) in zip(data.runs, data.blocks, strict=True):
         inside = (prediction.starts >= start) & (prediction.starts < stop)
         t = data.t[prediction.starts[inside]] + horizon  # where the prediction is compared
@@ -99,7 +99,7 @@ def _worst(
             rmse = np.degrees(np.sqrt(mean_square(errors[inside][window])))
             for i in (i for i in range(3) if np.isfinite(rmse[i])):
                 if i not in worst or rmse[i] > worst[i].rmse_deg:
-                    worst[i] = WorstStretch(
+                    worst[i] = WorstInterval(
                         AXES[i], recordings[run.source].name, float(start_s),
                         float(min(start_s + WINDOW_S, last)), float(rmse[i]),
                     )  # fmt: skip

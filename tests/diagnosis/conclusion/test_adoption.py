@@ -12,7 +12,7 @@ import pytest
 from heli3dof.diagnosis.conclusion import adoption
 from heli3dof.diagnosis.conclusion.adoption import (
     adopted,
-    exceeds_coloured_noise,
+    coloured_noise_margin,
     pays_enough,
     size_confidence,
     within_a_count,
@@ -127,9 +127,9 @@ def found_with(rho: float) -> Any:
 
 def test_coloured_noise_lowers_a_cause_s_margin_over_the_threshold() -> None:
     drag = replace(choice(176.0, (), drag__quadratic__yaw=176.0), Z2=60.0, threshold=20.0)
-    assert exceeds_coloured_noise(found_with(1.5), drag) == pytest.approx(2.0)
-    assert exceeds_coloured_noise(found_with(6.0), drag) == pytest.approx(0.5)
-    assert exceeds_coloured_noise(found_with(1.0), drag) == float("inf")
+    assert coloured_noise_margin(found_with(1.5), drag) == pytest.approx(2.0)
+    assert coloured_noise_margin(found_with(6.0), drag) == pytest.approx(0.5)
+    assert coloured_noise_margin(found_with(1.0), drag) == float("inf")
 
 
 OFFSET, BACKLASH, MASS = "encoder.offset.pitch", "encoder.backlash.pitch", "mass.change"

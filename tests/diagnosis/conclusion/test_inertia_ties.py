@@ -10,7 +10,7 @@ import pytest
 
 from heli3dof.diagnosis.conclusion.inertia_ties import (
     confounded_causes,
-    step_with_same_causes,
+    last_step_with_causes,
     with_confounded_causes,
 )
 from heli3dof.diagnosis.estimate.base_parameters import OffNominal
@@ -117,5 +117,5 @@ def test_the_last_step_with_the_same_causes_is_used() -> None:
         return SimpleNamespace(fit=SimpleNamespace(structure=SimpleNamespace(terms=terms)))
 
     steps = [step_with(), step_with("motor.lag"), step_with("motor.lag", "motor.dead_zone")]
-    assert step_with_same_causes(steps, step_with("motor.lag").fit) is steps[1]
-    assert step_with_same_causes(steps, step_with("motor.delay").fit) is steps[2]
+    assert last_step_with_causes(steps, step_with("motor.lag").fit) is steps[1]
+    assert last_step_with_causes(steps, step_with("motor.delay").fit) is steps[2]

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.free_run.diagnose_free_run import no_likelihood
-from heli3dof.diagnosis.free_run.explanations import explains, hover_voltage, steady_rows
+from heli3dof.diagnosis.free_run.explanations import (
+    explanation_sentences,
+    hover_voltage,
+    steady_rows,
+)
 from heli3dof.diagnosis.free_run.free_run_gain import FreeRun, gain, pays
-from heli3dof.diagnosis.free_run.weak_form import _cross_validated_share
+from heli3dof.diagnosis.free_run.residual_torques import _cross_validated_share
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.recording.recording import Recording
 from tests.diagnosis import rig_a
@@ -53,13 +57,13 @@ def test_steady_rows_are_in_flight_and_off_the_table(real: Recording) -> None:
 
 def test_known_properties_of_the_rig_are_explained(quick: MultiStepFit, real: Recording) -> None:
     causes = ("encoder.offset.pitch", "stiffness.pendulum.roll", "motor.rotor_curve")
-    text = " ".join(explains(quick, [real], causes))
+    text = " ".join(explanation_sentences(quick, [real], causes))
     for cause in causes:
         assert cause in text
 
 
 def test_without_causes_there_is_no_explanation(quick: MultiStepFit, real: Recording) -> None:
-    assert explains(quick, [real], ()) == []
+    assert explanation_sentences(quick, [real], ()) == []
 
 
 def test_a_gain_is_the_difference_of_two_rms_errors() -> None:

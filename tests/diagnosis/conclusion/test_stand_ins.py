@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.conclusion import unnamed
+from heli3dof.diagnosis.conclusion import stand_ins
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.estimate.base_fit import corrected_base, fit_base, inertia_is_implausible
@@ -87,13 +87,13 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
         choice = SimpleNamespace(term=SimpleNamespace(name=name, effect=SimpleNamespace(of_base=0)))
         return SimpleNamespace(choice=choice, gain=None)
 
-    monkeypatch.setattr(unnamed, "bias_corrected_again", settled_again)
-    monkeypatch.setattr(unnamed, "adopted", adopted)
-    monkeypatch.setattr(unnamed, "evidence", lambda *a, **k: SimpleNamespace(null=()))
-    monkeypatch.setattr(unnamed, "replaced_by_formula", lambda *a: None)
-    monkeypatch.setattr(unnamed, "significant_torques", lambda *a: ((), None))
-    monkeypatch.setattr(unnamed, "marked_unsure", lambda findings, *a: findings)
+    monkeypatch.setattr(stand_ins, "bias_corrected_again", settled_again)
+    monkeypatch.setattr(stand_ins, "adopted", adopted)
+    monkeypatch.setattr(stand_ins, "evidence", lambda *a, **k: SimpleNamespace(null=()))
+    monkeypatch.setattr(stand_ins, "replaced_by_formula", lambda *a: None)
+    monkeypatch.setattr(stand_ins, "significant_torques", lambda *a: ((), None))
+    monkeypatch.setattr(stand_ins, "marked_unsure", lambda findings, *a: findings)
     fit, setup = SimpleNamespace(scatter=None), SimpleNamespace(recordings=(), seed=0)
-    start = unnamed.Settled(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
-    last = unnamed.settle_unmodelled(cast(Any, setup), start, [], flights=8)
+    start = stand_ins.TorqueSearchResult(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
+    last = stand_ins.settle_unmodelled(cast(Any, setup), start, [], flights=8)
     assert [f.choice.term.name for f in last.findings] == named

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-from heli3dof.diagnosis.effect_package import module_name, pyproject
+from heli3dof.effect_files.from_diagnosis import module_name, pyproject
 from heli3dof.errors import UsageError
 from heli3dof.model.effects import effects
 

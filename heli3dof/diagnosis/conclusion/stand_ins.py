@@ -29,7 +29,7 @@ from heli3dof.recording.recording import Recording
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class TorqueSearchResult:
     """The adopted causes with their fit, the residual torques and the slow noise."""
 
     fit: CorrectedFit
@@ -47,8 +47,8 @@ class Settled:
 
 
 def settle_unmodelled(
-    setup: Setup, start: Settled, holdout: Sequence[Recording], *, flights: int
-) -> Settled:
+    setup: Setup, start: TorqueSearchResult, holdout: Sequence[Recording], *, flights: int
+) -> TorqueSearchResult:
     """Return the result of the search, which begins with the adopted causes of ``start``.
 
     ``flights``: number of null simulations per search.
@@ -88,8 +88,11 @@ def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
 
 
 def _undecided(
-    start: Settled, left: tuple[ResidualTorque, ...], held: Nuisance, removed: Sequence[str]
-) -> Settled:
+    start: TorqueSearchResult,
+    left: tuple[ResidualTorque, ...],
+    held: Nuisance,
+    removed: Sequence[str],
+) -> TorqueSearchResult:
     """Return ``start`` with the residual torques ``left`` of the first search.
 
     Called if no residual torque is significant without the stand-ins ``removed``. Then neither the
@@ -106,8 +109,8 @@ def _undecided(
 
 
 def _without_stand_ins(
-    setup: Setup, now: Settled, names: Sequence[str], holdout: Sequence[Recording]
-) -> Settled:
+    setup: Setup, now: TorqueSearchResult, names: Sequence[str], holdout: Sequence[Recording]
+) -> TorqueSearchResult:
     """Return the fit without the causes ``names``; the other causes are adopted again."""
     found = now.fit
     for f in now.findings:
@@ -117,12 +120,12 @@ def _without_stand_ins(
 
 
 def _adopted_again(
-    setup: Setup, now: Settled, found: CorrectedFit, names: Sequence[str],
+    setup: Setup, now: TorqueSearchResult, found: CorrectedFit, names: Sequence[str],
     holdout: Sequence[Recording],
-) -> Settled:  # fmt: skip
+) -> TorqueSearchResult:  # fmt: skip
     """Return ``found``, the fit without ``names``; held-out data must confirm the other causes."""
     kept = [f.choice for f in now.findings if f.choice.term.name not in names]
     gains = {f.choice.term.name: f.gain for f in now.findings}
     found, findings, dropped, after = adopted(found, kept, holdout, seed=setup.seed)
     replaced = tuple(Dropped(n, gains[n], STANDS_IN) for n in names)
-    return Settled(found, findings, (*now.dropped, *replaced, *dropped), after)
+    return TorqueSearchResult(found, findings, (*now.dropped, *replaced, *dropped), after)

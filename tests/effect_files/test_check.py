@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from heli3dof.diagnosis import effect_check
-from heli3dof.diagnosis.effect_check import effect_of_file, problems, unit_problems
+from heli3dof.effect_files import check
+from heli3dof.effect_files.check import effect_of_file, problems, unit_problems
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.experiment.plan import named_plans
 from heli3dof.model.effects import Effect, Parameter, Stage, effects
@@ -42,7 +42,7 @@ SOUND = Effect("mine", "A torque.", (NUMBER,), {Stage.TORQUE: constant})
 
 
 def test_the_doctests_pass() -> None:
-    assert doctest.testmod(effect_check).failed == 0
+    assert doctest.testmod(check).failed == 0
 
 
 @pytest.mark.parametrize("name", effects())

@@ -31,7 +31,7 @@ from heli3dof.diagnosis.free_run.elimination import (
 from heli3dof.diagnosis.free_run.halves import PRIOR_SHARE, compare_halves, null_distance
 from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
 from heli3dof.diagnosis.free_run.refits import refit
-from heli3dof.diagnosis.outlook import Open
+from heli3dof.diagnosis.outlook import OpenTerms
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.thrust_scale import thrust_scale
 from heli3dof.model.greybox.model import GreyBoxModel
@@ -94,7 +94,7 @@ def confidence(result: Elimination, r: TermResult) -> float:
 
 def open_terms(
     result: Elimination, model: GreyBoxModel, causes: list[TermResult], only_kept: list[TermResult]
-) -> Open:
+) -> OpenTerms:
     """Return the terms on which a further flight should decide.
 
     These are a cause and the terms confounded with it; else needed terms of no significant size;
@@ -106,9 +106,9 @@ def open_terms(
             for other in r.tied_with:
                 if other not in {t.name for t in fit.structure.terms}:
                     fit = refit(fit, "", other)
-            return Open(fit, model, (r.term, *r.tied_with), tied=True)
+            return OpenTerms(fit, model, (r.term, *r.tied_with), tied=True)
     needed = [r.term for r in only_kept if r not in result.gone]
-    return Open(result.fit, model, tuple(needed or not_identifiable(result.fit, causes)))
+    return OpenTerms(result.fit, model, tuple(needed or not_identifiable(result.fit, causes)))
 
 
 def kept_terms(result: Elimination, only_kept: list[TermResult]) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.effect_package import Formula, package_files, read_formulas
+from heli3dof.effect_files.from_diagnosis import Formula, package_files, read_formulas
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.model.effects import term
 from heli3dof.model.greybox.model import nominal

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from heli3dof_drivers.emulator import effects as emulated
 
-from heli3dof.diagnosis.effect_check import problems
-from heli3dof.diagnosis.effect_template import template_files
+from heli3dof.effect_files.check import problems
+from heli3dof.effect_files.template import template_files
 from heli3dof.experiment.plan import named_plans
 from heli3dof.model import effects
 

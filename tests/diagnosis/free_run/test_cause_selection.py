@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.free_run.elimination import Elimination, LossIncrease, TermResult
-from heli3dof.diagnosis.free_run.naming import (
+from heli3dof.diagnosis.free_run.cause_selection import (
     confidence,
     contradicted,
     kept_terms,
@@ -17,6 +16,7 @@ from heli3dof.diagnosis.free_run.naming import (
     select_causes,
     sizes,
 )
+from heli3dof.diagnosis.free_run.elimination import Elimination, LossIncrease, TermResult
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from tests.identification.known_flights import fly

@@ -1,0 +1,1 @@
+"""Tests of `heli3dof.effect_files`."""
