@@ -61,7 +61,7 @@ def test_the_readmes_numbers_are_those_of_the_benchmarks() -> None:
     figures = {f["what"]: f for name in ("hidden", "kill") for f in stored[name]["figures"]}
     right = figures["right cause first, rich plan, medium and large"]
     share, _, flights = counts(right["value"])
-    assert f"In **{share} %** of {flights} rich flights with one hidden effect" in text
+    assert f"In **{share} %** of {flights} flights of the plan `rich` with one" in text
     assert f"({right['how']})" in text
     alarms = [counts(f["value"]) for what, f in figures.items() if what.startswith("false alarms")]
     false, quiet = sum(int(k) for _, k, _ in alarms), sum(int(n) for *_, n in alarms)

@@ -41,14 +41,14 @@ def sentences(*models: ModelComparison) -> tuple[str, ...]:
 
 def test_the_best_model_is_named_by_axis_with_the_other_s_error() -> None:
     assert sentences(HOVER, GREY)[0] == (
-        "RMSE of predictions 0.5 s ahead: grey box is best on roll (0.30°, hover 0.90°), pitch "
-        "(0.20°, hover 0.40°); hover and grey box are best on yaw (0.50°)."
+        "RMSE of predictions 1 s ahead: grey box is best on roll (0.60°, hover 1.50°), pitch "
+        "(0.40°, hover 0.60°); hover and grey box are best on yaw (1.00°)."
     )
 
 
 def test_a_model_that_is_worse_than_constant_angles_is_named() -> None:
     _, worse, never, *_ = sentences(HOVER, GREY)
-    assert worse == "Worse than constant angles 0.5 s ahead: hover on pitch; grey box on pitch."
+    assert worse == "Worse than constant angles 1 s ahead: hover on pitch; grey box on pitch."
     assert never == "No model is better than constant angles on pitch 0.5 and 1 s ahead."
 
 
@@ -58,7 +58,7 @@ def test_a_diverging_model_is_not_the_best_replay() -> None:
 
 def test_a_single_model_is_not_called_the_best() -> None:
     first = sentences(HOVER)[0]
-    assert first.startswith("RMSE of predictions 0.5 s ahead, hover: roll 0.90°, pitch")
+    assert first.startswith("RMSE of predictions 1 s ahead, hover: roll 1.50°, pitch")
 
 
 def test_models_are_judged_on_the_recordings_that_all_predict() -> None:

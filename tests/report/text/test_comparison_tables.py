@@ -103,7 +103,7 @@ def test_one_table_has_every_recording_and_model(compared: FlightComparison) -> 
     assert [r[1] for r in grid.rows] == ["hover", "pbsid", "constant angles"] * 2
     first = result.flights[0].models[0]
     assert first.prediction is not None
-    assert grid.rows[0][2] == f"{first.prediction.ahead_deg[0.5][0]:.2f}"
+    assert grid.rows[0][2] == f"{first.prediction.ahead_deg[1.0][0]:.2f}"
     assert first.replay_rmse_deg is not None
     assert grid.rows[0][5] == f"{first.replay_rmse_deg[0]:.2f}"
 
@@ -121,7 +121,7 @@ def test_the_summary_begins_with_the_verdict_and_has_table_ii_on_request_only(
     result = compare([compared.recording], [FakeHover(), IDENTIFIED])
     first, *rest = comparison_summary(result)
     assert isinstance(first, str)
-    assert first.startswith("RMSE of predictions 0.5 s ahead: ")
+    assert first.startswith("RMSE of predictions 1 s ahead: ")
     titles = [g.title for g in rest if not isinstance(g, str)]
     assert not any("Table II" in t for t in titles)
     paper = comparison_summary(result, paper=True)
