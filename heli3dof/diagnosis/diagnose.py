@@ -18,7 +18,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
-from heli3dof.diagnosis.conclusion.encoder_scales import LEVEL, undetectable_scales, with_scale_ties
+from heli3dof.diagnosis.conclusion.conclude import conclude
+from heli3dof.diagnosis.conclusion.encoder_scales import LEVEL
 from heli3dof.diagnosis.conclusion.inertia_ties import last_step_with_causes, with_confounded_causes
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_if_recordings_disagree
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
@@ -37,13 +38,6 @@ from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likel
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.result import (
     Diagnosis,
-    Finding,
-    Remainder,
-    confounded_names,
-    in_order,
-    physical,
-    remainders,
-    verdict_of,
 )
 from heli3dof.diagnosis.selection.select import MAX_CAUSES, detectable_size
 from heli3dof.diagnosis.selection.steps import (
@@ -52,7 +46,6 @@ from heli3dof.diagnosis.selection.steps import (
     extended,
     screening_step,
 )
-from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects import term
 from heli3dof.parallel import report_progress
@@ -144,11 +137,6 @@ def _diagnosed(
     inflation = std_inflation(settled.fit)
     off = off_nominal(settled.fit, std_inflation=inflation) if settled.is_decided else ()
     off = tuple(with_confounded_causes(o, last_step_with_causes(steps, settled.fit)) for o in off)
-    profile = train[0].profile
-    findings, off = with_scale_ties(
-        settled.findings, off, base_parameters(settled.fit),
-        rest_rad=float(profile.encoder.rest_rad[0]), tolerance=profile.tolerance,
-    )  # fmt: skip
     clock.stop()
     about = {
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
@@ -156,22 +144,16 @@ def _diagnosed(
         "gain_measured_on": result.gain.on, "base": base, "seconds": clock.seconds,
         "written": [t.effect.summary for t in settled.fit.structure.formal],
     }  # fmt: skip
-    clock_faults = [f for f in faults if f.is_cause]
-    ordered = in_order(clock_faults, findings, off)
-    undetectable = undetectable_scales(
-        confounded_names(ordered), setup.axes, rest_rad=float(profile.encoder.rest_rad[0]),
-        tolerance=profile.tolerance, level_deg=detectable_size(first.screen, first.nulls, LEVEL),
+    without_verdict = Diagnosis(
+        *names, "", faults, result, settled.findings, off, settled.dropped,
+        leftovers=settled.residual_torques, torque_terms=extended.terms,
+        slow_noise=settled.slow_noise, about=about,
+        not_identifiable=tuple(n for n in first.not_identifiable if not term(n).effect.formal),
     )  # fmt: skip
-    first_is_like = any(isinstance(f, Finding) and f.like for f in physical(ordered)[:1])
-    unsure = first_is_like and not setup.controller_is_known
-    remaining = remainders(result, ordered, settled.slow_noise)
-    left: tuple[ResidualTorque | Remainder, ...] = (*settled.residual_torques, *remaining)
-    verdict = verdict_of(ordered, left, result.refit, unsure=unsure)
-    return Diagnosis(
-        *names, verdict, faults, result,
-        findings, off, settled.dropped, settled.residual_torques, extended.terms,
-        remaining, settled.slow_noise,
-        (*(n for n in first.not_identifiable if not term(n).effect.formal), *undetectable), about,
+    return conclude(
+        without_verdict, base_parameters(settled.fit), train[0].profile, setup.axes,
+        level_deg=detectable_size(first.screen, first.nulls, LEVEL),
+        unsure_if_like=not setup.controller_is_known,
     )  # fmt: skip
 
 

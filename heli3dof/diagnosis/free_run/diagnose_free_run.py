@@ -21,9 +21,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.conclusion.conclude import conclude
 from heli3dof.diagnosis.conclusion.encoder_scales import (
-    undetectable_scales,
-    with_scale_ties,
     with_thrust_gain_ties,
 )
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_like
@@ -66,10 +65,6 @@ from heli3dof.diagnosis.result import (
     Dropped,
     Finding,
     Fitted,
-    confounded_names,
-    in_order,
-    remainders,
-    verdict_of,
 )
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import split
@@ -182,11 +177,6 @@ def diagnose_without_likelihood(
     off = () if poor else with_thrust_gain_ties(off_nominal(calibrated, std_inflation=1.0))
     of_base = {o.term.name for o in off}
     findings = tuple(f for f in findings if not poor and f.choice.term.name not in of_base)
-    tolerance = whole[0].profile.tolerance
-    rest_rad = float(whole[0].profile.encoder.rest_rad[0])
-    findings, off = with_scale_ties(
-        findings, off, base_parameters(calibrated), rest_rad=rest_rad, tolerance=tolerance
-    )
     if quick:
         findings = tuple(marked_like(f) for f in findings)
     residual, slow_noise = split(residual_torques(adopted))
@@ -208,17 +198,14 @@ def diagnose_without_likelihood(
         "still_hidden": unexplained_effects(adopted, flights, partial),
         "seed": seed,
     }  # fmt: skip
-    each = in_order((), findings, off)
-    remaining = remainders(fitted, each, slow_noise)
-    undetectable = undetectable_scales(
-        confounded_names(each), AXES, rest_rad=rest_rad, tolerance=tolerance
-    )
-    return Diagnosis(
-        tuple(r.name for r in train), tuple(r.name for r in held),
-        verdict_of(each, (*residual, *remaining), unfitted, unsure=quick), faults, fitted,
-        findings, off, dropped, residual, (), remaining, slow_noise,
-        (*not_identifiable(result.fit, causes), *undetectable), about,
+    without_verdict = Diagnosis(
+        tuple(r.name for r in train), tuple(r.name for r in held), "", faults, fitted, findings,
+        off, dropped, leftovers=residual, slow_noise=slow_noise, about=about,
+        not_identifiable=tuple(not_identifiable(result.fit, causes)),
     )  # fmt: skip
+    return conclude(
+        without_verdict, base_parameters(calibrated), whole[0].profile, AXES, unsure_if_like=quick
+    )
 
 
 def _without_each(

@@ -1,0 +1,54 @@
+"""Complete a diagnosis: confounded encoder scales, what remains unexplained, and the verdict.
+
+It is the last step for every log, with or without a likelihood.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from heli3dof.diagnosis.conclusion.encoder_scales import undetectable_scales, with_scale_ties
+from heli3dof.diagnosis.estimate.base_parameters import BaseParameter
+from heli3dof.diagnosis.result import (
+    Diagnosis,
+    Finding,
+    confounded_names,
+    physical,
+    remainders,
+    verdict_of,
+)
+from heli3dof.rig.profile import Profile
+
+
+def conclude(
+    d: Diagnosis, estimates: Sequence[BaseParameter], profile: Profile, axes: Sequence[str], *,
+    level_deg: float = math.inf, unsure_if_like: bool = False,
+) -> Diagnosis:  # fmt: skip
+    """Return the diagnosis with its verdict, its remainders and the confounded encoder scales.
+
+    ``estimates``: of the base parameters; ``axes``: the measured ones; ``level_deg``: least
+    detectable roll offset. ``unsure_if_like``: a first cause that is "…-like" is ambiguous.
+    """
+    fitted = d.fitted
+    assert fitted is not None
+    rest_rad, tolerance = float(profile.encoder.rest_rad[0]), profile.tolerance
+    findings, off = with_scale_ties(
+        d.findings, d.calibration_findings, estimates, rest_rad=rest_rad, tolerance=tolerance
+    )
+    d = replace(d, findings=findings, calibration_findings=off)
+    causes = d.in_order
+    remaining = remainders(fitted, causes, d.slow_noise)
+    undetectable = undetectable_scales(
+        confounded_names(causes), axes,
+        rest_rad=rest_rad, tolerance=tolerance, level_deg=level_deg,
+    )  # fmt: skip
+    first_is_like = any(isinstance(f, Finding) and f.like for f in physical(causes)[:1])
+    verdict = verdict_of(
+        causes, (*d.leftovers, *remaining), fitted.refit, unsure=first_is_like and unsure_if_like
+    )
+    return replace(
+        d, verdict=verdict, remainders=remaining,
+        not_identifiable=(*d.not_identifiable, *undetectable),
+    )  # fmt: skip
