@@ -60,7 +60,10 @@ def confirmed(sizes: Sequence[tuple[float, float]]) -> bool:
 
 
 def size(fit: Estimate, name: str) -> tuple[float, float]:
-    """Return (θ − θ_0, σ) of a term's first parameter; θ_0 = 0 if its scale is logarithmic."""
+    """Return a term's size: its first parameter θ minus θ_0 (no effect), and the estimate's σ.
+
+    A parameter on a logarithmic scale has no value without effect; then θ_0 is 0.
+    """
     j = first_parameters(fit.free)[name]
     f = fit.free[j]
     return float(fit.values[j]) - (0.0 if f.log else f.null), float(fit.std[j])

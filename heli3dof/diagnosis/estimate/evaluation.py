@@ -98,10 +98,11 @@ def fixed_parameters(problem: Likelihood) -> np.ndarray:
 
 
 def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
-    """Return the tangents ∂c/∂θ (n, E) at θ = ``theta`` (n,), on the filter's path ``p``.
+    """Return the derivatives ∂c/∂θ (n, E) of the E predicted readings c on the filter's path.
 
-    They come from `sensitivity.perturbation`. For parameters that change the encoder readings, and
-    where the perturbation diverges (negative dry friction), `Likelihood.tangents` simulates them.
+    They are taken at θ = ``theta`` (n,), by `sensitivity.perturbation`. For parameters that change
+    the encoder readings, and where the perturbation diverges (negative dry friction),
+    `Likelihood.tangents` computes them by simulation instead.
     """
     s = problem.structure
     by_name = {t.name: t for t in s.terms}

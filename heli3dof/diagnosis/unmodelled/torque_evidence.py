@@ -90,7 +90,10 @@ class Nuisance:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Scores of a fit and of the torques in ``library``; ``null`` is None without simulations."""
+    """The scores of the candidate residual torques in ``library``, evaluated at a fit.
+
+    ``null``: the same scores of simulated nulls; None if no nulls can be simulated.
+    """
 
     fit: Estimate
     flight: Trail

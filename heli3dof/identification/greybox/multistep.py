@@ -221,7 +221,10 @@ class MultiStepFit(PhysicalFit):
 
     @property
     def theta(self) -> np.ndarray:
-        """Return the coordinates (n,) of the parameters; the mean if they vary by recording."""
+        """Return the estimate (n,), scaled or logarithmic as in `MultiStep`.
+
+        A parameter with one value per recording is its mean over the recordings.
+        """
         theta = self.z[: self.problem.n].copy()
         if len(self.problem.own):
             theta[self.problem.own] = self._own.mean(axis=0)

@@ -4,8 +4,8 @@ The picture is an SVG image whose colours follow the reader's light or dark them
 figure's panels with curves, bands and axes as JSON values; ``pages/assets/figures.js`` draws them
 with uPlot, so that a reader can zoom and read values. Both show the same matplotlib figure.
 
-A curve of more than `MOST_SAMPLES` samples is decimated: of each bucket the data keep the least and
-the greatest sample (and the first NaN, which interrupts the curve), so no peak is lost.
+A curve of more than `MOST_SAMPLES` samples is decimated: each bucket keeps its least
+and its greatest sample (and the first NaN, which interrupts the curve), so no peak is lost.
 """
 
 from __future__ import annotations
