@@ -1,8 +1,7 @@
 """``python -m tests.docs.reader_sample [SEED]``: 40 docstrings and 40 paragraphs, drawn at random.
 
 They are for a reader who knows control and has only the rules of writing. The reader marks each
-text that a first reading does not make clear; at least 76 of 80 are to be clear. The internals of
-`heli3dof.diagnosis` are left out while they are rebuilt.
+text that a first reading does not make clear; at least 76 of 80 are to be clear.
 """
 
 from __future__ import annotations
