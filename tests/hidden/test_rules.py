@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from heli3dof.diagnosis import diagnose
-from heli3dof.diagnosis.conclusion import segments as nearly
+from heli3dof.diagnosis.conclusion import stand_ins, unsure
 from tests.hidden.rules import BY_NAME, RULES, noted, outline, replaced
 
 
@@ -15,16 +14,16 @@ def test_every_rule_is_a_function_of_the_diagnosis() -> None:
 
 
 def test_a_function_is_replaced_wherever_it_was_imported() -> None:
-    own = nearly.with_segment_ties
+    own = unsure.marked_unsure
 
     def other(findings: object) -> object:
         return findings
 
     with replaced(own, other):
-        assert nearly.with_segment_ties is other
-        assert diagnose.with_segment_ties is other  # type: ignore[attr-defined]
-    assert nearly.with_segment_ties is own
-    assert diagnose.with_segment_ties is own  # type: ignore[attr-defined]
+        assert unsure.marked_unsure is other
+        assert stand_ins.marked_unsure is other  # type: ignore[attr-defined]
+    assert unsure.marked_unsure is own
+    assert stand_ins.marked_unsure is own  # type: ignore[attr-defined]
 
 
 def test_a_rule_is_noted_if_its_outcome_differs_from_leaving_it_out() -> None:

@@ -75,7 +75,7 @@ def settle_unmodelled(
         return _undecided(start, *first, removed)
     return replace(
         now,
-        findings=marked_unsure(now.findings, now.fit, torques, held),
+        findings=marked_unsure(now.findings, now.fit),
         residual_torques=with_resemblance(left, removed),
         slow_noise=slow_noise,
         nuisance=held,
