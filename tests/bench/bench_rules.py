@@ -16,31 +16,39 @@ from tests.hidden.rules import RULES
 from tests.hidden.run import Line, run, wanted
 from tests.hidden.tally import Judged, judged
 
-GROUPS = (*RIG_CLASSES, "steps-single", "run-step-single", "run-step-nothing")
-NOTHING_HIDDEN = (*SILENT, "run-step-nothing")
-MOST = 16
+COLOURED = ("rich-coloured-nothing", "run-step-coloured-nothing")
+GROUPS = (
+    *RIG_CLASSES, "steps-single", "run-step-single", "run-step-nothing", "rich-medium",
+    "rich-pair", *COLOURED, "run-step-coloured", "steps-outside",
+)  # fmt: skip
+NOTHING_HIDDEN = (*SILENT, "run-step-nothing", *COLOURED)
+MOST = 10
 """Flights per rule that are diagnosed without it"""
 
 TITLE = "What each rule of the diagnosis is worth"
 COMMAND = "make bench-rules"
-INTRO = f"""The flights of the other rigs and the steps of the paper's rig, seeds {FIRST} and up. A
-first diagnosis notes the rules that changed anything on the way to its answer; up to {MOST} of
-these flights, evenly chosen, are diagnosed again without the rule
+INTRO = f"""Flights of the other rigs and of the paper's rig, seeds {FIRST} and up. A first
+diagnosis notes the rules that changed anything on the way to its answer; up to {MOST} of these
+flights, evenly chosen, are diagnosed again without the rule
 ([rules.py](../tests/hidden/rules.py)). An answer is better than another if it is right and the
 other is not, or if it is silent and the other asserts a wrong name."""
 
 
 def measure() -> list[Figure | Table]:
     lines = run(wanted(FIRST, SHARE, GROUPS), "rules", processes=JOBS)
-    rows = []
+    rows, needed = [], 0
     for rule in RULES:
         flights = [a for a in lines.values() if rule.name in a.get("document", {}).get("rules", ())]
         jobs = [(str(a["group"]), int(a["seed"])) for a in evenly(flights, MOST)]
         less = run(jobs, f"without {rule.name}", processes=JOBS) if jobs else {}
         better, worse = compared(lines, less)
+        needed += better > worse
         rows.append((rule.name, *map(str, (len(flights), len(jobs), better, worse))))
     return [
-        Figure("flights", str(len(lines))),
+        Figure(
+            "rules with which an answer is better", f"{needed} of {len(rows)}",
+            how=f"{len(lines)} flights",
+        ),
         Table(
             "Rules of the diagnosis",
             ("rule", "flights in which it changed anything", "diagnosed without it",
@@ -75,8 +83,8 @@ def quality(j: Judged) -> int:
         return 0
     if j.group in NOTHING_HIDDEN:
         return 2 if silent(j) else 0
-    if j.group == "rigs-pair":
+    if j.group.endswith("-pair"):
         return 2 if j.verdict.both else 1
-    if j.group == "rigs-outside":
+    if j.group.endswith("-outside"):
         return 2 if j.verdict.axis else 1
     return 2 if right(j) else 1

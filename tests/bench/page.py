@@ -49,6 +49,8 @@ ROWS: tuple[tuple[str, str, str], ...] = (
      "diagnosis, other rigs: gain by an unknown torque, of the true term's"),
     ("rigs", "confidence of named causes: largest deviation from the share of right ones",
      "diagnosis, other rigs: stated confidence, largest deviation"),
+    ("rules", "rules with which an answer is better",
+     "diagnosis: [rules](data/rules-1.csv) with which an answer is better"),
     ("greybox", "RMS of parameter error / CRB, multisine",
      "grey box: RMS parameter error over the Cramér–Rao bound"),
     ("greybox", "coverage of the 95 % intervals, multisine",
