@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.conclusion.encoder_scales import flyable
+from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.estimate.base_parameters import (
     BaseParameter,
     OffNominal,
@@ -316,7 +316,7 @@ def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
         if not isinstance(x, Fault)
     )
     for term, tied_with in ties:
-        if others := flyable(term.name, tied_with):
+        if others := separable_by_flight(term.name, tied_with):
             return {
                 "plan": term.effect.separated_by or "rich",
                 "separates": [term.name, *others],

@@ -84,12 +84,14 @@ def undetectable_scales(
     return tuple(name for name in names if name not in tied)
 
 
-def flyable(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
+def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
     """Return the causes in ``tied_with`` that a flight can separate from the cause ``of``.
 
-    >>> flyable("inertia.roll", [SCALE, "encoder.scale.yaw"]), flyable("motor.dead_zone", [SCALE])
-    ((), ('motor.thrust_gain',))
-    >>> flyable(SCALE, ["inertia.roll"])
+    >>> separable_by_flight("inertia.roll", [SCALE, "encoder.scale.yaw"])
+    ()
+    >>> separable_by_flight("motor.dead_zone", [SCALE])
+    ('motor.thrust_gain',)
+    >>> separable_by_flight(SCALE, ["inertia.roll"])
     ()
     """
 

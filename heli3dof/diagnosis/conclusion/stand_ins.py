@@ -22,7 +22,7 @@ from heli3dof.diagnosis.unmodelled.torque_formula import significant_formula
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     ResidualTorque,
     significant_torques,
-    split,
+    split_off_slow_noise,
 )
 from heli3dof.diagnosis.validation.gain import HeldOut
 from heli3dof.recording.recording import Recording
@@ -63,7 +63,7 @@ def settle_unmodelled(
         if scores.null is None and certain is None:
             certain = significant_formula(now.fit)
         torques, held = significant_torques(scores, certain)
-        left, slow_noise = split(torques)
+        left, slow_noise = split_off_slow_noise(torques)
         contest = replaced_by_formula(setup, now.fit, replaceable_causes(now.findings))
         if contest is None:
             break

@@ -63,7 +63,7 @@ def on_limit_cycle(data: Data) -> np.ndarray:
     return np.asarray(cycling_shares(data) > CYCLES)
 
 
-def statistics(data: Data) -> np.ndarray:
+def limit_cycle_statistics(data: Data) -> np.ndarray:
     """Return (2, 3): c and ln r of each axis."""
     return np.array([cycling_shares(data), np.log(np.maximum(edge_rates(data), 1e-6))])
 
@@ -76,7 +76,7 @@ def matched_noise(
 
     The noise of ``axes`` (3,) bool is replaced by one of `NOISE_STEPS` times ``noise``.
     """
-    recorded, best = statistics(problem.data), noise.copy()
+    recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):
 
         def mismatch(step: float, i: int = int(i)) -> float:
@@ -85,7 +85,9 @@ def matched_noise(
             model = model_at(problem, theta, trial)
 
             def simulated(b: int) -> np.ndarray:
-                return statistics(simulate_again(model, recordings, problem.data, (seed, 23, b)))
+                return limit_cycle_statistics(
+                    simulate_again(model, recordings, problem.data, (seed, 23, b))
+                )
 
             x = np.mean(parallel_map(simulated, FLIGHTS), axis=0)
             return float(np.sum(((recorded - x)[:, i] / SPREAD) ** 2))

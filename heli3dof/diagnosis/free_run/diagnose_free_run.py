@@ -67,7 +67,7 @@ from heli3dof.diagnosis.result import (
     Fitted,
 )
 from heli3dof.diagnosis.selection.select import Choice
-from heli3dof.diagnosis.unmodelled.unmodelled_torque import split
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import split_off_slow_noise
 from heli3dof.diagnosis.validation.gain import Gain
 from heli3dof.diagnosis.validation.prediction import HORIZONS_S
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
@@ -179,7 +179,7 @@ def diagnose_without_likelihood(
     findings = tuple(f for f in findings if not poor and f.choice.term.name not in of_base)
     if quick:
         findings = tuple(marked_like(f) for f in findings)
-    residual, slow_noise = split(residual_torques(adopted))
+    residual, slow_noise = split_off_slow_noise(residual_torques(adopted))
     about = {
         "method": "multi-step predictions of the full physical model, backward elimination",
         "why": (QUICK if quick else WHY).format(why),

@@ -17,7 +17,7 @@ import numpy as np
 
 from heli3dof.axes import AXES, PITCH, ROLL
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.response import driven
+from heli3dof.diagnosis.integrity.response import predicted_accelerations
 from heli3dof.diagnosis.integrity.view import View
 
 LEAST_S = 2.5
@@ -53,7 +53,7 @@ def still(view: View, axis: int) -> list[tuple[int, int]]:
 def frozen(view: View) -> Iterable[Fault]:
     r = view.recording
     angle, voltage = np.nan_to_num(r.angle), np.nan_to_num(r.voltage)
-    u = driven(angle, voltage, r.profile)
+    u = predicted_accelerations(angle, voltage, r.profile)
     J = np.array(r.profile.inertias)
     if (np.ptp(r.angle[view.read][:, view.measured], axis=0) == 0).all():
         return  # `nothing` reports that no axis moves

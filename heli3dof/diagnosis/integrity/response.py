@@ -61,7 +61,7 @@ class Response:
         return self.gain / self.std if self.std > 0 else 0.0
 
 
-def driven(angle: np.ndarray, voltage: np.ndarray, profile: Profile) -> np.ndarray:
+def predicted_accelerations(angle: np.ndarray, voltage: np.ndarray, profile: Profile) -> np.ndarray:
     """Return the profile's accelerations u (N, 3) rad/s² for angles (N, 3) rad, voltages (N, 2) V.
 
     u is the part that the voltages cause (module).
@@ -84,7 +84,7 @@ def responses(
     ``number`` (N,) counts samples, lost ones too. Axes that no voltage drives are left out.
     """
     angle, voltage, ok = _evenly_sampled(recording, free, number)
-    u = driven(angle, voltage, recording.profile)
+    u = predicted_accelerations(angle, voltage, recording.profile)
     r, p, y = angle.T
     one = np.ones(len(r))
     slow = (

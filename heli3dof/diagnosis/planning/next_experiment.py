@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.conclusion.encoder_scales import flyable
+from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.estimate.evaluation import evaluate
 from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, Outlook, percent
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
@@ -136,12 +136,14 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
     try:
         for finding in found.findings:
             best, *others = finding.choice.contenders
-            if names := flyable(finding.choice.term.name, finding.choice.tied_with):
+            if names := separable_by_flight(finding.choice.term.name, finding.choice.tied_with):
                 tied = [c for c in others if c.term.name in names]
                 return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
         open_ = [_dropped_cause(x) for x in found.dropped if x.why == DOES_NOT_PAY]
-        open_ = open_ or [Cause.typical(name) for name in flyable("", found.not_identifiable)[:1]]
+        open_ = open_ or [
+            Cause.typical(name) for name in separable_by_flight("", found.not_identifiable)[:1]
+        ]
         if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
         recommended = recommend(base, open_[:1], seed=seed)

@@ -111,7 +111,7 @@ class ResidualTorque:
         return float(np.sqrt(np.mean([torque**2 for _, torque in self.table])))
 
 
-def split(
+def split_off_slow_noise(
     torques: Sequence[ResidualTorque],
 ) -> tuple[tuple[ResidualTorque, ...], tuple[ResidualTorque, ...]]:
     """Return the torques that a model could contain, and the slow noise."""

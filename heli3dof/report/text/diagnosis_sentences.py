@@ -14,7 +14,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.cause_name import name_of
-from heli3dof.diagnosis.conclusion.encoder_scales import flyable
+from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.errors import UsageError
 from heli3dof.model.effects import term
 from heli3dof.report.text.number_format import NONE, fixed, significant
@@ -221,7 +221,7 @@ def causes(document: Document) -> Iterator[str]:
 def _confounded(name: str, others: Sequence[str]) -> str:
     """Return a text: ``others`` are confounded with the cause ``name``; how to separate them."""
     scales = [n for n in others if n.startswith(SCALE_PREFIX)]
-    flights = flyable(name, others)
+    flights = separable_by_flight(name, others)
     weights = [n for n in others if n not in flights and n not in scales]
     parts = []
     if flights:

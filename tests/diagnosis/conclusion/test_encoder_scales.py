@@ -9,7 +9,7 @@ from typing import Any, cast
 import pytest
 
 from heli3dof.diagnosis.conclusion.encoder_scales import (
-    flyable,
+    separable_by_flight,
     undetectable_scales,
     with_scale_ties,
     with_thrust_gain_ties,
@@ -102,14 +102,16 @@ def test_an_encoder_scale_within_the_tolerance_is_not_identifiable() -> None:
 
 
 def test_no_plan_is_proposed_for_causes_that_no_flight_separates() -> None:
-    assert flyable("inertia.yaw", ("motor.delay", "encoder.scale.yaw")) == ("motor.delay",)
+    assert separable_by_flight("inertia.yaw", ("motor.delay", "encoder.scale.yaw")) == (
+        "motor.delay",
+    )
 
 
 def test_no_flight_separates_the_thrust_gain_from_the_inertias() -> None:
     found = with_thrust_gain_ties([off("motor.thrust_gain", 1.4), off("mass.imbalance", 0.4)])
     assert found[0].tied_with == ("inertia.roll", "inertia.pitch", "inertia.yaw")
     assert found[1].tied_with == ("motor.thrust_gain",)
-    assert flyable("motor.thrust_gain", found[0].tied_with) == ()
+    assert separable_by_flight("motor.thrust_gain", found[0].tied_with) == ()
 
 
 def test_without_a_wrong_thrust_gain_a_weight_is_a_finding_of_its_own() -> None:

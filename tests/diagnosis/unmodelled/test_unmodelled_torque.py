@@ -20,7 +20,7 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     THRESHOLD_SCALES,
     gumbel_stretch,
     residual_torques,
-    split,
+    split_off_slow_noise,
     with_time_first,
 )
 from heli3dof.experiment.fly import fly_plan
@@ -95,7 +95,7 @@ def test_a_draught_is_slow_noise_and_no_effect() -> None:
     device = "mock:?speed=max&noise_s=1&noise=4"
     recording = fly_plan(load_plan("rich"), device=device, seed=1203).recording.between(0.0, 40.0)
     found = residual_torques(fit_greybox(recording, ()), [recording], flights=8, seed=0)
-    effects, slow_noise = split(found)
+    effects, slow_noise = split_off_slow_noise(found)
     assert effects == ()
     (roll,) = (torque for torque in slow_noise if torque.axis == "roll")
     assert roll.size_Nm == pytest.approx(0.014, rel=0.3)
