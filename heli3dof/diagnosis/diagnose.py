@@ -22,6 +22,7 @@ from heli3dof.diagnosis.conclusion.conclude import conclude
 from heli3dof.diagnosis.conclusion.encoder_scales import LEVEL
 from heli3dof.diagnosis.conclusion.inertia_ties import last_step_with_causes, with_confounded_causes
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_if_recordings_disagree
+from heli3dof.diagnosis.conclusion.segments import with_segment_ties
 from heli3dof.diagnosis.conclusion.stand_ins import TorqueSearchResult, settle_unmodelled
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.estimate.base_fit import BASES, fit_base
@@ -122,6 +123,7 @@ def _diagnosed(
     settled = settle_unmodelled(
         setup, TorqueSearchResult(fit, findings, dropped, after), held, flights=torque_flights
     )
+    settled = replace(settled, findings=with_segment_ties(settled.findings))
     if not setup.controller_is_known:
         clock.says("Fitting each recording separately …")
         settled = replace(settled, findings=marked_if_recordings_disagree(settled.findings, train))

@@ -131,6 +131,7 @@ RULES = (
         "conclusion.unsure:with_resemblance",
         lambda rule, left, names: tuple(left),
     ),
+    Rule("pieces of the flight must agree", "conclusion.segments:with_segment_ties", _argument(0)),
     Rule(
         "recordings must agree",
         "conclusion.recordings_agree:marked_if_recordings_disagree",

@@ -114,7 +114,7 @@ def compared_by_simulation(
     tied = tuple(n for n in dict.fromkeys(confounded) if n != best.term.name)
     return Choice(
         best.term, best.score, best.Z2, probability, tied, (best, *others), choice.weak,
-        choice.threshold,
+        choice.threshold, decides,
     )  # fmt: skip
 
 

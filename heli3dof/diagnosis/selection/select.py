@@ -79,6 +79,8 @@ class Choice:
     """True if it may be the error of an earlier cause's formula."""
     threshold: float = 0.0
     """Threshold of Z², from the nulls"""
+    by_flights: bool = False
+    """True if it was chosen by simulated flights of its rivals (`selection.rivals`), not scores."""
 
 
 def ranked_candidates(result: ScreenResult, nulls: Nulls) -> list[tuple[Term, float, int]]:

@@ -1,0 +1,101 @@
+"""Test whether the segments of a flight agree on which of two causes is likelier (Vuong 1989).
+
+The causes a and b are not nested. Their fits have log-likelihoods ℓ_a, ℓ_b and scores S_a > S_b
+(`selection.select`). With d_c the difference of the log-likelihoods in each of C cells of `CELL_S`,
+the standard deviation of 2 (ℓ_a − ℓ_b) is
+
+    s = 2 √(C var d_c)
+
+S_a − S_b takes the place of 2 (ℓ_a − ℓ_b); it also corrects bias and the numbers of parameters. If
+it is less than `MIN_CLEARANCE` s, cause a is confounded with b. Otherwise the confidence in a is at
+most Φ((S_a − S_b)/s). Causes compared by simulated flights (`selection.rivals`) are not tested.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from heli3dof.diagnosis.result import Finding
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
+from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.validation.cross_validation import row_by_row
+from heli3dof.parallel import parallel_map
+
+CELL_S = 0.5
+"""s, length of a cell. Chosen; not derived."""
+MIN_CLEARANCE = 1.0
+"""Difference of the scores in standard deviations s. Chosen; not derived."""
+MIN_SCORE_SHARE = 0.5
+"""Share of the first cause's score below which a cause is not compared. Chosen."""
+MAX_COMPARED = 3
+"""Largest number of causes compared with the first. Chosen; not derived."""
+
+
+def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Return the findings; ``tied_with`` also names causes that the segments do not separate."""
+    adopted = {f.choice.term.name for f in findings}
+    return tuple(
+        replace(f, choice=tied_by_segments(f.choice, adopted)) if not f.choice.by_flights else f
+        for f in findings
+    )
+
+
+def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
+    """Return the choice; ``tied_with`` also names causes that the segments do not separate.
+
+    The ``adopted`` causes are not compared with the choice.
+    """
+    best, *others = choice.contenders
+    if best.term.effect.of_base:
+        return choice
+    compared = [
+        c
+        for c in others
+        if MIN_SCORE_SHARE * best.score < c.score < best.score
+        and c.term.name not in (*choice.tied_with, *adopted)
+        and not c.term.effect.formal
+    ][:MAX_COMPARED]
+    if not compared:
+        return choice
+    by_cell = parallel_map(lambda i: log_likelihood_cells([best, *compared][i]), len(compared) + 1)
+    tied, confidence = list(choice.tied_with), choice.confidence
+    for c, d in zip(compared, by_cell[1:], strict=True):
+        probability = ranking_probability(best.score - c.score, ranking_std(by_cell[0] - d))
+        if probability < ranking_probability(MIN_CLEARANCE, 1.0):
+            tied.append(c.term.name)
+        else:
+            confidence = min(confidence, probability)
+    return replace(choice, tied_with=tuple(tied), confidence=confidence)
+
+
+def log_likelihood_cells(c: CandidateFit) -> np.ndarray:
+    """Return the log-likelihood (C,) of a candidate's fit in each cell of `CELL_S`."""
+    data = c.problem.data
+    X = c.problem.run(c.optimum.theta, c.optimum.noise, keep=3).X
+    assert X is not None
+    n = max(1, round(CELL_S / float(np.median(data.h))))
+    rows = row_by_row(data, X).sum(axis=1)
+    return np.add.reduceat(rows, np.arange(0, len(rows), n))
+
+
+def ranking_std(d: np.ndarray) -> float:
+    """Return s (module) for the log-likelihood differences d (C,) of the cells.
+
+    >>> ranking_std(np.array([1.0, -1.0, 1.0, -1.0]))
+    4.0
+    """
+    return float(2 * np.sqrt(len(d) * d.var()))
+
+
+def ranking_probability(difference: float, s: float) -> float:
+    """Return Φ(Δ/s), the confidence in the higher of two scores that differ by Δ.
+
+    >>> round(ranking_probability(20.0, 20.0), 2), ranking_probability(1.0, 0.0)
+    (0.84, 1.0)
+    """
+    from scipy.stats import norm
+
+    return float(norm.cdf(difference / s)) if s > 0 else float(difference > 0)
