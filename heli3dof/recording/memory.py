@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.arrays import FloatArray
-from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.recording import Recording, make_recording, output_voltage
 from heli3dof.recording.row import Row
 from heli3dof.rig.profile import Profile
 
@@ -48,7 +48,6 @@ def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, 
     counts = np.array([r.sample.counts for r in rows], dtype=np.int64).reshape(n, 3)
     limited = column([r.limited for r in rows], 3)
     sent = column([r.voltage for r in rows], 2)
-    applied = column([r.applied for r in rows], 2)
     current = column([r.sample.current for r in rows], 2)
     channels = {
         "device_time_s": single([r.sample.device_time_s for r in rows]),
@@ -72,7 +71,7 @@ def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, 
     channels = {k: v for k, v in channels.items() if v.dtype.kind != "f" or not np.isnan(v).all()}
     return make_recording(
         np.array([r.t for r in rows]),
-        sent if np.isnan(applied).all() else applied,
+        output_voltage(column([r.applied for r in rows], 2), sent),
         column([r.angle for r in rows], 3),
         profile,
         reference=column([r.reference for r in rows], 3),

@@ -168,6 +168,14 @@ class Recording(Result):
         )
 
 
+def output_voltage(reported: np.ndarray, sent: np.ndarray) -> np.ndarray:
+    """Return the output voltage (N, 2) V that the device ``reported``; ``sent`` if it reports none.
+
+    A device that reports none has NaN in every row.
+    """
+    return sent if np.isnan(reported).all() else reported
+
+
 def make_recording(
     t: ArrayLike,
     voltage: ArrayLike,

@@ -29,7 +29,7 @@ from heli3dof.recording.mcap_files.mcap_scan import (
 )
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC, OUTCOME, PROFILE, PROVENANCE
 from heli3dof.recording.mcap_files.schema import COMMAND, SAMPLE, RowFormat
-from heli3dof.recording.recording import Recording
+from heli3dof.recording.recording import Recording, output_voltage
 from heli3dof.recording.write import ARRAYS, COLUMNS, CORE
 from heli3dof.rig.link_counters import present_names
 from heli3dof.rig.profile import Profile, profile_from_dict
@@ -185,9 +185,9 @@ def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recor
         for array, names in ARRAYS.items()
         if array != "t"
     }
-    if np.isnan(arrays["voltage"]).all() and "v_front_sent_V" in column:
-        # The device does not report its output: use the voltage that was sent.
-        arrays["voltage"] = np.column_stack([column["v_front_sent_V"], column["v_back_sent_V"]])
+    if "v_front_sent_V" in column:
+        sent = np.column_stack([column["v_front_sent_V"], column["v_back_sent_V"]])
+        arrays["voltage"] = output_voltage(arrays["voltage"], sent)
     channels: dict[str, np.ndarray] = {}
     for name, values in column.items():
         if name in CORE:
