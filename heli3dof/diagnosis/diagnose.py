@@ -36,9 +36,7 @@ from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.estimate.voltage_replay import with_known_controller
 from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
 from heli3dof.diagnosis.integrity import Kind, integrity
-from heli3dof.diagnosis.result import (
-    Diagnosis,
-)
+from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.diagnosis.selection.select import MAX_CAUSES, detectable_size
 from heli3dof.diagnosis.selection.steps import (
     Step,

@@ -125,7 +125,9 @@ RULES = (
         "conclusion.formula_contest:replaced_by_formula",
         _always(None),
     ),
-    Rule("a residual torque makes names unsure", "conclusion.unsure:marked_unsure", _argument(0)),
+    Rule(
+        "unconfirmed causes are marked as …-like", "conclusion.unsure:marked_unsure", _argument(0)
+    ),
     Rule(
         "a residual torque is like a name",
         "conclusion.unsure:with_resemblance",

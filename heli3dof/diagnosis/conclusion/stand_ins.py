@@ -17,7 +17,7 @@ from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
 from heli3dof.diagnosis.selection.steps import bias_corrected_again, without
-from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, evidence
+from heli3dof.diagnosis.unmodelled.torque_evidence import evidence
 from heli3dof.diagnosis.unmodelled.torque_formula import significant_formula
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     ResidualTorque,
@@ -40,8 +40,6 @@ class TorqueSearchResult:
     residual_torques: tuple[ResidualTorque, ...] = ()
     slow_noise: tuple[ResidualTorque, ...] = ()
     """Torques that depend on time only"""
-    nuisance: Nuisance | None = None
-    """Nuisance parameters: the fit's and the residual torques"""
     is_decided: bool = True
     """False if neither causes nor base parameters are certain"""
 
@@ -57,28 +55,26 @@ def settle_unmodelled(
         again = bias_corrected_again(setup, start.fit)
         start = start if again.scatter is None else _adopted_again(setup, start, again, (), holdout)
     now, removed, certain = start, list[str](), None
-    first: tuple[tuple[ResidualTorque, ...], Nuisance] | None = None
+    first: tuple[ResidualTorque, ...] | None = None
     while True:
         scores = evidence(now.fit, setup.recordings, flights=flights, seed=setup.seed)
         if scores.null is None and certain is None:
             certain = significant_formula(now.fit)
-        torques, held = significant_torques(scores, certain)
-        left, slow_noise = split_off_slow_noise(torques)
+        left, slow_noise = split_off_slow_noise(significant_torques(scores, certain))
         contest = replaced_by_formula(setup, now.fit, replaceable_causes(now.findings))
         if contest is None:
             break
         names, certain = contest.causes, contest.formula.place
-        first = first or (left, held)
+        first = left if first is None else first
         removed += names
         now = _without_stand_ins(setup, now, names, holdout)
-    if first and not left:
-        return _undecided(start, *first, removed)
+    if first is not None and not left:
+        return _undecided(start, first, removed)
     return replace(
         now,
         findings=marked_unsure(now.findings, now.fit),
         residual_torques=with_resemblance(left, removed),
         slow_noise=slow_noise,
-        nuisance=held,
     )
 
 
@@ -88,10 +84,7 @@ def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
 
 
 def _undecided(
-    start: TorqueSearchResult,
-    left: tuple[ResidualTorque, ...],
-    held: Nuisance,
-    removed: Sequence[str],
+    start: TorqueSearchResult, left: tuple[ResidualTorque, ...], removed: Sequence[str]
 ) -> TorqueSearchResult:
     """Return ``start`` with the residual torques ``left`` of the first search.
 
@@ -103,7 +96,6 @@ def _undecided(
         start,
         findings=findings,
         residual_torques=with_resemblance(left, removed),
-        nuisance=held,
         is_decided=False,
     )
 

@@ -125,13 +125,13 @@ def residual_torques(
     fit: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
 ) -> tuple[ResidualTorque, ...]:
     """Return the residual torques in the recordings of ``fit``, from ``flights`` nulls."""
-    return significant_torques(evidence(fit, recordings, flights=flights, seed=seed))[0]
+    return significant_torques(evidence(fit, recordings, flights=flights, seed=seed))
 
 
 def significant_torques(
     evidence: Evidence, certain: Place | None = None
-) -> tuple[tuple[ResidualTorque, ...], Nuisance]:
-    """Return the residual torques and slow noise, and the nuisance parameters including them.
+) -> tuple[ResidualTorque, ...]:
+    """Return the residual torques and slow noise.
 
     ``certain``: where another test has shown a torque (`unmodelled.torque_formula`). The first
     torque is then of this axis and variable, without a threshold.
@@ -168,7 +168,7 @@ def significant_torques(
         like = f"{name}-like" if cos > LIKE else None
         out.append(replace(new, like=like, nearest=name, cosine=cos))
         nuisance = nuisance.with_torque(flight, D, tests.directions[best], columns, null)
-    return tuple(out), nuisance
+    return tuple(out)
 
 
 def _group(library: Hats, tests: ScoreTests, place: Place) -> int:

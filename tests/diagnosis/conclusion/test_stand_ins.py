@@ -91,7 +91,7 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
     monkeypatch.setattr(stand_ins, "adopted", adopted)
     monkeypatch.setattr(stand_ins, "evidence", lambda *a, **k: SimpleNamespace(null=()))
     monkeypatch.setattr(stand_ins, "replaced_by_formula", lambda *a: None)
-    monkeypatch.setattr(stand_ins, "significant_torques", lambda *a: ((), None))
+    monkeypatch.setattr(stand_ins, "significant_torques", lambda *a: ())
     monkeypatch.setattr(stand_ins, "marked_unsure", lambda findings, fit: findings)
     fit, setup = SimpleNamespace(scatter=None), SimpleNamespace(recordings=(), seed=0)
     start = stand_ins.TorqueSearchResult(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
