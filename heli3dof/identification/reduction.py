@@ -33,6 +33,7 @@ from heli3dof.axes import AXES
 from heli3dof.identification.factored_transfer_function import Factor, FactoredTransferFunction
 from heli3dof.identification.fit_result import Pole
 from heli3dof.identification.transfer_function import TransferFunctions
+from heli3dof.parallel import one_blas_thread
 
 INPUTS = {"sum": np.array([1.0, 1.0]), "difference": np.array([1.0, -1.0])}
 """Input → change (2,) of the front and back voltage in V for one unit of the input"""
@@ -48,6 +49,7 @@ SIGMAS = 2.0
 """Standard deviations within which two responses count as equal, about 95 % (a convention)"""
 
 
+@one_blas_thread
 def factored(
     transfer: TransferFunctions, interval_s: float | None = None, poles: Sequence[Pole] = ()
 ) -> tuple[FactoredTransferFunction, ...]:
@@ -107,14 +109,8 @@ class _Channel:
         if np.all(np.abs(self.G) <= self.limit):
             return H
         lead = np.flatnonzero(np.abs(self.num) > 1e-9 * np.abs(self.num).max())[0]
-        H = self.refitted(
-            replace(
-                H,
-                gain=1.0,
-                numerator=self.rounded(self.num[lead:]),
-                denominator=self.rounded(self.den),
-            )
-        )
+        numerator, denominator = self.rounded(self.num[lead:]), self.rounded(self.den)
+        H, _ = self.refitted(replace(H, numerator=numerator, denominator=denominator))
         while (nearest := self.nearest(_shorter(H))) is not None:
             H = nearest
         H = self.with_std(H)
@@ -148,22 +144,25 @@ class _Channel:
                 roots = double
         return tuple(_factor(r) for r in roots if np.imag(r) >= 0)
 
-    def refitted(self, H: FactoredTransferFunction) -> FactoredTransferFunction:
-        """Return H with the gain k for which H is nearest to G (least squares, 1/`limit`²)."""
+    def refitted(self, H: FactoredTransferFunction) -> tuple[FactoredTransferFunction, float]:
+        """Return H with the gain k nearest to G (least squares, 1/`limit`²), and max |H − G|/limit.
+
+        The maximum is over the grid; H is accepted if it is at most 1.
+        """
         shape = replace(H, gain=1.0).at(self.s)
         w = 1 / self.limit**2
-        gain = np.sum(w * np.conj(shape) * self.G).real / np.sum(w * np.abs(shape) ** 2)
-        return replace(H, gain=float(gain))
+        gain = float(np.sum(w * np.conj(shape) * self.G).real / np.sum(w * np.abs(shape) ** 2))
+        deviation = float(np.max(np.abs(gain * shape - self.G) / self.limit))
+        return replace(H, gain=gain), deviation
 
     def nearest(
         self, candidates: Iterator[FactoredTransferFunction]
     ) -> FactoredTransferFunction | None:
         """Return the candidate nearest to G, with refitted gain; None if all exceed `limit`."""
         best, least = None, 1.0
-        for H in map(self.refitted, candidates):
-            away = float(np.max(np.abs(H.at(self.s) - self.G) / self.limit))
-            if away <= least:
-                best, least = H, away
+        for H, deviation in map(self.refitted, candidates):
+            if deviation <= least:
+                best, least = H, deviation
         return best
 
     def with_std(self, H: FactoredTransferFunction) -> FactoredTransferFunction:
