@@ -1,4 +1,4 @@
-"""The tutorials work: their commands run, and print what the pages show."""
+"""The commands of the tutorials and of the example run, and print what the pages show."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from tests.docs.tutorial import difference, run, steps
 from tests.paths import ROOT
 
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+PAGES = [*TUTORIALS, ROOT / "docs" / "explanation" / "diagnosis.md"]
 
 
 @pytest.mark.tutorial
-@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
-def test_the_commands_of_a_tutorial_print_what_it_shows(page: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_the_commands_of_a_page_print_what_it_shows(page: Path, tmp_path: Path) -> None:
     for step in steps(page.read_text(encoding="utf-8")):
         printed = run(step.commands, tmp_path)
         assert difference(step.shown or "", printed) == "", printed
 
 
-def test_every_tutorial_shows_output() -> None:
-    for page in TUTORIALS:
+def test_every_such_page_shows_output() -> None:
+    for page in PAGES:
         assert any(step.shown for step in steps(page.read_text(encoding="utf-8"))), page
 
 
