@@ -25,6 +25,7 @@ from heli3dof.diagnosis.conclusion.recordings_agree import marked_if_recordings_
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
 from heli3dof.diagnosis.conclusion.stand_ins import TorqueSearchResult, settle_unmodelled
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
+from heli3dof.diagnosis.conclusion.unknown_controller import confirmed
 from heli3dof.diagnosis.estimate.base_fit import BASES, fit_base
 from heli3dof.diagnosis.estimate.base_parameters import (
     base_parameters,
@@ -134,6 +135,8 @@ def _diagnosed(
     clock.start("off", "Comparing the calibration with the profile …")
     inflation = std_inflation(settled.fit)
     off = off_nominal(settled.fit, std_inflation=inflation) if settled.is_decided else ()
+    if settled.fit.scatter is None:
+        off = confirmed(off, settled.fit, settled.after, held, seed=seed)
     off = tuple(with_confounded_causes(o, last_step_with_causes(steps, settled.fit)) for o in off)
     clock.stop()
     about = {

@@ -121,6 +121,11 @@ RULES = (
     ),
     Rule("… and exceed one count", "conclusion.adoption:within_a_count", _always(False)),
     Rule(
+        "… and exceed rounding in predictions (controller unknown)",
+        "conclusion.adoption:exceeds_rounding",
+        _always(True),
+    ),
+    Rule(
         "a formula competes with causes",
         "conclusion.formula_contest:replaced_by_formula",
         _always(None),

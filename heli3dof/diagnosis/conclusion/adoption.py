@@ -17,7 +17,9 @@ In any case, a cause is dropped if
 
 - Z²/ρ is below the threshold of simulated nulls (`screening.nulls`). Z is the standardised score
   and ρ the factor by which coloured noise increases its variance (`estimate.coloured_noise`);
-- an encoder error of at most one count explains the data as well.
+- an encoder error of at most one count explains the data as well;
+- the controller is unknown, and predictions do not confirm the cause
+  (`conclusion.unknown_controller`).
 
 These causes are dropped first, then those with the smallest Δℓ. After each, the Δℓ of the remaining
 causes are computed again. Adopted causes are not reported as confounded with each other.
@@ -31,12 +33,14 @@ from dataclasses import replace
 from typing import Any
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding
 from heli3dof.diagnosis.estimate.base_parameters import in_SI
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, model_at
 from heli3dof.diagnosis.result import (
     COLOURED,
     DOES_NOT_PAY,
     WITHIN_A_COUNT,
+    WITHIN_ROUNDING,
     Dropped,
     Finding,
     Fitted,
@@ -70,19 +74,34 @@ def adopted(
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term), len(kept))  # type: ignore[misc]
         after, *befores = each_held_out((fit, *reduced), holdout)
         gains = [gain(before, after, seed=seed) for before in befores]
-        margins = [0.0 if within_a_count(fit, c) else coloured_noise_margin(fit, c) for c in kept]
-        failing = [i for i, g in enumerate(gains) if not pays_enough(kept[i], g, first=i == 0)]
-        failing = [i for i, s in enumerate(margins) if s < 1] or failing
+        margins = [margin(fit, c) for c in kept]
+        against = [
+            objection(fit, c, g, m, first=i == 0)
+            for i, (c, g, m) in enumerate(zip(kept, gains, margins, strict=True))
+        ]
+        failing = [i for i, why in enumerate(against) if why]
         if not failing:
             return fit, _findings(fit, kept, reduced, gains), tuple(dropped), after
         worst = min(failing, key=lambda i: (min(margins[i], 1.0), log_likelihood_gain(gains[i])))
-        cause = kept[worst]
-        why = DOES_NOT_PAY
-        if margins[worst] < 1:
-            why = WITHIN_A_COUNT if within_a_count(fit, cause) else COLOURED
-        dropped.append(Dropped(cause.term.name, gains[worst], why, choice=cause))
+        cause = kept.pop(worst)
+        dropped.append(Dropped(cause.term.name, gains[worst], against[worst], choice=cause))
         fit = reduced[worst]
-        del kept[worst]
+
+
+def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, first: bool) -> str:
+    """Return why a cause is not adopted, empty if it is. ``margin`` is that of `margin`."""
+    if margin < 1:
+        return COLOURED if margin > 0 else WITHIN_A_COUNT
+    if not pays_enough(choice, g, first=first):
+        return DOES_NOT_PAY
+    if fit.scatter is None and not exceeds_rounding(g, fit.structure.profile):
+        return WITHIN_ROUNDING
+    return ""
+
+
+def margin(fit: CorrectedFit, choice: Choice) -> float:
+    """Return the cause's margin over coloured noise, or 0 if it is within an encoder count."""
+    return 0.0 if within_a_count(fit, choice) else coloured_noise_margin(fit, choice)
 
 
 def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) -> list[HeldOut]:

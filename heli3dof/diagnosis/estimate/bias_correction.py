@@ -48,6 +48,8 @@ NOISE_CONVERGED = 0.1  # the same for a step of ln a, chosen
 REUSED_WITHIN = 0.3, 3.0
 """Largest change of ln a, and of θ in standard deviations, at which s̄ is not computed again, to
 save two filter runs per flight. Chosen."""
+HELD_STD = 1e-4
+"""Prior standard deviation of a coordinate that keeps its value. Far below any estimate's."""
 DIVERGED, DIVERGED_AFTER = 30.0, 3
 """Standard deviations, iteration: a longer step, then or later, ends the search. The controller may
 not stabilise the fitted rig. Chosen."""
@@ -62,6 +64,8 @@ class ProfileLikelihood(Likelihood):
 
     doubt: float = 1.0
     """Factor by which the tolerance is multiplied"""
+    at_nominal: tuple[int, ...] = ()
+    """Indices of the coordinates that keep the profile's value"""
 
     @cached_property
     def prior_precision(self) -> np.ndarray:
@@ -69,6 +73,7 @@ class ProfileLikelihood(Likelihood):
         free = self.structure.free
         std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
         std[1:4] = self.doubt * self.structure.profile.tolerance
+        std[list(self.at_nominal)] = HELD_STD
         return np.asarray(1.0 / std**2)
 
 

@@ -19,6 +19,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.free_run.elimination import CELL_S
 from heli3dof.diagnosis.free_run.refits import split_windows
 from heli3dof.diagnosis.validation.gain import DRAWS, HORIZON_S, Gain, rmse_decreases
+from heli3dof.diagnosis.validation.prediction import FAR
 from heli3dof.identification.greybox.freeflight import flight_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.multistep import errors
@@ -28,8 +29,6 @@ from heli3dof.recording.recording import Recording
 OVER_S = 3.0
 STEP_S = 0.25
 """s: longest horizon, interval of the horizons"""
-FAR = 10 * np.pi
-"""rad: larger or infinite prediction errors are replaced by this value."""
 
 
 class FreeRun:

@@ -5,8 +5,8 @@ the gain in log-likelihood ℓ is computed at a value w of the term's first para
 
     Δℓ(w) = ℓ(θ, w, a) − ℓ(θ, 0, a)
 
-with the parameters θ and the noise intensities a of the base held. A term is fitted in full if both
-conditions hold at the first value of its grid:
+with the parameters θ and the noise intensities a of the base held. w ascends the term's grid while
+Δℓ(w) rises. A term is fitted in full if both conditions hold at the last of these values:
 
 1. Δℓ > `MIN_GAIN`.
 2. If the controller is known: Δℓ > max Δℓ_null + `MIN_GAIN` over nulls simulated from the base.
@@ -82,10 +82,15 @@ def trials(
     base = float(problem.run(theta, noise, keep=0).loglik.sum())
 
     def one(k: int) -> GridTrial:
-        value = starts(untested[k])[0]
         ext = widened(problem, theta, untested[k])
-        at = np.append(theta, ext.structure.free[-1].inward(value))
-        return GridTrial(untested[k], value, float(ext.run(at, noise, keep=0).loglik.sum()) - base)
+        best = GridTrial(untested[k], 0.0, -np.inf)
+        for value in starts(untested[k]):
+            at = np.append(theta, ext.structure.free[-1].inward(value))
+            gain = float(ext.run(at, noise, keep=0).loglik.sum()) - base
+            if not gain > best.gain:
+                break
+            best = GridTrial(untested[k], value, gain)
+        return best
 
     return [t for t in parallel_map(one, len(untested), what="trials") if t.gain > MIN_GAIN]
 

@@ -34,6 +34,8 @@ EVERY_S = 0.05
 """s between starts. Chosen."""
 SETTLED_S = 0.5
 """s at the start of a run for the filter to settle; no prediction starts there. Chosen."""
+FAR = 10 * np.pi
+"""rad: a larger or infinite prediction error counts as this value. Chosen: five turns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +46,7 @@ class PredictionErrors:
     """(S,) rows of the data"""
     horizons_s: tuple[float, ...]
     errors: np.ndarray
-    """(S, H, 3) rad; NaN beyond the end of a run and on axes that were not measured"""
+    """(S, H, 3) rad, at most `FAR`; NaN beyond the end of a run and on unmeasured axes"""
 
     def rmse_deg(self, of: np.ndarray | None = None) -> np.ndarray:
         """Return the RMSE (H, 3) in degrees over all starts, or over those in ``of`` (S,) bool."""
@@ -53,11 +55,10 @@ class PredictionErrors:
 
 
 def mean_square(e: np.ndarray) -> np.ndarray:
-    """Return the mean of the finite squares over the first axis; NaN if none, ∞ on overflow."""
+    """Return the mean of the finite squares over the first axis; NaN if none."""
     finite = np.isfinite(e)
     count = finite.sum(axis=0)
-    with np.errstate(over="ignore"):
-        total = (np.where(finite, e, 0.0) ** 2).sum(axis=0)
+    total = (np.where(finite, e, 0.0) ** 2).sum(axis=0)
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
@@ -101,7 +102,7 @@ def prediction_errors(
     )  # fmt: skip
     out[usable] = readings
     end = np.minimum(starts[:, None] + rows, len(d.t) - 1)
-    return PredictionErrors(starts, tuple(horizons_s), d.y[end] - out)
+    return PredictionErrors(starts, tuple(horizons_s), np.clip(d.y[end] - out, -FAR, FAR))
 
 
 def model_errors(

@@ -33,9 +33,10 @@ STEP_DECAYS, MAX_STEPS = 0.5, 1000.0
 def _predict_free_run(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, t, h, V, X, starts, rows, out
 ):  # fmt: skip
-    """Write the readings (rad) ``rows`` (H,) rows after ``starts`` (S,) to out (S, H, 3), or NaN.
+    """Write the readings (rad) ``rows`` (H,) rows after ``starts`` (S,) to out (S, H, 3).
 
-    Both arrays ascend; X (N, 6) are the states to start from.
+    Both arrays ascend; X (N, 6) are the states to start from. A reading is NaN beyond the end of a
+    run, and infinite if the prediction diverged.
     """
     N = V.shape[0]
     target, F, impulses = np.empty((N, 2)), np.empty((N, 2)), np.zeros((N + 1, 2))
@@ -76,7 +77,7 @@ def _predict_free_run(  # type: ignore[no-untyped-def]
                     a = c
                 readings(s, x, first, address, par, mem, m, slope)
                 for i in range(3):
-                    out[at, n, i] = m[i]
+                    out[at, n, i] = m[i] if math.isfinite(m[i]) else np.inf
             at += 1
 
 

@@ -150,11 +150,11 @@ def encoder_of(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFF
 
 
 def fit_of(**sizes: float) -> Any:
-    """A fit of these terms (``__`` for a dot) with these first parameters."""
+    """A fit of these terms (``__`` for a dot) with these first parameters, and simulations."""
     names = [n.replace("__", ".") for n in sizes]
     return SimpleNamespace(
         free=[SimpleNamespace(term=n) for n in names], values=[*sizes.values()],
-        colour=[1.0] * len(names),
+        colour=[1.0] * len(names), scatter=np.eye(len(names)),
     )  # fmt: skip
 
 

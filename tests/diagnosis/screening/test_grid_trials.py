@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from heli3dof.diagnosis.estimate.base_fit import fit_base
 from heli3dof.diagnosis.estimate.bias_correction import ProfileLikelihood
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.estimate.setup import Setup
+from heli3dof.diagnosis.screening import grid_trials
 from heli3dof.diagnosis.screening.grid_trials import (
     fit_start,
     last_resort_terms,
@@ -53,6 +56,24 @@ def test_backlash_is_a_candidate_on_its_own_axis_only() -> None:
 @pytest.mark.parametrize("hide", ["", "friction.coulomb.pitch:0.012"])
 def test_no_backlash_is_a_candidate_if_there_is_none(hide: str) -> None:
     assert candidates(base(hide, 1151)) == []
+
+
+def test_the_grid_is_climbed_while_the_likelihood_rises(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A backlash of 1° behind an encoder step of 0.18° gains little at a small width."""
+    gains = {0.05: 31, 0.09: 49, 0.16: 82, 0.28: 145, 0.5: 178, 0.9: 191, 1.6: 175, 2.8: -73}
+    tried: list[float] = []
+
+    def run(theta: np.ndarray, noise: np.ndarray, *, keep: int) -> Any:
+        width = float(theta[-1]) if len(theta) else 0.0
+        tried.append(width)
+        return SimpleNamespace(loglik=np.array([gains.get(width, 0.0)]))
+
+    structure = SimpleNamespace(free=[SimpleNamespace(inward=lambda w: w)])
+    problem = cast(Any, SimpleNamespace(run=run, structure=structure))
+    monkeypatch.setattr(grid_trials, "widened", lambda problem, theta, term: problem)
+    (trial,) = trials(problem, np.zeros(0), np.zeros(4), tried_terms((), ("yaw",)))
+    assert (trial.value, trial.gain) == (0.9, 191)
+    assert tried == [0.0, 0.05, 0.09, 0.16, 0.28, 0.5, 0.9, 1.6]  # the base first
 
 
 def test_a_fit_started_from_the_trial_finds_the_backlash_width() -> None:

@@ -253,6 +253,17 @@ def test_prediction_errors_are_those_of_the_model_s_own_predictions(
     assert e.rmse_deg()[0] == pytest.approx(rmse, rel=0.05)
 
 
+def test_a_prediction_that_diverges_errs_by_five_turns(recording: Recording) -> None:
+    """With a damping of −50 N·m·s/rad, J = 0.9 kg·m² doubles its rate every 13 ms."""
+    names = ("friction.viscous.roll",)
+    model = nominal(recording.profile, names)
+    model = replace(model, values=np.append(model.values[:-1], -50.0))
+    _, e = model_errors(model, [recording], (0.1, 3.0))
+    ends = np.isfinite(e.errors[:, 1, 0])
+    assert ends.sum() > 0.9 * len(ends)
+    assert np.abs(e.errors[ends, 1, 0]) == pytest.approx(np.radians(1800.0))
+
+
 def test_the_right_model_reaches_the_noise_floor_and_the_nominal_one_does_not(
     recording: Recording, right: Estimate
 ) -> None:

@@ -1,0 +1,71 @@
+"""Confirm causes by predictions if the controller is unknown.
+
+The controller feeds the encoders' rounding back, which biases the likelihood. Flights simulated
+with the controller show this bias (`screening.nulls`). Without the controller, a cause also needs
+
+    ΔRMSE_i > Δ_i/√12,   and its interval above zero, on an axis i
+
+ΔRMSE (°) is the decrease of the error of predictions 1 s ahead (`validation.gain`), Δ_i (°) the
+encoder step, and Δ_i/√12 the standard deviation of rounding. A base parameter that is off nominal
+needs it as well, in comparison with a refit in which it has the profile's value.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from heli3dof.diagnosis.estimate.base_parameters import OffNominal
+from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, ProfileLikelihood
+from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
+from heli3dof.diagnosis.validation.cross_validation import held_out
+from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain
+from heli3dof.recording.recording import Recording
+from heli3dof.rig.profile import Profile
+
+INDICES = {
+    "mass.imbalance": (0,), "inertia.roll": (1,), "inertia.pitch": (2,), "inertia.yaw": (3,),
+    "motor.thrust_gain": (0, 1, 2, 3),
+}  # fmt: skip
+"""Finding → the coordinates (of T_g and the inertias) that are nominal without it"""
+
+
+def exceeds_rounding(g: Gain, profile: Profile) -> bool:
+    """Return whether the RMSE of an axis decreases by more than rounding (module)."""
+    return any(
+        won is not None and won.low > 0 and won.value > rounding_deg(profile, axis)
+        for axis, won in g.rmse_deg.items()
+    )
+
+
+def rounding_deg(profile: Profile, axis: str) -> float:
+    """Return the standard deviation of rounding to encoder counts, in degrees.
+
+    >>> from heli3dof.rig.profile import default_profile
+    >>> round(rounding_deg(default_profile(), "yaw"), 4)  # 360°/8192/√12
+    0.0127
+    """
+    return 360.0 / abs(int(getattr(profile.encoder, axis))) / math.sqrt(12)
+
+
+def confirmed(
+    parameters: Sequence[OffNominal], fit: CorrectedFit, after: HeldOut,
+    holdout: Sequence[Recording], *, seed: int,
+) -> tuple[OffNominal, ...]:  # fmt: skip
+    """Return the base ``parameters`` of a fit that its predictions confirm (module).
+
+    ``after``: results of the fit on held-out data.
+    """
+
+    def gained(p: OffNominal) -> Gain:
+        assert isinstance(fit.problem, ProfileLikelihood)
+        held = INDICES[p.term.name]
+        problem = replace(fit.problem, at_nominal=held)
+        start = fit.optimum.theta.copy()
+        start[list(held)] = problem.prior_mean[list(held)]
+        optimum = maximise_corrected(problem, start, fit.optimum.noise, None)
+        return gain(held_out(CorrectedFit(problem, optimum), holdout), after, seed=seed)
+
+    profile = fit.structure.profile
+    return tuple(p for p in parameters if exceeds_rounding(gained(p), profile))

@@ -1,0 +1,72 @@
+"""Without a controller, a cause must lower the error of predictions by more than rounding."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.conclusion.adoption import objection
+from heli3dof.diagnosis.conclusion.unknown_controller import confirmed, exceeds_rounding
+from heli3dof.diagnosis.estimate.base_parameters import OffNominal
+from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, ProfileLikelihood
+from heli3dof.diagnosis.result import WITHIN_ROUNDING
+from heli3dof.diagnosis.validation.cross_validation import held_out
+from heli3dof.diagnosis.validation.gain import Interval
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.estimate import estimate
+from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.model.effects import term
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.rig.profile import default_profile
+
+PROFILE = default_profile()
+"""4096 counts in roll and pitch, 8192 in yaw: Δ/√12 is 0.0254° and 0.0127°"""
+
+
+def lowers(axis: str, value: float, low: float) -> Any:
+    """Gain that lowers the RMSE of one axis by ``value`` degrees, at least by ``low``."""
+    rmse = {a: Interval(value, low, 2 * value) if a == axis else None for a in AXES}
+    return cast(Any, SimpleNamespace(rmse_deg=rmse, log_likelihood=Interval(50.0, 40.0, 60.0)))
+
+
+@pytest.mark.parametrize(
+    ("axis", "value", "low", "exceeds"),
+    [
+        ("yaw", 0.0130, 0.001, True),
+        ("yaw", 0.0125, 0.001, False),  # less than rounding
+        ("pitch", 0.0130, 0.001, False),  # a coarser encoder
+        ("pitch", 0.3, -0.01, False),  # not significant
+    ],
+)
+def test_predictions_must_improve_by_more_than_the_rounding_of_their_encoder(
+    axis: str, value: float, low: float, exceeds: bool
+) -> None:
+    assert exceeds_rounding(lowers(axis, value, low), PROFILE) is exceeds
+
+
+@pytest.mark.parametrize(("simulated", "why"), [(False, WITHIN_ROUNDING), (True, "")])
+def test_only_a_cause_without_simulated_flights_needs_better_predictions(
+    simulated: bool, why: str
+) -> None:
+    structure = SimpleNamespace(profile=PROFILE)
+    fit = cast(Any, SimpleNamespace(scatter=[1.0] if simulated else None, structure=structure))
+    cause = cast(Any, SimpleNamespace(weak=False, score=400.0))
+    assert objection(fit, cause, lowers("roll", 0.001, 0.0005), 5.0, first=True) == why
+
+
+@pytest.mark.parametrize(("hide", "names"), [("inertia.pitch:1.4", ["inertia.pitch"]), ("", [])])
+def test_a_base_parameter_must_predict_better_than_the_profile_s_value(
+    hide: str, names: list[str]
+) -> None:
+    url = f"mock:?speed=max&seed=1160&hide={hide}"
+    r = fly_plan(load_plan("rich"), device=url, seed=1160).recording.between(0.0, 30.0)
+    problem = ProfileLikelihood(data_of([r], usable_runs(r, 0)), Structure(r.profile, ()))
+    fit = CorrectedFit(problem, estimate(problem).optimum)
+    found = [OffNominal(term("inertia.pitch"), 1.4, 0.05, 64.0)]
+    left = confirmed(found, fit, held_out(fit, []), [], seed=0)
+    assert [p.term.name for p in left] == names
