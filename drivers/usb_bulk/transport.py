@@ -72,8 +72,8 @@ class UsbTransport:
     ) -> None:  # fmt: skip
         """Claim the rig's interface. Raises DeviceError if it is gone, busy or not permitted.
 
-        ``name``: the rig's URL; ``write_s``: s that the rig may take to accept a frame; ``holder``
-        returns the process that uses a busy rig.
+        ``name``: the rig's URL. ``write_s``: time limit in s for the rig to accept a frame.
+        ``holder`` returns the name of the process that uses a busy rig.
         """
         self._name = name
         self._device = device

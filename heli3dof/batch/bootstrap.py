@@ -101,6 +101,8 @@ def named_shares(rows: Iterable[Mapping[str, Any]]) -> list[NamedShare]:
 def causes_of(row: Mapping[str, Any]) -> set[str]:
     """Return the causes in the row of a diagnosis, and the effects confounded with them.
 
+    Faults of the recording (``timing.gaps``) are left out.
+
     >>> sorted(causes_of({"causes": "timing.gaps; friction.coulomb.yaw|motor.lag"}))
     ['friction.coulomb.yaw', 'motor.lag']
     """

@@ -309,7 +309,7 @@ def _recommendation(n: NextExperiment) -> dict[str, Any]:
 
 
 def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
-    """Return the effect catalogue's plan for the first causes that a flight can separate."""
+    """Return the plan that separates the first confounded causes, by the effects' files."""
     ties = (
         (x.term, x.tied_with) if isinstance(x, OffNominal) else (x.choice.term, x.choice.tied_with)
         for x in d.in_order

@@ -41,7 +41,7 @@ BASE = ("K_f", "T_g", "J_roll", "J_pitch", "J_yaw")
 
 @dataclass(frozen=True)
 class Measured:
-    """A base parameter in SI: nominal value, estimate, standard deviation."""
+    """A parameter of the base simulation, in SI: nominal value, estimate, standard deviation."""
 
     nominal: float
     value: float

@@ -1,4 +1,6 @@
-"""The result classes of `heli3dof.fleet.analyse`: of the fleet, a quantity, a rig's quantity."""
+"""The result classes of `heli3dof.fleet.analyse`.
+
+One is for the fleet, one for a quantity of all rigs, one for a quantity of a single rig."""
 
 from __future__ import annotations
 

@@ -89,7 +89,11 @@ def adopted(
 
 
 def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, first: bool) -> str:
-    """Return why a cause is not adopted, empty if it is. ``margin`` is that of `margin`."""
+    """Return the reason against a cause, empty if it is adopted.
+
+    ``g``: its gain on held-out data. ``margin``: result of the function `margin`. ``first``: True
+    for the first cause.
+    """
     if margin < 1:
         return COLOURED if margin > 0 else WITHIN_A_COUNT
     if not pays_enough(choice, g, first=first):

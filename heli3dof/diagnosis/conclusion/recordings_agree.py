@@ -37,7 +37,7 @@ MOST_CONFIDENCE = 0.5
 def marked_if_recordings_disagree(
     findings: Sequence[Finding], recordings: Sequence[Recording]
 ) -> tuple[Finding, ...]:
-    """Return the findings; those that the recordings cannot confirm are marked "…-like"."""
+    """Return the findings; those on which the recordings disagree are marked "…-like"."""
     unconfirmed = not_confirmed([f.choice.term.name for f in findings], recordings)
     return tuple(
         marked_like(f) if f.choice.term.name in unconfirmed or _is_doubtful(f, recordings) else f

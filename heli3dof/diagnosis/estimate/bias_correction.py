@@ -267,7 +267,7 @@ class AndersonAcceleration:
         self.f: list[np.ndarray] = []
 
     def next(self, y: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """Return the accelerated step at y, where the plain step is f."""
+        """Return the accelerated step from y, where the plain iteration would step by f."""
         self.y.append(y)
         self.f.append(f)
         self.y, self.f = self.y[-self.DEPTH - 1 :], self.f[-self.DEPTH - 1 :]

@@ -3,14 +3,16 @@
 Let θ̂ ± σ be the estimate of a term's first parameter and θ_0 its null value, at which the term has
 no effect. The probability that the parameter differs from θ_0 is
 
-    P = erf(|θ̂ − θ_0| / (σ √2)),      for a parameter that varies by recording from χ² of its values
+    P = erf(|θ̂ − θ_0| / (σ √2))
 
-A term is a cause if all of these hold:
+For a parameter that varies by recording, P follows from χ² of its values. A term is a cause if all
+of these hold:
 
-- Held-out blocks need it, or it is known beforehand (`free_run.elimination`).
+- Without it, held-out blocks are predicted worse, or it is known beforehand
+  (`free_run.elimination`).
 - P ≥ `SIGNIFICANT`, and σ ≤ `PRIOR_SHARE` σ_prior.
-- Both halves of the flights give it one size, significant in each (`free_run.halves`). A term known
-  beforehand needs only one size.
+- The estimates from both halves of the flights agree, and each is significant (`free_run.halves`).
+  For a term known beforehand it is enough that they agree.
 
 All other terms stay in the model with their priors. Every joint has some dry friction; a term set
 to zero predicts new motion worse than a term of likely size.

@@ -7,10 +7,10 @@ seconds of held-out flight, the loss increases by
 
     d_c = mean_{k∈c} Σ_i mean_j [ρ(e_without/s) − ρ(e_with/s)],       Δ = mean_c d_c
 
-Windows overlap, so the bootstrap resamples cells (block bootstrap).
+Prediction windows overlap, so the bootstrap resamples cells (block bootstrap).
 
-1. The terms are tested by increasing significance. The first to which none of these applies is
-   removed:
+1. The terms are tested, the least significant first. A term stays if one of these applies; the
+   first term that does not stay is removed:
 
    - Need: the `LEVEL` bootstrap interval of Δ on held-out blocks lies above zero.
    - Prior knowledge: the prior mean is more than `KNOWN` prior deviations from the null value.
@@ -24,8 +24,8 @@ Windows overlap, so the bootstrap resamples cells (block bootstrap).
 Terms that vary by recording are tested by leaving out whole recordings, if there are several. The
 filter (`heli3dof.model.estimation.ekf_jitter`) estimates their values in a left-out recording.
 
-Blocks that do not need a term do not prove that it is zero. So the elimination selects causes only;
-the extended model keeps all terms, with their priors.
+A term that does not improve held-out predictions need not be zero. So the elimination selects
+causes only; the extended model keeps all terms, with their priors.
 """
 
 from __future__ import annotations

@@ -85,7 +85,10 @@ def pays(before: FreeRun, after: FreeRun) -> bool:
 
 
 def free_run_errors(model: GreyBoxModel, recording: Recording, ahead: np.ndarray) -> np.ndarray:
-    """Return errors (S, M, 3) rad ``ahead`` (M,) rows after each start row; NaN if not measured."""
+    """Return the errors (S, M, 3), in rad, of predictions from S start rows.
+
+    ``ahead`` (M,): the horizons in rows. Unmeasured axes are NaN.
+    """
     flight = flight_of(recording)
     states = filtered(model, recording)[3]
     with np.errstate(all="ignore"):

@@ -108,7 +108,10 @@ def agreement(responses: dict[str, Response]) -> float:
 
 
 def axes_in_question(view: View, T: np.ndarray) -> set[str]:
-    """Return the inconsistent axes, or all driven axes if a voltage in T (N, 8) is constant."""
+    """Return the axes whose angles contradict the voltages.
+
+    If a voltage in the table T (N, 8) is constant, all axes that the motors drive are returned.
+    """
     V = np.nan_to_num(T[:, VOLTAGE])
     if (np.ptp(V, axis=0) == 0).any():
         return {a for a, x in view.responses.items() if x.drive > DRIVEN}

@@ -54,7 +54,7 @@ SWITCH = 0.25
 
 
 def reliable(responses: dict[str, Response]) -> dict[str, Response]:
-    """Return the responses that are positive, precise, well driven and explain the motion."""
+    """Return the responses with a positive, precise gain that explain the axis' motion."""
     return {
         a: x
         for a, x in responses.items()

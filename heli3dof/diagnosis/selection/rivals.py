@@ -54,10 +54,12 @@ MIN_STD = 1.0
 
 
 def rivals(choice: Choice, nulls: Nulls) -> tuple[list[CandidateFit], bool]:
-    """Return the rivals, the chosen cause first, and True if their score bias is large.
+    """Return the candidates that scores cannot rank, and whether their score bias is large.
 
-    An empty list means that the scores decide. Terms without a score have no score bias and are no
-    rivals.
+    The chosen cause is the first of them.
+
+    If the list is empty, the scores decide. Terms without a score have no score bias and are not in
+    the list.
     """
     best = choice.contenders[0]
     others = [c for c in choice.contenders[1:] if c.probe is not None]

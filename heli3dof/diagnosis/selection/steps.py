@@ -154,7 +154,10 @@ def extended(setup: Setup, choice: Choice) -> CorrectedFit:
 
 
 def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
-    """Return True for a formal effect whose Z² and score reach the choice's threshold."""
+    """Return whether another form of the body's equations reaches the threshold.
+
+    Both its Z² and its score must reach that of ``choice``.
+    """
     return other.term.effect.formal and min(other.Z2, other.score) >= choice.threshold
 
 

@@ -26,7 +26,8 @@ MIN_RANGE_PRODUCT = 1e-3  # the same for the products
 class Hats:
     """The hat functions of M variables on A axes.
 
-    A function has the column (axis M + variable) `KNOTS` + knot, with indices from zero.
+    The function of an axis, a variable and a knot is column (axis · M + variable) · `KNOTS` + knot,
+    with indices from zero.
     """
 
     variables: tuple[str, ...]

@@ -121,7 +121,9 @@ class DeviceDeadlines(VirtualDeadlines):
 
 
 class CountedDeadlines(DeviceDeadlines):
-    """Deadlines for a rig whose link counts lost, left-out and passed-over samples separately.
+    """Deadlines for a rig whose link counts skipped samples by cause.
+
+    The causes are: lost on the line, not taken by the device, arrived too late.
 
     `DeviceDeadlines` estimates these numbers; here the link's counts replace the estimates.
     """

@@ -43,7 +43,10 @@ VOLT_FOR_RADIAN = 20.0
 
 
 class NoContinuousModel(ValueError):
-    """Raised if a discrete model has no continuous equivalent: a slow mode alternates in sign."""
+    """Raised if a discrete model has a negative real pole that decays slowly.
+
+    No continuous model has such samples.
+    """
 
 
 def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:

@@ -135,9 +135,9 @@ class Likelihood:
     def tangents(self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None) -> np.ndarray:
         """Return the derivatives ∂c/∂θ (n, E) of the E predicted readings c of the run ``at``.
 
-        ``theta`` (n,) are the coordinates of that run; ``which`` lists the indices of those to
-        differentiate by (None: all). The filter's gains stay fixed. A derivative that `diverged`
-        is returned as zero.
+        ``theta`` (n,): the run's parameter coordinates. ``which``: indices of the parameters to
+        differentiate by (None: all); only these have a row. The filter's gains stay fixed. Rows
+        that `diverged` are zero.
         """
         from heli3dof.model.estimation.ekf_quantised import follow
 

@@ -100,17 +100,17 @@ class Effect:
         confused_with: other effects that explain similar data.
         separated_by: name of the flight plan that best distinguishes this effect from
             ``confused_with``.
-        starts: for effects whose likelihood has zero slope at null. A fit starts at the most likely
-            of these values (ascending) of the first parameter.
+        starts: values of the first parameter, ascending, if the likelihood has zero slope at null.
+            A fit starts at the most likely one.
         identifiable: the motion that makes the effect identifiable.
         evidence: the variable against which a report plots the effect, one of `ABSCISSAE`.
         within: a term without which this effect is undefined.
         requires: a term without which this effect is equivalent to another effect.
-        formal: true for another form of the body's equations, which is no defect of the rig. A
-            diagnosis may use it but never reports it as a finding.
+        formal: true for another form of the rigid body's equations, which is no defect of the rig.
+            A diagnosis may use it but never reports it as a finding.
         candidate: true if a diagnosis may propose it.
         probes: values of the parameters at which a diagnosis evaluates the score, simplest first;
-            omitted parameters are at null. Default: the first parameter at `SMALL` · typical.
+            omitted parameters are at null. Default: `SMALL` of the first parameter's typical size.
             Several are needed if the shape of the predicted change depends on the value.
         probe_quantiles: for a limit of the voltage: the quantiles of |V| to use as ``probes``.
         scan: ``frequency`` or ``instant`` if the second parameter is a frequency or an instant. A

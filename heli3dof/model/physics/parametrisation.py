@@ -171,7 +171,7 @@ class Structure:
 
     @property
     def memory(self) -> np.ndarray:
-        """Return the effects' initial memory: zeros (H + 1, MEMORY) for H compiled functions."""
+        """Return the effects' initial states: zeros (H + 1, MEMORY), for H hooks and a spare."""
         return np.zeros((len(self.hooks.owner) + 1, _s.MEMORY))
 
     def values_of(self, given: Mapping[str, float]) -> np.ndarray:

@@ -132,7 +132,7 @@ def not_significantly_off(document: Document) -> list[Document]:
 
 
 def calibration_doubts(document: Document) -> Iterator[str]:
-    """Yield a sentence per rig parameter that may be off the profile, and one on measuring them."""
+    """Yield a sentence per parameter that may differ from the profile, and how to measure them."""
     doubtful = not_significantly_off(document)
     for c in doubtful:
         off = number(c["value"]) / c["nominal"] - 1

@@ -14,7 +14,7 @@ from heli3dof.report.text.table import Grid
 
 @dataclass(frozen=True)
 class Column:
-    """A main quantity: regular expression for its name, title, factor to the title's unit."""
+    """A table column: pattern of the quantity's name, title, factor to the title's unit."""
 
     pattern: str
     title: str
