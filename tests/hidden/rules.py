@@ -107,7 +107,11 @@ RULES = (
         "selection.select:resembles_found_causes",
         _always(False),
     ),
-    Rule("undetectable effects are no candidates", "selection.select:unidentifiable", _always(())),
+    Rule(
+        "undetectable effects do not replace an inertia",
+        "selection.inertia_alternatives:unidentifiable",
+        _always(()),
+    ),
     Rule(
         "rivals are compared by their flights",
         "selection.rivals:compared_by_simulation",

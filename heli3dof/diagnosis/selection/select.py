@@ -98,14 +98,12 @@ def ranked_candidates(result: ScreenResult, nulls: Nulls) -> list[tuple[Term, fl
 
 
 def candidates_to_fit(
-    ranked: Sequence[tuple[Term, float, int]], screen: Screen, nulls: Nulls, most: int
+    ranked: Sequence[tuple[Term, float, int]], nulls: Nulls
 ) -> list[tuple[Term, float, int]]:
-    """Return at most ``most`` identifiable terms; none if no Z² reaches the nulls' threshold."""
-    hidden = unidentifiable(screen, nulls)
-    identifiable = [r for r in ranked if r[0].name not in hidden]
-    if not identifiable or identifiable[0][1] < nulls.threshold:
+    """Return at most `MAX_FITS` terms; none if no Z² reaches the nulls' threshold."""
+    if not ranked or ranked[0][1] < nulls.threshold:
         return []
-    return [r for r in identifiable[:most] if r[1] >= MIN_RELATIVE_Z2 * identifiable[0][1]]
+    return [r for r in ranked[:MAX_FITS] if r[1] >= MIN_RELATIVE_Z2 * ranked[0][1]]
 
 
 def one_sided(probe: Probe) -> bool:
@@ -125,7 +123,7 @@ def choose(
     ``bias`` (n,): mean scores of the nulls; ``tried``: terms without a score to be fitted.
     """
     every = ranked_candidates(result, nulls)
-    ranked = candidates_to_fit(every, screen, nulls, MAX_FITS)
+    ranked = candidates_to_fit(every, nulls)
     formal = [r for r in every if r[0].effect.formal and nulls.least(r[0]) <= r[1]]
     ranked += [r for r in formal if r not in ranked]
     fits = fit_candidates(current, screen, result, nulls, bias, ranked, tried)

@@ -131,7 +131,6 @@ def test_a_cause_below_the_screen_threshold_is_not_named(
         CandidateFit(likeliest, NONE, NONE, 60.0, Z2, 0),
         CandidateFit(screened, NONE, NONE, 8.0, 34.7, 1),
     ]
-    monkeypatch.setattr(select, "unidentifiable", lambda screen, nulls: ())
     monkeypatch.setattr(select, "ranked_candidates", lambda result, nulls: [(screened, 34.7, 1)])
     monkeypatch.setattr(select, "fit_candidates", lambda *a: fits)
     monkeypatch.setattr(select, "missing_parts_first", lambda screen, nulls, fits: fits)
