@@ -1,5 +1,4 @@
-"""Accepts the samples of the current arming that are newer than the last one and echo a command
-that was sent.
+"""Accepts the samples of the current arming that are new and echo a command that was sent.
 
 Let n be a sample's number and e its echo, the number of the last command applied; n_last and e_last
 those of the last accepted sample (e_last is at first the ARM's number); and c the number of the

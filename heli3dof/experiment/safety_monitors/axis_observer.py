@@ -51,7 +51,7 @@ class ExpectedAcceleration:
         self.gravity = 2 * self.roll_per_V * motor.V_o
         """T_g / J_roll in rad/s²"""
         self.hover_V = motor.hover_V
-        """V_h per motor: |V_o|, at least an eighth of the amplifier's limit"""
+        """V_h in V, per motor: |V_o|, but at least an eighth of the amplifier's limit"""
 
     @property
     def typical(self) -> tuple[float, float, float]:
@@ -79,9 +79,10 @@ class ExpectedAcceleration:
 
 
 class AxisObserver:
-    """Estimates the motion of one axis by the α-β-γ filter of the module.
+    """Estimates the motion of one axis by the α-β-γ filter of the module's docstring.
 
-    `angle`: θ (rad); `rate`: ω (rad/s); `unmodelled`: acceleration b (rad/s²).
+    Estimates: ``angle`` θ (rad), ``rate`` ω (rad/s) and ``unmodelled`` acceleration b (rad/s²).
+    ``bandwidth``: Ω in rad/s.
     """
 
     __slots__ = ("_bandwidth", "_gains", "_h", "angle", "rate", "unmodelled")

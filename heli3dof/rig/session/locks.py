@@ -26,7 +26,8 @@ from heli3dof.rig.session.paths import runtime_folder
 
 HOLDER = ".json"
 TAKE_S, TRY_S = 0.1, 0.01
-"""s in total, and between attempts to lock: `is_held` takes a free lock for an instant"""
+"""s: time limit of all attempts to lock, and time between two attempts. The attempts are repeated
+because `is_held` takes a free lock for an instant"""
 
 
 class Lock:
