@@ -20,7 +20,7 @@ g = 9.81
 
 ROLL_STOP_DEG = 36.0
 PITCH_STOP_DEG = 32.0
-"""°, the upper stop of roll, and the stops of pitch on either side"""
+"""°: `ROLL_STOP_DEG` is the upper stop of roll, ±`PITCH_STOP_DEG` are the stops of pitch"""
 
 
 @dataclass(frozen=True)

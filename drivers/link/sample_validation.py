@@ -76,7 +76,7 @@ class SampleValidator:
         return number
 
     def accept(self, frame: SampleFrame, host_time_s: float) -> Sample | None:
-        """Return the sample in ``frame``, or None if the conditions of the module reject it.
+        """Return the sample in ``frame``; None if it is not new or echoes no command that was sent.
 
         ``host_time_s``: time of arrival in s.
         """

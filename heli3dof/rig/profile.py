@@ -97,7 +97,7 @@ class Mass(Section):
 
 
 class Motor(Section):
-    """Thrust per volt (N/V), voltage of each motor at level hover (V), amplifier limit (V)."""
+    """The motors: thrust per volt (N/V), voltage of each at level hover (V), voltage limit (V)."""
 
     K_f: Annotated[
         Positive,
@@ -175,10 +175,11 @@ def _encoder(axis: str, positive: str, typical: str) -> Key:
 
 
 class Encoder(Section):
-    """Counts per revolution (4 per line); negative if the count falls as the angle rises.
+    """The encoders: counts per revolution of roll, pitch and yaw, and the angles at rest.
 
-    Counts are zero at power-up, with the rig at its rest angles. The paper's rig rests with its
-    body on the table, at −27.5° in roll.
+    An encoder gives 4 counts per line. The number is negative if the count falls as the angle
+    rises. Counts are zero at power-up, with the rig at its rest angles. The paper's rig rests with
+    its body on the table, at −27.5° in roll.
     """
 
     roll: Annotated[Counts, _encoder("roll", "body up", "4096")]
@@ -371,8 +372,8 @@ class Profile(Section):
     def inertias(self) -> tuple[float, float, float]:
         """Return J_roll, J_pitch, J_yaw in kg·m² at level attitude.
 
-        They come from the profile's section ``[inertia]``. The point masses give the values missing
-        there.
+        They come from the profile's section ``[inertia]``. Values that are missing there are
+        computed from the masses (`mass_inertias`).
         """
         roll, pitch, yaw = self.mass_inertias
         if self.inertia is None:

@@ -59,7 +59,7 @@ class Live:
     lateness: float = 0.0
     """s from the deadline to the arrival of the last sample"""
     worst_lateness: float = 0.0
-    """s, of all periods so far"""
+    """s, the largest lateness so far"""
     phase: str = "arming"
 
 
@@ -91,7 +91,7 @@ def fly(
     The profile must have a controller and the control rate for which ``signals`` was rendered.
 
     Args:
-        signals: the rendered plan.
+        signals: the rendered plan: references and added voltages of each control period.
         sink: receives a row for every control period.
         stop: returns why to end the flight, or None. Called in every period of the plan, and of
             the ramp to zero if the plan was completed.
@@ -99,7 +99,7 @@ def fly(
             Called in every period of the ramp.
         live: receives the progress.
         monitors: each judges, before the envelope does, every period in which ``stop`` is called.
-        must_still_fall: returns True while the arm reads a constant angle above the table. After
+        must_still_fall: returns True while the roll count is constant above the table. After
             the ramp of a completed plan the motors are at zero, so a live roll encoder must show
             the arm fall. The loop then goes on at zero volts, for `ramp_down.FALL_S` at most.
     """

@@ -135,7 +135,7 @@ def ramp_to_zero(
     Args:
         exchange: sends the commands and returns the samples.
         sample: the last sample; None if the device does not answer, which is then stopped.
-        motor: the profile's; its V_o and v_max decide where the ramp starts (`ramp_start`).
+        motor: the profile's motors; V_o and v_max decide where the ramp starts (`ramp_start`).
         record: records each period.
         at_once: returns why to stop the device without the rest of the ramp, or None.
         known: device flags that ended the flight; they are not reported again.

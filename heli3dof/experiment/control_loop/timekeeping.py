@@ -38,7 +38,7 @@ from heli3dof.rig.link_counters import attribute_of
 from heli3dof.rig.sample_instants import Instants
 
 Skipped = Callable[[], tuple[int, int, int]]
-"""Returns the numbers of samples *lost*, *left out* and *passed over* since the rig was opened"""
+"""Returns the link's counters ``lost``, ``device_skipped`` and ``samples_stale``, in this order"""
 
 
 class VirtualDeadlines:
@@ -123,9 +123,8 @@ class DeviceDeadlines(VirtualDeadlines):
 class CountedDeadlines(DeviceDeadlines):
     """Deadlines for a rig whose link counts skipped samples by cause.
 
-    The causes are: lost on the line, not taken by the device, arrived too late.
-
-    `DeviceDeadlines` estimates these numbers; here the link's counts replace the estimates.
+    The causes are: lost on the line, not taken by the device, arrived too late. `DeviceDeadlines`
+    estimates these numbers; here the link's counts replace the estimates.
     """
 
     def __init__(self, dt: float, skipped: Skipped) -> None:

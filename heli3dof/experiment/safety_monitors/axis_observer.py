@@ -28,7 +28,7 @@ ON_TABLE = radians(3.0)
 PITCH_STOP = radians(25.0)
 """rad: a pitch angle beyond this may be at its mechanical stop (known rigs: ±32°)"""
 TILT = radians(10.0)
-"""rad: pitch angle at which `ExpectedAcceleration.typical` takes that of yaw"""
+"""rad: pitch angle for which `ExpectedAcceleration.typical` gives the acceleration of yaw"""
 BANDWIDTH = (15.0, 22.0, 15.0)
 """Ω in rad/s for roll, pitch, yaw: faster than the loop's own motion (1 to 5 rad/s), slow enough
 that one count of quantisation at 500 Hz moves the rate by less than 10 counts/s"""

@@ -29,7 +29,7 @@ CALM = 4
 """counts: an axis is calm while its count varies by no more than this within `WINDOW_S`"""
 WINDOW_S = 1.0
 PIECES = 10
-"""Parts of the window; each keeps the range of its counts"""
+"""Number of parts of the window; the range of the counts is stored for each part"""
 STANDSTILLS, REVERSALS = 10, 3
 """Least numbers of calm standstills and of reversals that show that an axis wanders"""
 LEAST_S = 2.0

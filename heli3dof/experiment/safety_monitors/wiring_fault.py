@@ -43,13 +43,13 @@ MOVED = 6
 INDEPENDENT_S = 0.02
 """s between independent residuals: ten periods at 500 Hz"""
 BELOW_TABLE = radians(2.0)
-"""rad below the rest angle: the table prevents that, so the roll encoder has a wrong sign"""
+"""rad: roll further below its rest angle, which the table prevents, shows a wrong encoder sign"""
 UNKNOWN = 0.5
 """B as a share of `ExpectedAcceleration.typical`"""
 GAIN = (0.4, 2.5)
 """Range of s: thrust gains of published rigs differ by a factor of two"""
 SURE, DISTINCT = 10.0, 4.0
-"""Log-likelihood ratios: 1 in e¹⁰ = 22,000 against no fault, 1 in e⁴ = 55 among faults"""
+"""Differences of log-likelihood: to no fault (ratio e¹⁰ = 22,000), and between faults (e⁴ = 55)"""
 
 
 class Moment(NamedTuple):

@@ -48,7 +48,7 @@ class Lock:
             raise busy(device, read_holder(path)) from None
 
     def write_holder(self, about: Mapping[str, Any]) -> None:
-        """Write ``about`` to the holder file, in place: another process may be reading it."""
+        """Write ``about`` to the holder file in place, since another process may be reading it."""
         holder_path(self._path).write_text(json.dumps(about), encoding="utf-8")
 
     def release(self) -> None:
@@ -83,7 +83,7 @@ def read_holder(lock: Path) -> dict[str, Any]:
 
 
 def device_lock_path(serial: str, boot: int | None) -> Path:
-    """Return the path of the device's lock file; it is the same through each of its ports."""
+    """Return the path of a device's lock file, which is the same for all ports of the device."""
     readable = re.sub(r"[^A-Za-z0-9]+", "-", serial).strip("-")[:24]
     return runtime_folder() / f"{readable}-{binascii.crc32(f'{serial}/{boot}'.encode()):08x}.rig"
 

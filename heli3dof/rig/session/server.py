@@ -64,7 +64,8 @@ class Session:
         self.stopped: str | None = None
         """How the rig was stopped on request; None: it was not"""
         self.state: Callable[[], Mapping[str, Any]] = dict
-        """Returns the answer to ``state``; called in another thread, so it must not use the rig"""
+        """Returns the answer to the request ``state``. It is called in another thread, so it must
+        not use the rig."""
         self._began_ns = command_began_ns() if began_ns is None else began_ns
         self._names = names_of(device)
         self._deciding = threading.Lock()
