@@ -30,8 +30,8 @@ PITCH_STOP = radians(25.0)
 TILT = radians(10.0)
 """rad: pitch angle for which `ExpectedAcceleration.typical` gives the acceleration of yaw"""
 BANDWIDTH = (15.0, 22.0, 15.0)
-"""Ω in rad/s for roll, pitch, yaw: faster than the loop's own motion (1 to 5 rad/s), slow enough
-that one count of quantisation at 500 Hz moves the rate by less than 10 counts/s"""
+"""Ω in rad/s for roll, pitch, yaw: faster than the loop's own motion (1 to 5 rad/s). At 500 Hz one
+count of quantisation moves the rate by less than 10 counts/s."""
 LONGEST_GAP_S = 0.25
 """s without a sample after which the observers start again"""
 
@@ -57,8 +57,8 @@ class ExpectedAcceleration:
     def typical(self) -> tuple[float, float, float]:
         """Return a typical |α| in rad/s² for roll, pitch and yaw.
 
-        It is the acceleration by two motors at V_h (`hover_V`) for roll, by one motor at V_h for
-        pitch, and by two motors at V_h and the pitch angle `TILT` for yaw.
+        With V_h = `hover_V` it is caused by two motors at V_h for roll, and by one motor at V_h for
+        pitch. For yaw it is caused by two motors at V_h and the pitch angle `TILT`.
         """
         return (
             2 * self.roll_per_V * self.hover_V,

@@ -7,8 +7,8 @@ longer than T is about N exp(−λ T). This probability is below ε if
     T > L (1 + ln(1/ε) / ln N)
 
 Pitch and yaw are judged during the ramp to zero while the arm is in the air, on standstills of two
-seconds and more. Without the controller, an axis with a live encoder drifts away. (`FrozenEncoder`
-judges roll, which must fall then.) An axis that did not wander to and fro before is not reported,
+seconds and more. Without the controller, an axis with a live encoder drifts away. Roll must fall
+then, and `FrozenEncoder` judges it. An axis that did not wander to and fro before is not reported,
 because dry friction may hold it.
 """
 
