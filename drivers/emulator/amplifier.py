@@ -5,9 +5,9 @@
              t_expired = arrival of the last command (or the ARM) + watchdog
     IDLE, STOPPED  v(t) = 0
 
-All voltages are whole microvolts (but V in `Amplifier.mean_V`), all times whole microseconds. ARM
-and DISARM are requests of the host. An ARM must carry the current ticket, a number that changes
-with every ARM, DISARM, stop and expiry of the watchdog.
+All voltages are whole microvolts, except in `Amplifier.mean_V` (V); all times are whole
+microseconds. ARM and DISARM are requests of the host. An ARM must carry the current ticket, a
+number that changes with every ARM, DISARM, stop and expiry of the watchdog.
 """
 
 from __future__ import annotations

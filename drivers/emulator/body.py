@@ -20,7 +20,7 @@ g = 9.81
 
 ROLL_STOP_DEG = 36.0
 PITCH_STOP_DEG = 32.0
-"""°, the upper stop of roll, and the stops of pitch on either side"""
+"""°: `ROLL_STOP_DEG` is the upper stop of roll, ±`PITCH_STOP_DEG` are the stops of pitch"""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Body:
 
     @property
     def J(self) -> tuple[float, float, float]:
-        """Return the level rig's inertias (roll, pitch, yaw) in kg·m², to which ``dJ`` is added."""
+        """Return the level rig's inertias (roll, pitch, yaw) in kg·m², without ``dJ``."""
         return self.J_w + self.I_bb, self.I_aa, self.J_w + self.I_bb + self.I_aa
 
     def vector(self) -> np.ndarray:
@@ -101,7 +101,8 @@ def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
     """Return ``body`` with random thrust per volt, gravity torque and inertias.
 
     K_f, T_g, J_w, I_aa and I_bb are each multiplied by 1 + u, with u uniform within ± ``spread``,
-    drawn from ``rng``. The lengths are unchanged, because they are easily measured.
+    drawn from ``rng``. The product I_ab changes as √(I_aa I_bb). The lengths are unchanged, because
+    they are easily measured.
     """
     k = 1 + spread * rng.uniform(-1, 1, size=5)
     return replace(

@@ -53,7 +53,7 @@ SHORTEST_US = 500
 QUIET_US = 2_000_000
 """µs without a valid frame from the host after which the stream of samples ends"""
 NO_DELAY = 0xFFFF
-"""``delay_us`` of a sample before which no command arrived, or one after 65.5 ms"""
+"""Value of ``delay_us`` if no command arrived before the sample, or only after 65.5 ms"""
 
 
 @dataclass(frozen=True, slots=True)

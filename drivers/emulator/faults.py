@@ -28,7 +28,7 @@ TRIPS = {
     "stall": (Flags.STALL, Cause.STALL),
     "button": (Flags.ESTOP, Cause.BUTTON),
 }
-"""Faults of the amplifier, at which it stops → the flag and cause that its samples then carry"""
+"""Fault at which the amplifier stops → flag and cause in its samples from then on"""
 KINDS = {
     "overcurrent": ("overcurrent@3", "The amplifier stops: zero volts, flag `FAULT`."),
     "overtemperature": ("overtemperature@3", "The same with another cause."),

@@ -16,8 +16,8 @@ The body's angular velocity, in its own axes (e_a, b, n)::
     ω_b = −cos p ṙ + cos r sin p ψ̇
     ω_n =  sin p ṙ + cos r cos p ψ̇
 
-so, with J_w = m_w L_w², I_aa = (m_f + m_b) L_h², I_bb = (m_f + m_b) L_a², I_nn = I_aa + I_bb and
-the product I_ab = −(m_f − m_b) L_a L_h, all in kg·m², the kinetic energy is::
+The inertias, in kg·m², are J_w = m_w L_w², I_aa = (m_f + m_b) L_h², I_bb = (m_f + m_b) L_a²,
+I_nn = I_aa + I_bb and the product of inertia I_ab = −(m_f − m_b) L_a L_h. The kinetic energy T is::
 
     2 T = J_w (ṙ² + cos² r ψ̇²) + I_aa ω_a² + I_bb ω_b² + I_nn ω_n² + 2 I_ab ω_a ω_b
           + ΔJ_r ṙ² + ΔJ_p ṗ² + ΔJ_ψ ψ̇²  =  q̇ᵀ M(q) q̇

@@ -43,8 +43,8 @@ BLOCK = 512
 class TorqueNoise:
     """Draws random torques (3,) in N·m for each control period of ``dt`` s.
 
-    ``scale`` multiplies the standard deviations `SIGMA_NM`. Another correlation time
-    ``correlation_s`` (s) keeps the spectral density at low frequencies: σ² τ_c stays the same.
+    ``scale`` multiplies the standard deviations σ (`SIGMA_NM`). Another correlation time τ_c,
+    ``correlation_s`` (s), keeps the spectral density at low frequencies: σ² τ_c stays the same.
     """
 
     def __init__(

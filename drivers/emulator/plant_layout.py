@@ -24,7 +24,7 @@ V_START = 12
 """V on both motors before the start"""
 CONTEXT_SIZE = 16
 
-# The body's numbers; see `body.Body` for units and meaning.
+# The body's parameters; see `body.Body` for units and meaning.
 L_A, L_H, K_F, T_G, J_W, I_AA, I_BB, I_NN, I_AB, G_P = range(10)
 DJ_R, DJ_P, DJ_PSI, TAU_M, GAIN_FRONT, GAIN_BACK, V_REF = range(10, 17)
 REST = 17
@@ -48,14 +48,16 @@ class Stage(enum.IntEnum):
     """
 
     BODY = 0
-    """once a substep; `out` is the body's numbers, to be changed in place"""
+    """once a substep; `out` is the body's parameters (`BODY_SIZE`,), to be changed in place"""
     VOLTAGE = 1
     """once a substep; `out` is the two motor voltages in V, to be changed in place"""
     THRUST = 2
     """at each of the four Runge–Kutta stages; `out` is the two thrusts in N, changed in place"""
     TORQUE = 3
-    """at each of these stages too; `out` is the generalised torques in N·m, to be added to"""
+    """at each of the four Runge–Kutta stages; `out` is the torques of roll, pitch, yaw in N·m, to
+    which the effect adds its own"""
     DRY_FRICTION = 4
-    """once a substep; `out` is the largest dry-friction torque per axis in N·m, to be added to"""
+    """once a substep; `out` is the largest dry-friction torque of each axis in N·m, to which the
+    effect adds its own"""
     MEASURE = 5
     """once a sample; `out` is the three angles in rad that the encoders see, changed in place"""

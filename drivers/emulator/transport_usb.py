@@ -1,7 +1,8 @@
 """An emulated USB bus: a backend for pyusb, without libusb and without hardware.
 
-`KINDS` lists the faults of the bus: ``bus=KIND@SECONDS[:FOR_SECONDS]``, repeated as needed. Two
-open handles of one rig act as two processes: only one can claim the USB interface.
+The URL option ``bus=KIND@SECONDS[:FOR_SECONDS]`` adds a fault of the bus; `KINDS` lists the kinds.
+The option may be repeated. Two open handles of one rig act as two processes: only one can claim the
+USB interface.
 """
 
 from __future__ import annotations

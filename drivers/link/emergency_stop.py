@@ -16,7 +16,7 @@ STOP_EVERY_S = 20e-3
 """s between two ESTOP frames"""
 STOP_TRIES = 25
 SHARED_TRIES = 10
-"""ESTOP frames if another program has the port open: each byte read here is missing there"""
+"""Number of ESTOP frames if another program has the port open, which misses each byte read here"""
 
 
 def ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:

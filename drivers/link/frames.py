@@ -83,7 +83,7 @@ class Hello:
     number: int
     oldest: int = VERSION
     newest: int = VERSION
-    """Protocol versions that the host supports"""
+    """``oldest``, ``newest``: the protocol versions that the host supports"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +169,7 @@ class IdentityFrame:
     counts_roll: int
     counts_pitch: int
     counts_yaw: int
-    """Per revolution, negative where the count falls as the angle rises"""
+    """``counts_…``: counts per revolution; negative if the count falls as the angle rises"""
     v_max_uV: int
     watchdog_us: int
     ramp_us: int
@@ -178,7 +178,7 @@ class IdentityFrame:
     model: bytes
     serial: bytes
     firmware: bytes
-    """ASCII, padded with zeros"""
+    """``model``, ``serial``, ``firmware``: ASCII, padded with zero bytes"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,10 +210,10 @@ class SampleFrame:
     roll: int
     pitch: int
     yaw: int
-    """Counts since the device started"""
+    """``roll``, ``pitch``, ``yaw``: encoder counts since the device started"""
     front_uV: int
     back_uV: int
-    """The amplifier's output at this time"""
+    """``front_uV``, ``back_uV``: the amplifier's output at ``time_us``, in µV"""
     front_mA: int
     back_mA: int
     delay_us: int
@@ -238,7 +238,7 @@ class Report:
     expiries: int
     """How often the watchdog expired"""
     late_us: int
-    """The longest time by which a streamed sample was taken after it was due"""
+    """µs, the longest delay of a streamed sample after its due time"""
     encoder_errors: int
     """Invalid transitions of the encoder lines A and B"""
     uptime_ms: int

@@ -60,7 +60,10 @@ def identify(client: RequestClient) -> IdentityFrame:
 
 
 def foreign_version(received: bytes) -> int | None:
-    """Return the first unsupported protocol version that received frames state, or None."""
+    """Return the first protocol version other than ours that a valid frame in ``received`` states.
+
+    Returns None if there is no such frame.
+    """
     for piece in received.split(b"\0"):
         try:
             data = decode(piece)

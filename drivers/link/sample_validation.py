@@ -1,5 +1,4 @@
-"""Accepts the samples of the current arming that are newer than the last one and echo a command
-that was sent.
+"""Accepts the samples of the current arming that are new and echo a command that was sent.
 
 Let n be a sample's number and e its echo, the number of the last command applied; n_last and e_last
 those of the last accepted sample (e_last is at first the ARM's number); and c the number of the
@@ -77,7 +76,7 @@ class SampleValidator:
         return number
 
     def accept(self, frame: SampleFrame, host_time_s: float) -> Sample | None:
-        """Return the sample in ``frame``, or None if the conditions of the module reject it.
+        """Return the sample in ``frame``; None if it is not new or echoes no command that was sent.
 
         ``host_time_s``: time of arrival in s.
         """

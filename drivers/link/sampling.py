@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 SILENCE_S = 0.5
 """s without a sample after which the rig counts as gone; its watchdog expires earlier"""
 SHORTEST_RETRY_S, LONGEST_RETRY_S = 5e-3, 0.1
-"""s, limits of the time until a POLL is repeated while armed; otherwise it is the longest"""
+"""s: limits of the time until a POLL is repeated while the rig is armed. If it is not armed, the
+time is `LONGEST_RETRY_S`"""
 
 
 class Sampling:

@@ -80,7 +80,7 @@ class Flight:
 
 
 def prepare(plan: Plan, profile: Profile, seed: int) -> Signals:
-    """Check the plan and the controller's gain; return the rendered plan.
+    """Check the plan and the controller's gain; return the plan's signals.
 
     ``seed``: seed of the plan's random signals. Raises PlanError, or UnstableLoop if the gain does
     not stabilise the profile's hover model.

@@ -67,7 +67,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True)
 class RestCounts:
-    """The encoder counts at the rest angles that a session uses, and where they come from."""
+    """The encoder counts that a session takes as those at the rest angles, and their origin."""
 
     counts_at_rest: Counts
     known_from: str

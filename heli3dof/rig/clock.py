@@ -9,7 +9,7 @@ SPIN_S = 200e-6
 
 
 def wait_until(due_s: float) -> float:
-    """Wait until the time ``due_s`` (s, `time.monotonic`); return the time at the end."""
+    """Wait until the time ``due_s`` (s, `time.monotonic`); return the time after the wait, in s."""
     now = time.monotonic()
     while (left := due_s - now) > 0:
         if left > SPIN_S:

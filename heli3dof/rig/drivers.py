@@ -62,8 +62,8 @@ def check_url(url: str | DeviceUrl) -> DeviceUrl:
 def open_driver(url: str | DeviceUrl, profile: Profile) -> Rig:
     """Open the rig of a device URL without locking the rig.
 
-    ``heli3dof estop`` cannot request a stop from this process, so applications use
-    `heli3dof.open_rig`.
+    ``heli3dof estop`` cannot request a stop from a process that uses this function. Applications
+    therefore use `heli3dof.open_rig`.
     """
     parsed = check_url(url)
     return load_driver(parsed.scheme).open(parsed, profile)
@@ -107,7 +107,7 @@ def find_rigs() -> Iterator[tuple[str, list[str], str | None]]:
 
 
 MOCK = "mock:"
-"""The emulated rig"""
+"""URL of the emulated rig"""
 
 
 def default_device() -> str:

@@ -70,7 +70,7 @@ class Identity:
     on its own; or each command, because time is simulated and nothing can be late"""
     emulated: bool
     """True if no real motor can move. The conformance cases that move motors then run without
-    ``--moves``, and rest angles are not stored."""
+    ``--moves``."""
     boot: int | None = None
     """Number that changes at every start of the device, when its counts begin at zero; None:
     unknown. A board without a random source or flash may repeat a number; ``started_s`` then
@@ -111,7 +111,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """The result of one check of ``heli3dof doctor``: what was found, and how to correct it."""
+    """The result of one check of ``heli3dof doctor``, and how to correct a problem."""
 
     what: str
     """What was examined"""
@@ -191,13 +191,13 @@ class ReportsDeviceCause(Protocol):
 class ArmsWithPermission(Protocol):
     """Optional interface of a rig whose `Rig.arm` makes several attempts.
 
-    The session sets ``check_permission``, which raises an error if an emergency stop forbids to
-    arm. `Rig.arm` must call it in every attempt. An emergency stop after the call must make the
-    device refuse the attempt.
+    The session sets ``check_permission``, which raises an error if an emergency stop forbids
+    arming. `Rig.arm` must call it in every attempt. After an emergency stop that comes later than
+    the call, the device must refuse this attempt.
     """
 
     check_permission: Callable[[], None]
-    """Raises SafetyTrip if an emergency stop was requested, which forbids to arm"""
+    """Raises SafetyTrip if an emergency stop was requested, which forbids arming"""
 
 
 class Driver(Protocol):
@@ -237,7 +237,8 @@ class Driver(Protocol):
 class PrivateToProcess(Protocol):
     """Optional interface of a driver of emulated rigs, which exist in the opening process only.
 
-    Such a rig is not locked, not listed as present, and has no stored rest angles.
+    Other processes cannot reach such a rig, so its device gets no lock. The rig is not listed as
+    present, and its rest angles are not stored.
     """
 
     private_to_process: bool
@@ -256,8 +257,8 @@ class RecognisesRigs(Protocol):
 class NamesPlaces(Protocol):
     """Optional interface of a driver whose `Driver.find` does not list every rig.
 
-    ``heli3dof estop`` then also stops rigs that were opened before and are still connected, which
-    it recognises by name (`heli3dof.rig.session.known_devices`).
+    ``heli3dof estop`` then also stops the rigs that were opened before and are still connected. It
+    recognises them by `persistent_name` (`heli3dof.rig.session.known_devices`).
     """
 
     def persistent_name(self, url: DeviceUrl) -> str:

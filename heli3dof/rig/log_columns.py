@@ -23,7 +23,8 @@ from heli3dof.toml_file import Section
 REQUIRED = ("t_s", "v_front_V", "v_back_V")
 VOLTAGES = {"voltage": "v_{}_V", "voltage_cmd": "v_{}_cmd_V", "voltage_extra": "v_{}_extra_V"}
 ANGLES = {"angle": "{}", "reference": "{}_ref"}
-"""Array of a `Recording` → pattern of its columns' names; an angle's unit is to be added"""
+"""`VOLTAGES`, `ANGLES`: array of a `Recording` → pattern of its columns' names. The name of an
+angle continues with ``_`` and a unit of `ANGLE_UNITS`."""
 ANGLE_UNITS = {"deg": np.pi / 180, "rad": 1.0}
 """Ending of an angle's name → rad per unit"""
 ORDERED = (
@@ -36,7 +37,10 @@ KNOWN = frozenset(ORDERED)
 
 
 class LogColumns(Section):
-    """The table ``[log]``: contract column → expression in the columns of another program's log."""
+    """The profile's table ``[log]``, which describes how to read another program's log.
+
+    It maps contract columns (`KNOWN`) to expressions in the columns of that log.
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True)
     __pydantic_extra__: dict[str, str]
@@ -57,5 +61,5 @@ class LogColumns(Section):
 
     @property
     def expressions(self) -> Mapping[str, str]:
-        """Return contract column → expression, in the order of the profile's file."""
+        """Return the mapping from contract column to expression, in the order of the profile."""
         return dict(self.__pydantic_extra__)

@@ -14,8 +14,8 @@ volt (N/V); V_o: hover voltage (V); m_w, m_f, m_b: masses of counterweight, fron
 (kg).
 
 Table I swaps the rows 14 and 15, L_w and L_a (erratum E1). V_o is calibrated; its sign cannot be
-derived from Table I's masses (E2). Of three point masses J_yaw is always the sum of the other two
-inertias. So measured inertias have their own section ``[inertia]``.
+derived from Table I's masses (E2). With three point masses, J_yaw is always J_roll + J_pitch.
+Measured inertias need not satisfy this, so they have their own section ``[inertia]``.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ K_G: tuple[tuple[float, ...], ...] = (
     (37.6, 13.2, -11.5, 20.9, 4.7, -16.1, 10.0, -1.0),
     (37.6, -13.2, 11.5, 20.9, -4.7, 16.1, 10.0, 1.0),
 )
-"""Gain of eq (14) as printed (E7): rows front, back; V/rad (×3), V·s/rad (×3), V/(rad·s) (×2)."""
+"""Controller gain (2, 8) of the paper's eq (14), as printed (erratum E7). Rows: front, back motor.
+Units of the columns: V/rad (the first 3), V·s/rad (the next 3), V/(rad·s) (the last 2)."""
 
 g = 9.81
 """m/s², the value with which Table I gives V_o = 7.456 V."""
@@ -96,7 +97,7 @@ class Mass(Section):
 
 
 class Motor(Section):
-    """Thrust per volt (N/V), voltage of each motor at level hover (V), amplifier limit (V)."""
+    """The motors: thrust per volt (N/V), voltage of each at level hover (V), voltage limit (V)."""
 
     K_f: Annotated[
         Positive,
@@ -174,10 +175,11 @@ def _encoder(axis: str, positive: str, typical: str) -> Key:
 
 
 class Encoder(Section):
-    """Counts per revolution (4 per line); negative if the count falls as the angle rises.
+    """The encoders: counts per revolution of roll, pitch and yaw, and the angles at rest.
 
-    Counts are zero at power-up, with the rig at its rest angles. The paper's rig rests with its
-    body on the table, at −27.5° in roll.
+    An encoder gives 4 counts per line. The number is negative if the count falls as the angle
+    rises. Counts are zero at power-up, with the rig at its rest angles. The paper's rig rests with
+    its body on the table, at −27.5° in roll.
     """
 
     roll: Annotated[Counts, _encoder("roll", "body up", "4096")]
@@ -231,10 +233,11 @@ class Limits(Section):
     """Limits that end a flight (safety envelope); the defaults suit the paper's rig.
 
     Angles are absolute encoder readings. ``roll_min_deg`` is below the rest angle on the table
-    (−27.5°), so that a start from rest is within the limits. After a trip or an interrupt the
-    motors are ramped to zero over ``ramp_down_s``, at a plan's end over ``landing_s``. Far from the
-    hover voltage they go to zero at once (`heli3dof.experiment.control_loop.ramp_down`).
-    `heli3dof.experiment.safety_monitors` explains the last four keys, those of the safety monitors.
+    (−27.5°), so that a start from rest is within the limits. The motors are ramped to zero over
+    ``ramp_down_s`` after a trip or an interrupt, and over ``landing_s`` at a plan's end. If their
+    voltages are far from the hover voltage, the motors go to zero at once
+    (`heli3dof.experiment.control_loop.ramp_down`). The last four keys are the limits of
+    `heli3dof.experiment.safety_monitors`.
     """
 
     roll_min_deg: Annotated[
@@ -369,8 +372,8 @@ class Profile(Section):
     def inertias(self) -> tuple[float, float, float]:
         """Return J_roll, J_pitch, J_yaw in kg·m² at level attitude.
 
-        They come from the profile's section ``[inertia]``. The point masses give the values missing
-        there.
+        They come from the profile's section ``[inertia]``. Values that are missing there are
+        computed from the masses (`mass_inertias`).
         """
         roll, pitch, yaw = self.mass_inertias
         if self.inertia is None:

@@ -41,7 +41,7 @@ class Change:
 
 
 def settings(words: Iterable[str]) -> dict[str, Any]:
-    """Parse words such as ``geometry.L_a=0.66`` (value: TOML or a plain word) to nested dicts.
+    """Parse words such as ``geometry.L_a=0.66`` (value: TOML or plain text) into nested dicts.
 
     >>> settings(["geometry.L_a=0.66", "encoder.yaw=-8192", "name=lab 2"])
     {'geometry': {'L_a': 0.66}, 'encoder': {'yaw': -8192}, 'name': 'lab 2'}
@@ -92,7 +92,11 @@ def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]
 
 
 def new_text(data: Mapping[str, Any], remarks: Mapping[str, str] | None = None) -> str:
-    """Return a commented profile file; ``data``: its values, ``remarks``: additional comments."""
+    """Return the text of a commented profile file.
+
+    ``data``: the profile's values as nested dicts. ``remarks``: dotted key, e.g. ``geometry.L_a`` →
+    additional comment.
+    """
     remarks = remarks or {}
     lines = [f"# {line}" for line in TITLE]
     plain = {n: f for n, f in Profile.model_fields.items() if section_of(f) is None}

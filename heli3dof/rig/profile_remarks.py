@@ -27,13 +27,14 @@ FAR = 2.0
 MOST_OF_THE_AMPLIFIER = 0.6
 """|V_o| as a share of v_max above which too little is left for control"""
 INERTIA_RATIO = 1.5
-"""largest ratio of a measured inertia to that of the masses, either way"""
+"""Largest ratio of a measured inertia to that of the masses, or of the latter to the former"""
 
 
 def mass_hover_voltage(profile: Profile) -> float:
-    """Return the hover voltage V_m per motor that the masses give, in V, signed.
+    """Return the hover voltage V_m per motor in V that the masses give.
 
-    The paper's eq (6) has the opposite sign (erratum E2).
+    V_m is negative if the counterweight's torque exceeds that of the body. The paper's eq (6) has
+    the opposite sign (erratum E2).
     """
     return -profile.gravity_torque / (2 * profile.geometry.L_a * profile.motor.K_f)
 
@@ -41,7 +42,8 @@ def mass_hover_voltage(profile: Profile) -> float:
 def estimated_hover_voltage(profile: Profile) -> float:
     """Return a first value of the hover voltage per motor (V), until it is measured.
 
-    It is |V_m| with the sign of −(rest angle in roll). V_m: `mass_hover_voltage`.
+    It is |V_m| with the sign of −(rest angle in roll), or V_m if that angle is 0. V_m:
+    `mass_hover_voltage`.
     """
     size = mass_hover_voltage(profile)
     rest = profile.encoder.roll_rest_deg

@@ -2,9 +2,9 @@
 
 The file is JSON. Its two sealed parts have the same length in every exercise:
 
-- ``rig``: what the emulator simulates; XSalsa20-Poly1305 under `FLYING_KEY`, a part of heli3dof.
-  It keeps the effects from view, but not from a determined programmer.
-- ``truth``: the effects and their sizes; a sealed box (X25519), which only the teacher's private
+- ``rig``: what the emulator simulates, encrypted (XSalsa20-Poly1305) with `FLYING_KEY`. That hides
+  the effects from view, but a determined programmer finds the key in heli3dof's code.
+- ``truth``: the effects and their sizes, in a sealed box (X25519) that only the teacher's private
   key opens.
 
 ``signature`` is the teacher's Ed25519 signature of all other keys.
@@ -26,7 +26,7 @@ from heli3dof.errors import RecordingError, UsageError, no_file
 
 FLYING_KEY = blake2b(b"heli3dof.exercise/1, the emulated rig", digest_size=32).digest()
 SEALED_SIZE = 1024
-"""Bytes of a sealed part before encryption, so that its length does not depend on the effects"""
+"""Bytes of a sealed part before encryption, whatever it contains: its length shows no effect"""
 LARGEST_FILE = 1_000_000
 """Largest exercise, key or answer file that is read, in bytes; heli3dof's have a few thousand"""
 PREFIX = "ex-"
@@ -152,7 +152,7 @@ def read_small(path: Path) -> bytes:
 
 
 def padded(part: Mapping[str, Any]) -> bytes:
-    """Return a file's part as JSON before encryption, with spaces up to `SEALED_SIZE` bytes."""
+    """Return ``part`` as JSON to be encrypted, padded with spaces to `SEALED_SIZE` bytes."""
     text = json.dumps(part).encode()
     assert len(text) <= SEALED_SIZE
     return text.ljust(SEALED_SIZE)

@@ -9,7 +9,7 @@ CLOCK_TOLERANCE = 5e-3
 
 
 def wrapped_difference_s(a_s: float, b_s: float) -> float:
-    """Return the difference a − b of two uptimes, in s modulo W, within [−W/2, W/2).
+    """Return the difference a_s − b_s of two uptimes, in s modulo W, within [−W/2, W/2).
 
     >>> wrapped_difference_s(1.0, UPTIME_WRAP_S - 1.0)
     2.0

@@ -39,7 +39,9 @@ class DeviceUrl:
 
 
 def parse_url(text: str) -> DeviceUrl:
-    """Return a parsed device URL. Raises UsageError without scheme, or with options before ``?``.
+    """Return the parsed device URL.
+
+    Raises UsageError if the scheme is missing, or if options have no ``?`` before them.
 
     >>> parse_url("mock:?seed=1").one("seed")
     '1'

@@ -24,7 +24,8 @@ from .base import Effect, Parameter
 
 LONGEST_DELAY_S = 0.1
 SLOTS = 500
-"""Substeps whose voltages the delay stores: 0.1 s up to 1245 Hz; above, it limits the delay"""
+"""Number of substeps whose voltages the delay stores: enough for 0.1 s at control rates up to
+1245 Hz; at higher rates the longest delay is shorter"""
 
 
 @kernel

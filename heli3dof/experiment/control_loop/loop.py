@@ -38,8 +38,8 @@ from heli3dof.rig.trip import Trip
 REMEMBERED_S = 4.0
 """s of motion before a trip that the search for a wiring fault uses"""
 BRIDGED = 500
-"""The controller steps through at most this many skipped periods, the last ones: many times the
-memory of its filters. At 500 Hz they take 1 s, in which every device's watchdog expires."""
+"""Largest number of skipped periods, the last ones, that the controller steps through: many times
+the memory of its filters. At 500 Hz they last 1 s, in which every device's watchdog expires."""
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
@@ -59,7 +59,7 @@ class Live:
     lateness: float = 0.0
     """s from the deadline to the arrival of the last sample"""
     worst_lateness: float = 0.0
-    """s, of all periods so far"""
+    """s, the largest lateness so far"""
     phase: str = "arming"
 
 
@@ -91,7 +91,7 @@ def fly(
     The profile must have a controller and the control rate for which ``signals`` was rendered.
 
     Args:
-        signals: the rendered plan.
+        signals: the rendered plan: references and added voltages of each control period.
         sink: receives a row for every control period.
         stop: returns why to end the flight, or None. Called in every period of the plan, and of
             the ramp to zero if the plan was completed.
@@ -99,7 +99,7 @@ def fly(
             Called in every period of the ramp.
         live: receives the progress.
         monitors: each judges, before the envelope does, every period in which ``stop`` is called.
-        must_still_fall: returns True while the arm reads a constant angle above the table. After
+        must_still_fall: returns True while the roll count is constant above the table. After
             the ramp of a completed plan the motors are at zero, so a live roll encoder must show
             the arm fall. The loop then goes on at zero volts, for `ramp_down.FALL_S` at most.
     """
@@ -195,7 +195,7 @@ class _Flight:
         return _after_ramp(end, ramp), ramp
 
     def outcome(self, end: _End, ramp: RampDown, granted: Realtime | None) -> Outcome:
-        """Return the flight's outcome; a safety trip names the wiring fault that explains the trip.
+        """Return the flight's outcome; if a wiring fault explains a safety trip, the trip names it.
 
         ``end``, ``ramp``: how the plan and the ramp ended. ``granted``: the real-time settings
         that the system granted; None on a virtual clock.
@@ -255,8 +255,8 @@ class _Flight:
     def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:
         """Run the controller for period ``k``; return the reference (rad) and three voltages (V).
 
-        The three voltages (front, back) are, in this order: the plan's addition, the controller's
-        output before the limiter, and after it. ``angle``: measured angles in rad.
+        The voltages, each (front, back), are in this order: the voltage that the plan adds, the
+        controller's output before the limiter, and after it. ``angle``: measured angles in rad.
         """
         # Plain floats from here on, made row by row: an hour of them would fill the memory.
         reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())

@@ -67,7 +67,7 @@ class Outcome:
     device_skipped: int = 0
     """Periods skipped because the device was held up and made no sample"""
     latency: EchoLatency | None = None
-    """Command-to-echo latency; None if nothing was flown"""
+    """Command-to-echo latency; None if no command was sent to an enabled device"""
     device_cause: str | None = None
     """The cause that the device states for holding its output at zero, or None"""
     ramped: bool = False

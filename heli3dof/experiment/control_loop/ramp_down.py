@@ -3,7 +3,7 @@
     V[i] = V_start · (1 − i/n),  i = 1 … n,  n = ramp time / dt
 
     V_start = V_last   where |V_last,front − V_o| ≤ ½ V_h and |V_last,back − V_o| ≤ ½ V_h
-    V_start = 0        elsewhere,                             V_h = max(|V_o|, v_max/8)
+    V_start = 0        otherwise,                             V_h = max(|V_o|, v_max/8)
 
 V_last: last voltages sent; V_o: hover voltage of each motor; v_max: the amplifier's limit. From
 voltages near the hover voltage, a ramp sets the arm down. From other voltages, a ramp would throw
@@ -34,8 +34,8 @@ from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import Motor
 
 HOVER_BAND = 0.5
-"""Largest difference between a last voltage and V_o from which a ramp starts, as a share of V_h.
-A rig whose gain and trim torque each differ by 20 % from the profile hovers at 0.67 to 1.5 V_o. An
+"""Largest difference between a last voltage and V_o at which a ramp starts, as a share of V_h. A
+rig whose gain and trim torque each differ by 20 % from the profile hovers at 0.67 to 1.5 V_o. An
 arm at rest, ramped from κ times its hover voltage, climbs by (2/3) (κ − 1)³/κ² · T_g/J_roll · ramp
 time²: 0.7° at κ = 1.5, T_g/J_roll = 73°/s² and a ramp of 0.5 s"""
 FALL_S = 2.0
@@ -135,7 +135,7 @@ def ramp_to_zero(
     Args:
         exchange: sends the commands and returns the samples.
         sample: the last sample; None if the device does not answer, which is then stopped.
-        motor: the profile's; its V_o and v_max decide where the ramp starts (`ramp_start`).
+        motor: the profile's motors; V_o and v_max decide where the ramp starts (`ramp_start`).
         record: records each period.
         at_once: returns why to stop the device without the rest of the ramp, or None.
         known: device flags that ended the flight; they are not reported again.

@@ -26,7 +26,7 @@ SIGNALS = {
     "SIGBREAK": ("stopped with Ctrl-Break", "a second signal (Ctrl-Break)"),
     "SIGHUP": ("stopped because the terminal was closed (SIGHUP)", "a second signal (SIGHUP)"),
 }
-"""Signal → what messages call it as the first signal, and as the second"""
+"""Signal → texts for messages: if it is the first signal received, and if it is the second"""
 
 
 class StopSignals:

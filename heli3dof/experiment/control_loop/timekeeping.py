@@ -18,8 +18,8 @@ A link that numbers its samples counts three kinds of skipped period in ``rig.st
 * *passed over* (``samples_stale``): the sample came too late to be used; the host *missed* it
 
 Over any other link, the jump of the device's time gives the number of skipped periods. If the link
-counts lost samples, that many of these periods count as lost. Otherwise the periods count as lost
-that were due after the host began to wait. The other skipped periods count as missed.
+counts lost samples, that many of these periods count as lost. Otherwise a period counts as lost if
+it was due after the host began to wait. The other skipped periods count as missed.
 
 The plan's index k advances by skipped periods, too, so the references follow real time. Lateness
 counts from the first deadline that the host did not meet. With the host and the device timebase, a
@@ -38,13 +38,13 @@ from heli3dof.rig.link_counters import attribute_of
 from heli3dof.rig.sample_instants import Instants
 
 Skipped = Callable[[], tuple[int, int, int]]
-"""Returns the numbers of samples *lost*, *left out* and *passed over* since the rig was opened"""
+"""Returns the link's counters ``lost``, ``device_skipped`` and ``samples_stale``, in this order"""
 
 
 class VirtualDeadlines:
     """Deadlines on a virtual clock, which advances with the samples: every sample is on time.
 
-    Base class of the other classes of deadlines.
+    Base class for the deadlines on the host's and the device's clock.
     """
 
     def __init__(self, dt: float) -> None:
@@ -123,9 +123,8 @@ class DeviceDeadlines(VirtualDeadlines):
 class CountedDeadlines(DeviceDeadlines):
     """Deadlines for a rig whose link counts skipped samples by cause.
 
-    The causes are: lost on the line, not taken by the device, arrived too late.
-
-    `DeviceDeadlines` estimates these numbers; here the link's counts replace the estimates.
+    The causes are: lost on the line, not taken by the device, arrived too late. `DeviceDeadlines`
+    estimates these numbers; here the link's counts replace the estimates.
     """
 
     def __init__(self, dt: float, skipped: Skipped) -> None:

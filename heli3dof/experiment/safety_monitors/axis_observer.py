@@ -28,10 +28,10 @@ ON_TABLE = radians(3.0)
 PITCH_STOP = radians(25.0)
 """rad: a pitch angle beyond this may be at its mechanical stop (known rigs: ±32°)"""
 TILT = radians(10.0)
-"""rad: pitch angle at which `ExpectedAcceleration.typical` takes that of yaw"""
+"""rad: pitch angle for which `ExpectedAcceleration.typical` gives the acceleration of yaw"""
 BANDWIDTH = (15.0, 22.0, 15.0)
-"""Ω in rad/s for roll, pitch, yaw: faster than the loop's own motion (1 to 5 rad/s), slow enough
-that one count of quantisation at 500 Hz moves the rate by less than 10 counts/s"""
+"""Ω in rad/s for roll, pitch, yaw: faster than the loop's own motion (1 to 5 rad/s). At 500 Hz one
+count of quantisation moves the rate by less than 10 counts/s."""
 LONGEST_GAP_S = 0.25
 """s without a sample after which the observers start again"""
 
@@ -51,14 +51,14 @@ class ExpectedAcceleration:
         self.gravity = 2 * self.roll_per_V * motor.V_o
         """T_g / J_roll in rad/s²"""
         self.hover_V = motor.hover_V
-        """V_h per motor: |V_o|, at least an eighth of the amplifier's limit"""
+        """V_h in V, per motor: |V_o|, but at least an eighth of the amplifier's limit"""
 
     @property
     def typical(self) -> tuple[float, float, float]:
         """Return a typical |α| in rad/s² for roll, pitch and yaw.
 
-        It is the acceleration by two motors at V_h (`hover_V`) for roll, by one motor at V_h for
-        pitch, and by two motors at V_h and the pitch angle `TILT` for yaw.
+        With V_h = `hover_V` it is caused by two motors at V_h for roll, and by one motor at V_h for
+        pitch. For yaw it is caused by two motors at V_h and the pitch angle `TILT`.
         """
         return (
             2 * self.roll_per_V * self.hover_V,
@@ -79,9 +79,10 @@ class ExpectedAcceleration:
 
 
 class AxisObserver:
-    """Estimates the motion of one axis by the α-β-γ filter of the module.
+    """Estimates the motion of one axis by the α-β-γ filter of the module's docstring.
 
-    `angle`: θ (rad); `rate`: ω (rad/s); `unmodelled`: acceleration b (rad/s²).
+    Estimates: ``angle`` θ (rad), ``rate`` ω (rad/s) and ``unmodelled`` acceleration b (rad/s²).
+    ``bandwidth``: Ω in rad/s.
     """
 
     __slots__ = ("_bandwidth", "_gains", "_h", "angle", "rate", "unmodelled")

@@ -64,11 +64,12 @@ MISMATCH = 0.25
 CLEARANCE = radians(1.2)
 """rad, the smallest C: couplings have up to 1° of backlash"""
 SMALLEST = 3
-"""F is at most the third-smallest change of α that turned the axis back"""
+"""Rank, counted from the smallest, of the change of α that bounds F (see the module's docstring)"""
 MOVING = 25
 """counts/s: three standard deviations of the observer's rate on an axis at rest"""
 RATE_ERROR = (7, 13, 7)
-"""counts/s, two standard deviations of the rate at the last change of a count"""
+"""counts/s (roll, pitch, yaw): two standard deviations of the observer's rate at the last change
+of a count"""
 KNOWN_S = 0.5
 """s of motion in each direction after which F₀ is known"""
 BIAS_S = 2.0
@@ -80,7 +81,7 @@ LIVE_S = 0.3
 BLOCK_S = 0.05
 """s over which α is averaged before its range between two turns is taken"""
 MOST_FRICTION = (0.35, 1.0, 1.0)
-"""Largest friction of known rigs, as a share of `ExpectedAcceleration.typical`"""
+"""Largest friction of known rigs (roll, pitch, yaw) over `ExpectedAcceleration.typical`"""
 
 
 def frozen_trip(axis: int, what: str, *, by_motion: bool = False) -> Trip:
@@ -179,7 +180,8 @@ class _Axis:
         self._by_direction = self._by_turns = most
         self._friction = most
         self._peak = self._peak_now = 0.0
-        """rad/s²: largest deviation from b; ``_now``: since the last change of the count"""
+        """rad/s²: largest deviation of the unmodelled acceleration from b until the last change of
+        the count (`_peak`), and since then (`_peak_now`)"""
         self._direction = [0.0, 0.0]
         """∫ (unmodelled acceleration) dt in rad/s while moving down, and up"""
         self._direction_s = [0.0, 0.0]

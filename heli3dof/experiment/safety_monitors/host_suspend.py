@@ -17,7 +17,7 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 SHORTEST_S = 0.1
-"""s; no computer sleeps for less, and the two clocks are read one after the other"""
+"""s: a shorter time is ignored. No computer sleeps for less, and the clocks are read in turn"""
 
 
 def ahead_s() -> float:

@@ -7,8 +7,8 @@ longer than T is about N exp(−λ T). This probability is below ε if
     T > L (1 + ln(1/ε) / ln N)
 
 Pitch and yaw are judged during the ramp to zero while the arm is in the air, on standstills of two
-seconds and more. Without the controller, an axis with a live encoder drifts away. (`FrozenEncoder`
-judges roll, which must fall then.) An axis that did not wander to and fro before is not reported,
+seconds and more. Without the controller, an axis with a live encoder drifts away. Roll must fall
+then, and `FrozenEncoder` judges it. An axis that did not wander to and fro before is not reported,
 because dry friction may hold it.
 """
 
@@ -29,7 +29,7 @@ CALM = 4
 """counts: an axis is calm while its count varies by no more than this within `WINDOW_S`"""
 WINDOW_S = 1.0
 PIECES = 10
-"""Parts of the window; each keeps the range of its counts"""
+"""Number of parts of the window; the range of the counts is stored for each part"""
 STANDSTILLS, REVERSALS = 10, 3
 """Least numbers of calm standstills and of reversals that show that an axis wanders"""
 LEAST_S = 2.0

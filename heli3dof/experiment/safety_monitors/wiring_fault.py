@@ -8,11 +8,12 @@ control was lost, the measured angle is fitted by
     θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
 
 θ₀, ω₀: initial angle and rate; s: scale factor of the model; b ~ N(0, B²): an unmodelled
-acceleration (friction, a wrong hover voltage). v is the mean squared residual, n the number of
-independent residuals. The hypothesis's score is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²)
-over the axes that moved. A fault is reported only if its score exceeds that of a rig without fault
-by `SURE`, and every other fault's score by `DISTINCT`. If no fault does, the test is repeated on
-the longer windows of `WINDOWS_S`, up to 1.6 s.
+acceleration (friction, a wrong hover voltage). v is the mean squared residual plus q²/12, the
+variance of quantisation (q: rad per count); n is the number of independent residuals. A
+hypothesis's score is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) over the axes that moved. A
+fault is reported only if its score exceeds that of a rig without fault by `SURE`, and every other
+fault's score by `DISTINCT`. If no fault satisfies this, the test is repeated on the longer windows
+of `WINDOWS_S`, up to 1.6 s.
 """
 
 from __future__ import annotations
@@ -36,19 +37,19 @@ WINDOWS_S = (0.4, 0.8, 1.6)
 """s: lengths of the windows, which end where control was lost. The shortest shows a fault that came
 late, the longest the slow motion of a yaw encoder that counts the wrong way"""
 SHORTEST = 20
-"""Fewest periods of an axis that is used"""
+"""Fewest control periods to fit; an axis with fewer is not used"""
 MOVED = 6
 """Fewest counts that an axis must have turned by"""
 INDEPENDENT_S = 0.02
 """s between independent residuals: ten periods at 500 Hz"""
 BELOW_TABLE = radians(2.0)
-"""rad below the rest angle: the table prevents that, so the roll encoder has a wrong sign"""
+"""rad: roll further below its rest angle, which the table prevents, shows a wrong encoder sign"""
 UNKNOWN = 0.5
 """B as a share of `ExpectedAcceleration.typical`"""
 GAIN = (0.4, 2.5)
 """Range of s: thrust gains of published rigs differ by a factor of two"""
 SURE, DISTINCT = 10.0, 4.0
-"""Log-likelihood ratios: 1 in e¹⁰ = 22,000 against no fault, 1 in e⁴ = 55 among faults"""
+"""Differences of log-likelihood: to no fault (ratio e¹⁰ = 22,000), and between faults (e⁴ = 55)"""
 
 
 class Moment(NamedTuple):
@@ -226,10 +227,10 @@ def _score(
 
 
 def _fit(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float) -> tuple[float, float]:
-    """Fit the module's θ(t) to an axis's angles; return mean squared residual (rad²) and b.
+    """Fit θ₀ + ω₀ t + ½ b t² + s ∬ α dt² to one axis; return mean squared residual (rad²) and b.
 
-    ``t``: times in s; ``theta``: measured angles in rad; ``alpha``: α_H in rad/s². b: unmodelled
-    acceleration in rad/s². ``weight`` of the prior of b: rad per count divided by B, in s².
+    ``t`` (n,): times in s; ``theta`` (n,): measured angles in rad; ``alpha`` (n,): α in rad/s²; b:
+    unmodelled acceleration in rad/s². ``weight`` of the prior of b: rad per count over B, in s².
     """
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]

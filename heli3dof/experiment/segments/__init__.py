@@ -27,7 +27,7 @@ class Clock:
 
     n: int
     dt: float
-    """s; ``n``: the number of control periods"""
+    """``n``: number of the segment's control periods; ``dt``: their length in s"""
     rng: np.random.Generator
 
     @property
@@ -113,8 +113,8 @@ class FreeSegment(BaseSegment):
     """A segment that opens the control loop of one axis.
 
     First the closed loop holds the axis for ``learn_s`` seconds, in which the mean voltages are
-    measured. Then the closed loop brings the axis to the initial state. Then the loop opens, and
-    the mean voltages stay applied.
+    measured. Then the closed loop brings the axis to the initial state of its free motion. Then the
+    loop opens, and the mean voltages stay applied.
     """
 
     learn_s: Annotated[
@@ -127,7 +127,8 @@ class FreeSegment(BaseSegment):
         """Return the mode (n, 3) of each axis's control loop; the loop of ``axis`` (0 … 2) opens.
 
         In the first ``learn_s`` seconds the mean voltages are measured. In the next ``approach_s``
-        seconds the closed loop brings the axis to its initial state. Then the loop opens.
+        seconds the closed loop brings the axis to the initial state of its free motion. Then the
+        loop opens.
         """
         mode = np.zeros((clock.n, 3), dtype=np.int8)
         mode[clock.t < self.learn_s, axis] = LEARN
@@ -137,7 +138,7 @@ class FreeSegment(BaseSegment):
     def free_s(self, approach_s: float) -> float:
         """Return how long the loop is open, in s: from ``learn_s + approach_s`` to the end.
 
-        ``approach_s``: time in which the closed loop brings the axis to its initial state.
+        ``approach_s``: time in s in which the closed loop brings the axis to its initial state.
         """
         return max(0.0, self.duration_s - self.learn_s - approach_s)
 

@@ -48,12 +48,12 @@ class Segment(BaseSegment):
 
 
 def _low_crest(lines: np.ndarray, tilt: float, clock: Clock) -> np.ndarray:
-    """Return a multisine (n,) of RMS 1 with a low crest factor; n, dt: those of ``clock``.
+    """Return a multisine (n,) of RMS 1 with a low crest factor.
 
     Of `DRAWS` signals with random phases it is the one with the smallest peak, shifted cyclically
-    so that it starts near zero. ``lines``: the signal's frequencies in multiples of 1/(n dt). The
-    amplitudes are proportional to frequency^−tilt. n: number of control periods; dt: their length
-    in s.
+    so that it starts near zero. ``clock`` gives the number n of control periods and their length dt
+    in s. ``lines``: the signal's frequencies in multiples of 1/(n dt). The amplitudes are
+    proportional to frequency^−tilt.
     """
     best, best_peak = np.zeros(clock.n), np.inf
     amplitude = lines.astype(float) ** -tilt

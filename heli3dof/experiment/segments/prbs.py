@@ -4,7 +4,7 @@
     V_front += c + d,   V_back += c − d
 
 The signs are two different maximum-length sequences (linear feedback shift registers) from random
-states. Their autocorrelation is a single peak. A period has one sign + more than −.
+states. Their autocorrelation is a single peak. A full period of a sequence has one more + than −.
 """
 
 from __future__ import annotations

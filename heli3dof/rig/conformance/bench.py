@@ -65,12 +65,12 @@ class Host:
 
 @dataclass
 class Bench:
-    """Gives a case the driver of one device URL, and closes the rigs that the case has opened."""
+    """Gives a conformance case the driver of a device URL; closes the rigs that the case opened."""
 
     url: str
     profile: Profile
     moves: bool | None = None
-    """True if motors may move; None: only those of emulated rigs"""
+    """True if the motors may move; None: only if the rig is emulated"""
     _rigs: ExitStack = field(default_factory=ExitStack)
 
     @property
@@ -101,7 +101,10 @@ class Bench:
 
 @dataclass(frozen=True)
 class Case:
-    """A requirement with its test ``check``. ``at_rest``: the rig must not have moved before."""
+    """A conformance case: a requirement on a driver, with its test ``check``.
+
+    ``at_rest``: True if the rig must not have moved before the test.
+    """
 
     name: str
     check: Callable[[Bench], None]
@@ -121,8 +124,8 @@ def conforms(
 ) -> None:
     """Run one case on a device URL. Raises NotConforming, SkipTest, or the driver's own error.
 
-    ``profile``: of the rig; default: that of the paper's rig. ``moves``: True if motors may move;
-    default: only those of emulated rigs. Keep people away from a real rig.
+    ``profile``: the rig's profile; default: that of the paper's rig. ``moves``: True if the motors
+    may move; None: only if the rig is emulated. Keep people away from a real rig.
     """
     bench = Bench(url, profile or default_profile(), moves)
     try:
@@ -151,7 +154,10 @@ def require_volts(sample: Sample, v_front: float, v_back: float, when: str) -> N
 
 
 def require_rest(sample: Sample, when: str) -> None:
-    """Raise NotConforming unless the sample has 0 V and a disabled amplifier; ``when``: context."""
+    """Raise NotConforming unless the sample has 0 V and a disabled amplifier.
+
+    ``when``: the situation, for the message.
+    """
     require(sample.v_applied == (0.0, 0.0), f"zero volts {when}", sample.v_applied)
     require(not sample.flags & Flags.ENABLED, f"not enabled {when}", sample.flags)
 

@@ -21,10 +21,10 @@ STEPS = 50
 ROUNDS = 20
 """Attempts: a busy computer makes some fail, a faulty driver all"""
 STEP, HOST_STEP = 0.05, 0.25
-"""periods: bound on the lower quartile of the clock steps' errors, if the device or a virtual clock
-keeps the time, and if the host does"""
+"""Bounds on the lower quartile of the clock steps' errors, in periods: `STEP` if the device or a
+virtual clock keeps the time, `HOST_STEP` if the host does"""
 ENDS = 15
-"""Number of samples at either end of a measurement"""
+"""Number of samples at each end of a measurement, of which the least delayed one is used"""
 BUSY_S = 0.03
 """s by which a busy computer may be late at both ends of a measurement"""
 

@@ -15,7 +15,7 @@ from heli3dof.rig.interface import Check
 ROOM_BYTES = 1 << 30
 """bytes that must be free: a flight of 10 min takes about 15 MB, its analysis as much again"""
 PIECE_BYTES = 32 * 1024
-"""About what the recorder writes at a time"""
+"""bytes, about as many as the recorder writes at a time"""
 TRIES = 20
 SLOW_S = 0.3
 """s: a longer median is reported; a power failure loses data that is not yet on the disk"""

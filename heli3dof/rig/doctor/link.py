@@ -23,15 +23,15 @@ POLLS = 500
 EVERY_S = 2e-3
 """s between readings: 1 s in all, enough to compare the clocks"""
 LONGEST_S = 3.0
-"""s for all readings of a slow rig"""
+"""s: time limit for all readings, which only a slow rig reaches"""
 LONGEST_WATCHDOG_S = 0.5
 """s: a longer watchdog is reported"""
 STILL_COUNTS = 2
-"""counts: an encoder between two counts moves by one"""
+"""counts: largest range at rest; the reading of an encoder between two counts alternates by one"""
 REST = "let the rig rest, then heli3dof zero"
 CABLE = "a shorter, shielded cable away from the motors' leads; ground at one end; lower baud"
 ONE_TURN = 360.0
-"""° beyond the envelope: neither an arm nor a yaw cable gets there"""
+"""°: neither the arm nor the yaw axis with its cable can get this far beyond the envelope"""
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def device_clock(opened: Opened) -> Check:
 
 
 def stands_still(opened: Opened) -> Check:
-    """Check that the encoder counts of the resting rig do not change, as noise would make them."""
+    """Check that the encoder counts of the resting rig do not change; noise would change them."""
     spans = [
         max(column) - min(column)
         for column in zip(*(s.counts for s in opened.samples), strict=True)
@@ -164,10 +164,10 @@ def state(opened: Opened) -> Check:
 
 
 def rest_angles(opened: Opened) -> Check:
-    """Compare the angles at the stored calibration with the profile's rest angles and limits.
+    """Check that the present angles are near the rest angles and within the profile's limits.
 
-    An angle outside the envelope would end any flight at once. An angle that is more than
-    `ONE_TURN` outside shows that the encoder's counter is wrong.
+    The angles follow from the counts and the stored calibration. An angle outside the limits would
+    end any flight at once. An angle more than `ONE_TURN` outside shows a faulty counter.
     """
     rest, profile = opened.rig.rest, opened.profile
     counts = opened.samples[-1].counts

@@ -1,8 +1,8 @@
 """Lists the running sessions from another process, and requests a stop or the state.
 
-A session is a process that uses a rig. The locks' holder files name the sessions. A session is
-alive if its socket accepts a connection. The socket of a hanging process accepts connections, the
-socket of a killed process does not.
+A session is a process that uses a rig. It describes itself in the holder file of its lock
+(`heli3dof.rig.session.locks`). A session is alive if its socket accepts a connection. The socket of
+a hanging process accepts connections, the socket of a killed process does not.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Running:
 
 
 def listed(device: str | None = None) -> list[Running]:
-    """Return the sessions with a holder file, including killed ones.
+    """Return the sessions with a holder file, including those of killed processes.
 
     ``device``: URL of the rig that the sessions use; None: any rig.
     """

@@ -149,7 +149,7 @@ class EstopResult:
 
     stopped: list[Stopped] = field(default_factory=list)
     unconfirmed: list[Stopped] = field(default_factory=list)
-    """Devices that did not confirm"""
+    """Results of the devices that did not confirm the stop"""
     skipped: list[str] = field(default_factory=list)
     """URLs of ports at which no rig was ever opened: nothing was sent to them"""
 

@@ -1,11 +1,12 @@
 """Records where rigs were opened, so that ``heli3dof estop`` stops only rigs.
 
 A serial port may lead to any instrument, and bytes that stop a rig may start another instrument. A
-*place* is the part of a device URL after the scheme, or the device's persistent name. A place
-is known to be a rig's if
+*place* is the part of a device URL after the scheme, or the device's persistent name. A place is
+known to be a rig's if one of these applies:
 
-    its driver lists only rigs (it is not `RecognisesRigs`), or ``is_rig(url)`` is true now,
-    or a rig was opened there before
+- The URL's driver lists only rigs (it is not a `RecognisesRigs`).
+- The driver's ``is_rig(url)`` returns True now.
+- A rig was opened there before.
 
 `remember` keeps ``persistent_name(url)``, the device URL and the serial number in <state>/places,
 one line each, separated by tabs.
@@ -23,7 +24,7 @@ from heli3dof.rig.session.paths import device_name, state_folder
 from heli3dof.rig.url import DeviceUrl, parse_url
 
 MOST = 200
-"""Number of lines that are kept: each new pseudo-terminal or TCP port of a rig adds one"""
+"""Largest number of lines kept: each new pseudo-terminal or TCP port of a rig adds one"""
 
 
 def is_known(device: str) -> bool:

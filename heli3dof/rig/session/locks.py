@@ -26,7 +26,8 @@ from heli3dof.rig.session.paths import runtime_folder
 
 HOLDER = ".json"
 TAKE_S, TRY_S = 0.1, 0.01
-"""s in total, and between attempts to lock: `is_held` takes a free lock for an instant"""
+"""s: time limit of all attempts to lock, and time between two attempts. The attempts are repeated
+because `is_held` takes a free lock for an instant"""
 
 
 class Lock:
@@ -47,7 +48,7 @@ class Lock:
             raise busy(device, read_holder(path)) from None
 
     def write_holder(self, about: Mapping[str, Any]) -> None:
-        """Write ``about`` to the holder file, in place: another process may be reading it."""
+        """Write ``about`` to the holder file in place, since another process may be reading it."""
         holder_path(self._path).write_text(json.dumps(about), encoding="utf-8")
 
     def release(self) -> None:
@@ -82,7 +83,7 @@ def read_holder(lock: Path) -> dict[str, Any]:
 
 
 def device_lock_path(serial: str, boot: int | None) -> Path:
-    """Return the path of the device's lock file; it is the same through each of its ports."""
+    """Return the path of a device's lock file, which is the same for all ports of the device."""
     readable = re.sub(r"[^A-Za-z0-9]+", "-", serial).strip("-")[:24]
     return runtime_folder() / f"{readable}-{binascii.crc32(f'{serial}/{boot}'.encode()):08x}.rig"
 

@@ -38,9 +38,10 @@ LONGEST_REQUEST = 4096
 PATIENCE_S = 1.0
 """s that a client may take to send its request"""
 BACKLOG = 128
-"""Connections that the system accepts while this process hangs: 12 s of ``heli3dof monitor``"""
+"""Connections that the system accepts while this process hangs: enough for 12 s of
+``heli3dof monitor``"""
 MOST_CLIENTS = 64
-"""Most connections that sent no request yet; other users of the computer can open them, too"""
+"""Largest number of connections without a request yet; any user of the computer can open them"""
 _number = itertools.count()
 
 
@@ -63,7 +64,8 @@ class Session:
         self.stopped: str | None = None
         """How the rig was stopped on request; None: it was not"""
         self.state: Callable[[], Mapping[str, Any]] = dict
-        """Returns the answer to ``state``; called in another thread, so it must not use the rig"""
+        """Returns the answer to the request ``state``. It is called in another thread, so it must
+        not use the rig."""
         self._began_ns = command_began_ns() if began_ns is None else began_ns
         self._names = names_of(device)
         self._deciding = threading.Lock()
@@ -158,9 +160,9 @@ class _Answering(threading.Thread):
         self._selector.register(self._listener, selectors.EVENT_READ)
         self._selector.register(self._woken, selectors.EVENT_READ)
         self._silent: dict[socket.socket, float] = {}
-        """clients without a request yet → since when"""
+        """Clients without a request yet → when they connected (s, monotonic)"""
         self._waiting: list[socket.socket] = []
-        """clients that requested a stop, not answered yet"""
+        """Clients that requested a stop and were not answered yet"""
         self._ending = False
 
     def wake(self) -> None:

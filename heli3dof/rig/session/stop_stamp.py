@@ -46,7 +46,7 @@ _began_ns: int | None = None
 
 
 def start_command() -> None:
-    """Mark that a command begins now, so that earlier stops do not prevent its flights.
+    """Mark the start of a command now, so that earlier emergency stops do not prevent its flights.
 
     For programs that carry out several commands: a server, a window, a test run.
     """
@@ -65,7 +65,7 @@ def command_began_ns() -> int:
 
 
 def leave_stamp(names: Iterable[str], reason: str) -> None:
-    """Store a stop made now, so that no command begun earlier can arm the rigs ``names``.
+    """Store an emergency stop made now: no command begun earlier can arm the rigs ``names``.
 
     ``names``: from `names_of`, or ``all``; ``reason``: for the message of a refused flight.
     """
@@ -80,7 +80,7 @@ def leave_stamp(names: Iterable[str], reason: str) -> None:
 
 
 def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
-    """Return the stop that forbids a command begun at ``began_ns`` to arm the rig, or None.
+    """Return the reason of a stop that forbids a command begun at ``began_ns`` to arm, or None.
 
     ``began_ns``: in ns on the host's monotonic clock; ``names``: the rig's, from `names_of`.
     """
@@ -99,7 +99,11 @@ def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
 
 
 def names_of(device: str, serials: Iterable[str] = ()) -> list[str]:
-    """Return the names of a rig in stamps: one for its URL, one per possible serial number."""
+    """Return the names under which the emergency stops of a rig are stored.
+
+    There is one name for its URL ``device``, and one for each possible serial number in
+    ``serials``.
+    """
     numbers = [f"serial-{binascii.crc32(s.encode()):08x}" for s in serials if s]
     return [device_name(device), *numbers]
 
