@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 PROGRESS_EVERY_S = 1.0
-"""s between two progress messages of the same stage. Chosen."""
+"""Least time in s between two progress messages of the same stage. Chosen."""
 Says = Callable[[str], None]
 
 

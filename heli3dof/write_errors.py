@@ -19,13 +19,13 @@ from pathlib import Path
 from heli3dof.errors import Heli3dofError, NoSpace, UsageError
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-"""The disk or the quota is full, or the file exceeds the largest size."""
+"""Error numbers: the disk or the quota is full, or the file is too large."""
 _REFUSED = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ETXTBSY}
 _NO_PLACE = {
     errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP,
     errno.ENXIO, errno.EINVAL, errno.EIO, errno.ESTALE,
 }  # fmt: skip
-"""The path cannot hold a file, or the device fails."""
+"""Error numbers: the path cannot hold a file, or the device fails."""
 ELSEWHERE = "another place with -o"
 """What the error's message recommends: to write to another path, which ``-o`` sets"""
 

@@ -30,9 +30,10 @@ OF_THE_PAUSES = "timing."
 
 
 def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Recording:
-    """Return replicate 1, 2, … of a recording, or for 0 the recording itself.
+    """Return a bootstrap replicate of a recording; for ``replicate`` = 0, the recording itself.
 
-    Raises RecordingError if it is shorter than `LEAST_BLOCKS` blocks.
+    ``replicate`` (1, 2, …) and ``seed`` determine the random blocks. Raises RecordingError if the
+    recording is shorter than `LEAST_BLOCKS` blocks.
     """
     if replicate == 0:
         return recording
@@ -53,7 +54,10 @@ def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Reco
 
 @dataclass(frozen=True)
 class NamedShare:
-    """A cause and the share of replicates whose diagnosis names it, alone or confounded."""
+    """A cause, and in how many replicates the diagnosis names it: ``named`` of ``of``.
+
+    A cause that the diagnosis names as confounded with another one also counts.
+    """
 
     cause: str
     named: int

@@ -46,7 +46,7 @@ def tasks_of(
     verb: str, sources: Sequence[Source], options: Sequence[Mapping[str, Any]],
     profile: Profile | None, where: str,
 ) -> Iterator[Task]:  # fmt: skip
-    """Yield a task for each recording and each of ``options``, with a key from the file's content.
+    """Yield a task for each recording and each set of the verb's options in ``options``.
 
     ``where``: condition on the recordings; ``profile``: for logs, which contain none.
     """

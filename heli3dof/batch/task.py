@@ -26,7 +26,7 @@ class Task:
 
     verb: str
     key: str
-    """`key_of` this task"""
+    """What `key_of` returns for this task"""
     name: str
     """The recording's name: that of its file without the ending"""
     source: str = ""
@@ -36,7 +36,7 @@ class Task:
     profile: Profile | None = None
     """The profile for logs, which contain none"""
     where: str = ""
-    """Condition on the row's first columns; a recording that does not meet this is left out"""
+    """Condition of ``--where``; a recording that does not meet it is left out. Empty: none"""
     content: bytes | None = None
     """The file's content, for a worker that cannot read it itself"""
 

@@ -81,9 +81,10 @@ def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, Float
 
 
 def _best(errors: Errors, what: str) -> list[str]:
-    """Return a sentence with each axis's best model, its error, and another model's error.
+    """Return a sentence with each axis's best model, its error, and that of a second model.
 
-    The list is empty without errors. ``errors``: the models' RMSE; ``what``: of what, for the text.
+    The second model is ``hover``, or the next best one. The list is empty without errors.
+    ``what`` describes the ``errors`` in the sentence, for example "closed-loop replay".
     """
     models = {name: e for name, e in errors.items() if name != STILL}
     groups: dict[tuple[str, ...], list[str]] = {}

@@ -30,7 +30,7 @@ LEAST_SIBLINGS = 5
 LEAST_DIFFERENCES = 4
 """Fewest differences n_r with which a sibling counts; fewer give f_r < 3. Chosen."""
 MAD_TO_STD = 1.4826
-"""Standard deviation over median absolute deviation of a normal distribution: 1/Φ⁻¹(¾)"""
+"""Ratio of the standard deviation of a normal distribution to its median absolute deviation"""
 
 
 def sibling_scale(siblings: Sequence[Track]) -> Scale | None:

@@ -18,8 +18,8 @@ from heli3dof.model.estimation.filter_data import Run
 from heli3dof.recording.recording import Recording
 
 Innovations = tuple[list[np.ndarray], list[np.ndarray]]
-"""Two lists with an array per run of usable rows: errors of predictions (N, 3) rad, and voltages
-(N, 2) V, which may be deviations from a mean, at the same samples"""
+"""Two lists, each with an array per run of usable rows: prediction errors (N, 3) rad, and voltages
+(N, 2) V at the same samples. The voltages may be deviations from their mean."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Provide the paper's identified model, eq (17), as printed and corrected. It has known defects.
+"""Provide the paper's identified model, eq (17), as printed and corrected, with its defects.
 
 All transfer functions have one denominator. T(s)_{i,j} is from motor i (1 front, 2 back) to angle j
 (1 roll, 2 pitch, 3 yaw), in degrees per volt. The defects (erratum E14):

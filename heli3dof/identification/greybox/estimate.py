@@ -12,8 +12,8 @@ place of the full sandwich H⁻¹ B H⁻¹: with a hundred blocks each entry of 
 %, their average by 2 to 5 %. Values below 1 are not used, because blocks of half a second miss the
 scatter from slow drifts.
 
-The Cramér–Rao bound is that of the same rig with encoders whose rounding is white noise of variance
-Δ²/12, with the encoder step Δ. The bound is evaluated at the estimated process noise, with its
+The Cramér–Rao bound is that of the same rig if its encoders' rounding were white noise of variance
+Δ²/12 (Δ: encoder step). The bound is evaluated at the estimated process noise, with its
 intensity scaled by √κ.
 """
 

@@ -218,7 +218,7 @@ def _airborne(recording: Recording) -> list[Stretch]:
 
 
 def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:
-    """Return the recording, whose index is ``source``, up to the last row of its ``runs``."""
+    """Return the recording up to the last row of the ``runs`` that have its index ``source``."""
     return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
 
 

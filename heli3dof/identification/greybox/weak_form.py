@@ -115,8 +115,8 @@ class SmoothedFlight:
     y: np.ndarray
     y_smooth: np.ndarray
     y_dot: np.ndarray
-    """(N, 3) rad/s, derivatives of ``y_smooth``. ``y`` and ``y_smooth`` are (N, 3) rad; gaps in
-    ``y`` are interpolated."""
+    """(N, 3) each: readings ``y`` in rad with interpolated gaps, ``y_smooth`` in rad, and the
+    derivative ``y_dot`` of ``y_smooth`` in rad/s"""
     spans: tuple[Span, ...]
 
 
