@@ -119,7 +119,7 @@ def replicate(work: Callable[[int], X], count: int, *, what: str = "") -> list[X
 
     Inside `distribute`, its distributor computes the replications, and ``work`` must be picklable
     with cloudpickle. Otherwise `parallel_map` computes them. Nested calls of `replicate` in
-    ``work`` are not distributed again.
+    ``work`` are not distributed again. ``what``: as for `parallel_map`.
     """
     distributor, watcher = _distributor.get(), _watcher.get()
     if distributor is None or count < 2:

@@ -64,8 +64,9 @@ def run_batch(
 ) -> Batch:  # fmt: skip
     """Do the tasks without a final outcome in the folder; write the results table of all tasks.
 
-    After Ctrl-C or an error, the table contains the tasks done so far. Its rows are in the order of
-    the tasks.
+    ``engine`` runs the tasks; ``progress`` is called at the start and after each outcome. After
+    Ctrl-C or an error, the table contains the tasks done so far. Its rows are in the order of the
+    tasks.
     """
     # Two files of the same name and content are one task.
     todo = list({t.key: t for t in tasks if not folder.is_done(t.key)}.values())

@@ -58,8 +58,8 @@ def _printable(text: str) -> str:
 def mark_folder(folder: Path, key: SigningKey) -> list[MarkedAnswer]:
     """Return a `MarkedAnswer` for each answer file in the folder and its subfolders.
 
-    A file that is not an answer gets one with the reason; hidden files and those with an ending in
-    `NOT_ANSWERS` get none. ``key``: the teacher's. Raises UsageError if the folder is missing or
+    For a file that is not an answer, it states the reason. Hidden files and files with an ending in
+    `NOT_ANSWERS` are skipped. ``key``: the teacher's. Raises UsageError if the folder is missing or
     empty.
     """
     if not folder.is_dir():

@@ -157,7 +157,7 @@ def normal_scores(y: FloatArray) -> FloatArray:
 def _candidates(series: _Series) -> Iterator[Change]:
     """Yield the deviating flights: proposed by a Hampel filter, and confirmed by the posterior.
 
-    The posterior of each is computed from the flight and those that the filter does not propose.
+    The posterior of each is computed from this flight and all flights that are not proposed.
     """
     from scipy.ndimage import median_filter
 

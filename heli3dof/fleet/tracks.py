@@ -114,7 +114,7 @@ def quantities_of(rows: Sequence[Row]) -> tuple[str, ...]:
 
 
 def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ...]:
-    """Return the tracks of all rigs that have a flight, in order of the rigs' names."""
+    """Return a track for each rig and each of the ``quantities`` that it has, sorted by rig."""
     rigs: dict[str, list[Row]] = {}
     for row in usable_rows(rows):
         rigs.setdefault(rig_of(row), []).append(row)

@@ -1,9 +1,9 @@
 """Test for feedback: are the voltages correlated with past innovations of the angles?
 
 Autoregressions of order p whiten both signals. e is the innovation of a regression of the 3 angles
-on past angles and voltages; w is that of the 2 voltages on their own past. Without feedback w[k] is
-independent of e[k], e[k−1], …. So over h lags and N samples, with tr the trace and
-~ for "follows the distribution",
+on past angles and voltages; w is the innovation of a regression of the 2 voltages on their
+own past. Without feedback w[k] is independent of e[k], e[k−1], …. So over h lags and N samples,
+with tr the trace and ~ for "follows the distribution",
 
     Q = N Σ_{j=0}^{h−1} tr(R_jᵀ R_j)  ~  χ²(2·3·h),      R_j = corr(w[k], e[k−j])
 

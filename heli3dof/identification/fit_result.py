@@ -79,7 +79,8 @@ def rightmost_first(poles: Sequence[Pole]) -> tuple[Pole, ...]:
 class CandidateOrder:
     """A fit of the order search: a black box of one order, fitted at one sampling interval.
 
-    The search compares ``score``, the mean fit of the axes in %.
+    The search compares ``score``, the mean fit of the axes in %. ``bic`` is the Bayesian
+    information criterion.
     """
 
     order: int

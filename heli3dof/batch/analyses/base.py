@@ -27,7 +27,7 @@ class Job:
     label: str
     """Name of the files that the verb writes"""
     folder: Path
-    """The verb writes here; the files are then moved to the output folder"""
+    """Folder in which the verb writes; its files are then moved to the output folder"""
     options: Mapping[str, Any]
     profile: Profile | None
 

@@ -75,7 +75,10 @@ class Decimated:
 
 
 def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Decimated:
-    """Return voltages and angles of ``runs``, decimated to about ``interval_s`` s, minus means."""
+    """Return voltages and angles of ``runs``, decimated to about ``interval_s`` s.
+
+    The means over all runs are subtracted.
+    """
     factor = max(1, round(interval_s / prepared.dt))
     cut = segments(prepared, runs, factor)
     u_mean = np.vstack([s.u for s in cut]).mean(axis=0)
@@ -88,7 +91,8 @@ def past_window(d: Decimated, largest_order: int) -> int:
     """Return the order of the VARX that is fitted to data d: the number of samples in `PAST_S`.
 
     The VARX is a vector autoregression with inputs. Its order is at least ⌈largest_order/3⌉ + 2,
-    enough for a model with ``largest_order`` states, and at most a 30th of the number of rows.
+    enough for a model with ``largest_order`` states, and at most a 30th of the number of rows
+    (or 2, if this is larger).
     """
     rows = sum(len(u) for u, _ in d.data)
     want = max(round(PAST_S / d.interval_s), -(-largest_order // 3) + 2)
@@ -96,9 +100,10 @@ def past_window(d: Decimated, largest_order: int) -> int:
 
 
 def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
-    """Return {order: model} by the subspace method PBSID-opt; the order is the number of states.
+    """Return {order: model} for the data d by PBSID-opt; the order is the number of states.
 
-    The models are the initial models of ``pem`` and ``oe``, and the results of ``pbsid``.
+    The models are the initial models of ``pem`` and ``oe``, and the results of ``pbsid``. Orders
+    above three times the order of the VARX (`past_window`) are left out.
     """
     orders = sorted(orders)
     p = past_window(d, orders[-1])

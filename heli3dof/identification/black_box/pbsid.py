@@ -152,7 +152,7 @@ def realise(data: Sequence[Pair], x: Sequence[np.ndarray], p: int, n: int) -> St
 
 
 def pbsid(data: Sequence[Pair], n: int, p: int) -> StateSpace:
-    """Return a model with n states by PBSID-opt from segments (u, y); p is the VARX's order."""
+    """Return a model with n states, by PBSID-opt from segments ``data``; p is the VARX's order."""
     fit = varx(data, p)
     x, _ = states(data, fit, n)
     return realise(data, x, p, n)
