@@ -31,7 +31,10 @@ ELSEWHERE = "another place with -o"
 
 
 def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofError | None:
-    """Return a heli3dof error for an OSError from writing ``path``; None for any other OSError."""
+    """Return a heli3dof error for an OSError from writing ``path``; None for any other OSError.
+
+    ``fix``: what the error's message recommends.
+    """
     if error.errno in FULL:
         return NoSpace(
             f"There is no space left for {path}.",

@@ -19,10 +19,10 @@ from heli3dof.errors import RecordingError
 from heli3dof.recording.recording import Recording
 
 BLOCK_S = 5.0
-"""s, length of a block: more than three times the rise time of a step (with the default controller
-0.7 to 1.4 s, see ``heli3dof info``), so that a block contains a whole response. Chosen."""
+"""Length of a block in s: more than three times the rise time of a step, so that a block contains a
+whole response. The default controller's rise time is 0.7 to 1.4 s (``heli3dof info``). Chosen."""
 PAUSE_S = 1.0
-"""s between two blocks; longer than any gap across which the estimation continues. Chosen."""
+"""Pause in s between two blocks: longer than the gaps that an estimation bridges. Chosen."""
 LEAST_BLOCKS = 6
 """Fewest blocks: with 6, two replicates are equal with a probability of less than 1 %"""
 OF_THE_PAUSES = "timing."

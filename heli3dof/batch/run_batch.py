@@ -23,7 +23,7 @@ Progress = Callable[["Batch"], None]
 
 @dataclass
 class Batch:
-    """The progress of a batch: numbers of recordings. Callbacks receive it after each outcome."""
+    """The progress of a batch: numbers of recordings. `run_batch` passes it to ``progress``."""
 
     total: int
     """Number of tasks: recordings, or replicates of them"""

@@ -32,7 +32,7 @@ class Task:
     source: str = ""
     """Path or URL of the recording as the user gave it; empty in a sweep"""
     options: Mapping[str, Any] = field(default_factory=dict)
-    """The verb's options, JSON-able"""
+    """The verb's options: name → value of a JSON type"""
     profile: Profile | None = None
     """The profile for logs, which contain none"""
     where: str = ""
@@ -62,7 +62,7 @@ class Outcome:
     is_final: bool = True
     """False if the same task may succeed when it is tried again: after a crash or a full disk"""
     cost: Mapping[str, float] = field(default_factory=dict)
-    """What the task needed, which differs from run to run: seconds, bytes"""
+    """Seconds and bytes that the task needed; they differ from run to run."""
 
 
 def key_of(

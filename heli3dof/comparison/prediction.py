@@ -29,7 +29,10 @@ STEPS_AVERAGED = 12
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """A model's predictions of the angles in one recording, at several horizons."""
+    """A model's predictions of the angles in one recording, at several horizons.
+
+    A prediction window is the prediction from one start row at all horizons ``instants_s``.
+    """
 
     ahead: Mapping[float, FloatArray]
     """Horizon h in s → (N, 3) rad: each row's angles, predicted h earlier; NaN: not predicted"""

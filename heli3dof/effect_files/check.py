@@ -40,7 +40,7 @@ from heli3dof.model.physics.state_layout import (
 from heli3dof.rig.profile import default_profile
 
 STATES = 20
-"""Number of random states at which the equations run; zero at all of them counts as zero."""
+"""Number of random states at which an equation runs; a torque must not be zero at all of them."""
 KNOWN_UNITS = {u.replace("deg", "°") for u in UNITS}
 ADDED = (Stage.TORQUE, Stage.DRY)
 """Stages that add a torque"""

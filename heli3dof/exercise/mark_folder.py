@@ -29,7 +29,7 @@ class MarkedAnswer:
     reason: str | None
 
     def document(self) -> dict[str, Any]:
-        """Return the row as a dict for JSON, with the same keys whether it has marks or not."""
+        """Return the file's marks as a dict for JSON; a file without marks has the same keys."""
         answer, truth = self.answer, self.truth
         return {
             "file": self.file,

@@ -88,7 +88,7 @@ class Prior:
 
 @dataclass(frozen=True)
 class Scale:
-    """Prior distribution d·φ₀²/χ²_d of φ² from the sibling rigs.
+    """Prior distribution d·φ₀²/χ²_d of a flight's variance φ², from the sibling rigs.
 
     d is `freedom`, or with the probability `UNLIKE` it is 1.
     """

@@ -49,7 +49,7 @@ class Track:
     y: FloatArray
     """(n,) values in the quantity's unit"""
     s: FloatArray | None
-    """(n,) standard deviations; None: the scatter is estimated"""
+    """(n,) standard deviations of ``y``; None for a quantity in `WITHOUT_STD`"""
     plans: np.ndarray
     """(n,) names of the plans; empty where there is none"""
     flights: tuple[str, ...]

@@ -19,7 +19,7 @@ from heli3dof.recording.recording import Recording
 
 Innovations = tuple[list[np.ndarray], list[np.ndarray]]
 """Two lists, each with an array per run of usable rows: prediction errors (N, 3) rad, and voltages
-(N, 2) V at the same samples. The voltages may be deviations from their mean."""
+(N, 2) V at the same samples. The voltages may be deviations from a mean or trim."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class FitResult:
     """s: sampling interval of the data that were fitted"""
     innovations: Callable[[Prepared, Sequence[Run]], Innovations]
     """Function (prepared, runs) → prediction errors and voltages per run of usable rows. The errors
-    are one step ahead, or of the simulation if the method is output error."""
+    are those of predictions `test_interval_s` ahead, or of the simulation for output error."""
     poles: tuple[Pole, ...] = ()
     transfer: TransferFunctions | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)

@@ -33,7 +33,7 @@ from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics.parametrisation import Free, Structure
 
 BLOCK_S = 0.5
-"""s: length of the blocks over which scores are summed (module)"""
+"""s: length of the blocks over which scores are summed (see the module)"""
 TIED = 0.9
 """Absolute correlation above which the data do not separate two parameters"""
 PRIOR_SHARE_MAX = 0.5
@@ -202,9 +202,9 @@ class ScoreTestResult:
 
     name: str
     score: float
-    """Twice the increase of the log-likelihood when all parameters are refitted, to second order.
-    If the rig lacks the effect, the score follows χ²; the degrees of freedom are the number of the
-    effect's parameters."""
+    """Twice the increase of the log-likelihood when all parameters are refitted, to second order,
+    divided by the scatter factor κ (`Estimate.inflation`). If the rig lacks the effect, the score
+    follows χ²; the degrees of freedom are the number of the effect's parameters."""
     values: tuple[float, ...]
     """The estimate of one Gauss–Newton step, in the parameters' units."""
 

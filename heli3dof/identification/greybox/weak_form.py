@@ -121,7 +121,7 @@ class SmoothedFlight:
 
 
 def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
-    """Smooth a flight's readings; place test functions in its windows of ``window_s`` s."""
+    """Return a flight with smoothed readings, and test functions in windows of ``window_s`` s."""
     from scipy.signal import savgol_filter
 
     t, dt = flight.t, flight.dt
