@@ -22,7 +22,7 @@ MOST = 4
 Watcher = Callable[[str, int, int], None]
 """Progress callback: (name of the work items in the plural, number done, number in all)."""
 Distributor = Callable[[Callable[[int], Any], int], Iterable[tuple[int, Any]]]
-"""(work, count) → (i, ``work(i)``) for every i < count, in any order."""
+"""Function (work, count) → pairs (i, ``work(i)``) for i = 0 … count − 1, in any order."""
 P = ParamSpec("P")
 X = TypeVar("X")
 _watcher: ContextVar[Watcher | None] = ContextVar("watcher", default=None)
@@ -49,7 +49,7 @@ def worker_count() -> int:
 def limit_threads(count: int) -> None:
     """Let estimation and BLAS in this process use at most ``count`` threads from now on.
 
-    For a process that shares the cores with others, such as a worker of a batch.
+    A process that shares the cores with others calls it, such as a worker of a batch.
     """
     from threadpoolctl import threadpool_limits
 
@@ -119,7 +119,7 @@ def replicate(work: Callable[[int], X], count: int, *, what: str = "") -> list[X
 
     Inside `distribute`, its distributor computes the replications, and ``work`` must be picklable
     with cloudpickle. Otherwise `parallel_map` computes them. Nested calls of `replicate` in
-    ``work`` are not distributed again.
+    ``work`` are not distributed again. ``what``: as for `parallel_map`.
     """
     distributor, watcher = _distributor.get(), _watcher.get()
     if distributor is None or count < 2:

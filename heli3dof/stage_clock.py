@@ -6,12 +6,15 @@ import time
 from collections.abc import Callable
 
 PROGRESS_EVERY_S = 1.0
-"""s between two progress messages of the same stage. Chosen."""
+"""Least time in s between two progress messages of the same stage. Chosen."""
 Says = Callable[[str], None]
 
 
 class StageClock:
-    """Report progress, and measure the wall-clock time of each stage."""
+    """Report progress, and measure the wall-clock time of each stage.
+
+    ``says`` receives each message. ``seconds`` is {stage: time in s} of the stages that ended.
+    """
 
     def __init__(self, says: Says) -> None:
         self.says = says
@@ -27,10 +30,10 @@ class StageClock:
         self.says(sentence)
 
     def counts(self, what: str, done: int, of: int) -> None:
-        """Report the progress of a long stage every `PROGRESS_EVERY_S`, with the time left.
+        """Report that ``done`` of ``of`` items of the stage are finished, with the time left.
 
-        For example ``Screening … flights: 31 of 64, 4 s left``; the items counted so far give the
-        time per item.
+        ``what`` names the items: ``Screening … flights: 31 of 64, 4 s left``. Calls within
+        `PROGRESS_EVERY_S` report nothing. The items finished so far give the time per item.
         """
         now = time.perf_counter()
         if self._first is None or done <= self._first[0]:

@@ -127,7 +127,7 @@ M = TypeVar("M", bound=BaseModel)
 
 
 def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
-    """Return the file's content as nested dicts.
+    """Return the content of the TOML file ``path`` as nested dicts.
 
     Raises an exception of the class ``error`` if the file cannot be read. ``what`` names the kind
     of file in its message ("profile").
@@ -172,10 +172,10 @@ def check(
     *,
     recorded: bool = False,
 ) -> M:
-    """Return a ``model`` built from nested dicts; raise one ``error`` that names every wrong key.
+    """Return an instance of ``model`` with the values in the nested dicts ``data``.
 
-    ``source`` names the file in messages. ``recorded``: the data is from a recording or a model
-    file, so `Key.plausible` is not checked.
+    Raises one ``error`` that names every wrong key. ``source`` names the file in messages.
+    ``recorded``: the data is from a recording or a model file, so `Key.plausible` is not checked.
     """
     try:
         return model.model_validate(data, context={RECORDED: True} if recorded else None)

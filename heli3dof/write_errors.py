@@ -19,19 +19,22 @@ from pathlib import Path
 from heli3dof.errors import Heli3dofError, NoSpace, UsageError
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-"""The disk or the quota is full, or the file exceeds the largest size."""
+"""Error numbers: the disk or the quota is full, or the file is too large."""
 _REFUSED = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ETXTBSY}
 _NO_PLACE = {
     errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP,
     errno.ENXIO, errno.EINVAL, errno.EIO, errno.ESTALE,
 }  # fmt: skip
-"""The path cannot hold a file, or the device fails."""
+"""Error numbers: the path cannot hold a file, or the device fails."""
 ELSEWHERE = "another place with -o"
 """What the error's message recommends: to write to another path, which ``-o`` sets"""
 
 
 def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofError | None:
-    """Return a heli3dof error for an OSError from writing ``path``; None for any other OSError."""
+    """Return a heli3dof error for an OSError from writing ``path``; None for any other OSError.
+
+    ``fix``: what the error's message recommends.
+    """
     if error.errno in FULL:
         return NoSpace(
             f"There is no space left for {path}.",

@@ -5,7 +5,7 @@
     sources → tasks → engine (processes or a Dask cluster) → outcomes → folder → table
 
 A task is one verb on one recording (`task`). `run_task` does it and never raises: a failure is an
-outcome with an exit code. `engines` distribute tasks; results do not depend on the engine, on the
-number of workers or on their order. `output_folder` keeps each outcome as it arrives, and
+outcome with an exit code. `engines` distribute tasks; results do not depend on the engine, the
+number of workers, or the order in which tasks end. `output_folder` keeps each outcome at once, and
 `results_table` writes the table. Each module of `analyses` is one verb.
 """

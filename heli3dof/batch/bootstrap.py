@@ -19,10 +19,10 @@ from heli3dof.errors import RecordingError
 from heli3dof.recording.recording import Recording
 
 BLOCK_S = 5.0
-"""s, length of a block: more than three times the rise time of a step (with the default controller
-0.7 to 1.4 s, see ``heli3dof info``), so that a block contains a whole response. Chosen."""
+"""Length of a block in s: more than three times the rise time of a step, so that a block contains a
+whole response. The default controller's rise time is 0.7 to 1.4 s (``heli3dof info``). Chosen."""
 PAUSE_S = 1.0
-"""s between two blocks; longer than any gap across which the estimation continues. Chosen."""
+"""Pause in s between two blocks: longer than the gaps that an estimation bridges. Chosen."""
 LEAST_BLOCKS = 6
 """Fewest blocks: with 6, two replicates are equal with a probability of less than 1 %"""
 OF_THE_PAUSES = "timing."
@@ -30,9 +30,10 @@ OF_THE_PAUSES = "timing."
 
 
 def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Recording:
-    """Return replicate 1, 2, … of a recording, or for 0 the recording itself.
+    """Return a bootstrap replicate of a recording; for ``replicate`` = 0, the recording itself.
 
-    Raises RecordingError if it is shorter than `LEAST_BLOCKS` blocks.
+    ``replicate`` (1, 2, …) and ``seed`` determine the random blocks. Raises RecordingError if the
+    recording is shorter than `LEAST_BLOCKS` blocks.
     """
     if replicate == 0:
         return recording
@@ -53,7 +54,10 @@ def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Reco
 
 @dataclass(frozen=True)
 class NamedShare:
-    """A cause and the share of replicates whose diagnosis names it, alone or confounded."""
+    """A cause, and in how many replicates the diagnosis names it: ``named`` of ``of``.
+
+    A cause that the diagnosis names as confounded with another one also counts.
+    """
 
     cause: str
     named: int

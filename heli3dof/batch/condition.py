@@ -2,7 +2,7 @@
 
 It contains the names of the results table's first columns (`recording_columns.COLUMNS`), numbers,
 texts in quotes, ``= != < <= > >= in``, ``and``, ``or``, ``not`` and parentheses. simpleeval
-evaluates it, restricted to these elements. A column without a value meets no comparison.
+evaluates it, restricted to these elements. A column without a value meets no comparison but ``!=``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The first columns of the results table, on the recording itself: the same for every verb.
+"""The first columns of the results table, which describe the recording; equal for all verbs.
 
 ``--where`` may use all of them. Jitter is rounded to a multiple of `RESOLUTION_S`. An angle's
 standard deviation is that of rounding to one count of its encoder: 360°/(counts √12).

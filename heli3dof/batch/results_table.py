@@ -58,7 +58,7 @@ def _one_type(values: list[Any]) -> list[Any]:
 
 
 def csv_bytes(columns: Mapping[str, Sequence[Any]]) -> bytes:
-    """Return the table as CSV in UTF-8, with shortest numbers that read back exactly."""
+    """Return the table as CSV in UTF-8; numbers have the fewest digits that read back exactly."""
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)

@@ -23,7 +23,7 @@ Progress = Callable[["Batch"], None]
 
 @dataclass
 class Batch:
-    """The progress of a batch: numbers of recordings. Callbacks receive it after each outcome."""
+    """The progress of a batch: numbers of recordings. `run_batch` passes it to ``progress``."""
 
     total: int
     """Number of tasks: recordings, or replicates of them"""
@@ -46,7 +46,7 @@ def tasks_of(
     verb: str, sources: Sequence[Source], options: Sequence[Mapping[str, Any]],
     profile: Profile | None, where: str,
 ) -> Iterator[Task]:  # fmt: skip
-    """Yield a task for each recording and each of ``options``, with a key from the file's content.
+    """Yield a task for each recording and each set of the verb's options in ``options``.
 
     ``where``: condition on the recordings; ``profile``: for logs, which contain none.
     """
@@ -64,8 +64,9 @@ def run_batch(
 ) -> Batch:  # fmt: skip
     """Do the tasks without a final outcome in the folder; write the results table of all tasks.
 
-    After Ctrl-C or an error, the table contains the tasks done so far. Its rows are in the order of
-    the tasks.
+    ``engine`` runs the tasks; ``progress`` is called at the start and after each outcome. After
+    Ctrl-C or an error, the table contains the tasks done so far. Its rows are in the order of the
+    tasks.
     """
     # Two files of the same name and content are one task.
     todo = list({t.key: t for t in tasks if not folder.is_done(t.key)}.values())

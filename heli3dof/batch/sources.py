@@ -4,7 +4,7 @@
 word                  recordings
 ====================  ===========================================================
 ``flight.mcap``       this file
-``term-1/``           all recordings and logs in the folder and in those below it
+``term-1/``           all recordings and logs in the folder and its subfolders
 ``'term-1/*.mcap'``   the files that match the pattern; ``**`` stands for any folders
 ``list.txt``, ``-``   a path, pattern or URL in each line of the file, or of stdin
 ``s3://lab/*.mcap``   a URL or pattern of any file system of fsspec

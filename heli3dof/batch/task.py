@@ -26,17 +26,17 @@ class Task:
 
     verb: str
     key: str
-    """`key_of` this task"""
+    """What `key_of` returns for this task"""
     name: str
     """The recording's name: that of its file without the ending"""
     source: str = ""
     """Path or URL of the recording as the user gave it; empty in a sweep"""
     options: Mapping[str, Any] = field(default_factory=dict)
-    """The verb's options, JSON-able"""
+    """The verb's options: name → value of a JSON type"""
     profile: Profile | None = None
     """The profile for logs, which contain none"""
     where: str = ""
-    """Condition on the row's first columns; a recording that does not meet this is left out"""
+    """Condition of ``--where``; a recording that does not meet it is left out. Empty: none"""
     content: bytes | None = None
     """The file's content, for a worker that cannot read it itself"""
 
@@ -62,7 +62,7 @@ class Outcome:
     is_final: bool = True
     """False if the same task may succeed when it is tried again: after a crash or a full disk"""
     cost: Mapping[str, float] = field(default_factory=dict)
-    """What the task needed, which differs from run to run: seconds, bytes"""
+    """Seconds and bytes that the task needed; they differ from run to run."""
 
 
 def key_of(

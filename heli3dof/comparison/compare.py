@@ -69,7 +69,7 @@ def compare_flight(
 ) -> FlightComparison:
     """Return the comparison of several models with one recording.
 
-    ``horizons_s``: prediction horizons in s. Those not shorter than the flight are left out.
+    ``horizons_s``: prediction horizons in s. Horizons as long as the flight or longer are left out.
     """
     flown = sampling_times(under_control(recording))
     why = why_not_replayed(flown)

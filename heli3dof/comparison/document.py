@@ -10,7 +10,7 @@
                      axes.<axis>          the six metrics, difference (the same six, model minus
                                           experiment), replay_rmse_deg
                      prediction           rmse_deg.<horizon>.<axis>, over_window_deg.<axis>
-                   constant_angles             prediction error of constant angles
+                   held_still             as prediction, for constant angles in place of a model
     published[]    the paper's number, the one simulated here, whether and why it is reproducible
 
 ``<axis>`` is ``roll``, ``pitch`` or ``yaw``, ``<horizon>`` a prediction horizon in s. The six

@@ -21,7 +21,7 @@ Kinds of segment:
 ``hold``     the first segment, if the angle starts at its set value. The peak is the angle farthest
              from the set value and the overshoot its distance (≥ 0). Percent, rise and settling
              time are undefined.
-``moving``   the reference never rests (a ramp, a multisine): as ``hold``, relative to the moving
+``moving``   the reference rarely rests (a ramp, a multisine): as ``hold``, relative to the moving
              reference, without the steady error.
 ``none``     there is no reference, and every metric is undefined.
 

@@ -3,9 +3,10 @@
     e_h[k] = y[k] − ŷ[k | angles up to k − h, measured voltages],    RMSE_h = √(mean e_h²)
 
 y are the measured angles, ŷ the predicted angles. Predictions need no controller. The RMSE is given
-for three horizons h, and *over* a window of 3 s, as in the literature on these rigs. The latter is
-the root of the mean square over all horizons from 0 to 3 s. The baseline is constant angles: ŷ[k]
-is the angle measured h seconds earlier. A useful model has a smaller error than this baseline.
+for three horizons h, and *over* a window of 3 s, as in the literature on these rigs. The RMSE
+over a window is the root of the mean square over all horizons from 0 to 3 s. The baseline is
+constant angles: ŷ[k] is the angle measured h seconds earlier. A useful model has a smaller error
+than this baseline.
 """
 
 from __future__ import annotations
@@ -28,7 +29,10 @@ STEPS_AVERAGED = 12
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """A model's predictions of the angles in one recording, at several horizons."""
+    """A model's predictions of the angles in one recording, at several horizons.
+
+    A prediction window is the prediction from one start row at all horizons ``instants_s``.
+    """
 
     ahead: Mapping[float, FloatArray]
     """Horizon h in s → (N, 3) rad: each row's angles, predicted h earlier; NaN: not predicted"""

@@ -5,8 +5,9 @@
 A term is a physical effect of the model, on one axis if the effect is defined by axis.
 
 "Without" sets the term's parameters to the values at which the term has no effect. A parameter on a
-logarithmic scale has no such value and gets its lowest. The other parameters keep their values. So
-the share measures how the fitted model uses a term, not the error of a model refitted without it.
+logarithmic scale has no such value and gets its lowest allowed one. The other parameters keep their
+values. So the share measures how the fitted model uses a term, not the error of a model refitted
+without it.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
 
 HORIZON_S = 1.0
-"""s: horizon of the first sentence, as in a diagnosis. All models predict 0.1 s about as well."""
+"""s: horizon of the predictions, as in a diagnosis. 0.1 s ahead all models are about as good."""
 EQUAL = 1.05
 """Ratio of two RMSE up to which the models count as equally good (a convention)"""
 STILL = "constant angles"
@@ -81,9 +81,10 @@ def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, Float
 
 
 def _best(errors: Errors, what: str) -> list[str]:
-    """Return a sentence with each axis's best model, its error, and another model's error.
+    """Return a sentence with each axis's best model, its error, and that of a second model.
 
-    The list is empty without errors. ``errors``: the models' RMSE; ``what``: of what, for the text.
+    The second model is ``hover``, or the next best one. The list is empty without errors.
+    ``what`` describes the ``errors`` in the sentence, for example "closed-loop replay".
     """
     models = {name: e for name, e in errors.items() if name != STILL}
     groups: dict[tuple[str, ...], list[str]] = {}

@@ -40,12 +40,12 @@ from heli3dof.model.physics.state_layout import (
 from heli3dof.rig.profile import default_profile
 
 STATES = 20
-"""Random states at which the equations run: enough that an even function is not zero at all"""
+"""Number of random states at which an equation runs; a torque must not be zero at all of them."""
 KNOWN_UNITS = {u.replace("deg", "°") for u in UNITS}
 ADDED = (Stage.TORQUE, Stage.DRY)
 """Stages that add a torque"""
 RUN = (*ADDED, Stage.VOLTAGE, Stage.THRUST, Stage.MEASURE)
-"""Stages that run; `Stage.SETUP` changes the rig's parameters"""
+"""Stages whose equations the check runs: not `Stage.SETUP`, which changes the rig's parameters"""
 
 
 def effect_of_file(path: Path) -> Effect:

@@ -2,7 +2,7 @@
 
 The source is the JSON document of a diagnosis (``leftover``) or an extended model
 (`heli3dof.model.effects.empirical`). The package contains the effect with its equation, units and
-bounds, a test with numbers that can be checked by hand, and the entry point that registers it.
+bounds, and the entry point that registers it. Its test has numbers that can be checked by hand.
 """
 
 from __future__ import annotations
@@ -100,7 +100,10 @@ def _of_model(data: dict[str, Any]) -> list[Formula]:
 
 
 def package_files(formula: Formula, source: str) -> dict[str, str]:
-    """Return {file name: text} of the package; ``source``: file in which c was estimated."""
+    """Return {file name: text} of a package with the effect of ``formula``.
+
+    ``source``: the file in which c was estimated.
+    """
     module = module_name(formula.name)
     return {
         "pyproject.toml": pyproject(module),

@@ -81,7 +81,7 @@ _OUTSIDE: dict[str, tuple[str, float, float]] = {
 }
 """Effects of the emulator that ``diagnose`` has no model of: parameter, medium and large size"""
 _SECOND = {"disturbance.periodic": (0.2, 3.0), "aero.ground_effect": (0.07, 0.15)}
-"""Range of an effect's second value: the frequency in Hz, the height in m; drawn log-uniformly"""
+"""Effect → range of its second value, drawn log-uniformly: the frequency in Hz, the height in m"""
 _CALIBRATION = {"mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw"}
 """Effects on those numbers of the profile that levels 4 and 5 change at random anyway"""
 _ALONE = "motor.thrust_gain"

@@ -29,7 +29,7 @@ class MarkedAnswer:
     reason: str | None
 
     def document(self) -> dict[str, Any]:
-        """Return the row as a dict for JSON, with the same keys whether it has marks or not."""
+        """Return the file's marks as a dict for JSON; a file without marks has the same keys."""
         answer, truth = self.answer, self.truth
         return {
             "file": self.file,
@@ -58,8 +58,8 @@ def _printable(text: str) -> str:
 def mark_folder(folder: Path, key: SigningKey) -> list[MarkedAnswer]:
     """Return a `MarkedAnswer` for each answer file in the folder and its subfolders.
 
-    A file that is not an answer gets one with the reason; hidden files and those with an ending in
-    `NOT_ANSWERS` get none. ``key``: the teacher's. Raises UsageError if the folder is missing or
+    For a file that is not an answer, it states the reason. Hidden files and files with an ending in
+    `NOT_ANSWERS` are skipped. ``key``: the teacher's. Raises UsageError if the folder is missing or
     empty.
     """
     if not folder.is_dir():

@@ -14,15 +14,15 @@ p(i) is the plan of flight i: each plan has its own level m, because a fit to sm
 large ones differ on an unchanged rig. φ is the standard deviation of a typical flight (s̃: median
 of s), and a the share of the scatter between flights in its variance. A step needs two flights on
 each side, because one flight alone is a deviating flight. Two steps need a model of their own: if
-the second undoes the first, or repeats it, one step describes the flights badly. Its j and k are on
-a grid of at most `MOST_BOUNDARIES`.
+the second undoes the first, or repeats it, one step describes the flights badly. The flights
+j and k of two steps are on a grid of at most `MOST_BOUNDARIES`.
 
 Priors: each m flat; a on `SHARES`, dense near 0; g on `SIZES`: a change has equal probability in
 each octave of 1 to 32 standard deviations. A common factor of all sᵢ has no influence. φ² has the
 prior d·φ₀²/χ²_d, with `Scale` from the sibling rigs, or p(φ) ∝ 1/φ without them (d = 0).
 
-m, δ and φ integrate in closed form. With wᵢ = 1/uᵢ, P plans, ν = n − P, and sums over values from
-which the weighted mean of their plan is subtracted::
+m, δ and φ integrate in closed form. Let wᵢ = 1/uᵢ, P the number of plans, and ν = n − P. Sxx is
+Σwᵢxᵢ², after the weighted mean of each plan is subtracted from x; Sxy and Syy likewise::
 
     p(y | x, a, g, d) ∝ √(Πᵢwᵢ/Π_pΣwᵢ) · (1 + g²Sxx)^(−½) · C_d · (R + dφ₀²)^(−(ν+d)/2)
     R = Syy − Sxy²·B,   B = g²/(1 + g²Sxx),   C_d = Γ((ν+d)/2)/Γ(d/2) · (dφ₀²)^(d/2),   C₀ = 1
@@ -46,10 +46,10 @@ import numpy as np
 from heli3dof.arrays import FloatArray
 
 SHARES = np.linspace(0.0, 1.0, 9) ** 2
-"""Grid of a, 1: the share of the scatter between flights in a typical flight's variance. Chosen."""
+"""Grid of a, the share of the scatter between flights in the variance of a flight. Chosen."""
 SIZES: FloatArray = np.exp2(np.arange(6.0))
-"""Grid of g, 1: standard deviations of a flight. Chosen: below 1 no flight shows a change, and
-above 32 every value of the prior's width gives the same answer."""
+"""Grid of g, the typical size of a change in standard deviations φ of a flight. Chosen: below 1 no
+flight shows a change, and above 32 every value of the prior's width gives the same answer."""
 KINDS = ("step", "two_steps", "drift", "deviating")
 SINGLE = ("step", "drift", "deviating")
 """Kinds with one size δ"""
@@ -58,10 +58,10 @@ UNLIKE = 0.01
 """Probability that a rig's scatter is unlike that of its siblings (d = 1). Chosen: if it were more
 probable than a step, a large scatter would explain every step in few flights."""
 LEAST_SIDE = 2
-"""Flights on each side of a step: one flight alone is a deviating flight (definition)"""
+"""Fewest flights on each side of a step: one alone is a deviating flight (a definition)"""
 MOST_BOUNDARIES = 30
-"""Grid points of two steps. Chosen: bounds the models to about 400; the search computes both steps
-again without a grid."""
+"""Most grid points for j and k of two steps. Chosen: it limits the pairs (j, k) to about 400. The
+search computes both steps again without a grid."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Prior:
 
 @dataclass(frozen=True)
 class Scale:
-    """Prior distribution d·φ₀²/χ²_d of φ² from the sibling rigs.
+    """Prior distribution d·φ₀²/χ²_d of a flight's variance φ², from the sibling rigs.
 
     d is `freedom`, or with the probability `UNLIKE` it is 1.
     """
@@ -117,9 +117,9 @@ class ChangePosterior:
     probability: Mapping[str, FloatArray]
     """Kind → probability of each model; they and ``constant`` sum to 1"""
     size: Mapping[str, FloatArray]
-    """Kind, without ``two_steps`` → posterior mean of δ for each model, in the unit of y"""
+    """Kind, except ``two_steps`` → posterior mean of δ for each model, in the unit of y"""
     size_std: Mapping[str, FloatArray]
-    """Kind, without ``two_steps`` → posterior standard deviation of δ for each model"""
+    """Kind, except ``two_steps`` → posterior standard deviation of δ for each model"""
 
     def kind(self, name: str) -> float:
         """Return the probability of the kind of change ``name``, one of `KINDS`."""
@@ -141,9 +141,9 @@ def change_posterior(
 ) -> ChangePosterior:  # fmt: skip
     """Return the probabilities of all changes in n flights of P plans, n − P ≥ 3.
 
-    ``y``, ``s`` (n,): values and standard deviations s > 0; ``t`` (n,): times in any unit, growing;
-    ``plans`` (n,): the plan of each flight, by default one for all; ``scale``: prior of φ² from the
-    sibling rigs.
+    ``y``, ``s`` (n,): values and standard deviations s > 0; ``t`` (n,): increasing times, in any
+    unit; ``plans`` (n,): the plan of each flight, by default one for all; ``scale``: prior of φ²
+    from the sibling rigs.
     """
     from scipy.special import gammaln, logsumexp
 
@@ -230,8 +230,9 @@ def _two_steps(
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Return Sxyᵀ(Sxx + I/g²)⁻¹Sxy and det(I + g²Sxx), each (g, a, pair), of all pairs of steps.
 
-    ``w`` (a, n): weights; ``x``, ``mean``, ``s_xy``, ``s_xx``: regressors of the steps, their
-    weighted means by plan times √Σwᵢ, and their sums; ``square`` (g, 1, 1): g².
+    ``w`` (a, n): weights; ``x`` (k, n): regressors of the steps before k; ``mean`` (a, plan, k):
+    their weighted means by plan, times √Σwᵢ; ``s_xy``, ``s_xx`` (a, k): their sums Sxy, Sxx;
+    ``square`` (g, 1, 1): g².
     """
     pairs = np.array(places["two_steps"], dtype=int).reshape(-1, 2) - LEAST_SIDE
     j, k = pairs.T

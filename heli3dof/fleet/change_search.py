@@ -44,15 +44,15 @@ DATES = 0.95
 MOST_DEVIATING = 0.2
 """Largest share of deviating flights: with more, the others would be no reference. Chosen."""
 HAMPEL_WIDTH = 5
-"""Flights in the running median of the Hampel filter, which keeps two flights after a step at an
-end of the series (a convention)"""
+"""Number of flights in the running median of the Hampel filter (a convention). With 5, the filter
+does not propose two flights after a step at the end of the series as deviating."""
 HAMPEL_SIGMAS = 5.0
 """Standard deviations from the running median above which the Hampel filter proposes a flight as
 deviating. Chosen; the posterior decides."""
 MAD_TO_STD = 1.4826
-"""Standard deviation over median absolute deviation of a normal distribution: 1/Φ⁻¹(¾)"""
+"""Ratio of the standard deviation of a normal distribution to its median absolute deviation"""
 REFINEMENTS = 5
-"""Most passes over all steps, per step; the second already changes few dates. Chosen."""
+"""Most passes over all steps, for each step; the second already changes few dates. Chosen."""
 NORMAL_95 = 1.96
 """Half width of a 95 % interval in standard deviations"""
 
@@ -93,8 +93,8 @@ def find_changes(
 ) -> tuple[Change, ...]:  # fmt: skip
     """Return the changes in n flights: steps and drifts in order of time, then deviating flights.
 
-    ``t``, ``y``, ``s`` (n,): growing times, values, standard deviations. Without ``s``, the search
-    is on the normal scores of the values, because no normal distribution can be assumed. ``plans``
+    ``t``, ``y``, ``s`` (n,): increasing times, values, standard deviations. Without ``s``, the
+    search uses the values' normal scores, because no normal distribution can be assumed. ``plans``
     (n,): the plan of each flight, by default one for all; ``scale``: prior of the variance of one
     flight from the sibling rigs.
     """
@@ -157,7 +157,7 @@ def normal_scores(y: FloatArray) -> FloatArray:
 def _candidates(series: _Series) -> Iterator[Change]:
     """Yield the deviating flights: proposed by a Hampel filter, and confirmed by the posterior.
 
-    The posterior of each is computed from the flight and those that the filter does not propose.
+    The posterior of each is computed from this flight and all flights that are not proposed.
     """
     from scipy.ndimage import median_filter
 
@@ -201,7 +201,7 @@ def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
 
 
 def _single(series: _Series, flights: np.ndarray) -> Change | None:
-    """Return the most probable change other than two steps.
+    """Return the most probable change in ``flights``, other than two steps.
 
     Returns None if the probability of a change is below `REPORTED`.
     """
@@ -238,7 +238,7 @@ def _change(
 ) -> Change:
     """Return the most probable change of this ``kind`` in ``flights``.
 
-    ``before``: index in ``flights`` of the first flight after a given step.
+    ``before``: index in ``flights`` of the first flight after the step; None: the likeliest step.
     """
     model = posterior.best(kind)
     size, std = posterior.size[kind], posterior.size_std[kind]

@@ -87,9 +87,9 @@ def _estimate(e: Estimate) -> dict[str, Any]:
 
 
 def _own(r: RigQuantity) -> list[dict[str, Any]]:
-    """Return each flight's estimate since the last step; empty without standard deviations.
+    """Return, for each flight since the last step, its recording and its own estimate.
 
-    Also empty for a single flight.
+    The list is empty without standard deviations, or if there is only one flight.
     """
     if r.track.s is None or r.estimate.n < 2:
         return []

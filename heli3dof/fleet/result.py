@@ -30,7 +30,7 @@ class RigQuantity:
     plan: str
     """Plan of the flights ``present``; empty if the recordings state none"""
     present: np.ndarray
-    """Indices of the flights of one plan since the last step, without deviating ones"""
+    """Indices in ``track`` of the flights of ``plan`` since the last step, except deviating ones"""
     estimate: Estimate
     """Estimate from the flights ``present``"""
     difference: Difference | None

@@ -12,9 +12,10 @@ NEEDED = ("recording", "rig", "exit_code")
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows of a batch's results table without bootstrap replicates; empty cell: None.
+    """Return the rows of the results table in ``folder``, without bootstrap replicates.
 
-    Raises UsageError if the table is missing, RecordingError if it cannot be used.
+    An empty cell is None. Raises UsageError if the table is missing, RecordingError if it cannot be
+    used.
     """
     rows = results_table.read_rows(folder, needed=NEEDED)
     return [row for row in rows if not row.get("replicate")]

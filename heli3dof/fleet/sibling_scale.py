@@ -6,8 +6,8 @@ A step is in only one of these differences (von Neumann, Ann. Math. Stat. 12, 19
 
     q_r = mean of (yᵢ₊₁ − yᵢ)²/2 over n_r differences,   f_r = 2n_r²/(3n_r − 1) degrees of freedom
 
-If φ² of the rigs is distributed as d·φ₀²/χ²_d, ln q_r has a mean E and variance V with the digamma
-and trigamma functions ψ and ψ'::
+Let φ² of the rigs be distributed as d·φ₀²/χ²_d. With the digamma and trigamma functions ψ and ψ',
+the mean E and the variance V of ln q_r are::
 
     E = ln φ₀² + ψ(f_r/2) − ln(f_r/2) − ψ(d/2) + ln(d/2),   V = ψ'(f_r/2) + ψ'(d/2)
 
@@ -30,7 +30,7 @@ LEAST_SIBLINGS = 5
 LEAST_DIFFERENCES = 4
 """Fewest differences n_r with which a sibling counts; fewer give f_r < 3. Chosen."""
 MAD_TO_STD = 1.4826
-"""Standard deviation over median absolute deviation of a normal distribution: 1/Φ⁻¹(¾)"""
+"""Ratio of the standard deviation of a normal distribution to its median absolute deviation"""
 
 
 def sibling_scale(siblings: Sequence[Track]) -> Scale | None:

@@ -49,7 +49,7 @@ class Track:
     y: FloatArray
     """(n,) values in the quantity's unit"""
     s: FloatArray | None
-    """(n,) standard deviations; None: the scatter is estimated"""
+    """(n,) standard deviations of ``y``; None for a quantity in `WITHOUT_STD`"""
     plans: np.ndarray
     """(n,) names of the plans; empty where there is none"""
     flights: tuple[str, ...]
@@ -114,7 +114,7 @@ def quantities_of(rows: Sequence[Row]) -> tuple[str, ...]:
 
 
 def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ...]:
-    """Return the tracks of all rigs that have a flight, in order of the rigs' names."""
+    """Return a track for each rig and each of the ``quantities`` that it has, sorted by rig."""
     rigs: dict[str, list[Row]] = {}
     for row in usable_rows(rows):
         rigs.setdefault(rig_of(row), []).append(row)

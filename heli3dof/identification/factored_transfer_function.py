@@ -2,8 +2,8 @@
 
     G(s) = k · Π (s + a_i) Π (s² + b_i s + c_i) / [ Π (s + a_j) Π (s² + b_j s + c_j) ]
 
-k is in rad/V per s^m, with m poles more than zeros. `heli3dof.identification.reduction` computes
-the factors of a fit.
+The unit of k is rad/V/s^m, with m the number of poles minus the number of zeros.
+`heli3dof.identification.reduction` computes the factors of a fit.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Factor:
 
     coefficients: tuple[float, ...]
     std: tuple[float, ...]
-    """NaN where unknown, 0 for a root at the origin"""
+    """Standard deviation of each coefficient: NaN if unknown, 0 for a root at the origin"""
 
     @property
     def roots(self) -> np.ndarray:
@@ -37,8 +37,10 @@ class Factor:
         return np.asarray(np.polyval([1.0, *self.coefficients], s))
 
     def __str__(self) -> str:
-        """Return ``(s+10.03±0.17)`` or ``(s²+(0.054±0.039)s+1.114±0.047)``; without spaces, so that
-        a line of text breaks between factors only."""
+        """Return text such as ``(s+10.03±0.17)`` or ``(s²+(0.054±0.039)s+1.114±0.047)``.
+
+        The text contains no space, so that a line of text breaks between factors only.
+        """
         text = "s" if len(self.coefficients) == 1 else "s²"
         if not any(self.coefficients):
             return text

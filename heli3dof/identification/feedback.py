@@ -1,8 +1,9 @@
 """Test for feedback: are the voltages correlated with past innovations of the angles?
 
 Autoregressions of order p whiten both signals. e is the innovation of a regression of the 3 angles
-on past angles and voltages; w is that of the 2 voltages on their own past. Without feedback w[k] is
-independent of e[k], e[k−1], …. So over h lags and N samples, with tr the trace and ~ "follows",
+on past angles and voltages; w is the innovation of a regression of the 2 voltages on their
+own past. Without feedback w[k] is independent of e[k], e[k−1], …. So over h lags and N samples,
+with tr the trace and ~ for "follows the distribution",
 
     Q = N Σ_{j=0}^{h−1} tr(R_jᵀ R_j)  ~  χ²(2·3·h),      R_j = corr(w[k], e[k−j])
 
@@ -22,15 +23,15 @@ from heli3dof.identification.black_box.pbsid import Pair, past, varx
 LEVEL = 1e-3
 """Significance level of the feedback test"""
 SHARE_MIN = 0.005
-"""Least share of the voltages' innovation variance, explained by the angles' innovations, that
-counts as feedback. A smaller share hardly biases a fit."""
+"""Smallest `Feedback.share` that counts as feedback; a smaller one hardly biases a fit."""
 
 
 @dataclass(frozen=True)
 class Feedback:
     """The result of a feedback test: χ² statistic, p-value, and whether feedback is ``present``.
 
-    ``share`` is the part of the voltages' innovation variance that the angles explain.
+    ``share`` (0 to 1) is the part of the variance of the voltages' innovations that the angles'
+    innovations explain. ``sentence`` states the result for the report.
     """
 
     statistic: float
@@ -42,9 +43,10 @@ class Feedback:
 
 
 def feedback_test(data: Sequence[Pair], *, p: int = 10, h: int = 5) -> Feedback:
-    """Test whether the voltages (V) respond to the angles (rad) in the segments ``data``.
+    """Test whether the voltages respond to the angles in the segments ``data``.
 
-    p is the order of the autoregressions; the test sums over h lags (see the module).
+    ``data`` has a pair per segment: voltages (N, 2) V, angles (N, 3) rad. p is the order of the
+    autoregressions, h the number of lags in the sum (see the module).
     """
     from scipy.stats import chi2
 

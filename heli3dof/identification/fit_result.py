@@ -18,8 +18,8 @@ from heli3dof.model.estimation.filter_data import Run
 from heli3dof.recording.recording import Recording
 
 Innovations = tuple[list[np.ndarray], list[np.ndarray]]
-"""Two lists with an array per run of usable rows: errors of predictions (N, 3) rad, and voltages
-(N, 2) V, which may be deviations from a mean, at the same samples"""
+"""Two lists, each with an array per run of usable rows: prediction errors (N, 3) rad, and voltages
+(N, 2) V at the same samples. The voltages may be deviations from a mean or trim."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,8 @@ def rightmost_first(poles: Sequence[Pole]) -> tuple[Pole, ...]:
 class CandidateOrder:
     """A fit of the order search: a black box of one order, fitted at one sampling interval.
 
-    The search compares ``score``, the mean fit of the axes in %.
+    The search compares ``score``, the mean fit of the axes in %. ``bic`` is the Bayesian
+    information criterion.
     """
 
     order: int
@@ -112,7 +113,7 @@ class FitResult:
     """s: sampling interval of the data that were fitted"""
     innovations: Callable[[Prepared, Sequence[Run]], Innovations]
     """Function (prepared, runs) → prediction errors and voltages per run of usable rows. The errors
-    are one step ahead, or of the simulation if the method is output error."""
+    are those of predictions `test_interval_s` ahead, or of the simulation for output error."""
     poles: tuple[Pole, ...] = ()
     transfer: TransferFunctions | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)

@@ -132,7 +132,7 @@ def identify(
 
 
 def residual_tests(found: FitResult, prepared: Prepared) -> tuple[ResidualTest, ...]:
-    """Return the whiteness and the past-inputs test on held-out data; () if there is too little."""
+    """Return the whiteness and past-inputs tests of held-out data; () if the data are too short."""
     settle = round(WARM_UP_S / (found.test_interval_s or found.interval_s))
     E, U = [], []
     for e, u in zip(*found.innovations(prepared, prepared.held_out), strict=True):
@@ -188,9 +188,10 @@ def extrapolation_warnings(prepared: Prepared) -> list[str]:
 
 
 def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
-    """Return a warning if held-out predictions `SUMMARY_HORIZON_S` ahead are worse than the mean.
+    """Return a list with one warning if predictions of held-out data are worse than the mean.
 
-    The mean is that of the measured angle. The list is empty without a warning.
+    The predictions are `SUMMARY_HORIZON_S` ahead. On the axes of the warning, the measured angle's
+    mean has smaller errors (negative fit). Without such an axis, the list is empty.
     """
     score = scores.prediction.get(SUMMARY_HORIZON_S)
     if score is None or not prepared.held_out:

@@ -55,7 +55,11 @@ class Clock:
 
 @dataclass(frozen=True)
 class RecordingReport:
-    """Sampling statistics of one recording, and the shares of usable and of left-out rows."""
+    """Sampling statistics of one recording, and the shares of usable and of left-out rows.
+
+    ``clipped_share`` is the share of rows that are usable and have a voltage at the amplifier's
+    limit. ``segments`` is the number of runs of usable rows.
+    """
 
     name: str
     seconds: float
@@ -124,6 +128,7 @@ class Segment:
     """A run of usable rows, decimated to N intervals.
 
     u (N, 2) V are the mean voltages of the intervals, y (N, 3) rad the angles at their starts.
+    ``source`` is the index of the recording in `Prepared`.
     """
 
     u: np.ndarray
@@ -214,7 +219,7 @@ def prepare(
 
 
 def segments(prepared: Prepared, runs: Sequence[Run], factor: int) -> list[Segment]:
-    """Return a `Segment` per run: its rows, decimated by ``factor``; none for under 2·factor rows.
+    """Return a `Segment`, decimated by ``factor``, for each run of at least 2 · ``factor`` rows.
 
     The gaps of a run are filled first (see the module).
     """

@@ -38,7 +38,7 @@ from heli3dof.parallel import one_blas_thread
 INPUTS = {"sum": np.array([1.0, 1.0]), "difference": np.array([1.0, -1.0])}
 """Input → change (2,) of the front and back voltage in V for one unit of the input"""
 LOWEST, HIGHEST = 0.1, 100.0
-"""rad/s: range of the grid; one-minute flights hold no information below (a convention)"""
+"""rad/s: range of the grid. A flight of one minute holds no information below it (a convention)."""
 NYQUIST_SHARE = 0.8
 """Highest frequency of the grid as a share of π/T, with the sampling interval T of the fit"""
 POINTS = 120
@@ -119,10 +119,12 @@ class _Channel:
         return H
 
     def rounded(self, polynomial: np.ndarray) -> tuple[Factor, ...]:
-        """Factor a polynomial whose roots are rounded; return its factors.
+        """Return a polynomial's factors, with rounding errors removed from its roots.
 
-        Roots that only rounding separates from 0 become 0; a conjugate pair that only rounding
-        separates from a double real root becomes one.
+        The coefficients of ``polynomial`` start with the highest power.
+
+        Roots that only rounding separates from 0 become 0. A conjugate pair that only rounding
+        separates from a double real root becomes this double root.
         """
         roots = np.roots(polynomial)
         roots = roots[np.argsort(np.abs(roots))]
@@ -145,9 +147,10 @@ class _Channel:
         return tuple(_factor(r) for r in roots if np.imag(r) >= 0)
 
     def refitted(self, H: FactoredTransferFunction) -> tuple[FactoredTransferFunction, float]:
-        """Return H with the gain k nearest to G (least squares, 1/`limit`²), and max |H − G|/limit.
+        """Return H with its gain k fitted to G, and the largest |H − G|/`limit` on the grid.
 
-        The maximum is over the grid; H is accepted if it is at most 1.
+        The fit is by least squares with the weights 1/`limit`². H is accepted if the largest ratio
+        is at most 1.
         """
         shape = replace(H, gain=1.0).at(self.s)
         w = 1 / self.limit**2
@@ -220,9 +223,10 @@ def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> Factor
 
 
 def _shorter(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
-    """Yield simplifications of H: without one factor of a zero, or of a zero and a pole.
+    """Yield H without one numerator factor, and H without this and one denominator factor.
 
-    A factor is a real root or a pair; a zero's factor cancels only with a pole's of equal degree.
+    A factor has one real root, or a pair of roots. Two factors cancel only if they have the same
+    number of roots.
     """
     for i, zero in enumerate(H.numerator):
         fewer = replace(H, numerator=H.numerator[:i] + H.numerator[i + 1 :])
@@ -233,7 +237,7 @@ def _shorter(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
 
 
 def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
-    """Yield H with one real root moved to the origin, for each within `SIGMAS` σ of the origin."""
+    """Yield H with one real root moved to 0, for each root that is within `SIGMAS` σ of 0."""
     for factors in (H.numerator, H.denominator):
         for i, f in enumerate(factors):
             if len(f.coefficients) == 1 and 0 < abs(f.coefficients[0]) <= SIGMAS * f.std[0]:

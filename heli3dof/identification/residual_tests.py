@@ -6,8 +6,8 @@ multivariate portmanteau test) of N innovations e with l outputs, over h lags:
 
     Q = N² Σ_{j=1}^{h} tr(R_jᵀ R_0⁻¹ R_j R_0⁻¹)/(N − j)  ~  χ²(l² h),     R_j = (1/N) Σ e[k] e[k−j]ᵀ
 
-Past inputs (score test): e[k] is regressed on m voltages u[k−1], …, u[k−h]. S_e is the covariance
-of e, S_explained that of the regression's prediction:
+Past inputs (score test): e[k] is regressed on the h vectors u[k−1], …, u[k−h] of m voltages. S_e is
+the covariance of e, S_explained that of the regression's prediction:
 
     LM = N tr(S_e⁻¹ S_explained)  ~  χ²(l m h)
 

@@ -53,7 +53,7 @@ class Identification(Result):
     metrics: Metrics
     """Scores of the model on held-out data only"""
     residuals: tuple[ResidualTest, ...]
-    """Residual tests on held-out data, at the sampling interval of the fit"""
+    """Residual tests on held-out data, at the interval `FitResult.test_interval_s`"""
     feedback: Feedback
     prepared: Prepared
     warnings: tuple[str, ...]

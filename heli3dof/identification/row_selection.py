@@ -5,8 +5,8 @@ amplifier's limit, or in free fall. Such rows are left out, each counted under a
 
 ``unread``        a NaN in a voltage or an angle
 ``table``         on the table or within 1° of it for 0.1 s or more
-``take_off``      from lift-off until roll is half-way to level, the voltages have been off their
-                  limit for 0.25 s, and 3 s have passed
+``take_off``      from lift-off until all three hold: roll is half-way to level, the voltages have
+                  been off their limit for 0.25 s, and 3 s have passed
 ``stop``          roll or pitch within 0.2° of its extreme, beyond 25°, and resting there for 0.3 s
                   or after an impact; yaw has no stop
 ``motors_off``    both voltages zero for 0.1 s or more, and the rows after that until roll rises
@@ -47,7 +47,7 @@ AT_STOP_S = 0.3
 AT_EXTREME = np.deg2rad(0.2)
 HIT = 8.0
 BEFORE_S = 0.01
-"""s over which the rate v before an impact is measured"""
+"""Time in s over which the rate v before an impact is measured"""
 
 
 def clipped(recording: Recording) -> np.ndarray:
@@ -129,9 +129,10 @@ def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
 
 
 def _falling(roll: np.ndarray) -> np.ndarray:
-    """Return (N,) bool: the rows after ``roll`` (N,) was last above half of its table value.
+    """Return (N,) bool: the rows after ``roll`` (N,) rad was last above half of its first value.
 
-    No row is True if the recording does not start on the table.
+    The first value is the (negative) angle on the table. No row is True if the recording does not
+    start there.
     """
     out = np.zeros(len(roll), dtype=bool)
     if roll[0] < ON_TABLE_BELOW:

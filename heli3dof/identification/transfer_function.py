@@ -27,7 +27,7 @@ class TransferFunctions:
     """Transfer functions from the two motors to the three angles over a common denominator.
 
     num (3, 2, k) is in rad/V, [axis, motor]; den (k,) is monic. The highest power comes first.
-    ``covariance`` (q, q) is that of [den[1:], num.ravel()]; None if unknown.
+    ``covariance`` (q, q) is that of the coefficients [den[1:], num.ravel()]; None if unknown.
     """
 
     num: np.ndarray

@@ -29,8 +29,8 @@ rows before the run shorten it."""
 LEAD_IN_S = 10.0
 """s: longest stretch of usable rows before a run in which the filter settles; not scored"""
 AFTER_TAKE_OFF_S = 2.0
-"""s after the first usable row of a flight from the table, in which its replay is not scored. A
-linear model does not describe the rise from −27.5° of roll, and its error must decay first."""
+"""s: time after the first usable row of a flight from the table, without a replay score. A linear
+model does not describe the rise from −27.5° of roll, and its error must decay first."""
 
 
 @dataclass(frozen=True, eq=False)

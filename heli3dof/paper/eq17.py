@@ -1,4 +1,4 @@
-"""Provide the paper's identified model, eq (17), as printed and corrected. It has known defects.
+"""Provide the paper's identified model, eq (17), as printed and corrected, with its defects.
 
 All transfer functions have one denominator. T(s)_{i,j} is from motor i (1 front, 2 back) to angle j
 (1 roll, 2 pitch, 3 yaw), in degrees per volt. The defects (erratum E14):
@@ -63,9 +63,10 @@ def dc_gains_deg() -> np.ndarray:
 
 
 def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A (8, 8), B (8, 2), C (3, 8) in rad and V, as printed or with T_11 ``corrected``.
+    """Return eq (17) in state space: A (8, 8), B (8, 2), C (3, 8), in rad and V.
 
-    Each motor has a controllable canonical form of four states.
+    T_11 is as printed, or ``corrected``. Each motor has a controllable canonical form with four
+    states.
     """
     num = np.deg2rad(numerators_deg(corrected=corrected))
     companion = np.zeros((4, 4))

@@ -23,7 +23,10 @@ HOVER_ROLL = "eqs (7)–(14) with errata E3–E6 corrected, 10° step, K_g"
 
 @dataclass(frozen=True)
 class Published:
-    """One number (degrees) that the paper prints, and why it can be reproduced here or not."""
+    """One number (degrees) that the paper prints, and why it can be reproduced here or not.
+
+    ``where`` names the figure or table in the paper.
+    """
 
     axis: str
     subject: Subject

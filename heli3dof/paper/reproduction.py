@@ -1,4 +1,4 @@
-"""Reproduce the paper's numbers of the hover model; the others cannot be reproduced.
+"""Reproduce the paper's numbers of the hover model; no other number can be reproduced.
 
 The paper simulates the hover model: a 10° roll step from level with the gain K_g of eq (14); no
 limit is reached. The roll peak is 11.75° with this package's sampled controller, and 11.85° in
@@ -64,7 +64,7 @@ def hover_metrics(hover: Model, profile: Profile | None = None) -> Mapping[str, 
 
 
 def reproduce(hover: Model | None) -> tuple[Reproduced, ...]:
-    """Return all numbers of the paper with those simulated here, sorted by axis.
+    """Return each number of the paper with the one simulated here, sorted by axis.
 
     ``hover`` is the corrected hover model of Table I's rig; if it is None, nothing is simulated.
     """

@@ -27,7 +27,7 @@ class Job:
     label: str
     """Name of the files that the verb writes"""
     folder: Path
-    """The verb writes here; the files are then moved to the output folder"""
+    """Folder in which the verb writes; its files are then moved to the output folder"""
     options: Mapping[str, Any]
     profile: Profile | None
 
@@ -64,11 +64,12 @@ class Analysis:
 
     name: str
     run: Callable[[Job], Document]
-    """Return the verb's JSON document. Raises Heli3dofError"""
+    """Function (job) → the verb's JSON document. It may raise Heli3dofError."""
     columns: Callable[[Document], Row]
-    """Return the verb's columns of the results table, computed from its JSON document"""
+    """Function (JSON document) → the verb's columns of the results table"""
     recording: Callable[[Job], Recording] = whole_recording
-    """Return the recording for the first columns; info and recover also read torn ones"""
+    """Function (job) → the recording that the first columns describe. For info and
+    recover it is the intact part of a torn file."""
 
 
 def bad_data(integrity: Iterable[Mapping[str, Any]]) -> list[str]:

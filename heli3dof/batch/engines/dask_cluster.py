@@ -22,11 +22,12 @@ if TYPE_CHECKING:
     from distributed import Client
 
 ANSWER_S = 10
-"""s that the scheduler has for its first answer. Chosen."""
+"""Time limit in s for the scheduler's first answer. Chosen."""
 RESTART_S = 60
-"""s that a scheduler has to come back after its connection broke. Chosen."""
+"""Time limit in s for a scheduler to return after its connection broke. Chosen."""
 MEMORY = "memory"
-"""Name of the workers' resource in bytes, as in ``dask worker ADDRESS --resources memory=8e9``"""
+"""Name of the Dask resource that states a worker's memory in bytes, as in
+``dask worker ADDRESS --resources memory=8e9``"""
 WARNS_FROM = {"distributed.admin.large-graph-warning-threshold": "4 GiB"}
 """Dask's threshold for a warning on large items. Its default is 10 MB; recordings may be larger."""
 RESERVED = 1e9

@@ -20,7 +20,7 @@ from heli3dof.batch.engines.base import AHEAD, Lost, R, T
 from heli3dof.parallel import core_count, limit_threads
 
 MOST_DEATHS = 3
-"""Processes that may end while they work on the same item, before it is `Lost`: Dask's default"""
+"""If this many processes end while they work on the same item, it is `Lost` (Dask's default)."""
 PRELOADED = [
     "heli3dof.batch.run_task",
     "heli3dof.diagnosis.diagnose",

@@ -38,7 +38,7 @@ ORDERS = (6, 7, 8, 9, 10)
 PAST_S = 0.5
 """s: the VARX (vector autoregression with inputs) regresses on the samples of this past time."""
 TIE = 0.2
-"""Fit in percent: the smallest order whose score is this close to the best is chosen."""
+"""The smallest order whose score is within this many percent of fit of the best is chosen."""
 MEMORY_S = 2.0
 """s: longest time constant of a predictor in the method ``pem``. With little disturbance it would
 grow to tens of seconds, and remember one flight's trim, which is wrong in the next."""
@@ -75,7 +75,10 @@ class Decimated:
 
 
 def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Decimated:
-    """Return voltages and angles of ``runs``, decimated to about ``interval_s`` s, minus means."""
+    """Return voltages and angles of ``runs``, decimated to about ``interval_s`` s.
+
+    The means over all runs are subtracted.
+    """
     factor = max(1, round(interval_s / prepared.dt))
     cut = segments(prepared, runs, factor)
     u_mean = np.vstack([s.u for s in cut]).mean(axis=0)
@@ -88,7 +91,8 @@ def past_window(d: Decimated, largest_order: int) -> int:
     """Return the order of the VARX that is fitted to data d: the number of samples in `PAST_S`.
 
     The VARX is a vector autoregression with inputs. Its order is at least ⌈largest_order/3⌉ + 2,
-    enough for a model with ``largest_order`` states, and at most a 30th of the number of rows.
+    enough for a model with ``largest_order`` states, and at most a 30th of the number of rows
+    (or 2, if this is larger).
     """
     rows = sum(len(u) for u, _ in d.data)
     want = max(round(PAST_S / d.interval_s), -(-largest_order // 3) + 2)
@@ -96,9 +100,10 @@ def past_window(d: Decimated, largest_order: int) -> int:
 
 
 def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
-    """Return {order: model} by the subspace method PBSID-opt; the order is the number of states.
+    """Return {order: model} for the data d by PBSID-opt; the order is the number of states.
 
-    The models are the initial models of ``pem`` and ``oe``, and the results of ``pbsid``.
+    The models are the initial models of ``pem`` and ``oe``, and the results of ``pbsid``. Orders
+    above three times the order of the VARX (`past_window`) are left out.
     """
     orders = sorted(orders)
     p = past_window(d, orders[-1])
@@ -160,11 +165,11 @@ def search(
     intervals_s: Sequence[float] = INTERVALS_S,
     name: str = "black box",
 ) -> tuple[StateSpaceFit, list[CandidateOrder]]:
-    """Fit all orders at all sampling intervals; return the best fit, and the score of every fit.
+    """Fit all orders at all sampling intervals; return the chosen fit, and the score of every fit.
 
-    ``method`` is ``pem``, ``oe`` or ``pbsid``. ``orders`` are numbers of states, ``name`` is the
-    model's name, ``prepared`` holds the recordings. Raises RecordingError if no candidate can be
-    used.
+    The module states how one is chosen. ``method`` is ``pem``, ``oe`` or ``pbsid``. ``orders`` are
+    numbers of states, ``name`` is the model's name, ``prepared`` holds the recordings. Raises
+    RecordingError if no candidate can be used.
     """
     tried: list[tuple[CandidateOrder, StateSpaceFit | None]] = []
     for interval_s in intervals_s:

@@ -1,7 +1,7 @@
 """PBSID-opt: a state-space model in innovation form from closed-loop data, without iterations.
 
-With Ã = A − K C stable, the prediction ŷ of the output y depends only on the last p samples of
-input u and output y, up to a term in Ã^p. d is a constant offset:
+Let Ã = A − K C be stable. Then the prediction ŷ of the output y depends only on the last p samples
+of input u and output y, up to a term in Ã^p. d is a constant offset:
 
     ŷ[k] = Σ_{j=1..p} Ξ_j z[k−j] + d,     z = (u, y),     Ξ_j = C Ã^{j−1} [B K]
 
@@ -152,7 +152,7 @@ def realise(data: Sequence[Pair], x: Sequence[np.ndarray], p: int, n: int) -> St
 
 
 def pbsid(data: Sequence[Pair], n: int, p: int) -> StateSpace:
-    """Return a model with n states by PBSID-opt from segments (u, y); p is the VARX's order."""
+    """Return a model with n states, by PBSID-opt from segments ``data``; p is the VARX's order."""
     fit = varx(data, p)
     x, _ = states(data, fit, n)
     return realise(data, x, p, n)

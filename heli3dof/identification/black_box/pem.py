@@ -139,7 +139,7 @@ def pem(
 
 
 def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return a model's W = [Ã B K] and C, Ã = A − K C, transformed to balanced coordinates."""
+    """Return W = [Ã B K] and C in balanced coordinates; Ã = A − K C, n states."""
     from scipy.linalg import cholesky, solve_discrete_lyapunov, svd
 
     At = W[:, :n]

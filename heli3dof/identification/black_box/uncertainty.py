@@ -67,7 +67,7 @@ def poles(fit: PemFit, T: float) -> list[Pole]:
 
 
 def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:
-    """Propagate the parameters' covariance to the vector f(model); return its covariance (q, q)."""
+    """Return the covariance (q, q) of the vector f(model), from the covariance of ``fit``."""
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
     columns = []
     for j, s in enumerate(std):

@@ -12,8 +12,8 @@ place of the full sandwich H⁻¹ B H⁻¹: with a hundred blocks each entry of 
 %, their average by 2 to 5 %. Values below 1 are not used, because blocks of half a second miss the
 scatter from slow drifts.
 
-The Cramér–Rao bound is that of the same rig with encoders whose rounding is white noise of variance
-Δ²/12, with the encoder step Δ. The bound is evaluated at the estimated process noise, with its
+The Cramér–Rao bound is that of the same rig if its encoders' rounding were white noise of variance
+Δ²/12 (Δ: encoder step). The bound is evaluated at the estimated process noise, with its
 intensity scaled by √κ.
 """
 
@@ -33,7 +33,7 @@ from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics.parametrisation import Free, Structure
 
 BLOCK_S = 0.5
-"""s: length of the blocks over which scores are summed (module)"""
+"""s: length of the blocks over which scores are summed (see the module)"""
 TIED = 0.9
 """Absolute correlation above which the data do not separate two parameters"""
 PRIOR_SHARE_MAX = 0.5
@@ -202,9 +202,9 @@ class ScoreTestResult:
 
     name: str
     score: float
-    """Twice the increase of the log-likelihood when all parameters are refitted, to second order.
-    If the rig lacks the effect, the score follows χ²; the degrees of freedom are the number of the
-    effect's parameters."""
+    """Twice the increase of the log-likelihood when all parameters are refitted, to second order,
+    divided by the scatter factor κ (`Estimate.inflation`). If the rig lacks the effect, the score
+    follows χ²; the degrees of freedom are the number of the effect's parameters."""
     values: tuple[float, ...]
     """The estimate of one Gauss–Newton step, in the parameters' units."""
 

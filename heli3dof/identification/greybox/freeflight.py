@@ -143,7 +143,11 @@ def fit_freeflight(
 
 
 def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS) -> MultiStep:
-    """Return the least-squares problem of fitting a model with the effects ``names``."""
+    """Return the least-squares problem of a fit to ``recordings`` with the effects ``names``.
+
+    Recordings with fewer than `LEAST_STARTS` windows are left out. Raises RecordingError if there
+    are fewer than `LEAST_WINDOWS` windows in the others.
+    """
     structure = Structure(recordings[0].profile, terms(names))
     parts = [(r, flight_of(r)) for r in recordings]
     flights = [(r, f) for r, f in parts if len(f.starts) >= LEAST_STARTS]
@@ -218,7 +222,7 @@ def _airborne(recording: Recording) -> list[Stretch]:
 
 
 def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:
-    """Return the recording, whose index is ``source``, up to the last row of its ``runs``."""
+    """Return the recording up to the last row of the ``runs`` that have its index ``source``."""
     return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
 
 

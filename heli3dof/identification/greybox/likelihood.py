@@ -47,7 +47,8 @@ class Pass:
     K: np.ndarray
     """(E, 6) the filter's gain at each update"""
     X: np.ndarray | None
-    """(N, 6) states after each row, or (N, 9) with the running Σ ln Z by axis, or None"""
+    """(N, 6) states after each row, angles in rad and rates in rad/s; (N, 9) if the sums Σ ln Z by
+    axis up to the row follow; None if not kept"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,10 @@
 """Maximise the likelihood by Gauss–Newton steps on the innovations; also estimate the noise.
 
-θ are the parameters' coordinates. Each round runs the filter at θ. Then it takes a Newton step of
-the logarithm of each axis' process noise intensity, for which it evaluates the likelihood at three
-intensities. The axes are nearly independent. Let c be the
-filter's prediction of a reading, g the score and w the information of that reading. With the
-tangents ∂c/∂θ at fixed filter gains, the round solves
+θ are the parameters' coordinates. A round first takes a Newton step of the logarithm of each axis'
+process noise intensity, for which it evaluates the likelihood at three intensities. The axes are
+nearly independent. Once the noise has converged, only every fourth round does this. Then the round
+runs the filter at θ. Let c be the filter's prediction of a reading, g the score and w the
+information of that reading. With the tangents ∂c/∂θ at fixed filter gains, the round solves
 
     (H + Λ + λ diag(H + Λ)) δ = Σ g ∂c − Λ (θ − θ_0),     H = Σ w ∂c ∂cᵀ,   Λ the prior's precision
 
@@ -167,7 +167,10 @@ def better_noise(
 
 
 def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return ``a`` (4,) with its jitter replaced by the likeliest of 0 and `JITTERS` (s)."""
+    """Return the noise ``a`` (4,) with a new jitter (s): 0, or one of `JITTERS`.
+
+    From 0 upwards, the next value is taken while it raises the log-likelihood by `JITTER_WORTH`.
+    """
     best, best_loglik = 0.0, -np.inf
     for jitter in (0.0, *JITTERS):
         loglik = float(problem.run(theta, np.append(a[:3], jitter), keep=0).loglik.sum())

@@ -49,8 +49,8 @@ WINDOW_S = 3.0
 """τ, s: prediction windows that start at least this far apart count as independent."""
 ROBUST = 4.0
 RATIO_STD, COMMON_STD = 0.04, 0.5
-"""Prior standard deviations of the logarithms of J_pitch/J_roll, J_yaw/J_roll, and of J_roll. The J
-are moments of inertia."""
+"""Prior standard deviations: `RATIO_STD` of ln(J_pitch/J_roll) and of ln(J_yaw/J_roll),
+`COMMON_STD` of ln J_roll. The J are moments of inertia."""
 DIFFERENCE = 1e-3
 """Step of the finite differences, in the coordinates z"""
 SETTLED = 0.03
@@ -271,6 +271,7 @@ def scales(e: np.ndarray) -> np.ndarray:
     """Return the RMS (M, 3) rad over S starts of the prediction errors e (S, M, 3) rad.
 
     Errors above 1 rad count as 1 rad; errors that are exactly 0 (axes not measured) do not count.
+    The result is at least 0.1°.
     """
     there = np.maximum((e != 0).sum(axis=0), 1)
     size = np.sqrt((np.minimum(np.abs(e), 1.0) ** 2).sum(axis=0) / there)

@@ -1,10 +1,11 @@
 """Estimate the thrust gain K_f from four fitted parameters and the profile's tolerance.
 
 Flights do not identify K_f: all torques and inertias multiplied by one number give the same motion
-(`heli3dof.model.physics.rigid_body`). So a fit gives X = (T_g, J_roll, J_pitch, J_yaw) in units of
-K_f: x_i = X_i/k, with k = K_f/K_f,nominal. The profile's values of K_f and of the four parameters
-have the relative error s, half its ``tolerance``, with outliers. The posterior density of ln k uses
-Student's t with ν = `DEGREES_OF_FREEDOM`:
+(`heli3dof.model.physics.rigid_body`). So a fit gives X = (T_g, J_roll, J_pitch, J_yaw), gravity
+torque and moments of inertia, in units of K_f: x_i = X_i/k, with k = K_f/K_f,nominal. The
+profile's values of K_f and of the four parameters have the relative error s, half its
+``tolerance``, with outliers. The posterior density of ln k uses Student's t with
+ν = `DEGREES_OF_FREEDOM`:
 
     p(ln k) ∝ t_ν(ln k/s) Π_i t_ν(ln(x_i k/X_i,nominal)/√(s² + σ_i²)),    σ_i: relative std of x_i
 
@@ -63,7 +64,7 @@ def edge(x: float, tolerance: float) -> float:
 
 
 def thrust_scale(fit: PhysicalFit) -> ThrustScale:
-    """Return k of a fit, estimated from its gravity torque and three inertias, and the profile."""
+    """Return k, estimated from the gravity torque and the three inertias of a fit."""
     nominal = np.array([f.start for f in fit.free[:4]])
     x = fit.values[:4] / nominal
     std = fit.std[:4] / np.abs(nominal)
@@ -71,9 +72,10 @@ def thrust_scale(fit: PhysicalFit) -> ThrustScale:
 
 
 def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
-    """Return k from the ratios x (4,) of fitted to nominal parameters; s: the profile's error.
+    """Return k from the ratios x (4,) of fitted to nominal parameters.
 
-    ``std`` (4,) are the ratios' standard deviations. Ratios that are not positive are ignored.
+    ``std`` (4,) are the ratios' standard deviations, ``s`` is the relative error of the profile's
+    values. Ratios that are not positive are ignored.
 
     >>> scale = of_ratios(np.full(4, 1 / 1.4), np.zeros(4), 0.075)
     >>> round(scale.k, 1)

@@ -115,13 +115,13 @@ class SmoothedFlight:
     y: np.ndarray
     y_smooth: np.ndarray
     y_dot: np.ndarray
-    """(N, 3) rad/s, derivatives of ``y_smooth``. ``y`` and ``y_smooth`` are (N, 3) rad; gaps in
-    ``y`` are interpolated."""
+    """(N, 3) each: readings ``y`` in rad with interpolated gaps, ``y_smooth`` in rad, and the
+    derivative ``y_dot`` of ``y_smooth`` in rad/s"""
     spans: tuple[Span, ...]
 
 
 def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
-    """Smooth a flight's readings; place test functions in its windows of ``window_s`` s."""
+    """Return a flight with smoothed readings, and test functions in windows of ``window_s`` s."""
     from scipy.signal import savgol_filter
 
     t, dt = flight.t, flight.dt
