@@ -62,7 +62,7 @@ def last_step_with_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:
 
 
 def confounded_causes(step: Step, j: int) -> tuple[str, ...]:
-    """Return the terms confounded with base parameter j."""
+    """Return the terms confounded with base parameter j, an index of `PARAMETERS`."""
     fit, screen = step.fit, step.screen
     f, value = fit.free[j], float(fit.values[j]) * thrust_scale(fit).k
     if value / f.start <= 0:

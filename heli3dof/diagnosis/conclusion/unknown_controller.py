@@ -28,7 +28,7 @@ INDICES = {
     "mass.imbalance": (0,), "inertia.roll": (1,), "inertia.pitch": (2,), "inertia.yaw": (3,),
     "motor.thrust_gain": (0, 1, 2, 3),
 }  # fmt: skip
-"""Finding → the coordinates (of T_g and the inertias) that are nominal without it"""
+"""Finding → indices of the coordinates (T_g and the inertias) that are nominal without it"""
 
 
 def exceeds_rounding(g: Gain, profile: Profile) -> bool:

@@ -100,8 +100,9 @@ class OffNominal:
     term: Term
     value: float
     std: float
+    """Estimate of the term's first parameter, in its unit, and its standard deviation"""
     score: float
-    """((value − nominal)/std)²"""
+    """((X − X_nominal)/σ_X)² with the standard deviation σ_X of X"""
     flight_score: float = 0.0
     """(x/σ)²: the score if K_f were known; 0 for K_f"""
     tied_with: tuple[str, ...] = ()

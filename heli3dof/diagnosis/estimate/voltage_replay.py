@@ -36,7 +36,7 @@ from heli3dof.model.estimation.decimated_log import decimation
 from heli3dof.recording.recording import Recording
 
 BLOCK_S = 2.0
-"""s, chosen: several periods of the slowest integral fit a flight, a landing fills one or two."""
+"""s, length of a block. Chosen: a flight has several, and a landing fills one or two."""
 LEAST_ROWS = 20
 """Fewest rows of a block. Chosen."""
 LEAST_BLOCKS = 3
@@ -80,7 +80,7 @@ class VoltageReplay:
 
 
 def voltage_replay(recording: Recording) -> VoltageReplay | None:
-    """Return the comparison, or None if it is not possible.
+    """Return the comparison of the profile's controller with the voltages, or None if impossible.
 
     It needs a known controller, references, three axes, a row for every control period, and
     `LEAST_BLOCKS` blocks of rows that count.

@@ -33,10 +33,11 @@ class HalvesComparison:
     """The estimates of one term in the halves of the flights."""
 
     u: tuple[float, ...]
+    """u_h of each half"""
     discrepancy: float
     """δ of the first and the last half"""
     by_prior: bool
-    """Some σ_h > `PRIOR_SHARE` σ_prior"""
+    """True if some σ_h > `PRIOR_SHARE` σ_prior"""
 
     @property
     def significant_in_both(self) -> bool:

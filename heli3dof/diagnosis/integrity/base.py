@@ -1,4 +1,4 @@
-"""Define the classes `Check` and `Fault`, and the kinds and stages of both."""
+"""Define the classes `Check` and `Fault`, the stages of checks and the kinds of faults."""
 
 from __future__ import annotations
 

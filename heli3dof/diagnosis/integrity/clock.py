@@ -24,7 +24,7 @@ DEVICE_OFF = 0.005
 REPEATED = 0.02
 """Largest share of repeated rows"""
 NEAR = 51
-"""`repeated` uses a row if the voltage changes in a tenth of so many rows around it."""
+"""Rows of a window: `repeated` uses a row if the voltage changes in over a tenth of its window."""
 
 
 def clock(view: View) -> Iterable[Fault]:

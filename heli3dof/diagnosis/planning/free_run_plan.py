@@ -77,7 +77,10 @@ def open_parameters(open_: OpenTerms) -> list[OpenParameter]:
 def next_free_flight(
     open_: OpenTerms, *, plans: Sequence[str] | None = None, seed: int = 0
 ) -> NextExperiment | None:
-    """Return the recommended plan; None if nothing is open or no plan is feasible."""
+    """Return the recommended plan; None if nothing is open or no plan is feasible.
+
+    ``plans``: names of the plans to compare; by default all.
+    """
     parameters, profile = open_parameters(open_), open_.model.profile
     if not parameters or not is_stable(open_.model, profile):
         return None

@@ -60,10 +60,12 @@ def run_auto(
 ) -> AutoResult:
     """Fly and diagnose until no further flight is recommended, or the budget is spent.
 
-    ``folder`` is created for the recordings. ``budget_min`` counts minutes of flight. ``fly``
-    replaces the function that flies a plan with a seed to a file; ``diagnosing`` is entered for
-    each diagnosis and yields a function that shows its progress; ``each`` receives a sentence
-    after each diagnosis. Raises UsageError if the first plan exceeds the budget, OutputExists, and
+    ``folder`` is created for the recordings. ``budget_min``: minutes of flight. ``fly`` (plan,
+    path, seed) replaces the function that flies a plan and writes the recording. ``diagnosing`` is
+    a context for each diagnosis and yields a function that shows its progress. ``each`` receives a
+    sentence after each diagnosis.
+
+    Raises UsageError if the first plan exceeds the budget, OutputExists if the folder exists, and
     the errors of a flight.
     """
     first = load_plan(first) if isinstance(first, str) else first

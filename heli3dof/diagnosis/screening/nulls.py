@@ -55,7 +55,7 @@ class Nulls:
 
     mean: np.ndarray
     std: np.ndarray
-    """(P,), (P,) of z, as in the module's equations"""
+    """(P,) each: mean and standard deviation of z over the nulls, as in the module's equations"""
     inflation: float
     """κ ≥ 1: variance of the scores relative to an exact likelihood's, the median over probes"""
     threshold: float
@@ -147,7 +147,7 @@ def _shrunk_std(z: np.ndarray) -> np.ndarray:
 
 
 def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
-    """Return the distribution by formula, for an unknown controller (module)."""
+    """Return the nulls' distribution by formula, for an unknown controller (see the module)."""
     from scipy.stats import chi2
 
     n = len(screen.names)

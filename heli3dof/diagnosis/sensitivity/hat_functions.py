@@ -104,9 +104,9 @@ class Sums:
 def sums_along(
     library: Hats, flight: Trail, tangents: np.ndarray, wanted: np.ndarray | None = None
 ) -> Sums:
-    """Return the sums of all functions, given a fit's ``tangents`` (p, E).
+    """Return the sums of all functions of ``library``, given a fit's ``tangents`` (p, E).
 
-    ``wanted``: columns of the functions whose traces are returned.
+    ``wanted``: columns of the functions whose traces are returned; none by default.
     """
     from heli3dof.diagnosis.sensitivity.residual_torque_passes import forced
 

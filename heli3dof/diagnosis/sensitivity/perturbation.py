@@ -91,7 +91,7 @@ def path(structure: Structure, values: np.ndarray, data: Data, at: Pass) -> Path
 def forcing(
     p: Path, wide: Structure, sets: Sequence[np.ndarray], moves: Sequence[bool]
 ) -> np.ndarray:
-    """Return the changes δa (J, C, 3) rad/s² by J sets of values of the structure ``wide``.
+    """Return δa (J, C, 3), in rad/s², due to J sets of parameter values of the structure ``wide``.
 
     ``moves`` (J,): True if a set changes the thrusts.
     """

@@ -112,9 +112,10 @@ def _forced(  # type: ignore[no-untyped-def]
     blocks, h, A, B, slope, row, state, G, W, K, left, share, tangents, axes, wanted, knots,
     score, information, cross, traces,
 ):  # fmt: skip
-    """Sum score and information of J hat functions: ``knots`` of M variables on each of ``axes``.
+    """Sum score and information of J hat functions.
 
-    ``left``, ``share`` (N, M): knot below each variable, fraction of the way to the next. Results:
+    Each of M variables has ``knots`` functions on each of ``axes``. ``left``, ``share`` (N, M): the
+    knot below the variable's value, and the fraction of the way to the next one. Results:
     ``score`` (J,), ``information`` (groups, knots, knots), ``cross`` (n, J) with the ``tangents``
     (n, E), ``traces`` (len(wanted), E): δc of columns ``wanted``. Columns are as in `Hats`.
     """

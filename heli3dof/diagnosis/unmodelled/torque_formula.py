@@ -68,6 +68,7 @@ class Proposal:
     start: tuple[float, ...]
     """Its parameters, in their units"""
     product: str
+    """The formula's product, or the variable of the curve"""
     is_formula: bool
     alternatives: tuple[str, ...] = ()
     """Products that explain as much"""
@@ -76,7 +77,7 @@ class Proposal:
 def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
     """Return terms for ``torque``, best first: a formula and a curve.
 
-    The formula is left out unless it holds as well as the curve (module), and the curve unless its
+    The list contains the formula if it holds as well as the curve (module), and the curve if its
     variable is a product of known quantities.
     """
     flown = flown_fit(fit)
@@ -205,7 +206,10 @@ def projected(flown: FilteredFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def spline_score(flown: FilteredFit, axis: int, variable: str) -> tuple[float, int]:
-    """Return S and rank of the piecewise linear torque of ``variable``; S = 0 if it is constant."""
+    """Return S and rank r of the piecewise linear torque of ``variable``; S = 0 if it is constant.
+
+    A variable counts as constant if its range is below `hat_functions.MIN_RANGE`.
+    """
     flight = flown.flight
     library = hats(flight, np.array([axis]))
     if variable not in library.variables:

@@ -59,7 +59,7 @@ ALTERNATIVE_SHARE = 0.5
 MIN_SHARE = 0.05
 """Least share of the variance: a limit cycle may be significant, yet explain nothing. Chosen."""
 FALSE_ALARMS = 0.0005
-"""Probability of a false residual torque per recording. Chosen low: few nulls extrapolate it."""
+"""Probability of a false residual torque per recording. Chosen low: few nulls determine it."""
 THRESHOLD_SCALES = beyond(FALSE_ALARMS)
 """Distance of the threshold from the location of the Gumbel distribution, in scales"""
 MAX_INFLATION = 2.0
@@ -85,7 +85,7 @@ class ResidualTorque:
     share: float
     """Explained share of the variance of the axis's residual torque, averaged over `WINDOW_S`"""
     table: tuple[tuple[float, float], ...]
-    """(variable in rad, rad/s, V, s; torque in N·m, without its mean)"""
+    """Rows (variable in SI units, torque in N·m without its mean)"""
     std: tuple[float, ...]
     """N·m, standard deviations of the table's torques"""
     score: float
@@ -182,9 +182,9 @@ def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
 
 
 def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list[int]:
-    """Return ``groups`` with an axis's time before variables whose x is larger by less than `TIE`.
+    """Return the ``groups`` by falling x, after `TIE` is added to x of each group of time.
 
-    Slow noise then explains as much as an effect that no rig is known to have.
+    Slow noise is preferred if it explains as much as an effect that no rig is known to have.
     """
 
     def key(q: int) -> float:
@@ -229,8 +229,9 @@ class ScoreTests:
     """Score tests of all groups, with the projected scores u and their information V."""
 
     x: np.ndarray
-    """(groups,)"""
+    """(groups,) as in the module"""
     threshold: float
+    """Threshold of x"""
     location: float
     scale: float
     """Location and scale of the Gumbel distribution"""
@@ -247,7 +248,10 @@ class ScoreTests:
 def score_tests(
     fit: Estimate, flight: Trail, library: Hats, sums: Sums, nuisance: Nuisance, null: Scores | None
 ) -> ScoreTests:
-    """Return the tests of all groups, against the nulls or (None) against blocks of the flight."""
+    """Return the tests of all groups against ``null``; if it is None, against blocks of the flight.
+
+    ``sums``: of all functions with the tangents of ``nuisance``.
+    """
     groups = len(library.groups)
     X = np.linalg.solve(nuisance.A, sums.cross)
     u = (sums.u - X.T @ nuisance.g).reshape(groups, KNOTS)
