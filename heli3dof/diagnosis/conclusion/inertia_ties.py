@@ -104,7 +104,7 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
     """Return the terms whose size α in the given range is possible and agrees with Z (module).
 
-    ``amounts``: (probe i, least α, most α).
+    ``amounts``: (index i of a probe, least α, most α), with α in units of the probe.
     """
     screen, Z = step.screen, step.nulls.standardised(step.recorded)
 

@@ -82,7 +82,7 @@ def log_likelihood_cells(c: CandidateFit) -> np.ndarray:
 
 
 def ranking_std(d: np.ndarray) -> float:
-    """Return s (module) for the log-likelihood differences d (C,) of the cells.
+    """Return s, the standard deviation of 2 Σ d for the cells' log-likelihood differences d (C,).
 
     >>> ranking_std(np.array([1.0, -1.0, 1.0, -1.0]))
     4.0

@@ -95,9 +95,7 @@ def score_tests(fit: MultiStepFit) -> list[Candidate]:
 
 
 def threshold(tests: int) -> float:
-    """Return the threshold that the largest Z² of ``tests`` tests exceeds by chance.
-
-    The probability is `FALSE_ALARMS` (Bonferroni).
+    """Return the value that the largest Z² of ``tests`` tests exceeds with chance `FALSE_ALARMS`.
 
     >>> round(threshold(60), 1)
     16.4

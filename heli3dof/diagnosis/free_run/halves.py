@@ -63,7 +63,7 @@ def compare_halves(halves: tuple[MultiStepFit, ...], name: str) -> HalvesCompari
 
 
 def null_distance(fit: MultiStepFit, name: str) -> tuple[float, float, float, bool] | None:
-    """Return (u, θ, σ, whether σ > `PRIOR_SHARE` σ_prior) of a term's first parameter.
+    """Return (u = (θ − θ_0)/σ, θ, σ, whether σ > `PRIOR_SHARE` σ_prior) of the first parameter.
 
     On a logarithmic scale u is infinite, and θ, σ are coordinates. None without a parameter or σ.
     """

@@ -2,8 +2,8 @@
 
 A multi-step fit has the trim torque T_g and one torque τ_i for each recording (`mass.imbalance`).
 No recording separates the mean τ̄ of these torques from T_g. So T_g + τ̄ replaces T_g, and zero
-replaces τ̄. The result has the covariance J C Jᵀ, with the covariance C of the fit and the
-derivatives J of the new parameters by the old ones.
+replaces τ̄. The result has the covariance J C Jᵀ. C is the covariance of the fit, J the derivatives
+of the new parameters by the old ones.
 """
 
 from __future__ import annotations

@@ -157,7 +157,7 @@ def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[floa
 
 
 def _amplifier(view: View) -> tuple[float, float] | None:
-    """Return K and h (module) if the amplifier's gain is wrong, else None."""
+    """Return (thrust factor K, hover ratio h) if the amplifier's gain is wrong, else None."""
     h = view.hover_ratio
     good = reliable(view.responses)
     if h is None or h < ANOTHER_UNIT or not good:

@@ -56,7 +56,7 @@ class OpenParameter:
     unit: str
 
     def significance(self, after: float) -> float:
-        """Return u of a flight that lowers the parameter's standard deviation to ``after``."""
+        """Return the significance u of a flight that lowers the standard deviation to ``after``."""
         return self.size * math.sqrt(max(after**-2 - self.std**-2, 0.0))
 
 
@@ -124,7 +124,7 @@ def why_none(open_: OpenTerms | None) -> str:
 
 
 def probability_significant(u: float) -> float:
-    """Return the probability that a parameter with the ratio u is significant after the flight.
+    """Return the probability that a parameter with the expected significance u is significant.
 
     >>> p = probability_significant
     >>> round(p(1.96), 2), round(p(4.0), 2)

@@ -280,7 +280,7 @@ def _scores(
 
 
 def _margin(z: np.ndarray, i: int, probe_groups: Sequence[Sequence[Probe]]) -> float:
-    """Return the margin of cause ``i`` from the scores (P,) of its flight."""
+    """Return the margin of cause ``i`` over the others, from the scores z (P,) of its flight."""
     ends = np.cumsum([len(group) for group in probe_groups])[:-1]
     highest = [float(part.max()) for part in np.split(z**2, ends)]
     return highest[i] - max((b for j, b in enumerate(highest) if j != i), default=0.0)

@@ -3,8 +3,8 @@
     fly a plan → diagnose all flights so far → is no further flight recommended? end
                ↑______________ fly the recommended plan ______________|
 
-The run also ends if the recommended plan exceeds the budget, or if it would repeat a plan to search
-for one cause that the first flight of that plan did not show.
+The run also ends if the recommended plan exceeds the budget. It ends too if the plan was flown
+before and is recommended to search for a single cause: the earlier flight did not show this cause.
 """
 
 from __future__ import annotations

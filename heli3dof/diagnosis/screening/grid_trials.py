@@ -78,7 +78,10 @@ def tried_terms(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
 def trials(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, untested: Sequence[Term]
 ) -> list[GridTrial]:
-    """Return the terms with Δℓ > `MIN_GAIN` over the base with ``theta`` (n,), ``noise`` (4,)."""
+    """Return the trials of the terms ``untested`` with Δℓ > `MIN_GAIN`.
+
+    Δℓ is the gain over the base with ``theta`` (n,) and ``noise`` (4,).
+    """
     base = float(problem.run(theta, noise, keep=0).loglik.sum())
 
     def one(k: int) -> GridTrial:

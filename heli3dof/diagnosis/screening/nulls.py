@@ -82,7 +82,10 @@ class Nulls:
         return float(spread * t.isf(FALSE_ALARMS / (2 * FORMAL_CANDIDATES), self.freedom) ** 2)
 
     def confidence(self, Z2: float) -> float:
-        """Return the probability exp(−P p) that no probe reaches Z² by chance; p: for one probe."""
+        """Return the probability exp(−P p) that none of P probes reaches Z² by chance.
+
+        p is the probability that one probe does.
+        """
         from scipy.stats import t
 
         spread = 1 + 1 / self.flights if self.flights else 2.0

@@ -62,7 +62,7 @@ the readings, misreadings (n, E) and those at the start of each block (n, B, 3)"
 
 
 class Screen:
-    """The score test at one fit; the evaluation ``recorded`` of the recordings sets the scale v."""
+    """The score test at one fit, with the information v of the recordings (``recorded``)."""
 
     def __init__(
         self, problem: Likelihood, theta: np.ndarray, recorded: Evaluation, probes: Sequence[Probe],
@@ -95,7 +95,7 @@ class Screen:
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
     def information(self) -> np.ndarray:
-        """Return v per squared unit of the first parameter (plain probes); 0 for a limit."""
+        """Return v of each plain probe per squared unit of its first parameter; 0 for a limit."""
         size = np.array([p.size if p.grows else np.inf for p in self.plain])
         return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
 

@@ -57,7 +57,7 @@ def fit_candidates(
 
     ``ranked``: from `selection.select.ranked_candidates`; ``tried``: terms without a score.
     ``bias`` (n,): mean scores of the nulls along θ. Fits that diverge or end at a bound are
-    omitted, as are ``ranked`` terms with too small a Z² to exceed the best fit of ``tried``.
+    omitted, as are ``ranked`` terms with Z² too small to exceed the fits of ``tried``.
     """
     if not ranked and not tried:
         return []

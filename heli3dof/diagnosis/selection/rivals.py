@@ -74,7 +74,7 @@ def rivals(choice: Choice, nulls: Nulls) -> tuple[list[CandidateFit], bool]:
 
 
 def relative_bias(nulls: Nulls, contenders: Sequence[CandidateFit]) -> list[float]:
-    """Return |z̄|/√κ of each candidate that has a score."""
+    """Return |z̄|/√κ, the bias of the score over its scatter, of each candidate with a score."""
     at = [c.probe for c in contenders if c.probe is not None]
     return [float(abs(nulls.mean[i]) / np.sqrt(nulls.inflation)) for i in at]
 
@@ -121,7 +121,7 @@ def compared_by_simulation(
 def likelihoods(
     fits: Sequence[CorrectedFit], recordings: Sequence[Recording], *, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return ℓ of the recordings (K,) and of B flights simulated from each fit (K, B, K).
+    """Return the log-likelihoods of the recordings (K,) and of B flights from each fit (K, B, K).
 
     The last axis is the fit whose likelihood is evaluated.
     """
@@ -142,7 +142,7 @@ def likelihoods(
 
 
 def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
-    """Return W_kj (K, K) from the two results of `likelihoods`.
+    """Return W_kj (K, K), twice the log odds of rivals k and j, from the results of `likelihoods`.
 
     >>> flown = np.zeros((2, 4, 2))
     >>> flown[0, :, 0], flown[1, :, 1] = [9, 10, 10, 11], [9, 10, 10, 11]

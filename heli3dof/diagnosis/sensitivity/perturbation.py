@@ -1,8 +1,8 @@
 """First-order change of the filter's predictions by a small change of the model.
 
-A change of the model adds δa (rad/s²) to the accelerations. With the gains K (E, 6) of the extended
-Kalman filter (`heli3dof.model.estimation.ekf_quantised`) fixed, its state x = (q, q̇), in rad and
-rad/s, and its predictions c of the E events change by
+A change of the model adds δa (rad/s²) to the accelerations. The gains K (E, 6) of the extended
+Kalman filter (`heli3dof.model.estimation.ekf_quantised`) are held fixed. Its state x = (q, q̇), in
+rad and rad/s, and its predictions c of the E events change by
 
     δx ← Φ δx + [h²/2; h] δa,     Φ from A = ∂q̈/∂(q, q̇)       from row to row, h s later
     δc = σ δx_c,   δx ← δx − K w δc                             at each event of the encoders

@@ -1,7 +1,7 @@
 """Compiled loops: first-order change of the likelihood by an additional torque.
 
-Along the filter's states, with its gains fixed, a small torque τ (N·m) during row k, h s long,
-changes the predicted state x = (q, q̇), angles in rad and rates in rad/s, by δx = (δq, δq̇):
+The filter's gains are held fixed, and the model is linearised along its states x = (q, q̇), in rad
+and rad/s. A small torque τ (N·m) during row k, h s long, changes the predicted x by δx = (δq, δq̇):
 
     δq̈ = A δx + B τ,    A = ∂q̈/∂(q, q̇) (3, 6),   B = M(q)⁻¹ (3, 3)
     δq ← δq + h δq̇ + h²/2 δq̈,     δq̇ ← δq̇ + h δq̈             from row to row

@@ -13,8 +13,8 @@ The second term removes the constant torque, which leaves r degrees of freedom.
    κ is at least the fit's inflation; without bias correction, only above `MAX_INFLATION`.
 2. All groups are put on one scale: x = −2 ln P(χ²_r > S/κ). The largest x of a null has a Gumbel
    distribution, which gives the threshold.
-3. The group with the largest x is accepted if it explains more than `MIN_SHARE` of the variance and
-   x exceeds the threshold also with S/(κρ), ρ of coloured noise (`torque_evidence`).
+3. The group with the largest x is accepted if it explains more than `MIN_SHARE` of the variance. In
+   addition, x must exceed the threshold also with S/(κρ), ρ of coloured noise (`torque_evidence`).
 4. The accepted torque is projected out, and the test is repeated.
 
 Time is a variable too. A torque that depends on time only is slow noise, such as a draught's: it is
@@ -210,9 +210,10 @@ def _exceeds_coloured_noise(
     *,
     is_coloured: bool,
 ) -> bool:
-    """Return whether x exceeds the threshold with the coloured noise that torque ``new`` leaves.
+    """Return whether the torque ``new`` of group q exceeds the threshold also with coloured noise.
 
-    ``is_coloured``: slow noise was found, so ρ is used even if ρ is not significant here.
+    The noise ratio ρ divides S (module). ``is_coloured``: slow noise was found, so ρ is used even
+    if it is not significant here.
     """
     P = tests.directions[q]
     torque = np.array([f for _, f in new.table])
@@ -309,8 +310,8 @@ def gumbel_stretch(n: int) -> float:
     """Return the factor by which to stretch a Gumbel scale estimated from the moments of n nulls.
 
     With the stretch, a further flight exceeds the threshold with the probability `FALSE_ALARMS`.
-    Without, the probability is three times (n = 24) or twelve times (n = 8) as large. Accurate to
-    2 % for n ≥ 8.
+    Without it, the probability is three times (n = 24) or twelve times (n = 8) as large. The factor
+    is accurate to 2 % for n ≥ 8.
     """
     return 1 + 4.5 / n + 10 / n**2
 

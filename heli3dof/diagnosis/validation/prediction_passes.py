@@ -1,7 +1,7 @@
 """Compute free-run predictions from filtered states over several horizons, and their variances.
 
 `predict_free_run` simulates as `heli3dof.model.greybox.prediction` does, in steps h of at most
-20 ms, with the exact mean F̄ of the thrusts (N) and q̈ (rad/s²) at the middle of each step:
+20 ms. F̄ is the exact mean of the thrusts (N), q̈ (rad/s²) is taken at the middle of each step:
 
     F̄ = (1/h) ∫ F dt,      q ← q + h q̇ + h²/2 q̈,      q̇ ← q̇ + h q̈
 
