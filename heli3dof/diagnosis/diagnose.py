@@ -59,7 +59,7 @@ FURTHER_SHARE = 0.5
 PILOTS, QUICK_PILOTS = 12, 6
 """Number of simulated flights of a bias correction, without and with ``quick``. Chosen."""
 TORQUE_FLIGHTS, QUICK_TORQUE_FLIGHTS = 24, 8
-"""Number of null simulations of the search for residual torques, without and with ``quick``."""
+"""Number of null simulations of the torque search, without and with ``quick``. Chosen."""
 
 
 def diagnose(

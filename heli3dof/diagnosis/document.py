@@ -29,9 +29,9 @@ def diagnosis_document(
     """Return the JSON document of a diagnosis; ``model`` is the extended model's path, or None.
 
     ``upcoming``: the result of `planning.next_experiment.next_experiment`; by default the
-    catalogue's recommendation for the first confounded cause. Keys besides those of
-    `docs/reference/contract.md`: ``integrity``, ``dropped`` (causes that were not adopted),
-    ``about``, and those of `_calibration`.
+    catalogue's recommendation for the first confounded cause. Besides the keys of
+    `docs/reference/contract.md`, the document has ``integrity``, ``dropped`` (causes that were not
+    adopted), ``about``, and those of `_calibration`.
     """
     f = d.fitted
     about, following = (

@@ -153,7 +153,10 @@ def _from_model(path: Path) -> Calibration:
 
 
 def check_same_rig(calibration: Calibration, profile: Profile, file: str) -> None:
-    """Raise UsageError if the calibration was measured with another profile; ``file``: its name."""
+    """Raise UsageError if the calibration was measured with another profile than ``profile``.
+
+    ``file``: name of the profile's file, for the message.
+    """
     J = dict(zip(AXES, profile.inertias, strict=True))
     nominal = {"K_f": profile.motor.K_f, "T_g": profile.trim_torque}
     nominal |= {f"J_{axis}": J[axis] for axis in AXES}

@@ -64,7 +64,7 @@ class Fitted:
 
     base: CorrectedFit | None
     final: CorrectedFit | None
-    """Fits of base simulation and extended model; None if no likelihood was fitted (`free_run`)"""
+    """Fits of the base simulation and with the causes; None if no likelihood was fitted"""
     model: GreyBoxModel
     gain: Gain
     """Gain of the extended model over the refitted base simulation"""
@@ -91,6 +91,7 @@ class TorqueTerm:
     values: dict[str, tuple[float, float]]
     """Parameter → (value, standard deviation) in the extended model, SI units"""
     units: dict[str, str]
+    """Parameter → its unit"""
     gain: Gain
     """Gain of the model with this torque over the model without"""
 

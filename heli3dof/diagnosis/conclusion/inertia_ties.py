@@ -4,12 +4,13 @@ The base fit absorbs some effects completely. For example, a step about one hove
 determines the ratio of thrust slope and inertia, so a curved thrust appears as another inertia.
 
 A unit of probe i changes base coordinate j by b_ji = (A⁻¹ T W δc_i)_j (`screening.score_test`). If
-effect i alone explains why θ_j lies beyond the edge of its tolerance, its size and statistic are
+effect i alone explains why θ_j lies beyond the edge of its tolerance, its size and statistic are at
+least
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
-or more, up to the values for the opposite edge. v_i is the information of probe i, std_i the
-standard deviation of its score in the nulls. Effect i is confounded with parameter j if
+and at most the values for the opposite edge. v_i is the information of probe i, std_i the standard
+deviation of its score in the nulls. Effect i is confounded with parameter j if
 
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
 2. the measured Z_i lies within this range of Z, widened by `MAX_DEVIATION`.

@@ -79,7 +79,7 @@ class ProfileLikelihood(Likelihood):
 
 @dataclass(frozen=True, eq=False)
 class CorrectedFit(Estimate):
-    """A fit by the estimating equation, with its covariance from simulated flights."""
+    """A bias-corrected fit, with its covariance from simulated flights (module)."""
 
     scatter: np.ndarray | None = None
     """(n, n) C; None if no flights were simulated: the covariance is then that of `Estimate`"""

@@ -242,8 +242,8 @@ def without_term(
 ) -> Trial:
     """Return the trial that leaves out term ``name``, or puts the term ``instead`` in its place.
 
-    If the term varies by recording and there are several, each recording is left out in turn. Else
-    each fold is.
+    If the term varies by recording and there are several, each recording is left out in turn, else
+    each fold.
     """
     p = current.fit.problem
     if any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1:

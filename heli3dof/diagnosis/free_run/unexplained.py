@@ -8,7 +8,7 @@ form. The take-off is reported if the two means differ by `SIGNIFICANT` standard
 model's mean (from the parameters' covariance) or more.
 
 **Creep.** Both motors have one constant voltage V. Mean roll early and late (`EARLY_S`, `LATE_S`)
-is compared with the model's equilibrium. L_a is the arm's length (m), F the thrust (N):
+is compared with the model's equilibrium, with the symbols of `free_run.explanations`:
 
     L_a F(V) = (T_g + τ) cos r + k_r sin r = Γ(r),       F_late/F_early = Γ(r_late)/Γ(r_early)
 

@@ -8,8 +8,9 @@ coupled to the common ones by Λ_b:
 
     H_p = D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag (C_now⁻¹ + A − B C⁻¹ Bᵀ)⁻¹
 
-C_now is the present covariance of the common parameters. As the halves of the recordings did not
-both confirm an open parameter, the new flight alone has to. With θ_0 its value without the effect,
+C_now is the present covariance of the common parameters. The halves of the recordings did not both
+confirm an open parameter, so the new flight alone must confirm it. With its value θ_0 without the
+effect,
 
     u² = (θ − θ_0)² (1/σ_after² − 1/σ_now²),      P = Φ(u − `QUANTILE`)
 

@@ -60,7 +60,10 @@ class Hats:
         return left, share
 
     def scores(self, flight: Trail, blocks: np.ndarray | None = None) -> np.ndarray:
-        """Return the scores ∂ ln L/∂τ_j (J,), or (blocks, J) with the rows' block numbers (N,)."""
+        """Return the scores ∂ ln L/∂τ_j (J,) of the functions.
+
+        With ``blocks`` (N,), the block number of each row, the scores are (B, J), by block.
+        """
         left, share = self.place(flight)
         from heli3dof.diagnosis.sensitivity.residual_torque_passes import gather
 

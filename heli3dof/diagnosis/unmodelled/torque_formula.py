@@ -66,7 +66,7 @@ class Proposal:
     term: str
     """Name of an empirical effect (`model.effects.empirical`) on an axis"""
     start: tuple[float, ...]
-    """Its parameters, in their units"""
+    """Start values of its parameters, in their units"""
     product: str
     """The formula's product, or the variable of the curve"""
     is_formula: bool

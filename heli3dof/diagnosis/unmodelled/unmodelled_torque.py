@@ -59,7 +59,7 @@ ALTERNATIVE_SHARE = 0.5
 MIN_SHARE = 0.05
 """Least share of the variance: a limit cycle may be significant, yet explain nothing. Chosen."""
 FALSE_ALARMS = 0.0005
-"""Probability of a false residual torque per recording. Chosen low: few nulls determine it."""
+"""Probability of a false residual torque per recording, extrapolated from few nulls. Chosen low."""
 THRESHOLD_SCALES = beyond(FALSE_ALARMS)
 """Distance of the threshold from the location of the Gumbel distribution, in scales"""
 MAX_INFLATION = 2.0
