@@ -1,6 +1,6 @@
 """Diagnose recordings: find the causes of simulation errors, and measure the gain of each.
 
-The gain of a cause is the decrease of the prediction error by a model that contains the cause.
+The gain of a cause is the decrease of the prediction error if the model contains the cause.
 
 1. Integrity checks: a faulty recording is not diagnosed.
 2. Base fit: the trim torque T_g and the inertias of the rigid body (or of the paper's hover model)
@@ -8,8 +8,8 @@ The gain of a cause is the decrease of the prediction error by a model that cont
 3. Forward selection (`selection.select`): a score test against simulated nulls, then full fits of
    the best candidates; both are repeated after each cause.
 4. Gain: causes that do not improve the prediction of held-out data are dropped.
-5. Residual torques: causes that only compensated for such a torque are dropped
-   (`conclusion.stand_ins`).
+5. Residual torques: search for unmodelled torques. Causes that only compensated for one of them are
+   dropped (`conclusion.stand_ins`).
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ from heli3dof.recording.recording import Recording
 from heli3dof.stage_clock import Says, StageClock
 
 FLIGHTS, QUICK_FLIGHTS = 64, 16
-"""Null simulations of the first score test, without and with ``quick``. Chosen."""
+"""Number of null simulations of the first score test, without and with ``quick``. Chosen."""
 FURTHER_SHARE = 0.5
-"""Null simulations of the later score tests, as a share of those of the first. Chosen."""
+"""Number of null simulations of a later score test, as a share of the first test's. Chosen."""
 PILOTS, QUICK_PILOTS = 12, 6
-"""Simulated flights of a bias correction, without and with ``quick``. Chosen."""
+"""Number of simulated flights of a bias correction, without and with ``quick``. Chosen."""
 TORQUE_FLIGHTS, QUICK_TORQUE_FLIGHTS = 24, 8
-"""Null simulations of the search for residual torques, without and with ``quick``. Chosen."""
+"""Number of null simulations of the torque search, without and with ``quick``. Chosen."""
 
 
 def diagnose(
@@ -74,9 +74,10 @@ def diagnose(
     """Return the errors of a simulation of these recordings, and their causes.
 
     ``base``: the simulation to diagnose, "rigid" (nonlinear rigid body) or "hover" (the paper's
-    linear model; the rigid body is then a candidate, ``geometry``). ``quick``: `QUICK_FLIGHTS` null
-    simulations instead of `FLIGHTS`, and no cross-validation if the logs have no reliable
-    likelihood. Without ``holdout``, gains are cross-validated. ``says`` receives progress messages.
+    linear model; the rigid body is then a candidate, ``geometry``). ``quick``: fewer simulated
+    flights (`QUICK_FLIGHTS` instead of `FLIGHTS`), and no cross-validation if the logs have no
+    reliable likelihood. Gains are measured on ``holdout``; without it, they are cross-validated.
+    ``says`` receives progress messages.
 
     Raises RecordingError if nothing can be fitted, UsageError if ``base`` is unknown.
     """
@@ -161,7 +162,10 @@ def _diagnosed(
 def forward_selection(
     setup: Setup, base: CorrectedFit, flights: int, clock: StageClock
 ) -> tuple[list[Step], CorrectedFit]:
-    """Return (steps of forward selection, final fit); the last step may have found no effect."""
+    """Return (steps of forward selection, final fit); the last step may have found no effect.
+
+    ``flights``: number of null simulations of the first step.
+    """
     fit, steps = base, list[Step]()
     # An inertia far off nominal counts as a first cause: the position of its mass is unknown.
     off_nominal_parameters = off_nominal(base, std_inflation=std_inflation(base))

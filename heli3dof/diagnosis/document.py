@@ -29,9 +29,9 @@ def diagnosis_document(
     """Return the JSON document of a diagnosis; ``model`` is the extended model's path, or None.
 
     ``upcoming``: the result of `planning.next_experiment.next_experiment`; by default the
-    catalogue's recommendation for the first confounded cause. Keys besides those of
-    `docs/reference/contract.md`: ``integrity``, ``dropped`` (causes that were not adopted),
-    ``about``, and those of `_calibration`.
+    catalogue's recommendation for the first confounded cause. Besides the keys of
+    `docs/reference/contract.md`, the document has ``integrity``, ``dropped`` (causes that were not
+    adopted), ``about``, and those of `_calibration`.
     """
     f = d.fitted
     about, following = (
@@ -211,7 +211,7 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 
 def _fault(f: Fault) -> dict[str, Any]:
-    """Return the JSON object of a fault of a recording; its gain is empty: no model changes."""
+    """Return the JSON object of a fault of a recording; its gain is empty: it changes no model."""
     value, std = next(iter(f.parameters.values()), (0.0, 0.0))
     return {
         "effect": f.effect,
@@ -309,7 +309,11 @@ def _recommendation(n: NextExperiment) -> dict[str, Any]:
 
 
 def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
-    """Return the plan that separates the first confounded causes, by the effects' files."""
+    """Return the plan that the first confounded cause's effect recommends, or None.
+
+    It is the effect's attribute ``separated_by``, or "rich" if that is empty. The result is None if
+    a flight can separate none of the confounded causes.
+    """
     ties = (
         (x.term, x.tied_with) if isinstance(x, OffNominal) else (x.choice.term, x.choice.tied_with)
         for x in d.in_order

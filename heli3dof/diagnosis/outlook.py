@@ -15,7 +15,8 @@ MIN_CERTAINTY = 0.5
 class Outlook:
     """Expected result of a plan: margins in units of 2 ln L, and the probability of a decision.
 
-    A plan worse than the best may have the margin of the first simulated cause only.
+    ``margins``: one for each simulated cause (`planning.next_experiment`) or open parameter
+    (`planning.free_run_plan`). A plan worse than the best may lack the margins of some causes.
     """
 
     plan: str

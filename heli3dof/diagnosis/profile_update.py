@@ -1,5 +1,7 @@
 """Convert the results of a diagnosis or a grey-box fit to keys of a profile.
 
+Each line: the result, the key (with its new value, if different), and a condition or equation.
+
     K_f                    motor.K_f
     T_g/(2 L_a K_f)        motor.V_o           with the arm length L_a of the profile
     J_roll, J_pitch, J_yaw inertia.roll, .pitch, .yaw
@@ -55,9 +57,9 @@ class Calibration:
     source: str
     base: Mapping[str, Measured]
     rest_deg: Mapping[str, float] = field(default_factory=dict)
-    """axis → ° to add to the rest angle"""
+    """Axis → angle in degrees to add to the rest angle"""
     counts: Mapping[str, float] = field(default_factory=dict)
-    """axis → factor for the counts per revolution, −1 if the sign is wrong"""
+    """Axis → factor for the counts per revolution, −1 if the sign is wrong"""
     left_out: tuple[str, ...] = ()
     """Causes without a key in the profile"""
     profile: Profile | None = None
@@ -151,7 +153,10 @@ def _from_model(path: Path) -> Calibration:
 
 
 def check_same_rig(calibration: Calibration, profile: Profile, file: str) -> None:
-    """Raise UsageError if the calibration was measured with another profile."""
+    """Raise UsageError if the calibration was measured with another profile than ``profile``.
+
+    ``file``: name of the profile's file, for the message.
+    """
     J = dict(zip(AXES, profile.inertias, strict=True))
     nominal = {"K_f": profile.motor.K_f, "T_g": profile.trim_torque}
     nominal |= {f"J_{axis}": J[axis] for axis in AXES}
@@ -176,7 +181,7 @@ def _base_changes(calibration: Calibration, profile: Profile) -> Iterator[Change
 
 
 def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
-    """Return motor.K_f, motor.V_o and the inertias by key; empty without base parameters."""
+    """Return motor.K_f, motor.V_o and the inertias by their keys; empty if ``base`` is empty."""
     if not base:
         return {}
     K_f, T_g = base["K_f"], base["T_g"]
@@ -211,7 +216,7 @@ def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured
 
 
 def _relative_std_without_K_f(m: Measured, K_f: Measured) -> float:
-    """Return the relative standard deviation of m/K_f: that of m without K_f's."""
+    """Return the relative standard deviation of m/K_f: that of m without the part due to K_f."""
     return sqrt(max(_relative_std(m) ** 2 - _relative_std(K_f) ** 2, 0.0))
 
 

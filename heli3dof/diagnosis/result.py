@@ -64,7 +64,7 @@ class Fitted:
 
     base: CorrectedFit | None
     final: CorrectedFit | None
-    """None if no likelihood was fitted (`free_run.diagnose_free_run`)"""
+    """Fits of the base simulation and with the causes; None if no likelihood was fitted"""
     model: GreyBoxModel
     gain: Gain
     """Gain of the extended model over the refitted base simulation"""
@@ -89,8 +89,9 @@ class TorqueTerm:
 
     proposal: Proposal
     values: dict[str, tuple[float, float]]
-    """Parameter → (value, standard deviation) in the extended model, SI"""
+    """Parameter → (value, standard deviation) in the extended model, SI units"""
     units: dict[str, str]
+    """Parameter → its unit"""
     gain: Gain
     """Gain of the model with this torque over the model without"""
 
@@ -130,11 +131,12 @@ class Diagnosis:
     slow_noise: tuple[ResidualTorque, ...] = ()
     """Residual torques that depend on time only, such as a draught's: no model can predict them"""
     not_identifiable: tuple[str, ...] = ()
+    """Terms that these recordings could not reveal even at a large size"""
     about: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Return the findings of the integrity checks: quantified causes in the recordings."""
+        """Return the faults of the recordings that are effects with a size (`Fault.is_cause`)."""
         return tuple(f for f in self.integrity if f.is_cause)
 
     @property
@@ -146,9 +148,9 @@ class Diagnosis:
 def in_order(
     faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[OffNominal]
 ) -> tuple[Fault | Finding | OffNominal, ...]:
-    """Return all causes, strongest first: faults of the recordings, then the causes as selected.
+    """Return all causes: the faults of the recordings, then the findings in the order of selection.
 
-    Each base parameter is inserted before the first cause with a lower score.
+    Each base parameter off nominal is inserted before the first finding with a lower score.
     """
     out: list[Finding | OffNominal] = list(findings)
     for o in sorted(off, key=lambda o: o.score):
@@ -169,11 +171,11 @@ def verdict_of(
     *,
     unsure: bool = False,
 ) -> str:
-    """Return the verdict, such as "explained" or "ambiguous"; causes are ordered by `in_order`.
+    """Return the verdict, such as "explained", on the ``findings`` in the order of `in_order`.
 
     ``left``: the residual torques, and the errors that the causes leave (`remainders`).
-    ``refit``: the gain of refitting the profile's numbers. ``unsure``: the first physical cause may
-    be another one. Faults of a recording are causes too, but do not hide an ambiguous physical one.
+    ``refit``: the gain of refitting the profile's numbers. ``unsure``: the first physical cause is
+    uncertain. Faults of a recording are causes too, but do not hide an ambiguous physical one.
     """
     if left:
         return "unexplained"

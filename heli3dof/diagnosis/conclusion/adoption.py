@@ -68,7 +68,11 @@ data is at most 1, so Δℓ > 12 has a probability below e⁻¹² (Markov's ineq
 def adopted(
     fit: CorrectedFit, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int
 ) -> tuple[CorrectedFit, tuple[Finding, ...], tuple[Dropped, ...], HeldOut]:
-    """Return (fit, adopted causes, dropped causes, results of the fit on held-out data)."""
+    """Adopt or drop each of the ``choices``, which ``fit`` contains.
+
+    Returns (fit with the adopted causes, these causes, dropped causes, results of this fit on
+    held-out data).
+    """
     kept, dropped = list(choices), list[Dropped]()
     while True:
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term), len(kept))  # type: ignore[misc]
@@ -116,8 +120,9 @@ def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) ->
 def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
     """Return Z²/ρ divided by the nulls' threshold; below 1, the cause may be coloured noise.
 
-    The result is infinite without coloured noise, without a threshold, and for a part of the body's
-    equations (`Effect.of_base`).
+    Z is the cause's standardised score, ρ the factor by which coloured noise increases its
+    variance. The result is infinite without coloured noise, without a threshold, and for a part of
+    the body's equations (`Effect.of_base`).
     """
     if choice.threshold <= 0 or choice.term.effect.of_base:
         return math.inf
@@ -225,7 +230,7 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
 
 
 def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:
-    """Return the choices without each other's names and ``formal`` names in ``tied_with``.
+    """Return the choices, with each other's and the ``formal`` names removed from ``tied_with``.
 
     The confidence of each choice is then that against the remaining alternatives. The names of weak
     choices remain. ``formal``: names of the fit's other forms of the body's equations.

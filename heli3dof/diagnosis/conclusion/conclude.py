@@ -29,7 +29,8 @@ def conclude(
     """Return the diagnosis with its verdict, its remainders and the confounded encoder scales.
 
     ``estimates``: of the base parameters; ``axes``: the measured ones; ``level_deg``: least
-    detectable roll offset. ``unsure_if_like``: a first cause that is "…-like" is ambiguous.
+    detectable roll offset. ``unsure_if_like``: the verdict is "ambiguous" if the first cause is
+    "…-like".
     """
     fitted = d.fitted
     assert fitted is not None

@@ -7,8 +7,8 @@ look like flights of a rig with other inertias J (arm length L_a, thrust F; roll
     pitch   an inertia J_p/k; thrust directed by y/k, so also an inertia k J_ψ on yaw
     roll    an inertia J_r/k; y = 0 at q = rest (1 − 1/k), so an offset or a pendulum torque
 
-Only products of rates and higher terms of the sines differ. With x = ln(J/J_nominal), e = ln(1 + ε)
-for the profile's tolerance ε, and the roll offset δ (of a pendulum: asin(torque/T_g)), a finding is
+Only products of rates and higher terms of the sines differ. Let x = ln(J/J_nominal), e = ln(1 + ε)
+for the profile's tolerance ε, and δ the roll offset (of a pendulum: asin(torque/T_g)). A finding is
 confounded with a scale if some k in its range explains all inertias:
 
     yaw     ln k = −x_ψ
@@ -144,7 +144,10 @@ def _inertia_ties(
 
 
 def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bool:
-    """Return whether x = (ln(J/J_nominal), σ) is within ln(1 + ε) + `SIGMAS` σ of ``shift``."""
+    """Return whether x = (ln(J/J_nominal), σ) is within ln(1 + ε) + `SIGMAS` σ of ``shift``.
+
+    ε is the ``tolerance``.
+    """
     value, std = x
     return abs(value - shift) <= math.log1p(tolerance) + SIGMAS * std
 

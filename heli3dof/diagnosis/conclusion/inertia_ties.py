@@ -4,12 +4,13 @@ The base fit absorbs some effects completely. For example, a step about one hove
 determines the ratio of thrust slope and inertia, so a curved thrust appears as another inertia.
 
 A unit of probe i changes base coordinate j by b_ji = (A⁻¹ T W δc_i)_j (`screening.score_test`). If
-effect i alone explains why θ_j lies beyond the edge of its tolerance, its size and statistic are
+effect i alone explains why θ_j lies beyond the edge of its tolerance, its size and statistic are at
+least
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
-or more, up to the values for the opposite edge. v_i is the information of probe i, std_i the
-standard deviation of its score in the nulls. Effect i is confounded with parameter j if
+and at most the values for the opposite edge. v_i is the information of probe i, std_i the standard
+deviation of its score in the nulls. Effect i is confounded with parameter j if
 
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
 2. the measured Z_i lies within this range of Z, widened by `MAX_DEVIATION`.
@@ -62,7 +63,7 @@ def last_step_with_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:
 
 
 def confounded_causes(step: Step, j: int) -> tuple[str, ...]:
-    """Return the terms confounded with base parameter j."""
+    """Return the terms confounded with base parameter j, an index of `PARAMETERS`."""
     fit, screen = step.fit, step.screen
     f, value = fit.free[j], float(fit.values[j]) * thrust_scale(fit).k
     if value / f.start <= 0:
@@ -104,7 +105,7 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
     """Return the terms whose size α in the given range is possible and agrees with Z (module).
 
-    ``amounts``: (probe i, least α, most α).
+    ``amounts``: (index i of a probe, least α, most α), with α in units of the probe.
     """
     screen, Z = step.screen, step.nulls.standardised(step.recorded)
 

@@ -37,7 +37,7 @@ MOST_CONFIDENCE = 0.5
 def marked_if_recordings_disagree(
     findings: Sequence[Finding], recordings: Sequence[Recording]
 ) -> tuple[Finding, ...]:
-    """Return the findings; those on which the recordings disagree are marked "…-like"."""
+    """Return the findings; those that the recordings do not confirm are marked "…-like"."""
     unconfirmed = not_confirmed([f.choice.term.name for f in findings], recordings)
     return tuple(
         marked_like(f) if f.choice.term.name in unconfirmed or _is_doubtful(f, recordings) else f
@@ -61,7 +61,10 @@ def _is_doubtful(f: Finding, recordings: Sequence[Recording]) -> bool:
 
 
 def constant_voltage(recording: Recording) -> tuple[int, int] | None:
-    """Return the first and last row with motors on; None unless both have one constant voltage."""
+    """Return the first and last row with both motors on at one constant, equal voltage, or None.
+
+    None also if the motors are switched off in between.
+    """
     V = recording.voltage
     on = np.flatnonzero((V > 0).all(axis=1))
     if not len(on) or np.ptp(V[on]) > 1e-9 or on[-1] - on[0] + 1 != len(on):

@@ -27,7 +27,7 @@ from heli3dof.parallel import parallel_map
 CELL_S = 0.5
 """s, length of a cell. Chosen; not derived."""
 MIN_CLEARANCE = 1.0
-"""Difference of the scores in standard deviations s. Chosen; not derived."""
+"""Least difference of the scores that separates two causes, in units of s. Chosen; not derived."""
 MIN_SCORE_SHARE = 0.5
 """Share of the first cause's score below which a cause is not compared. Chosen."""
 MAX_COMPARED = 3
@@ -82,7 +82,7 @@ def log_likelihood_cells(c: CandidateFit) -> np.ndarray:
 
 
 def ranking_std(d: np.ndarray) -> float:
-    """Return s (module) for the log-likelihood differences d (C,) of the cells.
+    """Return s, the standard deviation of 2 Σ d for the cells' log-likelihood differences d (C,).
 
     >>> ranking_std(np.array([1.0, -1.0, 1.0, -1.0]))
     4.0

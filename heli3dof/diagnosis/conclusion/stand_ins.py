@@ -47,7 +47,7 @@ class TorqueSearchResult:
 def settle_unmodelled(
     setup: Setup, start: TorqueSearchResult, holdout: Sequence[Recording], *, flights: int
 ) -> TorqueSearchResult:
-    """Return the result of the search, which begins with the adopted causes of ``start``.
+    """Return the result of the search for residual torques and stand-ins, begun at ``start``.
 
     ``flights``: number of null simulations per search.
     """
@@ -79,7 +79,7 @@ def settle_unmodelled(
 
 
 def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
-    """Return the causes that may be stand-ins: all but parts of the body's equations."""
+    """Return the causes that may stand in for a torque: all but parts of the body's equations."""
     return [f.choice.term.name for f in findings if not f.choice.term.effect.of_base]
 
 

@@ -28,11 +28,11 @@ INDICES = {
     "mass.imbalance": (0,), "inertia.roll": (1,), "inertia.pitch": (2,), "inertia.yaw": (3,),
     "motor.thrust_gain": (0, 1, 2, 3),
 }  # fmt: skip
-"""Finding → the coordinates (of T_g and the inertias) that are nominal without it"""
+"""Finding → indices of the coordinates (T_g and the inertias) that are nominal without it"""
 
 
 def exceeds_rounding(g: Gain, profile: Profile) -> bool:
-    """Return whether the RMSE of an axis decreases by more than rounding (module)."""
+    """Return whether the RMSE of an axis decreases significantly and by more than the rounding."""
     return any(
         won is not None and won.low > 0 and won.value > rounding_deg(profile, axis)
         for axis, won in g.rmse_deg.items()
@@ -53,7 +53,7 @@ def confirmed(
     parameters: Sequence[OffNominal], fit: CorrectedFit, after: HeldOut,
     holdout: Sequence[Recording], *, seed: int,
 ) -> tuple[OffNominal, ...]:  # fmt: skip
-    """Return the base ``parameters`` of a fit that its predictions confirm (module).
+    """Return those base ``parameters`` off nominal that predictions of the fit confirm (module).
 
     ``after``: results of the fit on held-out data.
     """

@@ -1,8 +1,10 @@
 """Mark causes that are not confirmed as "…-like".
 
-A cause is unconfirmed if it is weak (`selection.select`), if its size differs from zero by less
-than `MIN_SIGMAS` standard deviations, or if it does not significantly improve the prediction of
-held-out data.
+A cause is unconfirmed if one of these holds:
+
+- It is weak (`selection.select`).
+- Its size differs from zero by less than `MIN_SIGMAS` standard deviations.
+- It does not significantly improve the prediction of held-out data.
 """
 
 from __future__ import annotations

@@ -56,16 +56,19 @@ class BaseParameter:
 
     @property
     def x(self) -> float:
-        """Return x = ln X/X_nominal; −∞ if X and X_nominal have different signs."""
+        """Return x = ln(X/X_nominal) of the value X; −∞ if the two have different signs."""
         ratio = self.value / self.nominal
         return float(np.log(ratio)) if ratio > 0 else -np.inf
 
     def beyond(self, tolerance: float) -> float:
-        """Return |x| − |e|, by which x exceeds the tolerance; negative within the tolerance."""
+        """Return |x| − |e|, by which x exceeds the tolerance's edge e; negative within it."""
         return abs(self.x) - abs(edge(self.x, tolerance))
 
     def is_significant(self, beyond: float, quantile: float, std: float) -> bool:
-        """Return whether ``beyond`` = |x| − |e| is significant; ``std`` is f σ."""
+        """Return whether ``beyond`` = |x| − |e| is significant (module).
+
+        ``quantile``: q; ``std``: f σ.
+        """
         return beyond > float(np.hypot(SCALE_QUANTILE * self.scale, quantile * std))
 
 
@@ -100,8 +103,9 @@ class OffNominal:
     term: Term
     value: float
     std: float
+    """Estimate of the term's first parameter, in its unit, and its standard deviation"""
     score: float
-    """((value − nominal)/std)²"""
+    """((X − X_nominal)/σ_X)² with the standard deviation σ_X of X"""
     flight_score: float = 0.0
     """(x/σ)²: the score if K_f were known; 0 for K_f"""
     tied_with: tuple[str, ...] = ()
@@ -113,7 +117,7 @@ def off_nominal(
 ) -> tuple[OffNominal, ...]:
     """Return the base parameters that differ from nominal by significantly more than tolerance.
 
-    The largest score comes first. ``std_inflation`` is f (module).
+    The largest score comes first. ``std_inflation``: factor f of the flights' σ (module).
     """
     tolerance = fit.structure.profile.tolerance
     out = [

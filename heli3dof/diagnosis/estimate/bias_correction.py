@@ -79,7 +79,7 @@ class ProfileLikelihood(Likelihood):
 
 @dataclass(frozen=True, eq=False)
 class CorrectedFit(Estimate):
-    """A fit by the estimating equation, with its covariance from simulated flights."""
+    """A bias-corrected fit, with its covariance from simulated flights (module)."""
 
     scatter: np.ndarray | None = None
     """(n, n) C; None if no flights were simulated: the covariance is then that of `Estimate`"""
@@ -147,11 +147,11 @@ def correct(
     rounds: int = ROUNDS,
     log: Callable[[str], None] = lambda s: None,
 ) -> CorrectedFit:
-    """Return the fit at which the recordings' score is the mean score of simulated flights.
+    """Return the fit at which the recordings' score equals the mean score of simulated flights.
 
     The search starts at ``theta`` (n,) and ``noise`` (4,), simulates ``pilots`` flights per round
     and takes at most ``rounds`` rounds. If the search diverges, its start is returned, with
-    ``scatter`` and ``bias`` None.
+    ``scatter`` and ``bias`` None. ``log`` receives one line per round.
     """
     start = theta, noise
     low, high = problem.bounds

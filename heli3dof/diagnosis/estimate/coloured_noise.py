@@ -28,7 +28,11 @@ CHANCE = 0.01  # chosen
 
 
 def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
-    """Return ρ (n,), ones for fewer than 2 (L + 1) blocks; ``scatter`` (n, n) is C."""
+    """Return ρ (n,), the factors by which coloured noise increases the parameters' variances.
+
+    ``scatter`` (n, n): C, the covariance of the simulated flights' scores. ρ is 1 for fewer than
+    2 (L + 1) blocks.
+    """
     n = len(fit.optimum.theta)
     scores = block_scores(fit.problem.data, fit.optimum, BLOCK_S)
     memory = round(MEMORY_S / BLOCK_S)

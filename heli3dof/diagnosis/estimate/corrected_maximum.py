@@ -50,7 +50,7 @@ def maximise_corrected(
     problem: Likelihood, start: np.ndarray, noise: np.ndarray, bias: ScoreBias | None, *,
     rounds: int = ROUNDS, hold_noise: bool = False, hold: np.ndarray | None = None,
 ) -> Optimum:  # fmt: skip
-    """Return the maximum of ℓ_c, or of ℓ + ln prior if ``bias`` is None.
+    """Return the maximum of the corrected log-likelihood ℓ_c; of ℓ + ln prior without ``bias``.
 
     The search starts at ``start`` (n,), ``noise`` (4,). ``hold`` (n,) bool fixes coordinates,
     ``hold_noise`` the noise.

@@ -57,7 +57,7 @@ INERTIAS = np.arange(1, 4)  # indices in θ
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """The moments of the recordings and of B flights simulated at one y."""
+    """The moments of the recordings and of B flights simulated at one y = (θ, ln a)."""
 
     difference: np.ndarray
     """(n + 6,) m − mean m_b"""
@@ -76,9 +76,9 @@ def fit_with_edge_rates(
     problem: Likelihood, start: CorrectedFit, recordings: Sequence[Recording], *, seed: int,
     flights: int = FLIGHTS, rounds: int = ROUNDS,
 ) -> CorrectedFit:  # fmt: skip
-    """Return the fit with edge rates, or ``start`` if the flights or the search diverge.
+    """Return the fit with edge rates as further moments; it is searched for from ``start`` on.
 
-    The search begins at ``start``.
+    The result is ``start`` if the flights or the search diverge.
     """
     n = len(start.theta)
     jitter = start.optimum.noise[3:]
@@ -124,10 +124,10 @@ def simulated_round(
     problem: Likelihood, y: np.ndarray, jitter: np.ndarray, recordings: Sequence[Recording],
     seed: tuple[int, ...], flights: int, *, designed: bool, number: int,
 ) -> Round:  # fmt: skip
-    """Return the moments of the recordings and of ``flights`` simulated flights at y (n + 3,).
+    """Return the moments of the recordings and of ``flights`` simulated flights at one y.
 
-    With ``designed``, the two-level design varies the flights' inertias and noises. ``jitter``
-    (1,) is the sampling jitter in s, ``number`` the round's number.
+    y (n + 3,) is (θ, ln a). With ``designed``, the two-level design varies the flights' inertias
+    and noises. ``jitter`` (1,) is the sampling jitter in s, ``number`` the round's number.
     """
     n = len(y) - 3
     theta, noise = y[:n], np.append(np.exp(y[n:]), jitter)

@@ -64,7 +64,7 @@ def on_limit_cycle(data: Data) -> np.ndarray:
 
 
 def limit_cycle_statistics(data: Data) -> np.ndarray:
-    """Return (2, 3): c and ln r of each axis."""
+    """Return (2, 3): the cycling share c and ln of the edge rate r of each axis."""
     return np.array([cycling_shares(data), np.log(np.maximum(edge_rates(data), 1e-6))])
 
 
@@ -72,9 +72,10 @@ def matched_noise(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, axes: np.ndarray,
     recordings: Sequence[Recording], *, seed: int,
 ) -> np.ndarray:  # fmt: skip
-    """Return the noise (4,) at which flights at θ (n,) agree best with the recording's c and r.
+    """Return the noise (4,) at which simulated flights agree best with the recorded limit cycle.
 
-    The noise of ``axes`` (3,) bool is replaced by one of `NOISE_STEPS` times ``noise``.
+    They are compared by c and r (module) and have the coordinates ``theta`` (n,). The noise of
+    ``axes`` (3,) bool is replaced by one of `NOISE_STEPS` times ``noise``.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):

@@ -36,15 +36,15 @@ from heli3dof.model.estimation.decimated_log import decimation
 from heli3dof.recording.recording import Recording
 
 BLOCK_S = 2.0
-"""s, chosen: several periods of the slowest integral fit a flight, a landing fills one or two."""
+"""s, length of a block. Chosen: a flight has several, and a landing fills one or two."""
 LEAST_ROWS = 20
 """Fewest rows of a block. Chosen."""
 LEAST_BLOCKS = 3
 """Fewest blocks of a recording. Chosen."""
 REPRODUCED = 0.1
 """Largest share of a controller that reproduces the voltages. Chosen: on 22 flights of drawn rigs
-the share was below 0.03 for the profile's controller, with half a count or other integrals too, and
-above 0.2 for other gains, another filter, one period's delay or an excitation."""
+the share was below 0.03 for the profile's controller, with half a count or other integrals too. It
+was above 0.2 for other gains, another filter, one period's delay or an excitation."""
 EXPLAINED = 0.5
 """Share of d's variance that the controller's signals explain, above which d is not an excitation.
 Chosen: it was below 0.15 for excitations and above 0.65 for other gains."""
@@ -80,7 +80,7 @@ class VoltageReplay:
 
 
 def voltage_replay(recording: Recording) -> VoltageReplay | None:
-    """Return the comparison, or None if it is not possible.
+    """Return the comparison of the profile's controller with the voltages, or None if impossible.
 
     It needs a known controller, references, three axes, a row for every control period, and
     `LEAST_BLOCKS` blocks of rows that count.
@@ -159,7 +159,11 @@ _replay_compiled = compiled(_replay)
 
 
 def _shares(r: Recording, rows: np.ndarray, d: np.ndarray, logged: np.ndarray) -> list[float]:
-    """Return the share (module) of each block; d, ``logged``: (N, 2) V, ``rows``: (N,) bool."""
+    """Return the share std(d)/std(``logged``) of each block, of the motor where it is larger.
+
+    ``d`` (N, 2) V: logged minus computed voltages; its constant and slope are removed from each
+    block. ``logged`` (N, 2) V. ``rows`` (N,) bool: the rows that count.
+    """
     counted = np.flatnonzero(rows)
     block = (r.t[counted] - r.t[0]) // BLOCK_S
     shares = []
@@ -180,7 +184,10 @@ def _line(t: np.ndarray) -> np.ndarray:
 
 
 def _is_feedback(r: Recording, rows: np.ndarray, d: np.ndarray) -> bool:
-    """Return whether the controller's errors, rates and integrals explain d (N, 2) in ``rows``."""
+    """Return whether the controller's signals explain d (N, 2), in V, in the ``rows`` (N,) bool.
+
+    The signals are its errors, rates and integrals; d is the difference of the voltages (module).
+    """
     from scipy.signal import lfilter
 
     assert r.profile.controller is not None

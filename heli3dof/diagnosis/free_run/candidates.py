@@ -9,10 +9,10 @@ d (R,), which one simulation gives. With the fit's parameters projected out,
     u = −d·r + (D d)ᵀ H⁻¹ (D r + Λ (z − z_0))                  efficient score
     Z² = u²/v                                                  decrease of Q by a refit with it
 
-Let w (R,) be the change of r if a cause c of the fit is removed, without the share of the fit's
-other parameters, and d̃ the same of a probe. To first order, the probe's effect makes up for a share
-ρ² = (d̃·w)²/(d̃·d̃ w·w) of what the removal costs. The effect may be confounded with c if ρ² exceeds
-`REPLACES`.
+Let w (R,) be the change of r if a cause c of the fit is removed, and d̃ (R,) that by a probe; both
+with the fit's other parameters projected out. To first order, adding the probe's effect recovers a
+share ρ² = (d̃·w)²/(d̃·d̃ w·w) of the increase of Q by the removal. The effect may be confounded
+with c if ρ² exceeds `REPLACES`.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from heli3dof.parallel import parallel_map
 REPLACES = 0.25
 """ρ² from which on a candidate may be confounded with a cause: a correlation of 0.5. Chosen."""
 LEAST_SHARE = 1e-6
-"""Share of d·d below which a probe changes only what the fit's parameters can."""
+"""Least v/(d·d) of a tested probe; below it, the fit's parameters produce the same change."""
 MAX_FITS = 3
 """Most candidates that are fitted in full per step of the forward selection. Chosen."""
 
@@ -95,7 +95,7 @@ def score_tests(fit: MultiStepFit) -> list[Candidate]:
 
 
 def threshold(tests: int) -> float:
-    """Return the value that the largest Z² of ``tests`` exceeds by chance (`FALSE_ALARMS`).
+    """Return the value that the largest Z² of ``tests`` tests exceeds with chance `FALSE_ALARMS`.
 
     >>> round(threshold(60), 1)
     16.4
@@ -142,7 +142,10 @@ def possible_replacements(fit: MultiStepFit, name: str, tests: Sequence[Candidat
 
 
 def project_out(D: np.ndarray, H: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Return d (R,) without the part that the parameters with tangents D (dim, R) can produce."""
+    """Return d (R,) without the part that parameters with tangents D (dim, R) can produce.
+
+    H (dim, dim) is the parameters' information with priors.
+    """
     return np.asarray(d - np.linalg.solve(H, D @ d) @ D)
 
 

@@ -51,7 +51,7 @@ def probability_nonzero(fit: MultiStepFit, name: str) -> float:
 
 
 def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResult]]:
-    """Return (causes, terms that are only kept), each in the order of the elimination."""
+    """Return (causes, terms that stay in the model but are no causes), as ordered in ``result``."""
     causes = [
         r
         for r in result.kept
@@ -61,7 +61,7 @@ def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResul
 
 
 def mostly_prior(fit: MultiStepFit, name: str) -> bool:
-    """Return whether σ > `PRIOR_SHARE` σ_prior; False for a parameter that varies by recording."""
+    """Return whether a term's σ > `PRIOR_SHARE` σ_prior; False if it varies by recording."""
     free = fit.structure.free
     j = first_parameters(free).get(name)
     if j is None or free[j].name in fit.problem.varying:
@@ -86,8 +86,8 @@ def contradicted(result: Elimination, r: TermResult) -> str:
 def confidence(result: Elimination, r: TermResult) -> float:
     """Return the probability that the term's effect is not zero.
 
-    Unless the term is known beforehand, the probability is at most the share of bootstrap draws of
-    the held-out blocks in which predictions without the term are worse.
+    It is at most the share of bootstrap draws in which held-out predictions without the term are
+    worse. This limit does not apply to a term known beforehand.
     """
     P = probability_nonzero(result.fit, r.term)
     known = r.term in known_beforehand(result.fit.problem)
@@ -114,7 +114,7 @@ def open_terms(
 
 
 def kept_terms(result: Elimination, only_kept: list[TermResult]) -> list[dict[str, Any]]:
-    """Return the terms that are only kept, as JSON objects: size, prior, why only kept."""
+    """Return the terms ``only_kept``, as JSON objects: size, prior, and why they are no causes."""
     varying = {v.rsplit(".", 1)[0] for v in result.fit.problem.varying}
     as_what = "with one value per recording: "
     return [

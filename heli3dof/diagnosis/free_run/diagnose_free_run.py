@@ -122,9 +122,10 @@ def diagnose_without_likelihood(
 ) -> Diagnosis:
     """Return the diagnosis of recordings that passed the integrity checks, with their ``faults``.
 
-    Arguments as in `heli3dof.diagnosis.diagnose.diagnose`; ``why`` is from `no_likelihood`. With
-    the base "hover", the rigid body is a candidate (`geometry`). ``quick`` omits cross-validation:
-    size alone decides, causes are "…-like", and without held-out data the gain is on training data.
+    ``why`` is the result of `no_likelihood`; the other arguments are as in `diagnose.diagnose`.
+    With the base "hover", the rigid body is a candidate (`geometry`). ``quick`` omits
+    cross-validation: size alone decides, and causes are "…-like". Then the gain is measured on the
+    training data if there are no held-out data.
     """
     whole, partial = _all_angles(train), _lacking_angles([*train, *held])
     flights = [r for r in whole if len(flight_of(r).starts) >= LEAST_STARTS]

@@ -49,7 +49,7 @@ CELL_S = 3.0
 DRAWS = 2000
 LEVEL = 0.95
 KNOWN = 3.0
-"""Prior deviations between prior mean and null value of a term known beforehand. Chosen."""
+"""Least distance of prior mean and null value of a term known beforehand, in prior σ. Chosen."""
 LEAST_COST = 9.0
 """Increase of the training cost Q: three standard deviations, squared"""
 CORRELATED = 0.5
@@ -240,7 +240,11 @@ def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
 def without_term(
     current: FitWithFolds, name: str, *, seed: int, instead: str | None = None
 ) -> Trial:
-    """Return the trial of refits without term ``name``, or with ``instead`` in its place."""
+    """Return the trial that leaves out term ``name``, or puts the term ``instead`` in its place.
+
+    If the term varies by recording and there are several, each recording is left out in turn, else
+    each fold.
+    """
     p = current.fit.problem
     if any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1:
 
@@ -270,7 +274,7 @@ def training_cost(current: FitWithFolds, trial: Trial) -> float:
 
 
 def held_out_losses(full: MultiStepFit, test: MultiStep, scale: np.ndarray) -> np.ndarray:
-    """Return the mean loss (m,) in each cell of the test windows."""
+    """Return the mean loss (m,) of the fit ``full`` in each cell of the test windows."""
     windows = replace(test, structure=full.structure, varying=full.problem.varying)
     each = windows.errors(full.z, full.noise, STAGE_S)
     flights = zip(windows.flights, each, strict=True)
@@ -278,7 +282,10 @@ def held_out_losses(full: MultiStepFit, test: MultiStep, scale: np.ndarray) -> n
 
 
 def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Return the mean loss (m,) in each cell, from a flight's errors (S, M, 3) rad."""
+    """Return the mean loss (m,) in each of m cells of a flight.
+
+    ``e`` (S, M, 3): errors in rad of S predictions at M horizons; ``scale``: s.
+    """
     loss = (robust(e / scale) ** 2).mean(axis=1).sum(axis=1)
     cell = np.floor(flight.t[flight.starts] / CELL_S).astype(int)
     return np.array([loss[cell == c].mean() for c in np.unique(cell)])

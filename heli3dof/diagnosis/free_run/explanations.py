@@ -24,9 +24,9 @@ from heli3dof.recording.recording import Recording
 
 STILL_S = 0.5
 STILL_DEG_PER_S = 3.0
-"""Chosen; not derived."""
+"""s, °/s: averaging time and largest mean roll rate of steady flight. Chosen; not derived."""
 LOW_V = (2.0, 3.5)
-"""V: voltages in the dead zone of one motor, as users observe it"""
+"""V: two voltages in the dead zone of one motor, as users observe it"""
 LEAST_HOVER = 2.0
 """Least hover voltage of a rig with a dead zone, over the upper limit of the zone. Chosen."""
 SLOPE_RATIO = 2.0

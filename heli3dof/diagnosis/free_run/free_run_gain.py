@@ -57,7 +57,7 @@ class FreeRun:
         return FreeRun(self.e[rows], self.cell[rows])
 
     def rmse_deg(self, horizon_s: float, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Return the RMSE (3,) in degrees at this horizon."""
+        """Return the RMSE (3,) in degrees at this horizon, over the predictions ``rows``."""
         e = self.e[rows, round(horizon_s / STEP_S) - 1]
         return np.asarray(np.degrees(np.sqrt(np.nanmean(e**2, axis=0))))
 

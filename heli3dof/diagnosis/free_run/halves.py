@@ -33,10 +33,11 @@ class HalvesComparison:
     """The estimates of one term in the halves of the flights."""
 
     u: tuple[float, ...]
+    """u_h of each half"""
     discrepancy: float
     """δ of the first and the last half"""
     by_prior: bool
-    """Some σ_h > `PRIOR_SHARE` σ_prior"""
+    """True if some σ_h > `PRIOR_SHARE` σ_prior"""
 
     @property
     def significant_in_both(self) -> bool:
@@ -62,7 +63,7 @@ def compare_halves(halves: tuple[MultiStepFit, ...], name: str) -> HalvesCompari
 
 
 def null_distance(fit: MultiStepFit, name: str) -> tuple[float, float, float, bool] | None:
-    """Return (u, θ, σ, whether σ > `PRIOR_SHARE` σ_prior) of a term's first parameter.
+    """Return (u = (θ − θ_0)/σ, θ, σ, whether σ > `PRIOR_SHARE` σ_prior) of the first parameter.
 
     On a logarithmic scale u is infinite, and θ, σ are coordinates. None without a parameter or σ.
     """

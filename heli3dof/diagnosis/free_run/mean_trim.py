@@ -1,8 +1,9 @@
 """Combine the trim torque with the mean of the torques that differ by recording.
 
-A multi-step fit has the trim torque T_g and a torque τ_i per recording (`mass.imbalance`), whose
-mean τ̄ no recording separates from T_g. The fit with T_g + τ̄ in place of T_g, and zero in place of
-τ̄, has the covariance J C Jᵀ, with C that of the fit and J the derivatives of the combination.
+A multi-step fit has the trim torque T_g and one torque τ_i for each recording (`mass.imbalance`).
+No recording separates the mean τ̄ of these torques from T_g. So T_g + τ̄ replaces T_g, and zero
+replaces τ̄. The result has the covariance J C Jᵀ. C is the covariance of the fit, J the derivatives
+of the new parameters by the old ones.
 """
 
 from __future__ import annotations

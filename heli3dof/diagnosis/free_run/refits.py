@@ -84,7 +84,8 @@ def warm_fit(
 ) -> MultiStepFit:
     """Return the fit of ``new``, started from z (dim,) and tangents D (dim, R).
 
-    The error scales are those of ``full``. ``fresh``: number of times D may be recomputed.
+    The error scales are those of ``full``. ``fresh``: number of times D may be recomputed. If D is
+    None, it is computed at z.
     """
     v = least_squares_problem(new, full.noise, STAGE_S, full.scale)
     r = follow_on(v, z, D, settled=SETTLED, fresh=fresh)

@@ -113,7 +113,10 @@ def _solve(A: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _cross_validated_share(
     y: np.ndarray, z: np.ndarray, t: np.ndarray
 ) -> tuple[float, float, float]:
-    """Return (share on test spans, lower end of its interval, share of draws above zero)."""
+    """Return (share on test spans, lower end of its interval, share of draws above zero).
+
+    ``y``, ``z``, ``t`` (n,): torque in N·m, variable and time in s of each span.
+    """
     block = np.floor(t / BLOCK_S).astype(int)
     knots = _knots(z)
     A = _hats(z, knots)
@@ -135,7 +138,7 @@ def _cross_validated_share(
 
 
 def _curve(y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (knots, torque at the knots, its standard deviation)."""
+    """Return (knots, torque at the knots, its standard deviation) of torques y (n,) at z (n,)."""
     knots = _knots(z)
     A = _hats(z, knots)
     c, C = _solve(A, y - y.mean())

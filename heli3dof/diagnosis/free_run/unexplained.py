@@ -8,7 +8,7 @@ form. The take-off is reported if the two means differ by `SIGNIFICANT` standard
 model's mean (from the parameters' covariance) or more.
 
 **Creep.** Both motors have one constant voltage V. Mean roll early and late (`EARLY_S`, `LATE_S`)
-is compared with the model's equilibrium. L_a is the arm's length (m), F the thrust (N):
+is compared with the model's equilibrium, with the symbols of `free_run.explanations`:
 
     L_a F(V) = (T_g + τ) cos r + k_r sin r = Γ(r),       F_late/F_early = Γ(r_late)/Γ(r_early)
 
@@ -64,7 +64,7 @@ def unexplained_effects(
 
 
 def take_off(fit: MultiStepFit, i: int, recording: Recording) -> Iterator[dict[str, Any]]:
-    """Yield the take-off of recording i, if its pitch acceleration differs from the model's."""
+    """Yield a JSON object of recording i's take-off if the model does not explain it (module)."""
     p, flight = fit.problem, fit.problem.flights[i]
     airborne = np.flatnonzero(~table_of(recording)[1])
     if not flight.still or not len(airborne) or airborne[0] == 0:
@@ -176,7 +176,7 @@ def measure_creep(fit: MultiStepFit, recording: Recording) -> CreepRun | None:
 
 
 def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
-    """Yield the run's creep, if the arm creeps or is not where the model predicts."""
+    """Yield a JSON object of the run if the arm creeps or is not where the model predicts."""
     c = measure_creep(fit, recording)
     if c is None or (not c.creeps and abs(c.model_deg - c.early_deg) < LEAST_ERROR_DEG):
         return
@@ -196,7 +196,10 @@ def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
 
 
 def compare_runs(runs: Sequence[CreepRun]) -> Iterator[dict[str, Any]]:
-    """Yield whether one growth of thrust, or one of voltage, explains the creep of all runs."""
+    """Yield a JSON object that states whether one growth explains the creep of all ``runs``.
+
+    The growth is one of thrust or one of voltage.
+    """
     if len({c.voltage_V for c in runs}) < 2 or not any(c.creeps for c in runs):
         return
     growth = {

@@ -1,4 +1,6 @@
-"""Check that angles are in radians and on the grid of the profile's encoder (2π/N rad, N counts).
+"""Check that angles are in radians and on the grid of the profile's encoder.
+
+The grid has steps of 2π/N rad, with N counts per revolution.
 
 The tests are those of imported logs (`heli3dof.recording.logs.angle_units`), here for flights too.
 """

@@ -1,4 +1,4 @@
-"""Define the classes `Check` and `Fault`, and the kinds and stages of both."""
+"""Define the classes `Check` and `Fault`, the stages of checks and the kinds of faults."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Fault:
     parameters: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Parameter → (value, standard deviation); the unit is part of the parameter's name"""
     confidence: float = 1.0
-    """Chosen, not computed"""
+    """From 0 to 1; chosen, not computed"""
 
     @property
     def is_cause(self) -> bool:

@@ -3,8 +3,8 @@
 Let m be the stamps' period over the profile's, with |m − 1| > `OFF`. If m or 1/m is nearly an
 integer, the log is decimated or repeats samples; otherwise the clock is wrong. Accelerations scale
 with 1/time², so with a wrong clock the axes respond to the voltages with g = 1/m² times the
-profile's acceleration (`View.responses`). An integer m or 1/m is therefore a wrong clock too if
-|ln g + 2 ln m| < |ln g|, with the median g of the axes.
+profile's acceleration (`View.responses`). Let g be the median of the axes. An integer m or 1/m is
+therefore a wrong clock too if |ln g + 2 ln m| < |ln g|.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ DEVICE_OFF = 0.005
 REPEATED = 0.02
 """Largest share of repeated rows"""
 NEAR = 51
-"""`repeated` uses a row if the voltage changes in a tenth of so many rows around it."""
+"""Rows of a window: `repeated` uses a row if the voltage changes in over a tenth of its window."""
 
 
 def clock(view: View) -> Iterable[Fault]:

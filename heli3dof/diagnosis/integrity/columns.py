@@ -15,9 +15,11 @@ the largest agreement over the driven axes
 is reported if its M exceeds that of the unchanged log by `BETTER`, and no reversed voltage gives a
 larger M.
 
-**Grid.** Otherwise: an angle that is not on its encoder's grid, and a reference that is.
+**Grid.** Otherwise, an angle that is not on its encoder's grid and a reference that is on this grid
+are reported as swapped.
 
-**References.** Otherwise: references a and b, if axis a follows b's. With correlations ρ in flight,
+**References.** Otherwise, the references of the axes a and b are reported as swapped if axis a
+follows b's reference. With the correlations ρ in flight,
 
     ρ(a, ref_b) > `FOLLOWS`,   ρ(a, ref_a) < `IGNORES`,   ρ(b, ref_b) < `IGNORES`
 
@@ -40,7 +42,7 @@ from heli3dof.recording.logs.angle_units import on_grid
 from heli3dof.recording.recording import Recording
 
 RANGE, SURE = (0.3, 3.3), 4.0
-"""Chosen, as are all constants below."""
+"""Range of |g|, and standard deviations from 0, of a consistent axis. All constants are chosen."""
 EXPLAINED, UNEXPLAINED = 0.5, 0.4
 USUAL, BETTER = 0.5, 0.3
 STEP_S = 0.008

@@ -1,4 +1,6 @@
-"""Report recordings without usable motion, which are not identifiable, by the first that holds:
+"""Report recordings without usable motion as not identifiable.
+
+The first of these conditions that holds is reported:
 
 1. No angle was recorded, or none moves by `COUNTS` counts.
 2. The voltage stays below `OFF` times v_max, so the motors did not cause the motion.

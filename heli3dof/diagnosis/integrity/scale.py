@@ -40,13 +40,13 @@ from heli3dof.diagnosis.integrity.voltage import ANOTHER_UNIT
 from heli3dof.recording.logs.angle_units import counts_seen
 
 GOOD, PRECISE = 0.7, 0.08
-"""R², relative standard deviation of a reliable response. Chosen, as are all constants below."""
+"""Least R², largest relative standard deviation of a reliable response. All limits are chosen."""
 DRIVEN = (0.04, 0.1, 0.015)
 """rad/s² by axis: least `Response.drive`; below it, friction and backlash dominate."""
 SCATTER, SPREAD = 0.2, 0.35
 MARGIN, FITS = 5.0, 6.0
 NO_FACTOR = 2.5
-"""χ² without a factor below which none is tested, if roll's response is reliable"""
+"""If χ² with all k = 1 is below this and roll's response is reliable, no other k is tested."""
 FACTORS = (0.25, 0.5, 2.0, 4.0)
 ANOTHER_RIG = 2.2
 SWITCH = 0.25
@@ -157,7 +157,7 @@ def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[floa
 
 
 def _amplifier(view: View) -> tuple[float, float] | None:
-    """Return K and h (module) if the amplifier's gain is wrong, else None."""
+    """Return (thrust factor K, hover ratio h) if the amplifier's gain is wrong, else None."""
     h = view.hover_ratio
     good = reliable(view.responses)
     if h is None or h < ANOTHER_UNIT or not good:

@@ -47,7 +47,7 @@ class View:
 
     @cached_property
     def airborne(self) -> np.ndarray:
-        """Return (N,) bool: rows off table and stops, with take-off and with the motors on."""
+        """Return (N,) bool: rows with the motors on, off the table and the stops; also take-off."""
         return np.asarray(~np.logical_or.reduce([self.unusable[k] for k in GROUNDED]))
 
     @cached_property

@@ -17,16 +17,16 @@ from heli3dof.errors import RecordingError
 from heli3dof.recording.logs import log_validation
 
 BEYOND = 1.02
-"""Limit of a voltage over v_max. Chosen, as are all constants below."""
+"""Largest ratio of a voltage to v_max. Chosen, as are all constants below."""
 ANOTHER_UNIT = 0.15
 OPPOSED = 0.4
 """Half the difference of the motors' mean voltages over V_o, above which one sign is wrong"""
 CLIPPED = 0.02
-"""Share of the flight at the limit that a note reports"""
+"""Share of the flight at the limit above which a note reports it"""
 FLAT = 0.005
 """Share of the rows at the largest voltage above which it is a limit"""
 DIFFERS_V, DIFFERS = 0.02, 0.01
-"""V, share of the rows: largest difference between command and voltage"""
+"""Largest difference of command and voltage (V), and largest share of rows that exceed it"""
 
 
 def limit(view: View) -> Iterable[Fault]:

@@ -1,9 +1,12 @@
 """Report a roll encoder that was zeroed with the arm on the table instead of level.
 
 Counts are zero at power-up, when the arm rests on the table at r_0 (−27.5°). A log that converts
-counts without adding r_0 starts at 0° and hovers near −r_0. With r(0) the median of the first five
-samples, the check reports this if |r(0)| < `NEAR`, no sample is below r(0) − `NEAR`, and at least
-half are above r(0) + `NEAR`, with a median above `SHARE` |r_0|.
+counts without adding r_0 starts at 0° and hovers near −r_0. Let r(0) be the median of the first
+five samples. The check reports this fault if all of these hold:
+
+- |r(0)| < `NEAR`, and no sample is below r(0) − `NEAR`.
+- At least half of the samples are above r(0) + `NEAR`. The median of these is at least `SHARE`
+  |r_0|.
 """
 
 from __future__ import annotations

@@ -8,8 +8,9 @@ coupled to the common ones by Λ_b:
 
     H_p = D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag (C_now⁻¹ + A − B C⁻¹ Bᵀ)⁻¹
 
-C_now is the present covariance of the common parameters. As the halves of the recordings did not
-both confirm an open parameter, the new flight alone has to. With θ_0 its value without the effect,
+C_now is the present covariance of the common parameters. The halves of the recordings did not both
+confirm an open parameter, so the new flight alone must confirm it. With its value θ_0 without the
+effect,
 
     u² = (θ − θ_0)² (1/σ_after² − 1/σ_now²),      P = Φ(u − `QUANTILE`)
 
@@ -56,7 +57,7 @@ class OpenParameter:
     unit: str
 
     def significance(self, after: float) -> float:
-        """Return u of a flight that lowers the parameter's standard deviation to ``after``."""
+        """Return the significance u of a flight that lowers the standard deviation to ``after``."""
         return self.size * math.sqrt(max(after**-2 - self.std**-2, 0.0))
 
 
@@ -77,7 +78,10 @@ def open_parameters(open_: OpenTerms) -> list[OpenParameter]:
 def next_free_flight(
     open_: OpenTerms, *, plans: Sequence[str] | None = None, seed: int = 0
 ) -> NextExperiment | None:
-    """Return the recommended plan; None if nothing is open or no plan is feasible."""
+    """Return the recommended plan; None if nothing is open or no plan is feasible.
+
+    ``plans``: names of the plans to compare; by default all.
+    """
     parameters, profile = open_parameters(open_), open_.model.profile
     if not parameters or not is_stable(open_.model, profile):
         return None
@@ -121,7 +125,7 @@ def why_none(open_: OpenTerms | None) -> str:
 
 
 def probability_significant(u: float) -> float:
-    """Return the probability that a parameter with the ratio u is significant after the flight.
+    """Return the probability that a parameter with the expected significance u is significant.
 
     >>> p = probability_significant
     >>> round(p(1.96), 2), round(p(4.0), 2)

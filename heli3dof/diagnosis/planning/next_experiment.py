@@ -90,9 +90,10 @@ def recommend(
     plans: Sequence[str] | None = None,
     seed: int = 0,
 ) -> NextExperiment:
-    """Return the plan that separates the causes, none of which is in ``base``.
+    """Return the plan that separates the causes, which ``base`` lacks, in the shortest time.
 
-    Raises UsageError if every plan leaves the safety envelope with at least one cause.
+    ``plans``: names of the plans to compare; by default all. Raises UsageError if every plan leaves
+    the safety envelope on at least one of the models.
     """
     causes = list(causes)[:MAX_CAUSES]
     names = [c.term.name for c in causes]
@@ -119,7 +120,7 @@ def recommend(
 
 
 def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
-    """Return the recommended experiment of a diagnosis, or None. The first of these is planned for:
+    """Return the recommended experiment for the first of these that a diagnosis has, or None:
 
     1. the terms that a fit to free-run predictions left open (`planning.free_run_plan`)
     2. the first finding with confounded causes that a flight can separate
@@ -279,7 +280,7 @@ def _scores(
 
 
 def _margin(z: np.ndarray, i: int, probe_groups: Sequence[Sequence[Probe]]) -> float:
-    """Return the margin of cause ``i`` from the scores (P,) of its flight."""
+    """Return the margin of cause ``i`` over the others, from the scores z (P,) of its flight."""
     ends = np.cumsum([len(group) for group in probe_groups])[:-1]
     highest = [float(part.max()) for part in np.split(z**2, ends)]
     return highest[i] - max((b for j, b in enumerate(highest) if j != i), default=0.0)

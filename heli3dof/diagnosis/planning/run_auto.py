@@ -3,8 +3,8 @@
     fly a plan → diagnose all flights so far → is no further flight recommended? end
                ↑______________ fly the recommended plan ______________|
 
-The run also ends if the recommended plan exceeds the budget, or if it would repeat a plan to search
-for one cause that the first flight of that plan did not show.
+The run also ends if the recommended plan exceeds the budget. It ends too if the plan was flown
+before and is recommended to search for a single cause: the earlier flight did not show this cause.
 """
 
 from __future__ import annotations
@@ -60,10 +60,12 @@ def run_auto(
 ) -> AutoResult:
     """Fly and diagnose until no further flight is recommended, or the budget is spent.
 
-    ``folder`` is created for the recordings. ``budget_min`` counts minutes of flight. ``fly``
-    replaces the function that flies a plan with a seed to a file; ``diagnosing`` is entered for
-    each diagnosis and yields a function that shows its progress; ``each`` receives a sentence
-    after each diagnosis. Raises UsageError if the first plan exceeds the budget, OutputExists, and
+    ``folder`` is created for the recordings. ``budget_min``: minutes of flight. ``fly`` (plan,
+    path, seed) replaces the function that flies a plan and writes the recording. ``diagnosing`` is
+    a context for each diagnosis and yields a function that shows its progress. ``each`` receives a
+    sentence after each diagnosis.
+
+    Raises UsageError if the first plan exceeds the budget, OutputExists if the folder exists, and
     the errors of a flight.
     """
     first = load_plan(first) if isinstance(first, str) else first

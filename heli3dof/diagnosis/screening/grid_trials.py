@@ -31,7 +31,7 @@ from heli3dof.model.estimation.filter_data import Data
 from heli3dof.parallel import parallel_map
 
 MIN_GAIN = 40.0
-"""Least Δℓ for a full fit. Chosen: backlash gains hundreds; without backlash Δℓ is as negative."""
+"""Least Δℓ for a full fit. Chosen: Δℓ is hundreds with backlash, minus hundreds without."""
 LAST_RESORT = {"motor.lag": (0.02, 0.035, 0.06, 0.1, 0.17), "motor.delay": (0.01, 0.02, 0.04)}
 """Terms with a score that noise may hide, and their grids in s. Chosen; not derived."""
 NOISE_ROUNDS, NOISE_TOLERANCE = 4, 0.1
@@ -78,7 +78,10 @@ def tried_terms(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
 def trials(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, untested: Sequence[Term]
 ) -> list[GridTrial]:
-    """Return the terms with Δℓ > `MIN_GAIN` over the base with ``theta`` (n,), ``noise`` (4,)."""
+    """Return the trials of the terms ``untested`` with Δℓ > `MIN_GAIN`.
+
+    Δℓ is the gain over the base with ``theta`` (n,) and ``noise`` (4,).
+    """
     base = float(problem.run(theta, noise, keep=0).loglik.sum())
 
     def one(k: int) -> GridTrial:
@@ -125,7 +128,8 @@ def fit_start(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the start of a full fit: coordinates (n + m,) and noise (4,).
 
-    Two rounds, each with a noise update: every other grid value, then neighbours of the best.
+    The first round evaluates every other grid value, the second the neighbours of the best one.
+    Each round ends with updates of the noise.
     """
     new = ext.structure.free[len(theta) :]
     full = np.concatenate([theta, [f.inward(f.start) for f in new]])

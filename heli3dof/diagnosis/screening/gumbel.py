@@ -16,13 +16,13 @@ EULER = 0.5772156649
 
 
 def gumbel(largest: np.ndarray, *, least: float = 0.0) -> tuple[float, float]:
-    """Return (μ, β) of maxima (B,); β is at least ``least``."""
+    """Return (location μ, scale β) of the Gumbel distribution of maxima (B,); β ≥ ``least``."""
     beta = max(float(np.sqrt(6) * largest.std(ddof=1) / np.pi), least)
     return float(largest.mean()) - EULER * beta, beta
 
 
 def beyond(share: float) -> float:
-    """Return k, so that a share of all maxima exceeds μ + k β.
+    """Return k such that the given share of all maxima exceeds μ + k β.
 
     >>> round(beyond(0.0005), 2)
     7.6

@@ -55,7 +55,7 @@ class Nulls:
 
     mean: np.ndarray
     std: np.ndarray
-    """(P,), (P,) of z, as in the module's equations"""
+    """(P,) each: mean and standard deviation of z over the nulls, as in the module's equations"""
     inflation: float
     """κ ≥ 1: variance of the scores relative to an exact likelihood's, the median over probes"""
     threshold: float
@@ -82,7 +82,10 @@ class Nulls:
         return float(spread * t.isf(FALSE_ALARMS / (2 * FORMAL_CANDIDATES), self.freedom) ** 2)
 
     def confidence(self, Z2: float) -> float:
-        """Return the probability exp(−P p) that no probe reaches Z² by chance; p: for one probe."""
+        """Return the probability exp(−P p) that none of P probes reaches Z² by chance.
+
+        p is the probability that one probe does.
+        """
         from scipy.stats import t
 
         spread = 1 + 1 / self.flights if self.flights else 2.0
@@ -147,7 +150,7 @@ def _shrunk_std(z: np.ndarray) -> np.ndarray:
 
 
 def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
-    """Return the distribution by formula, for an unknown controller (module)."""
+    """Return the nulls' distribution by formula, for an unknown controller (see the module)."""
     from scipy.stats import chi2
 
     n = len(screen.names)

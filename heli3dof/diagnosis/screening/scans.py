@@ -37,13 +37,19 @@ class Scan(Protocol):
     def term(self) -> Term: ...
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return (knots, information v of a unit torque there); ``unit`` (C, 3): e, in rad/s²."""
+        """Return (knots, information v of a unit torque there).
+
+        ``unit`` (C, 3): e, in rad/s². ``A`` (n, n): as in `screening.score_test`.
+        """
         ...
 
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> tuple[float, tuple[float, ...], float]:
-        """Return (largest z, values of the term's parameters there, value of the first one)."""
+        """Return (largest z, values of the term's parameters there, value of the first one).
+
+        ``L`` (C, 3): adjoint of the score. ``unit`` (C, 3): e, in rad/s².
+        """
         ...
 
 

@@ -54,15 +54,15 @@ class ScreenResult:
 
 
 LEAST_INFORMATION = 1e-12
-"""Below it, a probe changes the readings by less than 1e-6 of their noise: only rounding is left,
-as of a wrong yaw zero, on which nothing depends"""
+"""Below it, a probe changes the readings by less than 1e-6 of their noise. Such a change is only
+rounding, for instance for a wrong yaw zero, on which no prediction depends."""
 Changes = tuple[list[int], np.ndarray, np.ndarray | None, np.ndarray | None]
 """The n plain probes of a term: their indices, accelerations (n, C, 3), and if the effect changes
 the readings, misreadings (n, E) and those at the start of each block (n, B, 3)"""
 
 
 class Screen:
-    """The score test at one fit; the evaluation ``recorded`` of the recordings sets the scale v."""
+    """The score test at one fit, with the information v of the recordings (``recorded``)."""
 
     def __init__(
         self, problem: Likelihood, theta: np.ndarray, recorded: Evaluation, probes: Sequence[Probe],
@@ -95,7 +95,7 @@ class Screen:
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
     def information(self) -> np.ndarray:
-        """Return v per squared unit of the first parameter (plain probes); 0 for a limit."""
+        """Return v of each plain probe per squared unit of its first parameter; 0 for a limit."""
         size = np.array([p.size if p.grows else np.inf for p in self.plain])
         return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
 
@@ -106,9 +106,10 @@ class Screen:
         return projected / float(np.sqrt(self.v[a] * self.v[b]))
 
     def shared(self, i: int, causes: np.ndarray) -> float:
-        """Return ρ², the share of v that the ``causes`` ((n,) bool, their parameters) absorb.
+        """Return ρ², the share of the information of plain probe i that the causes absorb.
 
-        v is that of plain probe i, without the base's share. Zero for a scan, and if v is zero.
+        ``causes`` (n,) bool: which coordinates are the causes' parameters. The information is that
+        with the other coordinates projected out. ρ² is zero for a scan or an untestable probe.
         """
         if i >= len(self.plain) or not causes.any() or not np.isfinite(self.v[i]):
             return 0.0
@@ -117,7 +118,10 @@ class Screen:
         return float(1 - self.v[i] / alone)
 
     def score(self, evaluation: Evaluation, *, prior: bool) -> ScreenResult:
-        """Return all scores; ``prior``: add that of the prior, for recordings but not for nulls."""
+        """Return the scores of all probes and scans.
+
+        ``prior``: include the prior's score, for the recordings but not for nulls.
+        """
         problem = self.problem
         g = evaluation.g
         if prior:

@@ -32,7 +32,7 @@ from heli3dof.parallel import parallel_map
 SECOND_START = 0.1
 """Start of a second fit, as a share of the probe's value. Chosen; not derived."""
 MAX_SCORE_PER_Z2 = 30.0
-"""Largest score/Z², above 1 if the base attributes the cause to noise. Chosen; not derived."""
+"""Largest expected score/Z²; above 1, as the base may attribute a cause to noise. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,8 @@ def fit_candidates(
     """Return full fits of the ``ranked`` terms and of the ``tried`` terms, best score first.
 
     ``ranked``: from `selection.select.ranked_candidates`; ``tried``: terms without a score.
-    ``bias`` (n,): mean scores of the nulls. Fits that diverge or end at a bound are omitted.
+    ``bias`` (n,): mean scores of the nulls along θ. Fits that diverge or end at a bound are
+    omitted, as are ``ranked`` terms with Z² too small to exceed the fits of ``tried``.
     """
     if not ranked and not tried:
         return []
@@ -141,9 +142,9 @@ def fit_candidates(
 def start_at_probe(
     ext: Likelihood, current: CorrectedFit, result: ScreenResult, i: int, unbiased: float
 ) -> np.ndarray:
-    """Return start coordinates (n,): the current fit, and the new term at probe i.
+    """Return the start coordinates (n + m,): the current fit (n,), the new term (m,) at probe i.
 
-    ``unbiased``: share of the probe's score that exceeds the nulls' mean.
+    ``ext``: likelihood with the new term. ``unbiased``: (z − nulls' mean z)/z of the probe.
     """
     probe = result.probes[i]
     new = ext.structure.free[len(current.free) :]

@@ -1,7 +1,7 @@
 """Find effects that an inertia has absorbed, by full fits of candidates with small scores.
 
-A slow torque moves a short step flight much as a wrong inertia does. The base absorbs the torque in
-the inertia J_j; a full fit with the torque returns J_j to nominal. If an inertia is significantly
+In a short step flight, a slow torque has nearly the effect of a wrong inertia. The base absorbs the
+torque in the inertia J_j; a full fit with it returns J_j to nominal. If an inertia is significantly
 off nominal (`estimate.base_parameters`), terms with Z² > `MIN_Z2` are fitted in full, at most
 `MAX_FITS`. A term is confounded with the inertias if its score exceeds −`TIE` and its fit puts all
 of them within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal) ≤ ln(1 + ε).
@@ -29,7 +29,7 @@ from heli3dof.identification.greybox.estimate import Estimate
 MIN_Z2 = 4.0
 """Least Z² for a full fit: two standard deviations. Chosen; not derived."""
 MAX_FITS = 6
-"""Chosen; not derived."""
+"""Most candidates fitted in full. Chosen; not derived."""
 
 
 def instead_of_inertia(
@@ -39,7 +39,11 @@ def instead_of_inertia(
     nulls: Nulls,
     bias: np.ndarray,
 ) -> list[CandidateFit]:
-    """Return the candidates' fits that return all significantly wrong inertias to nominal."""
+    """Return the fits of candidates that bring all inertias off nominal back within tolerance.
+
+    The result is empty if no inertia is off nominal. The fits' ``Z2`` is their score. ``bias``
+    (n,): mean scores of the nulls along θ.
+    """
     off = [o.term.name for o in off_nominal(fit, std_inflation=std_inflation(fit))]
     inertias = {n for n in off if n.startswith("inertia")}
     if not inertias:

@@ -18,7 +18,10 @@ from heli3dof.identification.greybox.maximum_likelihood import Optimum
 
 
 def price(problem: Likelihood, fit: Optimum, name: str, inflation: float = 1.0) -> float:
-    """Return the penalty of a term's parameters; ``inflation``: κ, which divides information."""
+    """Return the penalty of the parameters of the term ``name``.
+
+    ``inflation``: variance inflation κ, by which the information is divided.
+    """
     at = [i for i, f in enumerate(problem.structure.free) if f.term == name]
     most = float(np.log(max(len(fit.at.row), 2)))
     if len(at) < 2:

@@ -9,8 +9,8 @@ and standard deviation s_k. With Student's density t of B − 1 degrees of freed
     f_k(d) = t_{B−1}((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
 1. **Large score bias** (|z̄|/√κ > `LARGE_BIAS`, with the nulls' mean score z̄ and inflation κ): the
-   rival with the largest min_j W_kj is the cause. Rivals with W < `TIE` are confounded with it.
-   `certainty` of the smallest other W is its probability.
+   rival k with the largest min_j W_kj is the cause. Rivals j with W_kj < `TIE` are confounded with
+   it. Its probability is `certainty` of the smallest W_kj of the remaining rivals.
 2. **Small score bias, score below `SUFFICIENT_SCORE`**: the scores choose the cause. The rival that
    this test prefers is confounded with that cause. So are the rivals that the test does not
    separate from the preferred one (W < `TIE`).
@@ -56,10 +56,8 @@ MIN_STD = 1.0
 def rivals(choice: Choice, nulls: Nulls) -> tuple[list[CandidateFit], bool]:
     """Return the candidates that scores cannot rank, and whether their score bias is large.
 
-    The chosen cause is the first of them.
-
-    If the list is empty, the scores decide. Terms without a score have no score bias and are not in
-    the list.
+    The chosen cause is the first of them. If there are none, the scores decide. Terms without a
+    score have no score bias and are not among them.
     """
     best = choice.contenders[0]
     others = [c for c in choice.contenders[1:] if c.probe is not None]
@@ -76,7 +74,7 @@ def rivals(choice: Choice, nulls: Nulls) -> tuple[list[CandidateFit], bool]:
 
 
 def relative_bias(nulls: Nulls, contenders: Sequence[CandidateFit]) -> list[float]:
-    """Return |z̄|/√κ of each candidate that has a score."""
+    """Return |z̄|/√κ, the bias of the score over its scatter, of each candidate with a score."""
     at = [c.probe for c in contenders if c.probe is not None]
     return [float(abs(nulls.mean[i]) / np.sqrt(nulls.inflation)) for i in at]
 
@@ -85,9 +83,9 @@ def compared_by_simulation(
     choice: Choice, nulls: Nulls, recordings: Sequence[Recording], *, seed: int, pilots: int,
     test_small_bias: bool = True,
 ) -> Choice:  # fmt: skip
-    """Return the choice after the test.
+    """Return the choice, revised by flights simulated from each rival (module, rules 1 and 2).
 
-    ``test_small_bias``: also test if the bias is small (rule 2).
+    ``pilots``: simulated flights of a bias correction. ``test_small_bias``: also apply rule 2.
     """
     compared, decides = rivals(choice, nulls)
     if not compared or not (decides or test_small_bias):
@@ -123,7 +121,7 @@ def compared_by_simulation(
 def likelihoods(
     fits: Sequence[CorrectedFit], recordings: Sequence[Recording], *, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return ℓ of the recordings (K,) and of B flights simulated from each fit (K, B, K).
+    """Return the log-likelihoods of the recordings (K,) and of B flights from each fit (K, B, K).
 
     The last axis is the fit whose likelihood is evaluated.
     """
@@ -144,7 +142,7 @@ def likelihoods(
 
 
 def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
-    """Return W_kj (K, K) from the two results of `likelihoods`.
+    """Return W_kj (K, K), twice the log odds of rivals k and j, from the results of `likelihoods`.
 
     >>> flown = np.zeros((2, 4, 2))
     >>> flown[0, :, 0], flown[1, :, 1] = [9, 10, 10, 11], [9, 10, 10, 11]

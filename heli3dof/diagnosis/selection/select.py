@@ -8,9 +8,10 @@ Two candidates are **confounded** if their scores differ by less than (`tie_marg
 
     max(`TIE`, `FORMULA_ERROR` · score) + 2 √score · `DRIFT` |z̄|/√κ · √(2 (1 − |ρ|))
 
-score is that of the better one, z̄ the larger mean score of the nulls, and κ their inflation. ρ is
-the correlation of the traces without the base's share. The last term, for plain probes only, is the
-error of the bias correction: z̄ was simulated without the cause. The rules (`best_choice`):
+score is that of the better one. z̄ is the larger of their probes' mean scores over the nulls, κ the
+nulls' inflation. ρ is the correlation of the traces, with the base parameters projected out. The
+last term, for plain probes only, is the error of the bias correction: z̄ was simulated without the
+cause. The rules (`best_choice`):
 
 1. If the best score is below `TIE`, no effect is a cause.
 2. A candidate qualifies if its own Z² reaches its threshold (`Nulls.least`). In addition, it must
@@ -18,8 +19,8 @@ error of the bias correction: z̄ was simulated without the cause. The rules (`b
 3. The best candidate that qualifies is taken. All candidates with higher scores are confounded with
    it: their scores may be bias.
 4. The error of an earlier cause's formula may resemble a further cause. So a further cause needs at
-   least a share `MIN_SHARE` of the first one's score, or `WEAK` if that is less. An inertia off
-   nominal counts as a first cause.
+   least a share `MIN_SHARE` of the largest earlier score, or `WEAK` if that is less. An inertia off
+   nominal counts as an earlier cause.
 5. Below that, it is taken as *weak* ("…-like") if earlier causes absorb more than a share
    `MAX_ABSORBED` of its information: its own score is then small at any size.
 6. Other forms of the body's equations (``formal`` effects) are exempt from rule 4.
@@ -49,7 +50,7 @@ TIE = 6.0
 FORMULA_ERROR = 0.03
 """Relative error of a score caused by an inexact formula of an effect. Chosen; not derived."""
 MIN_SHARE = 0.1
-"""Least score of a further cause, relative to the first one's. Chosen; not derived."""
+"""Least score of a further cause, relative to the largest earlier one. Chosen; not derived."""
 WEAK = 100.0
 """Score above which a further cause is never weak. Chosen; not derived."""
 MAX_ABSORBED = 0.5
@@ -57,7 +58,7 @@ MAX_ABSORBED = 0.5
 WEAK_CONFIDENCE = 0.5
 """Largest confidence of a weak cause: as likely the formula's error as a cause."""
 ONE_SIDED = 0.25
-"""Range of a one-sided parameter below null, for scatter, relative to that above. Chosen."""
+"""One-sided: the range below the null value is a smaller share of that above. Chosen."""
 LARGE = 5.0
 """Largest plausible size of a parameter, in typical sizes. Chosen; not derived."""
 MAX_CAUSES = 4
@@ -118,9 +119,10 @@ def choose(
     current: CorrectedFit, screen: Screen, result: ScreenResult, nulls: Nulls, bias: np.ndarray,
     first_score: float | None, tried: Sequence[GridTrial] = (),
 ) -> Choice | None:  # fmt: skip
-    """Return the next cause after those of ``current``, if any.
+    """Return the next cause to add to the fit ``current``; None if there is none.
 
-    ``bias`` (n,): mean scores of the nulls; ``tried``: terms without a score to be fitted.
+    ``bias`` (n,): mean scores of the nulls along θ. ``first_score``: largest score of the earlier
+    causes, None without one. ``tried``: terms without a score to be fitted.
     """
     every = ranked_candidates(result, nulls)
     ranked = candidates_to_fit(every, nulls)
@@ -134,7 +136,10 @@ def best_choice(
     current: CorrectedFit, screen: Screen, nulls: Nulls, fits: Sequence[CandidateFit],
     first_score: float | None,
 ) -> Choice | None:  # fmt: skip
-    """Return the cause among the fits, if any; ``first_score``: of the first cause, else None."""
+    """Return the cause among the ``fits``; None if none qualifies (rules of the module).
+
+    ``first_score``: largest score of the earlier causes, None without one.
+    """
     fits = missing_parts_first(screen, nulls, sorted(fits, key=lambda f: -f.score))
     if not fits or fits[0].score < TIE:
         return None
@@ -211,7 +216,11 @@ def tie_margin(screen: Screen, nulls: Nulls, best: CandidateFit, other: Candidat
 
 
 def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
-    """Return the terms with 3 σ > `LARGE` typical sizes (first parameter), by rising ratio."""
+    """Return the names of the terms whose first parameter has 3 σ > `LARGE` typical sizes.
+
+    They are ordered by this ratio, smallest first. A limit that the recordings do not reach is in
+    the list too.
+    """
     sigma = _sigma(screen, nulls)
     best: dict[str, float] = {}
     for p, s, v in zip(screen.plain, sigma, screen.v, strict=True):
@@ -229,7 +238,10 @@ def _sigma(screen: Screen, nulls: Nulls) -> np.ndarray:
 
 
 def detectable_size(screen: Screen, nulls: Nulls, name: str) -> float:
-    """Return the size of a term's first parameter, in its unit, at which Z² is the threshold."""
+    """Return the size of a term's first parameter, in its unit, at which Z² is the threshold.
+
+    It is infinite for a term without plain probes.
+    """
     sigma = _sigma(screen, nulls)
     named = [float(s) for p, s in zip(screen.plain, sigma, strict=True) if p.name == name]
     return float(np.sqrt(nulls.threshold)) * min(named, default=np.inf)

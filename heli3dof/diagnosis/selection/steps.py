@@ -93,7 +93,10 @@ class Step:
         return instead_of_inertia(self.fit, self.screen, self.recorded, self.nulls, self.bias)
 
     def chosen(self, setup: Setup, first_score: float | None) -> Step:
-        """Return the step with its choice; if scores show none, try terms of last resort."""
+        """Return the step with its choice; without one from scores, try the terms of last resort.
+
+        ``first_score``: largest score of the earlier causes, None without one (`selection.select`).
+        """
         present = [t.name for t in self.fit.problem.structure.terms]
 
         def choice_with(tried: Sequence[GridTrial]) -> Choice | None:

@@ -60,7 +60,10 @@ class Hats:
         return left, share
 
     def scores(self, flight: Trail, blocks: np.ndarray | None = None) -> np.ndarray:
-        """Return the scores ∂ ln L/∂τ_j (J,), or (blocks, J) with the rows' block numbers (N,)."""
+        """Return the scores ∂ ln L/∂τ_j (J,) of the functions.
+
+        With ``blocks`` (N,), the block number of each row, the scores are (B, J), by block.
+        """
         left, share = self.place(flight)
         from heli3dof.diagnosis.sensitivity.residual_torque_passes import gather
 
@@ -104,9 +107,9 @@ class Sums:
 def sums_along(
     library: Hats, flight: Trail, tangents: np.ndarray, wanted: np.ndarray | None = None
 ) -> Sums:
-    """Return the sums of all functions, given a fit's ``tangents`` (p, E).
+    """Return the sums of all functions of ``library``, given a fit's ``tangents`` (p, E).
 
-    ``wanted``: columns of the functions whose traces are returned.
+    ``wanted``: columns of the functions whose traces are returned; none by default.
     """
     from heli3dof.diagnosis.sensitivity.residual_torque_passes import forced
 

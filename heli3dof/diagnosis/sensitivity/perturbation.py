@@ -1,8 +1,8 @@
 """First-order change of the filter's predictions by a small change of the model.
 
-A change of the model adds δa (rad/s²) to the accelerations. With the gains K (E, 6) of the extended
-Kalman filter (`heli3dof.model.estimation.ekf_quantised`) fixed, its state x = (q, q̇), in rad and
-rad/s, and its predictions c of the E events change by
+A change of the model adds δa (rad/s²) to the accelerations. The gains K (E, 6) of the extended
+Kalman filter (`heli3dof.model.estimation.ekf_quantised`) are held fixed. Its state x = (q, q̇), in
+rad and rad/s, and its predictions c of the E events change by
 
     δx ← Φ δx + [h²/2; h] δa,     Φ from A = ∂q̈/∂(q, q̇)       from row to row, h s later
     δc = σ δx_c,   δx ← δx − K w δc                             at each event of the encoders
@@ -91,7 +91,7 @@ def path(structure: Structure, values: np.ndarray, data: Data, at: Pass) -> Path
 def forcing(
     p: Path, wide: Structure, sets: Sequence[np.ndarray], moves: Sequence[bool]
 ) -> np.ndarray:
-    """Return the changes δa (J, C, 3) rad/s² by J sets of values of the structure ``wide``.
+    """Return δa (J, C, 3), in rad/s², due to J sets of parameter values of the structure ``wide``.
 
     ``moves`` (J,): True if a set changes the thrusts.
     """

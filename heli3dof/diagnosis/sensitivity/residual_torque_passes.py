@@ -1,7 +1,7 @@
 """Compiled loops: first-order change of the likelihood by an additional torque.
 
-Along the filter's states, with its gains fixed, a small torque τ (N·m) during row k, h s long,
-changes the predicted state x = (q, q̇), angles in rad and rates in rad/s, by δx = (δq, δq̇):
+The filter's gains are held fixed, and the model is linearised along its states x = (q, q̇), in rad
+and rad/s. A small torque τ (N·m) during row k, h s long, changes the predicted x by δx = (δq, δq̇):
 
     δq̈ = A δx + B τ,    A = ∂q̈/∂(q, q̇) (3, 6),   B = M(q)⁻¹ (3, 3)
     δq ← δq + h δq̇ + h²/2 δq̈,     δq̇ ← δq̇ + h δq̈             from row to row
@@ -112,9 +112,10 @@ def _forced(  # type: ignore[no-untyped-def]
     blocks, h, A, B, slope, row, state, G, W, K, left, share, tangents, axes, wanted, knots,
     score, information, cross, traces,
 ):  # fmt: skip
-    """Sum score and information of J hat functions: ``knots`` of M variables on each of ``axes``.
+    """Sum score and information of J hat functions.
 
-    ``left``, ``share`` (N, M): knot below each variable, fraction of the way to the next. Results:
+    Each of M variables has ``knots`` functions on each of ``axes``. ``left``, ``share`` (N, M): the
+    knot below the variable's value, and the fraction of the way to the next one. Results:
     ``score`` (J,), ``information`` (groups, knots, knots), ``cross`` (n, J) with the ``tangents``
     (n, E), ``traces`` (len(wanted), E): δc of columns ``wanted``. Columns are as in `Hats`.
     """

@@ -49,7 +49,7 @@ DEPENDS_ON = {
 }  # fmt: skip
 """Effect → variable of its figure, unless the effect itself names one (``evidence``)"""
 BACKLASH = "encoder.backlash"
-"""Has no figure: its torque is no function of a variable."""
+"""The effect without a figure: its torque is no function of a variable."""
 DELAYS = {"motor.lag": "voltage_difference_slope", "motor.delay": "voltage_difference_slope"}
 """Effects that delay the voltage V by τ: the missing torque is τ K_f dV/dt."""
 
@@ -61,7 +61,7 @@ ALTERNATIVES_OF = {
     "voltage_difference_slope": ("voltage_sum_slope",),
 }
 MIN_CLARITY_RATIO = 2.0
-"""Clarity (`_clearest`) from which a further variable is preferred, as a ratio. Chosen."""
+"""Ratio of clarities (`_clearest`) from which a further variable is preferred. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +73,15 @@ class TorqueCurve:
     axis: str
     depends_on: str
     unit: str
-    """Unit of z; degrees for angles"""
+    """Unit of z and curve_z; degrees for angles"""
     z: np.ndarray
     torque: np.ndarray
     std: np.ndarray
-    """(m,) N·m"""
+    """(m,) each: variable, mean residual torque and its standard error, N·m"""
     curve_z: np.ndarray
     curve: np.ndarray
-    """(c,) N·m, averaged in bins: the cause may also depend on other variables"""
+    """(c,) each: variable and the cause's torque, N·m. It is averaged in bins, because the cause
+    may also depend on other variables"""
 
 
 def variable_of(effect: Effect, axis: str | None) -> str | None:
@@ -188,7 +189,10 @@ def _squares_about_mean(x: np.ndarray, weight: np.ndarray) -> float:
 def _binned(
     z: np.ndarray, torque: np.ndarray, h: np.ndarray, bins: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (z, torque, standard error) of equal bins between the quantiles 0.002 and 0.998."""
+    """Return the means of z and torque, and the torque's standard error, in bins of equal width.
+
+    The bins lie between the quantiles 0.002 and 0.998 of z. ``h`` (N,): sampling intervals in s.
+    """
     low, high = np.quantile(z, [0.002, 0.998])
     which = np.clip(((z - low) / max(high - low, 1e-12) * bins).astype(int), 0, bins - 1)
     time = np.bincount(which, h, bins)

@@ -74,7 +74,8 @@ class Nuisance:
     ) -> Nuisance:
         """Return these parameters and those of one group of hat functions with traces D (KNOTS, E).
 
-        ``P`` (KNOTS, rank): informative directions of the group; ``columns``: of its functions.
+        ``P`` (KNOTS, rank): informative directions of the group. ``columns`` (KNOTS,): the group's
+        columns in ``null.u``.
         """
         D = P.T @ D
         stacked = np.vstack([self.tangents, D])
@@ -171,9 +172,9 @@ def coloured_noise_ratio(
 
 
 def informative_directions(V: np.ndarray, full: np.ndarray) -> np.ndarray:
-    """Return eigenvectors (KNOTS, rank) of V that are not negligible in proportion to ``full``.
+    """Return the eigenvectors (KNOTS, rank) of V (KNOTS, KNOTS) with large enough eigenvalues.
 
-    ``full`` (KNOTS, KNOTS) is V before the projection. The limit is `RANK_TOLERANCE`.
+    These exceed `RANK_TOLERANCE` times the largest eigenvalue of ``full``, V before the projection.
     """
     values, vectors = np.linalg.eigh(0.5 * (V + V.T))
     return np.asarray(

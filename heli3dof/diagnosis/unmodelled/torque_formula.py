@@ -17,8 +17,8 @@ Of products whose S is within `selection.select.TIE` κ of the largest, the one 
 is proposed; the others are alternatives.
 
 If flights of the fit cannot be simulated, the formulas themselves show whether there is a torque.
-Let s be the sums of the score of φ, without the torque c φ, over blocks of
-`estimate.coloured_noise.BLOCK_S`, and Var s their long-run variance (Newey and West), at least κ v.
+Let s be the sums of the score of φ, after the torque c φ is subtracted, over blocks of
+`estimate.coloured_noise.BLOCK_S`. Var s is their long-run variance (Newey and West), at least κ v.
 Then t² = u²/Var s is valid for coloured noise. The threshold is twice the squared two-sided
 quantile of Student's t at `FALSE_ALARMS` divided by the number of formulas (Bonferroni). It is
 doubled as in `screening.nulls`: without null simulations the bias of the filter's score is unknown.
@@ -66,8 +66,9 @@ class Proposal:
     term: str
     """Name of an empirical effect (`model.effects.empirical`) on an axis"""
     start: tuple[float, ...]
-    """Its parameters, in their units"""
+    """Start values of its parameters, in their units"""
     product: str
+    """The formula's product, or the variable of the curve"""
     is_formula: bool
     alternatives: tuple[str, ...] = ()
     """Products that explain as much"""
@@ -76,7 +77,7 @@ class Proposal:
 def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
     """Return terms for ``torque``, best first: a formula and a curve.
 
-    The formula is left out unless it holds as well as the curve (module), and the curve unless its
+    The list contains the formula if it holds as well as the curve (module), and the curve if its
     variable is a product of known quantities.
     """
     flown = flown_fit(fit)
@@ -167,7 +168,10 @@ def flown_fit(fit: Estimate) -> FilteredFit:
 
 
 def product_scores(flown: FilteredFit, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return S and c, each (P,), of the products on an axis; S is 0 for one without information."""
+    """Return the statistic S and the estimate c, each (P,), of the P products on an axis.
+
+    S is 0 for a product without information.
+    """
     u, v = np.zeros(len(PRODUCTS)), np.zeros(len(PRODUCTS))
     for k in range(0, len(PRODUCTS), AT_ONCE):
         D = product_traces(flown, axis, PRODUCTS[k : k + AT_ONCE])
@@ -196,7 +200,7 @@ def value(flight: Trail, product: str) -> np.ndarray:
 
 
 def projected(flown: FilteredFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return u (K,) and v (K, K) of traces D (K, E), without what the fit's coordinates explain."""
+    """Return score u (K,) and information v (K, K) of traces D (K, E), the fit projected out."""
     at, nuisance = flown.flight.at, flown.nuisance
     weighted = D * at.w
     cross = weighted @ nuisance.tangents.T
@@ -205,7 +209,10 @@ def projected(flown: FilteredFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def spline_score(flown: FilteredFit, axis: int, variable: str) -> tuple[float, int]:
-    """Return S and rank of the piecewise linear torque of ``variable``; S = 0 if it is constant."""
+    """Return the statistic S and the rank r of the piecewise linear torque of ``variable``.
+
+    S is 0 if the variable's range is below `hat_functions.MIN_RANGE`, or without information.
+    """
     flight = flown.flight
     library = hats(flight, np.array([axis]))
     if variable not in library.variables:

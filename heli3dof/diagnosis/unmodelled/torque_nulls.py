@@ -50,7 +50,10 @@ def simulated_scores(
 
 
 def scores_in_blocks(fit: Estimate, flight: Trail, library: Hats, tangents: np.ndarray) -> Scores:
-    """Return the scores in half-second blocks; ``tangents`` (p, E) replace those of the fit."""
+    """Return the scores in half-second blocks of the flight.
+
+    ``tangents`` (p, E): derivatives by the parameters whose scores are returned as ``g`` (B, p).
+    """
     which = block_numbers(flight.data)
     count = int(which.max()) + 1
     at = which[flight.at.row]

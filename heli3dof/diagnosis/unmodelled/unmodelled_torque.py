@@ -13,8 +13,8 @@ The second term removes the constant torque, which leaves r degrees of freedom.
    κ is at least the fit's inflation; without bias correction, only above `MAX_INFLATION`.
 2. All groups are put on one scale: x = −2 ln P(χ²_r > S/κ). The largest x of a null has a Gumbel
    distribution, which gives the threshold.
-3. The group with the largest x is accepted if it explains more than `MIN_SHARE` of the variance and
-   x exceeds the threshold also with S/(κρ), ρ of coloured noise (`torque_evidence`).
+3. The group with the largest x is accepted if it explains more than `MIN_SHARE` of the variance. In
+   addition, x must exceed the threshold also with S/(κρ), ρ of coloured noise (`torque_evidence`).
 4. The accepted torque is projected out, and the test is repeated.
 
 Time is a variable too. A torque that depends on time only is slow noise, such as a draught's: it is
@@ -59,7 +59,7 @@ ALTERNATIVE_SHARE = 0.5
 MIN_SHARE = 0.05
 """Least share of the variance: a limit cycle may be significant, yet explain nothing. Chosen."""
 FALSE_ALARMS = 0.0005
-"""Probability of a false residual torque per recording. Chosen low: few nulls extrapolate it."""
+"""Probability of a false residual torque per recording, extrapolated from few nulls. Chosen low."""
 THRESHOLD_SCALES = beyond(FALSE_ALARMS)
 """Distance of the threshold from the location of the Gumbel distribution, in scales"""
 MAX_INFLATION = 2.0
@@ -85,7 +85,7 @@ class ResidualTorque:
     share: float
     """Explained share of the variance of the axis's residual torque, averaged over `WINDOW_S`"""
     table: tuple[tuple[float, float], ...]
-    """(variable in rad, rad/s, V, s; torque in N·m, without its mean)"""
+    """Rows (variable in SI units, torque in N·m without its mean)"""
     std: tuple[float, ...]
     """N·m, standard deviations of the table's torques"""
     score: float
@@ -182,9 +182,9 @@ def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
 
 
 def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list[int]:
-    """Return ``groups`` with an axis's time before variables whose x is larger by less than `TIE`.
+    """Return the ``groups`` by falling x, after `TIE` is added to x of each group of time.
 
-    Slow noise then explains as much as an effect that no rig is known to have.
+    Slow noise is preferred if it explains as much as an effect that no rig is known to have.
     """
 
     def key(q: int) -> float:
@@ -210,9 +210,10 @@ def _exceeds_coloured_noise(
     *,
     is_coloured: bool,
 ) -> bool:
-    """Return whether x exceeds the threshold with the coloured noise that torque ``new`` leaves.
+    """Return whether the torque ``new`` of group q exceeds the threshold also with coloured noise.
 
-    ``is_coloured``: slow noise was found, so ρ is used even if ρ is not significant here.
+    The noise ratio ρ divides S (module). ``is_coloured``: slow noise was found, so ρ is used even
+    if it is not significant here.
     """
     P = tests.directions[q]
     torque = np.array([f for _, f in new.table])
@@ -229,8 +230,9 @@ class ScoreTests:
     """Score tests of all groups, with the projected scores u and their information V."""
 
     x: np.ndarray
-    """(groups,)"""
+    """(groups,) as in the module"""
     threshold: float
+    """Threshold of x"""
     location: float
     scale: float
     """Location and scale of the Gumbel distribution"""
@@ -247,7 +249,10 @@ class ScoreTests:
 def score_tests(
     fit: Estimate, flight: Trail, library: Hats, sums: Sums, nuisance: Nuisance, null: Scores | None
 ) -> ScoreTests:
-    """Return the tests of all groups, against the nulls or (None) against blocks of the flight."""
+    """Return the tests of all groups against ``null``; if it is None, against blocks of the flight.
+
+    ``sums``: of all functions with the tangents of ``nuisance``.
+    """
     groups = len(library.groups)
     X = np.linalg.solve(nuisance.A, sums.cross)
     u = (sums.u - X.T @ nuisance.g).reshape(groups, KNOTS)
@@ -305,8 +310,8 @@ def gumbel_stretch(n: int) -> float:
     """Return the factor by which to stretch a Gumbel scale estimated from the moments of n nulls.
 
     With the stretch, a further flight exceeds the threshold with the probability `FALSE_ALARMS`.
-    Without, the probability is three times (n = 24) or twelve times (n = 8) as large. Accurate to
-    2 % for n ≥ 8.
+    Without it, the probability is three times (n = 24) or twelve times (n = 8) as large. The factor
+    is accurate to 2 % for n ≥ 8.
     """
     return 1 + 4.5 / n + 10 / n**2
 

@@ -9,7 +9,7 @@ Base simulation (before) and extended model (after) are evaluated on the same ro
 
 The 95 % intervals come from a block bootstrap over cells of `CELL_S`: predictions overlap, and
 noise is correlated within a second. An extension `pays` if the interval of Δℓ lies above zero. RMSE
-alone hides real effects: a periodic torque may lower it by only 2 %.
+alone may miss a real effect: modelling a periodic torque may lower it by only 2 %.
 """
 
 from __future__ import annotations
@@ -172,9 +172,9 @@ def pays(g: Gain) -> bool:
 
 
 def worst(before: HeldOut, after: HeldOut) -> Worst | None:
-    """Return the axis and cell with the largest relative error of ``before``.
+    """Return the axis and cell with the largest relative error of ``before``, if any is known.
 
-    It is relative to the median error of ``after`` over the cells of the axis.
+    Relative error: RMSE of ``before`` in a cell over the median RMSE of ``after`` on that axis.
     """
     if not after.counts.any():
         return None

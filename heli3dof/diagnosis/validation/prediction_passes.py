@@ -1,7 +1,7 @@
 """Compute free-run predictions from filtered states over several horizons, and their variances.
 
 `predict_free_run` simulates as `heli3dof.model.greybox.prediction` does, in steps h of at most
-20 ms, with the exact mean F̄ of the thrusts (N) and q̈ (rad/s²) at the middle of each step:
+20 ms. F̄ is the exact mean of the thrusts (N), q̈ (rad/s²) is taken at the middle of each step:
 
     F̄ = (1/h) ∫ F dt,      q ← q + h q̇ + h²/2 q̈,      q̇ ← q̇ + h q̈
 
@@ -33,10 +33,11 @@ STEP_DECAYS, MAX_STEPS = 0.5, 1000.0
 def _predict_free_run(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, t, h, V, X, starts, rows, out
 ):  # fmt: skip
-    """Write the readings (rad) ``rows`` (H,) rows after ``starts`` (S,) to out (S, H, 3).
+    """Write the predicted readings, in rad, to out (S, H, 3).
 
-    Both arrays ascend; X (N, 6) are the states to start from. A reading is NaN beyond the end of a
-    run, and infinite if the prediction diverged.
+    A prediction starts at each row ``starts`` (S,) from the states X (N, 6) and has horizons of
+    ``rows`` (H,) rows; both ascend. A reading is NaN beyond the end of a run, and infinite if the
+    prediction diverged.
     """
     N = V.shape[0]
     target, F, impulses = np.empty((N, 2)), np.empty((N, 2)), np.zeros((N + 1, 2))
@@ -85,7 +86,10 @@ predict_free_run = compiled(_predict_free_run, error_model="numpy", nogil=True)
 
 
 def _grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
-    """Predict P over d s, in short steps if a rate decays fast (dry friction near rest)."""
+    """Propagate the covariance P (6, 6) over ``d`` seconds.
+
+    The steps are short if a rate decays fast (dry friction near rest).
+    """
     fastest = 0.0
     for i in range(3):
         for j in range(3):
@@ -101,7 +105,10 @@ grow_stably = compiled(_grow_stably, error_model="numpy", nogil=True)
 def _prediction_variances(  # type: ignore[no-untyped-def]
     blocks, free, t, h, A, slope, row, state, W, K, a2, P0, starts, rows, out
 ):
-    """Write the variances (rad²) to out (S, H, 3); P0 (B, 6): those at the start of a run."""
+    """Write the variances of the predicted angles, in rad², to out (S, H, 3).
+
+    P0 (B, 6): variances of the states at the start of each block.
+    """
     P, Q, column = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
     work = np.empty((3, 6))
     n, at = 0, 0

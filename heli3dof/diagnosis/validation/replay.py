@@ -29,6 +29,7 @@ class Replayed:
     overshoot_deg: tuple[float, float, float]
     """In the experiment, with the model ``before``, with the model ``after``"""
     steady_error_deg: tuple[float, float, float]
+    """In the same order"""
 
 
 def replayed(

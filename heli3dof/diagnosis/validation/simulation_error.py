@@ -56,7 +56,7 @@ class SimulationError:
     """One per measured axis"""
 
     def at(self, horizon_s: float, axis: str) -> tuple[float, float]:
-        """Return the RMSE and the noise floor in degrees."""
+        """Return (RMSE, noise floor) of an axis in degrees at one of ``horizons_s``."""
         h, i = self.horizons_s.index(horizon_s), AXES.index(axis)
         return float(self.rmse_deg[h, i]), float(self.floor_deg[h, i])
 
