@@ -49,14 +49,14 @@ heard = threading.Event()
 
 @pytest.fixture
 def driver(monkeypatch: pytest.MonkeyPatch) -> StoppedDriver:
-    ask_estop = Session.ask_estop
+    request_estop = Session.request_estop
 
     def asked(self: Session, reason: str) -> None:
-        ask_estop(self, reason)
+        request_estop(self, reason)
         heard.set()
 
     heard.clear()
-    monkeypatch.setattr(Session, "ask_estop", asked)
+    monkeypatch.setattr(Session, "request_estop", asked)
     driver = StoppedDriver(counts=LEVEL)
     only_drivers(monkeypatch, fake=driver)
     return driver

@@ -8,7 +8,7 @@ from tests.pages.page import Page, table
 
 def checks_table() -> str:
     """Markdown: a row for every check, in the order in which they run."""
-    return table(["check", "reports"], [[f"`{c.name}`", c.tells] for c in checks()])
+    return table(["check", "reports"], [[f"`{c.name}`", c.reports] for c in checks()])
 
 
 PAGE = Page("docs/explanation/diagnosis.md", {"integrity": checks_table})

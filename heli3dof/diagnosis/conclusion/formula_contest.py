@@ -33,7 +33,7 @@ from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.selection.steps import without
 from heli3dof.diagnosis.unmodelled.torque_formula import (
     PRODUCTS,
-    flown_fit,
+    filtered_fit,
     product_scores,
     variable_of,
 )
@@ -114,7 +114,7 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
 
 def with_best_product(fit: CorrectedFit) -> Formula:
     """Return ``fit`` extended by a torque c φ, φ the product of quantities that explains most."""
-    flown = flown_fit(fit)
+    flown = filtered_fit(fit)
     axes = np.flatnonzero(fit.problem.data.axes)
     scores = {int(i): product_scores(flown, int(i)) for i in axes}
     i = max(scores, key=lambda i: float(scores[i][0].max()))

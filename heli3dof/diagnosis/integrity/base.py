@@ -78,11 +78,11 @@ class Fault:
 
 @dataclass(frozen=True)
 class Check:
-    """A check: ``run(view)`` returns one recording's faults, ``tells`` describes it in one line."""
+    """A check: ``run(view)`` returns one recording's faults, ``reports`` says what."""
 
     name: str
     stage: Stage
-    tells: str
+    reports: str
     run: Callable[[View], Iterable[Fault]]
 
 

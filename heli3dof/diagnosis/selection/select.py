@@ -117,11 +117,11 @@ def one_sided(probe: Probe) -> bool:
 
 def choose(
     current: CorrectedFit, screen: Screen, result: ScreenResult, nulls: Nulls, bias: np.ndarray,
-    first_score: float | None, tried: Sequence[GridTrial] = (),
+    earlier_score: float | None, tried: Sequence[GridTrial] = (),
 ) -> Choice | None:  # fmt: skip
     """Return the next cause to add to the fit ``current``; None if there is none.
 
-    ``bias`` (n,): mean scores of the nulls along θ. ``first_score``: largest score of the earlier
+    ``bias`` (n,): mean scores of the nulls along θ. ``earlier_score``: largest score of the earlier
     causes, None without one. ``tried``: terms without a score to be fitted.
     """
     every = ranked_candidates(result, nulls)
@@ -129,16 +129,16 @@ def choose(
     formal = [r for r in every if r[0].effect.formal and nulls.least(r[0]) <= r[1]]
     ranked += [r for r in formal if r not in ranked]
     fits = fit_candidates(current, screen, result, nulls, bias, ranked, tried)
-    return best_choice(current, screen, nulls, fits, first_score)
+    return best_choice(current, screen, nulls, fits, earlier_score)
 
 
 def best_choice(
     current: CorrectedFit, screen: Screen, nulls: Nulls, fits: Sequence[CandidateFit],
-    first_score: float | None,
+    earlier_score: float | None,
 ) -> Choice | None:  # fmt: skip
     """Return the cause among the ``fits``; None if none qualifies (rules of the module).
 
-    ``first_score``: largest score of the earlier causes, None without one.
+    ``earlier_score``: largest score of the earlier causes, None without one.
     """
     fits = missing_parts_first(screen, nulls, sorted(fits, key=lambda f: -f.score))
     if not fits or fits[0].score < TIE:
@@ -153,7 +153,7 @@ def best_choice(
     if not qualified:
         return None
     k = qualified[0]
-    floor = -np.inf if first_score is None else min(MIN_SHARE * first_score, WEAK)
+    floor = -np.inf if earlier_score is None else min(MIN_SHARE * earlier_score, WEAK)
     weak = fits[k].score < floor and not fits[k].term.effect.formal
     if weak and not resembles_found_causes(current, screen, fits[k]):
         k, weak = next((i for i in qualified if fits[i].term.effect.formal), -1), False

@@ -92,16 +92,16 @@ class Step:
         """Return the candidates that an inertia may have absorbed."""
         return instead_of_inertia(self.fit, self.screen, self.recorded, self.nulls, self.bias)
 
-    def chosen(self, setup: Setup, first_score: float | None) -> Step:
+    def chosen(self, setup: Setup, earlier_score: float | None) -> Step:
         """Return the step with its choice; without one from scores, try the terms of last resort.
 
-        ``first_score``: largest score of the earlier causes, None without one (`selection.select`).
+        ``earlier_score``: largest score of the earlier causes (`selection.select`), or None.
         """
         present = [t.name for t in self.fit.problem.structure.terms]
 
         def choice_with(tried: Sequence[GridTrial]) -> Choice | None:
             return choose(
-                self.fit, self.screen, self.recorded, self.nulls, self.bias, first_score, tried
+                self.fit, self.screen, self.recorded, self.nulls, self.bias, earlier_score, tried
             )
 
         choice = choice_with(self.significant_trials(setup, tried_terms(present, setup.axes)))

@@ -67,7 +67,7 @@ class Hats:
         left, share = self.place(flight)
         from heli3dof.diagnosis.sensitivity.residual_torque_passes import gather
 
-        nu = np.where(flight.flown[:, None], flight.gradients[0], 0.0)
+        nu = np.where(flight.in_runs[:, None], flight.gradients[0], 0.0)
         which = np.zeros(len(nu), dtype=np.int64) if blocks is None else blocks
         J = len(self.axes) * left.shape[1] * KNOTS
         out = np.zeros((int(which.max()) + 1, J))
@@ -79,7 +79,7 @@ def hats(flight: Trail, axes: np.ndarray) -> Hats:
     """Return the basis for a flight: its variables with a range above `MIN_RANGE`, on ``axes``."""
     names, knots = [], []
     for name, unit in UNITS.items():
-        z = flight.variable(name)[flight.flown]
+        z = flight.variable(name)[flight.in_runs]
         z = z[np.isfinite(z)]
         if not len(z):
             continue

@@ -60,7 +60,7 @@ class Trail:
         return np.asarray(self.at.X[:, :6])
 
     @cached_property
-    def flown(self) -> np.ndarray:
+    def in_runs(self) -> np.ndarray:
         """Return (N,) bool: the rows of the runs, without the last row of each run."""
         out = np.zeros(len(self.data.t), dtype=bool)
         for _, start, stop in self.data.blocks:
@@ -85,7 +85,7 @@ class Trail:
         _, mu = self.gradients
         d = mu * self.noise[:3] ** 2 / self.data.h[:, None]
         out = np.full_like(d, np.nan)
-        out[self.flown] = self.as_torque(d)[self.flown]
+        out[self.in_runs] = self.as_torque(d)[self.in_runs]
         return np.asarray(out)
 
     def as_torque(self, q_ddot: np.ndarray) -> np.ndarray:

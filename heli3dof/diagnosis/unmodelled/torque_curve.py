@@ -129,7 +129,7 @@ def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | 
     frequency = parameters.get(f"{term.name}.frequency_Hz")
     if name == "time" and frequency:
         z, name, unit = (z * frequency) % 1.0, f"phase of {frequency:.3g} Hz", "turns"
-    rows = flight.flown & np.isfinite(flight.torque[:, i])
+    rows = flight.in_runs & np.isfinite(flight.torque[:, i])
     if not rows.any():
         return None
     z = _in_unit(z, unit)[rows]
@@ -144,7 +144,7 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
     """Return the figure of a residual torque of ``fit``."""
     flight = trail(fit)
     i = AXES.index(residual.axis)
-    rows = flight.flown & np.isfinite(flight.torque[:, i])
+    rows = flight.in_runs & np.isfinite(flight.torque[:, i])
     unit = UNITS[residual.depends_on]
     z = _in_unit(flight.variable(residual.depends_on), unit)[rows]
     knots, torque = np.array(residual.table).T
@@ -167,7 +167,7 @@ def _clearest(flight: Trail, cause: np.ndarray, names: Sequence[str]) -> tuple[s
     for name in dict.fromkeys(names):
         z = flight.variable(name)
         for i in range(3):
-            rows = flight.flown & np.isfinite(flight.torque[:, i])
+            rows = flight.in_runs & np.isfinite(flight.torque[:, i])
             if not rows.any():
                 continue
             h = flight.data.h[rows]

@@ -80,7 +80,7 @@ def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
     The list contains the formula if it holds as well as the curve (module), and the curve if its
     variable is a product of known quantities.
     """
-    flown = flown_fit(fit)
+    flown = filtered_fit(fit)
     axis = AXES.index(torque.axis)
     kappa = max(fit.inflation, 1.0)
     S, c = product_scores(flown, axis)
@@ -105,7 +105,7 @@ def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
 
 def significant_formula(fit: Estimate) -> Place | None:
     """Return the axis and variable of the most significant formula; None if none is."""
-    flown = flown_fit(fit)
+    flown = filtered_fit(fit)
     flight, nuisance, at = flown.flight, flown.nuisance, flown.flight.at
     block = block_numbers(flight.data, BLOCK_S)[at.row]
     blocks, memory = int(block.max()) + 1, round(MEMORY_S / BLOCK_S)
@@ -157,7 +157,7 @@ class FilteredFit:
     """(n,) score of the fit's coordinates, without the filter's bias"""
 
 
-def flown_fit(fit: Estimate) -> FilteredFit:
+def filtered_fit(fit: Estimate) -> FilteredFit:
     """Return the fit with the filter run over the fit's recordings."""
     flight, problem = trail(fit), fit.problem
     nuisance = Nuisance.of_fit(fit, flight, None)

@@ -346,7 +346,7 @@ def _residual_torque(flight: Trail, library: Hats, tests: ScoreTests, best: int)
     torque = inverse @ tests.u[best]
     m = library.variables.index(name)
     below, part = library.place(flight)
-    rows = flight.flown & np.isfinite(flight.torque[:, axis])
+    rows = flight.in_runs & np.isfinite(flight.torque[:, axis])
     at, part = below[rows, m], part[rows, m]
     torque -= float(np.mean(torque[at] * (1 - part) + torque[at + 1] * part))
     f = torque[at] * (1 - part) + torque[at + 1] * part

@@ -102,7 +102,7 @@ class Session:
             self._locks.append(lock)
             lock.write_holder(self._about)
 
-    def ask_estop(self, reason: str) -> None:
+    def request_estop(self, reason: str) -> None:
         """Request a stop from the thread that uses the rig; only the first ``reason`` is kept."""
         with self._deciding:
             self.stop_reason = self.stop_reason or reason
@@ -224,7 +224,7 @@ class _Answering(threading.Thread):
         if do is None:
             client.close()
         elif do == "estop":
-            self._session.ask_estop(str(request.get("reason", "no reason given")))
+            self._session.request_estop(str(request.get("reason", "no reason given")))
             self._waiting.append(client)
         elif do == "state":
             try:

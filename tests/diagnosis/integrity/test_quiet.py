@@ -84,4 +84,4 @@ def test_no_part_of_a_recording_makes_a_check_fail(
 
 def test_every_check_describes_itself() -> None:
     assert len({c.name for c in checks()}) == len(checks()) >= 10
-    assert all(c.tells for c in checks())
+    assert all(c.reports for c in checks())

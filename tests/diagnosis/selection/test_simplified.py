@@ -101,20 +101,20 @@ def contender(name: str, score: float, Z2: float) -> CandidateFit:
     return CandidateFit(term(name), cast(Any, None), cast(Any, None), score, Z2, None)
 
 
-def chosen_name(*fits: CandidateFit, first_score: float | None) -> str | None:
+def chosen_name(*fits: CandidateFit, earlier_score: float | None) -> str | None:
     nulls = Nulls(np.zeros(1), np.ones(1), 1.0, 20.0, 23.0, 16, "simulated")
     result = SimpleNamespace(free=())
-    choice = best_choice(cast(Any, result), cast(Any, None), nulls, fits, first_score)
+    choice = best_choice(cast(Any, result), cast(Any, None), nulls, fits, earlier_score)
     return None if choice is None else choice.term.name
 
 
 def test_a_form_of_the_equations_needs_no_minimum_score_as_a_further_term() -> None:
     couplings = contender("simplified.couplings", 60.0, 70.0)
-    assert chosen_name(couplings, first_score=5000.0) == "simplified.couplings"
+    assert chosen_name(couplings, earlier_score=5000.0) == "simplified.couplings"
     drag = contender("drag.quadratic.yaw", 70.0, 80.0)
-    assert chosen_name(drag, first_score=5000.0) is None
-    assert chosen_name(drag, couplings, first_score=5000.0) == "simplified.couplings"
-    assert chosen_name(drag, couplings, first_score=None) == "drag.quadratic.yaw"
+    assert chosen_name(drag, earlier_score=5000.0) is None
+    assert chosen_name(drag, couplings, earlier_score=5000.0) == "simplified.couplings"
+    assert chosen_name(drag, couplings, earlier_score=None) == "drag.quadratic.yaw"
 
 
 def test_the_threshold_is_lower_than_for_a_cause() -> None:
@@ -123,8 +123,9 @@ def test_the_threshold_is_lower_than_for_a_cause() -> None:
     nulls = Nulls(np.zeros(1), np.ones(1), 1.0, 20.0, 23.0, 16, "simulated")
     assert nulls.least(term("simplified.couplings")) == pytest.approx(13.8, abs=0.05)
     assert nulls.least(term("drag.quadratic.yaw")) == 20.0
-    assert chosen_name(contender("simplified.couplings", 10.0, 15.0), first_score=None) is not None
-    assert chosen_name(contender("drag.quadratic.yaw", 10.0, 15.0), first_score=None) is None
+    form = contender("simplified.couplings", 10.0, 15.0)
+    assert chosen_name(form, earlier_score=None) is not None
+    assert chosen_name(contender("drag.quadratic.yaw", 10.0, 15.0), earlier_score=None) is None
 
 
 def test_the_other_simplification_is_added_if_equally_clear() -> None:

@@ -31,7 +31,7 @@ def test_without_a_stop_commands_pass_unchanged(rig):
 
 def test_a_stop_is_executed_once_and_confirmed_before_the_next_command(rig):
     rig.arm()
-    rig.session.ask_estop("smoke")
+    rig.session.request_estop("smoke")
     assert rig.session.stopped is None
     sample = rig.exchange(Command(1, 3.0, 4.0), 0.0)
     assert sample.v_applied == (0.0, 0.0)
@@ -42,7 +42,7 @@ def test_a_stop_is_executed_once_and_confirmed_before_the_next_command(rig):
 
 
 def test_a_stop_before_arming_forbids_arming(rig):
-    rig.session.ask_estop("smoke")
+    rig.session.request_estop("smoke")
     for _ in range(2):
         with pytest.raises(SafetyTrip, match="smoke"):
             rig.arm()
@@ -55,14 +55,14 @@ def test_a_stop_without_the_devices_acknowledgement_is_not_confirmed(rig):
         raise DeviceError("not acknowledged")
 
     rig.inner.estop = deaf
-    rig.session.ask_estop("smoke")
+    rig.session.request_estop("smoke")
     with pytest.raises(DeviceError):
         rig.exchange(Command(1, 3.0, 4.0), 0.0)
     assert rig.session.stopped is None
 
 
 def test_reading_executes_a_stop(rig):
-    rig.session.ask_estop("smoke")
+    rig.session.request_estop("smoke")
     rig.read()
     assert rig.session.stopped
 
