@@ -23,9 +23,9 @@ Q = (100.0, 1.0, 10.0, 0.0, 0.0, 2.0, 10.0, 0.1)
 R = 0.05
 """1/V², weight of each squared voltage for v_max = `V_MAX`; the paper's design."""
 V_MAX = 24.0
-"""V, the amplifier of the paper's rig."""
+"""V, voltage limit of the amplifier of the paper's rig."""
 SAME = 0.02
-"""Largest relative difference of a gain that counts as K_g: the paper truncates its digits."""
+"""Largest relative difference from K_g at which a gain counts as K_g: the paper truncates digits."""
 DIGITS = 5
 """Significant digits to which a designed gain is rounded."""
 
