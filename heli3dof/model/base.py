@@ -73,7 +73,7 @@ class Model(Protocol):
 
     @property
     def kind(self) -> str:
-        """Return the kind of the model as a word, such as ``hover``, ``tf4``, ``oe``, ``greybox``."""
+        """Return the kind of model as a word, such as ``hover``, ``tf4``, ``oe``, ``greybox``."""
         ...
 
     def fly(self, task: LoopTask) -> LoopResult:

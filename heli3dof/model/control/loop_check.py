@@ -36,8 +36,8 @@ from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.profile import ControllerSpec, Profile
 
 FREQUENCIES = 600
-"""Number of frequencies at which the margin is computed, in a logarithmic grid. Twice as many change
-α of the paper's rig by less than 0.001."""
+"""Number of frequencies at which the margin is computed, in a logarithmic grid. Twice as many
+change α of the paper's rig by less than 0.001."""
 LOWEST_RAD_PER_S = 0.01
 """rad/s, the lowest frequency of the grid: a tenth of the slowest pole of the paper's loop."""
 STEP_S = 15.0

@@ -195,7 +195,7 @@ class OpenedController(Controller):
 
     @classmethod
     def of(cls, profile: Any) -> OpenedController:
-        """Return the controller of a rig's `Profile`, whose limits bound the motion in open loop."""
+        """Return the controller of a rig's `Profile`; the profile's limits bound open loops."""
         made = super().of(profile)
         assert isinstance(made, cls)
         made._room = free_within(profile.limits)

@@ -25,7 +25,7 @@ R = 0.05
 V_MAX = 24.0
 """V, voltage limit of the amplifier of the paper's rig."""
 SAME = 0.02
-"""Largest relative difference from K_g at which a gain counts as K_g: the paper truncates digits."""
+"""A gain counts as K_g up to this relative difference, because the paper truncates K_g's digits."""
 DIGITS = 5
 """Significant digits to which a designed gain is rounded."""
 

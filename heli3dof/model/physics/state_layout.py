@@ -48,8 +48,8 @@ SLEW = 33
 SPEED_FRONT, SPEED_BACK = 34, 35
 """V, the rotors' speeds as their steady-state voltages"""
 FLANK = 37
-"""Side of an encoder's backlash, index ``FLANK + axis``: 1 for a rising, −1 for a falling angle, 0 for
-the middle of the gap; 2 in simulations, where the effect's memory decides."""
+"""Side of an encoder's backlash, index ``FLANK + axis``: 1 for a rising, −1 for a falling angle, 0
+for the middle of the gap; 2 in simulations, where the effect's memory decides."""
 STEPPED = 40
 """1 in a simulation step, which applies dry friction at its end; 0 if accelerations are evaluated
 outside a step, where dry friction is a smoothed torque."""
