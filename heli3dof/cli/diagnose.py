@@ -117,14 +117,14 @@ def diagnose(
 
 
 def _device(recordings: Sequence[Recording]) -> str | None:
-    """Return the URL of the device on which all recordings were flown; None if there is not one."""
+    """Return the URL of the device that flew all recordings; None if unknown or not the same."""
     urls = {r.meta.get("device") for r in recordings}
     url = urls.pop() if len(urls) == 1 else None
     return str(url) if url else None
 
 
 def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
-    """Return each recording's exercise, or None for a recording on a rig of no exercise.
+    """Return the exercise of each recording; an entry is None if the rig is of no exercise.
 
     The whole result is None if no recording was flown on the rig of an exercise.
     """

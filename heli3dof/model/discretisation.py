@@ -5,8 +5,8 @@ Zero-order hold with the sample interval dt (s)::
     [A_d B_d]        ( [A B]    )
     [ 0   I ]  = exp ( [0 0] dt )        (`c2d_zoh`; `d2c_zoh` inverts it)
 
-The inverse needs the matrix logarithm, which does not exist for a discrete pole at zero (a delay)
-or on the negative real axis (an oscillation at half the sample rate). In these cases `continuous`
+The inverse needs the matrix logarithm. It does not exist for a discrete pole at zero (a delay) or
+on the negative real axis (an oscillation at half the sample rate). In these cases `continuous`
 uses the bilinear rule z = (1 + s dt/2)/(1 − s dt/2), whose result has a feedthrough D.
 """
 

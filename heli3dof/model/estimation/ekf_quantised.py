@@ -12,7 +12,7 @@ noise of the reading, and that of the angle is a²/k². Thus k is estimated from
 the noise level.
 
 The readings update x and P by events (`heli3dof.model.estimation.quantised_measurement`), such as a
-change of a reading. Each event has the likelihood Z and acts on one component c of x, with the
+change of a reading. Each event has the likelihood Z and acts on one component c of x. With the
 score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where
 P_c is column c of P.
 

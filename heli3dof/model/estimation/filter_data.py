@@ -75,7 +75,7 @@ class Data:
     free: np.ndarray
     """(B, 3) bool: the measured axes, which can move."""
     grid: np.ndarray
-    """(B, 3) rad: encoder step; 0 for readings that are not quantised or missing."""
+    """(B, 3) rad: encoder step; 0 for readings that are missing or not quantised."""
     runs: tuple[Run, ...]
     rad_per_count: np.ndarray
     """(3,) rad, positive encoder steps of the first recording's profile."""

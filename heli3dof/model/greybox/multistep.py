@@ -1,6 +1,6 @@
 """Compute errors of multi-step predictions of a grey-box model from selected rows.
 
-From the Kalman filter's state x̂[k] (from angles up to row k) the model is simulated with the
+The Kalman filter's state x̂[k] uses angles up to row k. From there the model is simulated with the
 recorded voltages, as in `heli3dof.model.greybox.prediction`, to several horizons h_j:
 
     ŷ[k, j] = y(x̂[k], V, t_k + h_j),      e[k, j] = angle[k + n_j] − ŷ[k, j],   h_j = n_j dt

@@ -65,8 +65,9 @@ def state_spread(model: LinearParameters, axes: np.ndarray) -> np.ndarray:
     """Return the initial state's covariance (n, n) for an output uncertainty of 1 rad rms.
 
     The covariance is the inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over the samples j of `WINDOW`
-    seconds, for the measured ``axes`` (3,) bool. For another output uncertainty, multiply the
-    covariance by its variance (rad²). Unobservable directions of the state get zero variance.
+    seconds. C has the rows of the measured ``axes`` (3,) bool. For another output uncertainty,
+    multiply the covariance by its variance (rad²). Unobservable directions of the state get zero
+    variance.
     """
     O, _ = responses(model, axes)
     W = O.T @ O / (len(O) / int(axes.sum()))

@@ -26,7 +26,7 @@ Where = Callable[[int], str]
 
 
 def finite(source: str, name: str, values: np.ndarray, where: Where) -> None:
-    """Raise RecordingError if a value (N,) of the column ``name`` is not finite.
+    """Raise RecordingError if one of the ``values`` (N,) of the column ``name`` is not finite.
 
     ``source``: the log's name; ``where``: returns a sample's position in the file as text.
     """
@@ -90,7 +90,7 @@ def long_enough(source: str, n: int) -> None:
 
 
 def time_rises(source: str, t: np.ndarray, where: Where) -> None:
-    """Raise RecordingError if time (N,) does not increase at every sample.
+    """Raise RecordingError if the time t (N,) s does not increase at every sample.
 
     ``source``: the log's name; ``where``: returns a sample's position in the file as text.
     """
@@ -111,7 +111,7 @@ def time_rises(source: str, t: np.ndarray, where: Where) -> None:
 
 
 def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) -> list[str]:
-    """Raise RecordingError if time (N,) does not increase, or is not in seconds; return warnings.
+    """Raise RecordingError if t (N,) does not increase or is not in seconds; return warnings.
 
     Warnings are on gaps, on jitter, and on a sampling period other than ``period_s``, the profile's
     control period. ``where``: returns a sample's position in the file as text.

@@ -9,8 +9,8 @@ time. A phase-locked loop follows the clock,
 
 T̂ is the estimated period and ĝ the estimated even clock; α and β are small. So the count n_k is
 right while |ε| stays below half a period, and the loop follows a clock that drifts. T̂ and ĝ start
-at the values that fit the first time stamps best. If every interval is within a quarter of a period
-of a multiple of T̂, each interval alone determines its own count, and no loop is needed. ε is the
+at the values that fit the first time stamps best. No loop is needed if every interval is within a
+quarter of a period of a multiple of T̂: each interval then determines its own count. ε is the
 residual of straight lines t_k over n_k, fitted to groups of `STRETCH` samples.
 
 A large ε has one of two causes:
@@ -95,10 +95,10 @@ def _counted(t: np.ndarray) -> np.ndarray:
 def sampling_times(recording: Recording) -> Recording:
     """Return the recording with the times at which its samples were taken.
 
-    These are the times of an even clock if no sample is lost, the jitter of the time stamps exceeds
-    `LATE` times the period, and the motion does not fit the time stamps better. The time stamps are
-    then taken as times of arrival at the host. Otherwise the time stamps are kept. For time stamps
-    in bursts (`in_bursts`), the motion is not considered.
+    The times of an even clock replace the time stamps, which then are arrival times, if
+
+    * no sample is lost and the jitter of the time stamps exceeds `LATE` times the period, and
+    * the time stamps are in bursts (`in_bursts`), or the motion does not fit them better.
     """
     r = recording
     if len(r) < HEAD or not (np.diff(r.t) > 0).all():

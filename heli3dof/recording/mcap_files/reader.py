@@ -40,8 +40,8 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
 
     ``profile`` replaces the profile in the file. A file of another program needs this argument
     unless the file contains a profile. Raises RecordingError for a file that is missing, torn (its
-    end is missing), damaged, not an MCAP file, without samples, or without the columns of
-    docs/reference/contract.md.
+    end is missing), damaged or not an MCAP file. It is also raised if samples are missing, or
+    columns of docs/reference/contract.md.
     """
     path = Path(path)
     found = open_mcap(path)

@@ -1,7 +1,7 @@
 """Write the first screen of the report: its questions, each with one sentence and one picture.
 
-A diagnosis answers how wrong the simulation was, what the cause is, how much the extended model
-decreases the prediction error, and what to do next. Without a diagnosis, a comparison answers how
+A diagnosis answers how wrong the simulation was, what the cause is, by how much the extended model
+reduces the error, and what to do next. Without a diagnosis, a comparison answers how
 wrong the simulation was and which model predicts best. Without both, an identification answers how
 well its model predicts.
 """

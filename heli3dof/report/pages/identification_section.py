@@ -1,8 +1,8 @@
 """Write the section of the HTML report on an identification.
 
-The section has the tables of `heli3dof.report.text.identification_tables`, Bode diagrams of three
-channels with bands of ± two standard deviations, and the innovations of the longest held-out
-segment with their autocorrelation.
+The section has the tables of `heli3dof.report.text.identification_tables`, and Bode diagrams of
+three channels with bands of ± two standard deviations. It also shows the innovations of the longest
+held-out segment with their autocorrelation.
 """
 
 from __future__ import annotations
