@@ -23,7 +23,7 @@ NEAR = 0.02
 
 
 def decimation(recording: Recording) -> int:
-    """Return the number m of control periods between two log rows; 1 if m is not near an integer."""
+    """Return the number of control periods between log rows; 1 if that is not near an integer."""
     if len(recording) < 2:
         return 1
     ratio = recording.dt / recording.profile.dt

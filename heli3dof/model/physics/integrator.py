@@ -1,7 +1,7 @@
 """The simulation step: rigid body, rotors, effects, dry friction and the table.
 
 Filters, closed loops and predictions use these functions. A row k is a sample: t[k] (s) is its
-time, h[k] (s) the time to the next row, V[k] (2,) V the voltages held until then. The other arguments:
+time, h[k] (s) the time to the next row. V[k] (2,) V are the voltages until then. Other arguments:
 
 - ``s``: parameters and state of the rig (`heli3dof.model.physics.state_layout`); ``x`` (6,) = (q,
   q̇), angles (rad) and rates (rad/s).

@@ -20,8 +20,8 @@ from heli3dof.recording.mcap_files.chunk_index import CODEC, HEAD, INDEX_HEAD
 from heli3dof.recording.mcap_files.schema import RowFormat
 
 CHUNK_BYTES = 32 * 1024
-"""bytes, size of a chunk's uncompressed rows. Encoding 1 MiB delays the control loop by 3–6 ms, this
-size by less than 0.5 ms."""
+"""bytes, size of a chunk's uncompressed rows. Encoding 1 MiB delays the control loop by 3–6 ms,
+this size by less than 0.5 ms."""
 LEVEL = 3
 """zstd's compression level (its default)"""
 BEFORE_LENGTH = 9
