@@ -26,9 +26,9 @@ from heli3dof.plugins import use_plugins
 
 GROUP = "heli3dof.verbs"
 FAMILIES = ("Fly", "Model", "Files", "Many recordings", "Plans and rigs", "Teach")
-"""Headings of ``heli3dof --help`` in order; headings that are not in it follow"""
+"""Headings of ``heli3dof --help`` in order; other headings follow after them"""
 MORE = "More"
-"""Heading of the verbs that state none"""
+"""Heading of the verbs that state no heading"""
 
 
 def _family(command: Any) -> str:

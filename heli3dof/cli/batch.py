@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from heli3dof.report.text.table import Grid
 
 LINE_EVERY_S = 10.0
-"""s between two lines of progress without a terminal. Chosen."""
+"""s, time between two lines of progress if there is no terminal (a convention)"""
 Words = Annotated[
     list[str],
     typer.Argument(
@@ -243,8 +243,8 @@ def _run(
 ) -> None:  # fmt: skip
     """Run the verb ``name`` on the recordings that ``words`` name, and print the results.
 
-    ``options``: the verb's options, once per run on a recording; ``where``: condition on the
-    recordings; the other arguments are the command line's options.
+    The verb runs once on each recording for each entry of ``options``, the verb's options.
+    ``where``: condition on the recordings. The other arguments are the command line's options.
     """
     from heli3dof.batch.condition import checked
     from heli3dof.batch.recording_columns import COLUMNS
@@ -288,7 +288,7 @@ def run_tasks(
 
 
 def _named_shares(tasks: Sequence[Task], folder: OutputFolder) -> dict[str, list[NamedShare]]:
-    """Return recording → for each cause, the share of bootstrap replicates that name it."""
+    """Return a dict: recording → shares of its bootstrap replicates that name each cause."""
     from heli3dof.batch.bootstrap import named_shares
 
     rows: dict[str, list[Mapping[str, Any]]] = {}

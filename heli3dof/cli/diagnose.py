@@ -117,16 +117,16 @@ def diagnose(
 
 
 def _device(recordings: Sequence[Recording]) -> str | None:
-    """Return the URL of the device that flew all the recordings; None if unknown or several."""
+    """Return the URL of the device that flew all recordings; None if unknown or not the same."""
     urls = {r.meta.get("device") for r in recordings}
     url = urls.pop() if len(urls) == 1 else None
     return str(url) if url else None
 
 
 def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
-    """Return for each recording its exercise, if it was flown on the rig of an exercise.
+    """Return the exercise of each recording; an entry is None if the rig is of no exercise.
 
-    Returns None if no recording was flown on such a rig.
+    The whole result is None if no recording was flown on the rig of an exercise.
     """
     from heli3dof.rig.sealed_rig import exercise_of
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from heli3dof.fleet.result import Fleet
 
 MOST_LINES = 12
-"""Sentences on the first screen: with a table of 20 rigs they fit 40 lines (a convention)"""
+"""Largest number of sentences; with a table of 20 rigs they fit 40 lines (a convention)"""
 
 
 def register(app: typer.Typer) -> None:

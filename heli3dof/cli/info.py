@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
 
 DETAILS = ("channels", "source", "started utc", "digest")
-"""Rows of the table that only --verbose prints"""
+"""Names of the table's rows that only --verbose prints"""
 MOST_STEPS = 6
-"""Steps that are printed without --verbose, so that the output fits a screen"""
+"""Largest number of steps printed without --verbose, so that the output fits a screen"""
 
 
 def register(app: typer.Typer) -> None:

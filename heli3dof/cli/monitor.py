@@ -66,8 +66,8 @@ def _source(
 ) -> tuple[Callable[[], dict[str, Any] | None], dict[str, Any]]:
     """Return a function that reads the rig, and entries for the JSON document of ``monitor``.
 
-    Another process that uses the rig supplies the readings. The function returns None once that
-    process has ended. ``stack`` closes the rig if it is opened here.
+    If another process uses the rig, it supplies the readings; the function returns None once that
+    process has ended. Otherwise the rig is opened here, and ``stack`` closes it.
     """
     from heli3dof.rig.session.client import lives, running, state
     from heli3dof.rig.session.open_exclusive import open_rig, state_of
@@ -101,8 +101,8 @@ def _source(
 def _session(device: str | None, sessions: list[Running]) -> Running | None:
     """Return the newest of the ``sessions``, processes that use the device; None if it is free.
 
-    ``device``: URL; None: any. For an emulated rig, the session's URL must have every option of
-    ``device``.
+    ``device``: URL, or None for any device. For an emulated rig, only sessions whose URL has every
+    option of ``device`` count.
     """
     from heli3dof.rig.drivers import is_private
     from heli3dof.rig.url import parse_url

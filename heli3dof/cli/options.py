@@ -106,14 +106,17 @@ Cluster = Annotated[
 
 
 def rig_profile(file: Path | None) -> Profile:
-    """Load a rig's profile from the file of ``--profile``; None gives that of the paper's rig."""
+    """Return a rig's profile from the file of ``--profile``; None gives the paper's rig."""
     from heli3dof.rig.profile import default_profile, load_profile
 
     return load_profile(file) if file else default_profile()
 
 
 def log_profile(file: Path | None) -> Profile | None:
-    """Return the profile in the file of ``--profile``; None if omitted (recordings contain it)."""
+    """Return the profile in the file of ``--profile``, or None if the option is omitted.
+
+    Recordings of heli3dof contain a profile and need no option.
+    """
     from heli3dof.rig.profile import load_profile
 
     return load_profile(file) if file else None

@@ -98,7 +98,7 @@ class Output:
 
 @contextmanager
 def stages(out: Output) -> Iterator[Callable[[str], None]]:
-    """Context manager: yields a function that displays a text on what a computation is doing.
+    """Context manager: yield a function that displays the stage of a computation as a text.
 
     On a terminal a spinner shows the text. Otherwise each text is printed as a line, except counts
     such as "Screening … flights: 31 of 64".
@@ -111,7 +111,7 @@ def stages(out: Output) -> Iterator[Callable[[str], None]]:
 
 
 def _console(**options: Any) -> Console:
-    """Return a rich console that replaces characters which the stream's encoding lacks."""
+    """Return a rich console that replaces the characters that its stream's encoding lacks."""
     from rich.console import Console
 
     class Encoded(Console):

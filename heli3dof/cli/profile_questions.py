@@ -94,7 +94,10 @@ def _questions() -> Iterator[tuple[str, FieldInfo]]:
 
 
 def _ask(out: Output, name: str, field: FieldInfo) -> Any:
-    """Ask the user for the value of the key ``name`` until it is plausible; None: omit the key."""
+    """Ask the user for the key ``name`` until the answer is plausible; return the value.
+
+    The result is None if the user omits the key.
+    """
     from heli3dof.toml_file import key_of
 
     key = key_of(field)

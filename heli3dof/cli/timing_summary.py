@@ -58,9 +58,9 @@ def timing_note(outcome: Outcome) -> str:
 
 
 def latency_text(latency: Mapping[str, Any]) -> str:
-    """Return the latency (ms, periods) as text: median, 99.9 % quantile, maximum.
+    """Return the latency as text, in ms and control periods: median, 99.9 % quantile, maximum.
 
-    It is the time from sending a voltage command to its echo by the rig.
+    The latency is the time from sending a voltage command to its echo by the rig.
     """
     return ", ".join(
         f"{name} {_ms(latency[f'{key}_s'])} ({_periods(latency[f'{key}_periods'])})"
@@ -69,9 +69,9 @@ def latency_text(latency: Mapping[str, Any]) -> str:
 
 
 def unacknowledged_text(latency: Mapping[str, Any]) -> str:
-    """Return as text how many voltage commands the next sample did not echo.
+    """Return a text with the number of voltage commands that the next sample did not echo.
 
-    The text also states how many commands no sample echoed.
+    It also has the number of commands that no sample echoed.
     """
     never = latency["commands_never_echoed"]
     return (
@@ -81,9 +81,9 @@ def unacknowledged_text(latency: Mapping[str, Any]) -> str:
 
 
 def realtime_advice(outcome: Outcome) -> str | None:
-    """Return a text: how to obtain a real-time permission that the system refused for the flight.
+    """Return a text on how to obtain a real-time permission that the system refused for the flight.
 
-    None if no control period was late or missed, or if the system granted all that would help.
+    The result is None if no control period was late or missed, or if no permission was refused.
     """
     if outcome.realtime is None or not (outcome.late or outcome.missed):
         return None

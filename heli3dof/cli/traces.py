@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 WIDTH, HEIGHT = 80, 24
-"""Characters of the smallest terminal in which traces are drawn"""
+"""Columns and lines of the smallest terminal in which traces are drawn"""
 WINDOW_S = 15.0
 ROWS = 4  # of characters, for each axis
 LABEL = 9  # characters left of a trace: the highest and the lowest angle of its scale
@@ -30,12 +30,12 @@ MIN_SPAN_DEG = 1.0
 """Smallest range of a trace's scale: a few steps of an encoder, so that noise does not fill it"""
 PER_SECOND = 10.0
 DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
-"""Bits of a braille character's dots: four rows of two"""
+"""Bit of each dot in a braille character: four rows of two dots"""
 BRAILLE = 0x2800
 
 
 def fits(console: Console) -> bool:
-    """Return whether the console is large enough for traces, and its encoding has braille."""
+    """Return True if the console is large enough for traces and its encoding has braille."""
     width, height = console.size
     return width >= WIDTH and height >= HEIGHT and carries(chr(BRAILLE), console.encoding)
 
@@ -45,16 +45,19 @@ class Traces:
 
     def __init__(self) -> None:
         self._points: deque[array[float]] = deque(maxlen=round(PER_SECOND * WINDOW_S))
-        """t (s), angles (°), references (°)"""
+        """Points [t (s), three angles (°), three references (°)] of the last `WINDOW_S` seconds"""
 
     def add(
         self, t: float, angle_deg: Sequence[float], reference_deg: Sequence[float] = (nan, nan, nan)
     ) -> None:
-        """Add the angles (3,) and references (3,) at the time ``t`` (s)."""
+        """Add the angles (3,) and references (3,), in degrees, at the time ``t`` (s)."""
         self._points.append(array("d", (t, *angle_deg, *reference_deg)))
 
     def draw(self, heads: Sequence[str], width: int) -> list[Text]:
-        """Return the lines of all three axes; each axis' trace follows its line in ``heads``."""
+        """Return the lines to print: for each axis its line in ``heads``, then its trace.
+
+        ``width``: characters of a line.
+        """
         from rich.text import Text
 
         end = self._points[-1][0] if self._points else 0.0
@@ -86,7 +89,7 @@ def scale(values: Sequence[float]) -> tuple[float, float]:
 
 
 def levels(values: Sequence[float], low: float, high: float) -> list[int | None]:
-    """Return the row of dots of each value: 0 at ``high``, the last at ``low``; None for NaN."""
+    """Return each value's row of dots: 0 for ``high``, the last row for ``low``; None for NaN."""
     last = 4 * ROWS - 1
     return [None if v != v else round((high - v) / (high - low) * last) for v in values]
 

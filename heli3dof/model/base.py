@@ -37,9 +37,10 @@ class LoopTask:
     rad_per_count: FloatArray | None = None
     """(3,) rad, the steps of quantised encoders; None: ideal encoders."""
     opened: FloatArray | None = None
-    """(N, 3) mode of each axis' loop, closed or open (`loop_opening`); None: all closed."""
+    """(N, 3), each axis' mode: 0 CLOSED, 1 LEARN, 2 OPEN (`loop_opening`); None: all closed."""
     limits: Limits = field(default_factory=Limits)
-    """The safety envelope; near it, open loops are closed again. The simulation does not trip."""
+    """The safety envelope. Near its limits open loops are closed; exceeding them does not end the
+    simulation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,19 +48,19 @@ class LoopResult:
     """The result of a simulated closed-loop flight: angles, voltages, references at N samples."""
 
     t: FloatArray
-    """(N,) s"""
+    """(N,) s, sampling instants."""
     angle: FloatArray
     """(N, 3) rad, the model's angles (not quantised)."""
     voltage: FloatArray
-    """(N, 2) V, after the limiter ±v_max."""
+    """(N, 2) V, motor voltages after the limiter ±v_max."""
     voltage_cmd: FloatArray
-    """(N, 2) V, before the limiter."""
+    """(N, 2) V, the controller's voltages before the limiter."""
     reference_limited: FloatArray | None = None
     """(N, 3) rad, the reference after its rate limiter."""
     reference: FloatArray | None = None
-    """(N, 3) rad, as changed for open loops; None: the task's reference."""
+    """(N, 3) rad, the task's reference as changed for open loops; None: unchanged."""
     extra: FloatArray | None = None
-    """(N, 2) V, as changed for open loops; None: the task's extra voltage."""
+    """(N, 2) V, the task's extra voltage as changed for open loops; None: unchanged."""
 
 
 class Model(Protocol):
@@ -84,18 +85,18 @@ class Model(Protocol):
         ...
 
     def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
-        """Return (N, 3) rad: row k predicts the recorded ``angle[k]``, ``horizon_s`` s ahead.
+        """Return predicted angles (N, 3) rad; row k predicts ``angle[k]`` ``horizon_s`` s ahead.
 
-        The prediction uses the angles up to ``horizon_s`` before row k, and the voltages of all
-        rows before k. It is NaN in the first rows and on an axis that the model does not contain.
+        Row k uses the angles up to ``horizon_s`` s before it, and the voltages of all rows before
+        k. The first rows, and axes that the model does not contain, are NaN.
         """
         ...
 
     def to_control(self, *, in_continuous_time: bool = False) -> control.StateSpace:
         """Return a python-control state-space model from motor voltages (V) to angles (rad).
 
-        Both are deviations from the trim, about which a nonlinear model is linearised. The result
-        is sampled in time unless ``in_continuous_time`` is true.
+        Voltages and angles are deviations from the trim, about which a nonlinear model is
+        linearised. The result is in discrete time unless ``in_continuous_time`` is true.
         """
         ...
 

@@ -5,8 +5,8 @@ Zero-order hold with the sample interval dt (s)::
     [A_d B_d]        ( [A B]    )
     [ 0   I ]  = exp ( [0 0] dt )        (`c2d_zoh`; `d2c_zoh` inverts it)
 
-The inverse needs the matrix logarithm, which does not exist for a discrete pole at zero (a delay)
-or on the negative real axis (an oscillation at half the sample rate). In these cases `continuous`
+The inverse needs the matrix logarithm. It does not exist for a discrete pole at zero (a delay) or
+on the negative real axis (an oscillation at half the sample rate). In these cases `continuous`
 uses the bilinear rule z = (1 + s dt/2)/(1 − s dt/2), whose result has a feedthrough D.
 """
 
@@ -87,7 +87,10 @@ def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np
 
 
 def continuous(model: Sampled) -> Continuous:
-    """Convert a model to continuous time: by inverse zero-order hold, else bilinearly."""
+    """Convert a model to continuous time, by the inverse zero-order hold if it exists.
+
+    Otherwise the bilinear rule is used (see the module).
+    """
     zoh = d2c_zoh(model.A, model.B, model.dt)
     if zoh is not None:
         return Continuous(*zoh, model.C, np.zeros((3, 2)), "hold")
@@ -103,9 +106,9 @@ def continuous(model: Sampled) -> Continuous:
 def numerators(model: Continuous) -> tuple[np.ndarray, np.ndarray]:
     """Return the transfer functions' coefficients (num, den), highest power of s first.
 
-    num[i, j] (3, 2, n + 1) is from motor j (V) to axis i (rad); den (n + 1,) is det(sI − A). The
-    numerators follow from det(sI − A + B_j C_i) = den · (1 + T_ij), T_ij the transfer function
-    without feedthrough. D · den is then added.
+    num[i, j]/den is the transfer function from motor j (V) to axis i (rad). num has the shape
+    (3, 2, n + 1), den (n + 1,) is det(sI − A). Without feedthrough, the numerator is
+    det(sI − A + B_j C_i) − det(sI − A), with column j of B and row i of C. D_ij · den is added.
     """
     den = np.real(np.poly(model.A))
     num = np.zeros((3, 2, len(den)))
@@ -123,7 +126,7 @@ def to_control(
 
     u0 (V) and y0 (rad) are the trim's voltages and angles. The result is discrete at the model's
     sample interval, or in continuous time (see `continuous`). ``states`` are the states' names. A
-    bilinear conversion ignores them, because it mixes states, and uses x[0], x[1], …
+    bilinear conversion mixes the states. So it ignores these names and uses x[0], x[1], …
     """
     import control
 
@@ -156,7 +159,7 @@ def to_transfer_function(model: Sampled) -> control.TransferFunction:
 
 
 def _reduced(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the transfer function num/den without leading zeros and common powers of s."""
+    """Return (num, den) of a transfer function without leading zeros and common powers of s."""
     num = np.where(abs(num) > 1e-12 * np.max(abs(den)), num, 0.0)
     if not num.any():
         return np.zeros(1), np.ones(1)

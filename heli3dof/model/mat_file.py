@@ -2,8 +2,9 @@
 
     x[k+1] = A x[k] + B (V[k] − u0_V)        y[k] = C x[k] + D (V[k] − u0_V) + y0_rad
 
-V in volts (front, back), y in rad (the axes of the model), samples every Ts s. The variables Ac,
-Bc, Cc, Dc are the same model in continuous time. A nonlinear model is linearised at level hover.
+V are the voltages in V (front, back), y the angles in rad of the model's axes. The sample interval
+is Ts s. The variables Ac, Bc, Cc, Dc are the same model in continuous time. A nonlinear model is
+linearised at level hover.
 """
 
 from __future__ import annotations
@@ -38,9 +39,9 @@ def save_mat(model: Model, path: str | Path, *, force: bool = False) -> Path:
 def variables(model: Model) -> dict[str, object]:
     """Return the variables of a model's MAT file by name; lists of texts are cell arrays.
 
-    ``K`` (n, axes) is the gain of the innovation form, per rad; zero without a noise model.
-    ``continuous_by`` states how Ac … Dc were computed: ``hold`` (exact) or ``bilinear``, whose
-    states are combinations of those in ``state_names``.
+    ``K`` (n, axes), per rad, is the Kalman gain of the innovation form; zero without a noise model.
+    ``continuous_by`` states how Ac … Dc were computed: ``hold`` (exact) or ``bilinear``. The states
+    of ``bilinear`` are linear combinations of those in ``state_names``.
     """
     linear = model.linear() if isinstance(model, GreyBoxModel) else model
     assert isinstance(linear, LinearModel)  # the only other form of a model

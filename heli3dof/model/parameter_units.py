@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 
 UNITS = ("Hz", "rad", "deg", "kg", "N", "m", "s", "V", "A", "W")
-"""Units as names spell them; none begins with another one that comes before it"""
+"""Units in the spelling of parameter names. A parser tries them in this order, so none may begin
+with an earlier one."""
 _ONE = rf"(?:{'|'.join(UNITS)})[2-4]?"
 NAMED = re.compile(rf"_((?:{_ONE})+(?:_per_(?:{_ONE})+)?|per_(?:{_ONE})+)$")
 SUPERSCRIPTS = str.maketrans("234", "²³⁴")

@@ -32,8 +32,8 @@ def stem(path: Path) -> str:
 
 
 NAME_KEPT = 32
-"""Characters of a file's name that its temporary file's name repeats. With at most 4 bytes each,
-they stay below the file systems' limit of 255 bytes."""
+"""Number of a file name's first characters that the temporary file's name repeats. With at most 4
+bytes each, they stay below the file systems' limit of 255 bytes."""
 PROBE = b"\0" * 4096
 """Content of the file that `_probe` writes: a block (4096 bytes) of most file systems"""
 
@@ -145,10 +145,10 @@ def _check_name(path: Path, *, force: bool) -> None:
 
 
 def default_output(path: Path, *, force: bool) -> Path:
-    """Return the path of an output for which ``-o`` is omitted.
+    """Return the path of an output for which ``-o`` is omitted; ``path`` is its default name.
 
-    With ``force`` the result is ``path``, which is then overwritten; without, it is a free name:
-    `unused` of ``path``.
+    With ``force`` the result is ``path``, and the caller overwrites it. Without ``force`` it is a
+    free name: ``unused(path)``.
     """
     return path if force else unused(path)
 
@@ -178,7 +178,7 @@ def mode(path: Path, *, force: bool) -> str:
 
 @contextlib.contextmanager
 def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
-    """Context manager: yields a binary stream that becomes the file ``path`` at its end.
+    """Context manager: yield a binary stream whose content becomes the file ``path`` at the end.
 
     If the block raises, the file is not created or replaced. The stream can also be read, except
     for a pipe or device, which is written directly. Raises OutputExists, UsageError (missing

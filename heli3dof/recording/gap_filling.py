@@ -21,7 +21,7 @@ from heli3dof.recording.recording import Recording
 GAP = 1.5
 """Control periods: a longer interval between two rows is a gap."""
 EARLY = 0.5
-"""Share of the control period: a shorter interval follows a late sample."""
+"""Share of the control period: an interval below it means that its first sample was late."""
 
 
 def missing(t: np.ndarray, dt: float) -> np.ndarray:

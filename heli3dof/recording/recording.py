@@ -48,7 +48,7 @@ class Recording(Result):
     voltage_cmd: FloatArray
     """(N, 2) V, front and back, the controller's output before the limiter."""
     voltage_extra: FloatArray
-    """(N, 2) V, front and back, what the experiment added to the controller's output."""
+    """(N, 2) V, front and back, voltage that the experiment added to the controller's output."""
     profile: Profile
     channels: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Further columns (N,) by name with unit: counts, flags, lateness, unknown columns of a log."""
@@ -169,9 +169,9 @@ class Recording(Result):
 
 
 def output_voltage(reported: np.ndarray, sent: np.ndarray) -> np.ndarray:
-    """Return the output voltage (N, 2) V that the device ``reported``; ``sent`` if it reports none.
+    """Return the output voltages (N, 2) V: those ``reported`` by the device, or else ``sent``.
 
-    A device that reports none has NaN in every row.
+    A device that reports no voltages has NaN in every row of ``reported``.
     """
     return sent if np.isnan(reported).all() else reported
 

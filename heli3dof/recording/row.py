@@ -19,28 +19,28 @@ class Row:
     """s since the first sample, on the device's clock."""
     sample: Sample
     angle: tuple[float, float, float]
-    """rad, roll, pitch, yaw"""
+    """rad, measured roll, pitch, yaw"""
     reference: tuple[float, float, float]
-    """rad, before the reference rate limiter"""
+    """rad, references of roll, pitch, yaw before the rate limiter"""
     limited: tuple[float, float, float]
-    """rad, after the reference rate limiter"""
+    """rad, references of roll, pitch, yaw after the rate limiter"""
     extra: tuple[float, float]
     """V, front and back, added by the plan to the controller's output"""
     command: tuple[float, float]
-    """V, the controller's output before the limiter"""
+    """V, the controller's output (front, back) before the limiter"""
     voltage: tuple[float, float]
-    """V, after the limiter, as sent"""
+    """V, voltages (front, back) after the limiter, as sent to the device"""
     command_sequence: int
-    """Number of the command; a later sample echoes it"""
+    """Sequence number of the command, which a later sample echoes"""
     applied: tuple[float, float]
-    """V, the output until the next sample, as the device reports it"""
+    """V, output voltages (front, back) until the next sample, as the device reports them"""
     lateness: float
-    """s from the sample's deadline to its arrival"""
+    """s, time from the sample's deadline to its arrival"""
     phase: int
     """`CLOSED_LOOP` or `RAMP_DOWN`"""
 
 
 class RowSink(Protocol):
-    """Interface of a recorder: the control loop passes each period's row to `append`."""
+    """Interface of a recorder; the control loop calls its `append` with each period's row."""
 
     def append(self, row: Row) -> None: ...

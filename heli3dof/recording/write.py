@@ -86,8 +86,8 @@ def metadata(recording: Recording, absent: list[str]) -> dict[str, dict[str, Any
 def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
     """Return a recording as the rows of an MCAP file, in a structured array (see `RowFormat`).
 
-    The second result names the channels that have no field in the messages Sample and Command, the
-    third the fields for which the recording has no channel. Raises UsageError for more than
+    The second result lists the channels that have no field in the messages Sample and Command. The
+    third lists the fields for which the recording has no channel. Raises UsageError for more than
     `MAX_CHANNELS` channels.
     """
     channels = {name: np.asarray(column) for name, column in recording.channels.items()}

@@ -98,7 +98,7 @@ def sampled_loop_poles(
 
 
 def _integrals_in_the_loop(model: LinearParameters, controller: ControllerSpec) -> np.ndarray:
-    """Return (2,) bool for roll and yaw: the loop contains the integral of that axis' error."""
+    """Return (2,) bool: whether the loop contains the error integral of roll, and that of yaw."""
     return np.asarray((controller.K_g[:, 6:] != 0).any(axis=0) & model.modelled[list(INTEGRATED)])
 
 

@@ -31,11 +31,11 @@ class Response:
     """The simulated response at N instants: times (s), angles (rad), voltages V − V_o (V)."""
 
     t: np.ndarray
-    """(N,) s"""
+    """(N,) s, times"""
     angle: np.ndarray
-    """(N, 3) rad"""
+    """(N, 3) rad, roll, pitch, yaw"""
     voltage: np.ndarray
-    """(N, 2) V, V − V_o, after the limit if there is one"""
+    """(N, 2) V, motor voltages minus V_o, after the voltage limit if there is one"""
 
 
 def paper_gain(hover: Hover) -> np.ndarray:
@@ -127,8 +127,8 @@ def _exact(
 ) -> np.ndarray:
     """Return the exact states x (N, n) of ẋ = A x + B r at the times t (N,) s, with x(0) = ``x0``.
 
-    ``reference`` gives r (3,) rad at a time: r_i has the slope ``slope``[i] (rad/s) up to the time
-    ``corners``[i] (s), then r_i is constant.
+    ``reference`` is the function r (3,) rad of time. Each r_i has the slope ``slope``[i] (rad/s) up
+    to the time ``corners``[i] (s) and is constant after it.
     """
     n = len(A)
     M = np.zeros((n + 6, n + 6))
@@ -159,10 +159,11 @@ def _limited(
     reference: Callable[[float], np.ndarray],
     v_max: float,
 ) -> np.ndarray:
-    """Return x at the times t (s) of ẋ = A x + B u, x(0) = ``x0``, by Runge–Kutta 4.
+    """Return the states x (N, n) of ẋ = A x + B u at the times t (N,) s, by Runge–Kutta 4.
 
-    The plant is ``hover`` with two error integrals. The feedback u = F x + K_p r, K_p = K[:, :3],
-    is limited so that |V_o + u| ≤ ``v_max`` (V). ``reference`` gives r (3,) rad at a time.
+    x(0) is ``x0``. The plant is ``hover`` with two error integrals. The feedback u = F x + K_p r,
+    K_p = K[:, :3], is limited so that |V_o + u| ≤ ``v_max`` (V). ``reference`` is the function
+    r (3,) rad of time.
     """
     A, B, C, V_o, Kp = hover.A, hover.B, hover.C, hover.V_o, K[:, :3]
     n = len(A)

@@ -36,8 +36,8 @@ from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.profile import ControllerSpec, Profile
 
 FREQUENCIES = 600
-"""Number of frequencies for the margin, in a logarithmic grid; twice as many change α of the
-paper's rig by less than 0.001."""
+"""Number of frequencies at which the margin is computed, in a logarithmic grid. Twice as many
+change α of the paper's rig by less than 0.001."""
 LOWEST_RAD_PER_S = 0.01
 """rad/s, the lowest frequency of the grid: a tenth of the slowest pole of the paper's loop."""
 STEP_S = 15.0
@@ -63,7 +63,7 @@ class StepCheck:
     saturated_s: float
     """s, the time with a motor at ±v_max"""
     trip: str | None
-    """The safety trip that would end such a flight; None if none would"""
+    """Text of the safety trip that would end such a flight; None if no monitor would trip"""
 
     @property
     def overshoot_deg(self) -> float:
@@ -77,7 +77,7 @@ class LoopCheck:
     poles: FloatArray
     """(n,) rad/s, rightmost first, of the sampled loop about hover"""
     disc_margin: float | None = None
-    """α, the disk margin at both motors"""
+    """α, the disk margin at both motors; None if the loop is unstable"""
     steps: tuple[StepCheck, ...] = ()
 
     @property
@@ -86,7 +86,7 @@ class LoopCheck:
 
     @property
     def gain_margin(self) -> float | None:
-        """Return the factor by which each motor's gain may rise or fall; None if unstable."""
+        """Return the factor > 1 by which each motor's gain may rise or fall; None if unstable."""
         if self.disc_margin is None:
             return None
         half = min(self.disc_margin / 2, 0.999)
@@ -121,7 +121,7 @@ class LoopCheck:
 
 
 def check_loop_of(profile: Profile) -> LoopCheck:
-    """Return the poles of the profile's control loop and, if they are stable, margin and steps."""
+    """Return the `LoopCheck` of a profile: poles and, if they are stable, disk margin and steps."""
     profile = profile.with_controller()
     spec = profile.controller
     assert spec is not None

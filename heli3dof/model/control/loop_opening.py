@@ -2,9 +2,10 @@
 
 The voltage that `control_law` computes is a sum of contributions of each axis i to motor m,
 
-    c_im = K_mi (i_ref − i) − K_m,3+i i̇ + clamp(K_m,6+j ξ_j)        (ξ: roll and yaw only)
+    c_im = K_mi (i_ref − i) − K_m,3+i i̇ + clamp(K_m,6+j ξ_j)
 
-with the gain K (2 × 8), the reference i_ref, the filtered rate i̇ and the error integral ξ_j.
+with the gain K (2 × 8), the reference i_ref, the filtered rate i̇ and the error integral ξ_j. j = 0
+is roll and j = 1 yaw; pitch has no integral.
 
 Each axis has a mode in each control period:
 
@@ -49,7 +50,7 @@ from heli3dof.rig.profile import ControllerSpec, Limits
 
 CLOSED, LEARN, OPEN = 0, 1, 2
 SHARE = 0.7
-"""Largest angles and rates with an open loop, relative to the safety envelope's half width"""
+"""Share of the safety envelope's half width that angles and rates may reach with an open loop"""
 RETURN = radians(10.0)
 """rad/s: rate at which the reference returns to the plan's after a loop was closed"""
 FADE_S = 0.03
@@ -105,8 +106,9 @@ def before_law(
 
     ``p`` and ``s`` are the law's parameters and state; ``mode`` (3): 0 CLOSED, 1 LEARN, 2 OPEN for
     each axis; ``angle`` (3) rad: measured; ``room``: bounds from `free_within`; ``z``: the state of
-    this module, `N_OPENING` zeros at the start. ``reference`` (3) rad is overwritten with the one
-    to apply. The excitation ``extra`` (2) V is moved to ``z`` for `after_law` and set to zero.
+    this module, `N_OPENING` zeros at the start. ``reference`` (3) rad is overwritten with the
+    references to apply. ``extra`` (2) V, the excitation, is stored in ``z`` for `after_law` and set
+    to zero.
     `before_law` and `after_law` run on Python lists and under ``numba.njit`` on float64 arrays.
     """
     anything = False
@@ -193,7 +195,7 @@ class OpenedController(Controller):
 
     @classmethod
     def of(cls, profile: Any) -> OpenedController:
-        """Return the controller of a rig's `Profile`; its limits bound the motion in open loop."""
+        """Return the controller of a rig's `Profile`; the profile's limits bound open loops."""
         made = super().of(profile)
         assert isinstance(made, cls)
         made._room = free_within(profile.limits)

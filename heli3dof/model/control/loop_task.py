@@ -15,7 +15,7 @@ from heli3dof.recording.row import CLOSED_LOOP
 
 
 def why_not_replayed(recording: Recording) -> str | None:
-    """Return why a closed-loop simulation cannot replay the recording; None if it can."""
+    """Return the reason why a closed loop cannot replay the recording, as text; None if it can."""
     if recording.profile.controller is None:
         return "the controller is unknown, because the profile has no [controller]"
     if not any(recording.has_reference(axis) for axis in AXES):

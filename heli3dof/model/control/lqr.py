@@ -6,7 +6,7 @@ States (r, p, ψ, ṙ, ṗ, ψ̇, ∫r, ∫ψ) about hover, inputs V_F − V_o a
                                         R = 0.05 (24 V / v_max)² I₂
 
 in radians and seconds. For the rig of the paper's Table I this gives the paper's gain K_g (14) up
-to truncated digits, which also proves the errata E3 (a sign in A) and E4 (a factor in B). R is
+to truncated digits. This also proves the errata E3 (a sign in A) and E4 (a factor in B). R is
 larger for an amplifier with a lower limit v_max (V), so that a step uses the same share of v_max.
 """
 
@@ -23,9 +23,9 @@ Q = (100.0, 1.0, 10.0, 0.0, 0.0, 2.0, 10.0, 0.1)
 R = 0.05
 """1/V², weight of each squared voltage for v_max = `V_MAX`; the paper's design."""
 V_MAX = 24.0
-"""V, the amplifier of the paper's rig."""
+"""V, voltage limit of the amplifier of the paper's rig."""
 SAME = 0.02
-"""Largest relative difference of a gain that counts as K_g: the paper truncates its digits."""
+"""A gain counts as K_g up to this relative difference, because the paper truncates K_g's digits."""
 DIGITS = 5
 """Significant digits to which a designed gain is rounded."""
 

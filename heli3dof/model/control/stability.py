@@ -67,7 +67,7 @@ def _cause(model: Model) -> str:
 
 
 def _poles(poles: Sequence[complex] | np.ndarray) -> str:
-    """Return the start of a sentence about the poles, such as "the pole +1.469 rad/s is"."""
+    """Return subject and verb of a sentence about poles, such as "the pole +1.469 rad/s is"."""
     words = []
     for s in poles:
         if abs(s.imag) < 1e-9:

@@ -19,7 +19,8 @@ ABSCISSAE = (
     "roll", "pitch", "yaw", "roll_rate", "pitch_rate", "yaw_rate", "voltage_sum",
     "voltage_difference", "voltage_front", "voltage_back", "time",
 )  # fmt: skip
-"""Variables of a report's horizontal axis; an effect writes "{axis}_rate" for its own axis."""
+"""Variables against which a report can plot an effect (`Effect.evidence`). An effect may also state
+"{axis}" or "{axis}_rate": angle or rate of the axis on which it acts."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,10 @@ class Parameter:
 
     Attributes:
         null: the value at which the effect is absent.
-        low, high: bounds of an estimate. Of a parameter that may truly be zero (friction), they
+        low, high: bounds of an estimate. For a parameter that may truly be zero (friction), they
             also permit the wrong sign, because a confidence interval cut off at zero is wrong.
-        typical: a size with a noticeable effect on a rig; scales steps and default priors.
+        typical: a value with a noticeable effect on a rig; it scales the optimiser's steps and
+            the default priors.
         log: if true, the logarithm is estimated (positive parameters only).
         prior_std: standard deviation of the weak prior about ``start``, in ``unit`` (of the
             logarithm if ``log``).
@@ -74,7 +76,7 @@ class Parameter:
 SHARE_STD = 0.2
 """Standard deviation of the prior of a `share`; the mean is 1."""
 SMALL = 0.1
-"""Parameter value, relative to its typical size, at which an effect is still nearly linear."""
+"""Ratio of a parameter's value to its typical size at which an effect is still nearly linear."""
 
 
 def share(meaning: str) -> Parameter:
@@ -103,9 +105,9 @@ class Effect:
         starts: values of the first parameter, ascending, if the likelihood has zero slope at null.
             A fit starts at the most likely one.
         identifiable: the motion that makes the effect identifiable.
-        evidence: the variable against which a report plots the effect, one of `ABSCISSAE`.
-        within: a term without which this effect is undefined.
-        requires: a term without which this effect is equivalent to another effect.
+        evidence: the variable against which a report plots the effect (`ABSCISSAE`).
+        within: name of the term (effect on an axis) without which this effect is undefined.
+        requires: name of the term without which this effect is equivalent to another effect.
         formal: true for another form of the rigid body's equations, which is no defect of the rig.
             A diagnosis may use it but never reports it as a finding.
         candidate: true if a diagnosis may propose it.

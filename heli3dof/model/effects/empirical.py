@@ -5,7 +5,7 @@
 
 x and y are quantities of `QUANTITIES`; y may be omitted. c is in N·m per unit of the product. The
 hat function φ_k falls linearly from 1 at knot k to 0 at its neighbours; `KNOTS` knots divide the
-range from low to high (SI units) evenly, and τ is constant beyond it.
+range from low to high (SI units) evenly. Outside this range τ is constant.
 
 A diagnosis adds such a term for a torque that no effect of the catalogue explains. The name defines
 the term completely, so a model file needs nothing else.
@@ -52,11 +52,12 @@ QUANTITIES = {
     "voltage_front": (V_FRONT, "V", 7.0), "voltage_back": (V_BACK, "V", 7.0),
     "voltage_sum": (_SUM, "V", 15.0), "voltage_difference": (_DIFFERENCE, "V", 2.0),
 }  # fmt: skip
-"""Quantity → (code, unit, usual size). A code below `SIZE` is an index of the context array."""
+"""Quantity → (code, unit, usual size). A code below `SIZE` is an index of the context array; a
+larger code also contains the function to apply (`_value`)."""
 TYPICAL_NM = 0.01
-"""N·m, a torque with a noticeable effect on the rigs of the literature; scales steps and priors"""
+"""N·m, torque with a noticeable effect on the rigs of the literature: `Parameter.typical`."""
 LARGEST_NM = 10.0
-"""N·m, bound of an estimate"""
+"""N·m, largest magnitude of an estimated torque at the usual size of its quantities."""
 
 
 def factors(product: str) -> list[str]:

@@ -4,8 +4,8 @@ At the angle q the encoder reads q − w/2 while the angle rises and q + w/2 whi
 between the encoder keeps its reading e: e ← min(q + w/2, max(q − w/2, e)).
 
 A simulation keeps e in the effect's memory ``mem``. A filter needs no memory: when the reading
-changes, the direction of the change shows which of the two values applies. While the reading is
-constant, the interval that contains the angle is wider by w.
+changes, the direction of the change shows whether it is q − w/2 or q + w/2. While the reading is
+constant, the angle may lie in an interval that is wider by w than without backlash.
 """
 
 from __future__ import annotations

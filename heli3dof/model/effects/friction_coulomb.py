@@ -1,10 +1,10 @@
-"""Dry (Coulomb) friction: τ = −τ_c sgn(q̇); in a joint at rest, up to ±τ_c against the motion.
+"""Dry (Coulomb) friction τ = −τ_c sgn(q̇); it holds a joint at rest against torques up to τ_c.
 
 The simulation does not smooth it, so a joint that sticks does not creep. The equations are in
-`heli3dof.model.physics.dry_friction`, also for a Kalman filter's rate, which has a variance.
+`heli3dof.model.physics.dry_friction`, also those for the uncertain rate of a Kalman filter.
 
-Outside simulation steps, where an algorithm needs an acceleration as a function of the state, the
-torque is −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J with the axis' inertia J. This
+Outside simulation steps, an algorithm needs the acceleration as a function of the state. There the
+torque is −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J, with the axis' inertia J. This
 torque damps a small rate by at most τ_c/(J ω_s) < 250 1/s.
 """
 

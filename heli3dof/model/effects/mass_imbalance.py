@@ -1,4 +1,4 @@
-"""The gravity torque on the arm differs from nominal by −τ cos r at the roll angle r; τ in N·m.
+"""The gravity torque on roll differs from nominal by −τ cos r at the roll angle r; τ in N·m.
 
 τ > 0 for a heavier body. A fit estimates the gravity torque T_g instead. This effect is for
 simulations, and for rigs whose weight (or thrust) differs between recordings.

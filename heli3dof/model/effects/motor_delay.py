@@ -1,4 +1,4 @@
-"""A constant delay T (s) of the motors: at time t they have the commanded voltage V(t − T).
+"""A constant delay T (s): at time t the motors have the voltage that was commanded at t − T.
 
 In the sample interval in which a delayed voltage arrives, the motor first still has the previous
 voltage. The model uses the time-weighted mean of both voltages, exact to second order in the

@@ -19,11 +19,11 @@ from heli3dof.recording.gap_filling import GAP
 from heli3dof.recording.recording import Recording
 
 NEAR = 0.02
-"""Largest relative difference between a log's sample interval and m control periods."""
+"""Largest relative difference between a decimated log's sample interval and m control periods."""
 
 
 def decimation(recording: Recording) -> int:
-    """Return the number of control periods between two log rows; 1 if it is not near an integer."""
+    """Return the number of control periods between log rows; 1 if that is not near an integer."""
     if len(recording) < 2:
         return 1
     ratio = recording.dt / recording.profile.dt
@@ -32,9 +32,9 @@ def decimation(recording: Recording) -> int:
 
 
 def mean_voltage(recording: Recording) -> np.ndarray:
-    """Return the mean motor voltage v̄ (N, 2) V (module) from each row of the log to the next.
+    """Return the mean motor voltage v̄ (N, 2) V from each row of the log to the next.
 
-    In the last row and before a gap it is the logged voltage.
+    The module gives the equation. In the last row and before a gap, v̄ is the logged voltage.
     """
     m, v = decimation(recording), recording.voltage
     if m == 1:
@@ -45,10 +45,11 @@ def mean_voltage(recording: Recording) -> np.ndarray:
 
 
 def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
-    """Return a recording with a row for every control period, and the index (N,) of the log's rows.
+    """Return a recording with a row for each control period, and where the N log rows are in it.
 
-    In the added rows, references are held and extra voltages interpolated linearly. Angles and
-    voltages are unknown there and held as placeholders; the caller simulates them.
+    The second result is (N,) row indices. In added rows, references are held and extra voltages
+    interpolated. Angles and voltages are unknown there: held placeholders for the caller's
+    simulation.
     """
     own = np.arange(len(recording))
     if decimation(recording) == 1:

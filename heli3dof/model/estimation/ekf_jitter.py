@@ -41,9 +41,9 @@ DIFFERENCE_STEP = 1e-6
 
 
 def _place(par, where, q, value):  # type: ignore[no-untyped-def]
-    """Write ``value`` to the positions in ``par`` of parameter q of those that vary by recording.
+    """Write ``value`` to all positions in ``par`` of the q-th parameter that varies by recording.
 
-    ``where`` (W, 3) is from `positions`.
+    ``where`` (W, 3), from `positions`, lists the positions.
     """
     for z in range(where.shape[0]):
         if where[z, 2] == q:
@@ -61,7 +61,8 @@ def _filter(  # type: ignore[no-untyped-def]
 
     X has the states after each row's readings. ``s0``, ``first``, ``address``, ``par0``, ``mem0``:
     the model (`Structure`); ``where`` (W, 3): from `positions`; ``b_std`` (B,): σ_b; ``blocks`` …
-    ``y``: from `Data`; ``a2``, ``R2`` (3,): process and reading variances; ``jitter`` (s): σ_t.
+    ``y``: from `Data`; ``a2`` (3,) (rad/s²)²/Hz: process noise; ``R2`` (3,) rad²: variance of the
+    readings; ``jitter`` (s): σ_t.
     """
     N, B = V.shape[0], b_std.shape[0]
     n = 6 + B
@@ -246,7 +247,7 @@ class FilterResult:
     states: np.ndarray
     """(N, 6 + B), estimated (q, q̇, b) after each row's readings; NaN in rows outside all blocks."""
     loglik: np.ndarray
-    """(3,), log-likelihood of the readings of each axis."""
+    """(3,), log-likelihood of the readings of roll, pitch, yaw."""
 
 
 def filter_jittered(
@@ -279,9 +280,10 @@ def filter_jittered(
 
 
 def positions(structure: Structure, names: tuple[str, ...]) -> np.ndarray:
-    """Return the places of the parameters ``names`` in the array ``par`` of `Structure.arrays`.
+    """Return the positions of the parameters ``names`` in the array ``par`` of `Structure.arrays`.
 
-    The result is (W, 3) int64: row and column in ``par``, index in ``names``.
+    Each row of the result (W, 3) int64 is a position: row and column of ``par``, index in
+    ``names``. A parameter has one position for each function of its effect.
     """
     out = []
     at = 4

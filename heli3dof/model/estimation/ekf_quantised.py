@@ -12,14 +12,14 @@ noise of the reading, and that of the angle is a²/k². Thus k is estimated from
 the noise level.
 
 The readings update x and P by events (`heli3dof.model.estimation.quantised_measurement`), such as a
-change of a reading. Each event has the likelihood Z and acts on one component c of x, with the
+change of a reading. Each event has the likelihood Z and acts on one component c of x. With the
 score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where
 P_c is column c of P.
 
 Σ ln Z is the log-likelihood of a recording. A parameter set θ′ near θ changes the prediction of c
 by δc; with the gains P_c kept, the update is x ← x + P_c (g − w δc). `follow` computes δc at all
 events for several parameter sets. The differences give ∂c/∂θ, which a Gauss–Newton step needs. The
-gains that are kept are those of readings, not of angles, which differ by the factor k.
+gains that are kept are those of the readings. The gains of the angles differ by the factor k.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ RELINEARISE_S = 0.02
 RATE_0 = 1.0
 """rad/s, standard deviation of the rates (mean zero) at the start of a run."""
 STILL = 1e-5
-"""rad; a change of a reading below this, smaller than any encoder step, counts as none."""
+"""rad; a smaller change of a reading counts as no change. Every encoder step is larger."""
 
 
 def _grow(P, A, h, a2, W):  # type: ignore[no-untyped-def]
@@ -279,8 +279,8 @@ def _follow(  # type: ignore[no-untyped-def]
     δc is the change of a predicted angle or rate, with the filter's gains kept. s0 (J, SIZE) and
     pars (J, H + 1, PARAMETERS) are the sets. row, state, C, G, W, K are the events that `_filter`
     stored; the other arguments are those of `_filter`. The integration is coarser than the
-    filter's. So pass the filter's own parameters as the first set, and subtract the first row of D
-    from the other rows.
+    filter's. Therefore, pass the filter's own parameters as the first set, and subtract the first
+    row of D from the other rows.
     """
     N, E = V.shape[0], row.shape[0]
     seen = first[MEASURE + 1] > first[MEASURE]

@@ -20,8 +20,8 @@ from heli3dof.recording.gap_filling import GAP as GAP
 from heli3dof.recording.recording import Recording
 
 LOST = 6.5
-"""Sample periods: longest interval over which the filters predict across lost or late samples, with
-the last voltage. Its error costs less accuracy than a restart of the filter."""
+"""Sample periods: longest interval with lost or late samples over which the filters predict, with
+the last voltage. The error of this prediction costs less accuracy than a restart of the filter."""
 LEAD_S = 1.0
 """s, the length of the lead-in, longer than any rotor's lag."""
 CLIMB_S = 0.1
@@ -32,7 +32,7 @@ ENCODER_NOISE = 0.06
 """Standard deviation of the angle at which an encoder's reading changes, in encoder steps. For
 readings that are not quantised: their noise, in steps of the profile's encoder."""
 ON_GRID = 0.03
-"""Counts; a reading this close to a whole count is quantised."""
+"""Encoder steps; a reading this close to a whole step counts as quantised."""
 
 
 class Run(Protocol):
@@ -75,7 +75,7 @@ class Data:
     free: np.ndarray
     """(B, 3) bool: the measured axes, which can move."""
     grid: np.ndarray
-    """(B, 3) rad: encoder step; 0 for readings that are not quantised or missing."""
+    """(B, 3) rad: encoder step; 0 for readings that are missing or not quantised."""
     runs: tuple[Run, ...]
     rad_per_count: np.ndarray
     """(3,) rad, positive encoder steps of the first recording's profile."""
@@ -87,7 +87,7 @@ class Data:
 
     @property
     def axes(self) -> np.ndarray:
-        """Return (3,) bool: the axes that were measured in any run."""
+        """Return which axes were measured in at least one run, (3,) bool."""
         return np.asarray(self.free.any(axis=0))
 
 
@@ -96,8 +96,8 @@ def data_of(
 ) -> Data:
     """Return the ``runs`` of usable rows of ``recordings``, with lead-ins, as arrays.
 
-    Raises RecordingError if there are no runs. With ``read_every_s`` > 0 only one angle reading in
-    this time (s) is kept, but all voltages; for logs whose sampling jitter exceeds their period.
+    ``read_every_s`` > 0 keeps only one angle reading in this time (s), but all voltages. It is for
+    logs whose sampling jitter exceeds their period. Raises RecordingError if there are no runs.
     """
     if not runs:
         raise RecordingError(
@@ -182,7 +182,7 @@ def hold_last(
 ) -> np.ndarray:
     """Return ``voltage`` (N, 2) V with each NaN replaced by the last valid value before it.
 
-    NaN before the first valid value are replaced by ``before`` (2,) V.
+    Before the first valid value, NaN is replaced by ``before`` (2,) V.
     """
     v = np.array(voltage, dtype=float, order="C")
     for j in range(v.shape[1]):
@@ -193,7 +193,10 @@ def hold_last(
 
 
 def _lead(recording: Recording, start: int) -> int:
-    """Return the first row of the lead-in before row ``start``, after any gap or lost voltage."""
+    """Return the first row of the lead-in of a run that begins in row ``start``.
+
+    The lead-in begins after any gap or lost voltage.
+    """
     dt = recording.dt
     first = max(0, start - round(LEAD_S / dt))
     t, v = recording.t[first : start + 1], recording.voltage[first : start + 1]

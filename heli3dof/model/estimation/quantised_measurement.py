@@ -12,7 +12,7 @@ and Φ its distribution function. An update depends on the reading:
   positive part in the direction of the step, divided by the last Z. The first factor updates the
   angle, the second the rate. The second is required, because edges are more likely at high rates.
 * The reading does not change: no update until Z has fallen below exp(`LOG_UPDATE_RATIO`) of its
-  last value. Then the Gaussian gets the mean and variance of its part inside the interval, and ln Z
+  last value. Then the Gaussian gets the mean and variance of its part inside the interval. ln Z
   minus its last value is added to the log-likelihood.
 * The reading changes by several steps, or by nearly one per period. Then the Gaussian gets the mean
   and variance of its part inside the new interval, and ln Z is added.
@@ -20,7 +20,7 @@ and Φ its distribution function. An update depends on the reading:
 If the sampling instants have the standard deviation ``jitter`` (s), S grows by (jitter · q̇)². Logs
 of hosts without real-time scheduling need this.
 
-Every such update (event) acts on one component c of the state x (an angle or a rate), with the
+Every such update (event) acts on one component c of the state x (an angle or a rate). With the
 score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where
 P_c is column c of P. Interval: g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S). Rate
 N(v, σ²) with u = v/σ and f = φ(u) + uΦ(u): g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f). If the readings y

@@ -4,7 +4,7 @@
 
 with A, B by central differences of the simulation step; u0 are the trim voltages. A delay appends
 the delayed voltages as states. Dry friction has no linearisation and is omitted. An encoder with
-backlash is linearised in the middle of its gap.
+backlash is linearised in the middle of the backlash.
 """
 
 from __future__ import annotations
@@ -57,7 +57,10 @@ class _Plant:
         return out
 
     def step(self, z: np.ndarray, V: np.ndarray, dt: float) -> np.ndarray:
-        """Return the state z (8,), angles, rates, thrusts, ``dt`` s later at voltages V (2,) V."""
+        """Return the state ``dt`` s after the state z (8,), with the voltages V (2,) V.
+
+        z contains angles (rad), rates (rad/s) and thrusts (N).
+        """
         x, F = z[:6].copy(), z[6:8].reshape(1, 2).copy()
         w, cache = np.zeros((8, 3)), np.full(6, -1.0)
         h = self.hooks
@@ -85,7 +88,7 @@ def true_angles(model: GreyBoxParameters, read: np.ndarray) -> np.ndarray:
 def balance(model: GreyBoxParameters, q: np.ndarray) -> np.ndarray:
     """Return the thrusts (2,) N that balance roll and pitch at rest at the angles q (3,) rad.
 
-    If Newton's method diverges (no thrust balances the model), returns its last finite thrusts.
+    If Newton's method diverges, no thrusts balance the model; its last finite thrusts are returned.
     """
     plant = _Plant(model)
     F = np.full(2, 0.5 * plant.s[state_layout.T_G] / plant.s[state_layout.L_A])
@@ -104,7 +107,7 @@ def balance(model: GreyBoxParameters, q: np.ndarray) -> np.ndarray:
 
 
 def trim_voltage(model: GreyBoxParameters, F: np.ndarray) -> np.ndarray:
-    """Return the voltages (2,) V that hold the thrusts F (2,) N; raise CheckFailed if none do."""
+    """Return the voltages (2,) V that hold the thrusts F (2,) N; raise CheckFailed if none does."""
     plant = _Plant(model, delayed=False)
     V = np.full(2, model.profile.motor.V_o)
     for _ in range(60):

@@ -48,7 +48,7 @@ class GreyBoxModel(GreyBoxParameters):
         return sampled_loop_poles(self.linear(dt), controller, dt)
 
     def predict(self, recording: Recording, horizon_s: float) -> FloatArray:
-        """Return angles (N, 3) rad predicted ``horizon_s`` s ahead; see `greybox.prediction`."""
+        """Return the angles (N, 3) rad predicted ``horizon_s`` s ahead (`greybox.prediction`)."""
         from heli3dof.model.greybox.prediction import predict
 
         return predict(self, recording, horizon_s)

@@ -1,6 +1,6 @@
 """Compute errors of multi-step predictions of a grey-box model from selected rows.
 
-From the Kalman filter's state x̂[k] (from angles up to row k) the model is simulated with the
+The Kalman filter's state x̂[k] uses angles up to row k. From there the model is simulated with the
 recorded voltages, as in `heli3dof.model.greybox.prediction`, to several horizons h_j:
 
     ŷ[k, j] = y(x̂[k], V, t_k + h_j),      e[k, j] = angle[k + n_j] − ŷ[k, j],   h_j = n_j dt
@@ -27,10 +27,10 @@ def _windows(  # type: ignore[no-untyped-def]
 ):
     """Simulate from the filter's states at S rows; write the readings at M later rows to ``out``.
 
-    ``out`` (S, M, 3) rad: encoder readings; ``starts`` (S,): start rows; ``ahead`` (M,), ascending:
-    rows ahead; X: state at each row; ``where``: positions of parameters that vary by recording;
-    ``mean``: thrust integral; ``low``: roll on the table (rad); ``stride``: rows per step. Others:
-    see `integrator`.
+    ``out`` (S, M, 3) rad: encoder readings; ``starts`` (S,): start rows; ``ahead`` (M,): horizons
+    in rows, ascending; X (N, 6 + B): filter's states; ``where`` (W, 3): `positions` of the B
+    parameters that vary by recording; ``mean`` (N + 1, 2): thrust integral; ``low``: roll on the
+    table (rad); ``stride``: rows per step. Other arguments: see `integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
@@ -59,7 +59,7 @@ class Flight:
     """A recording of N rows as arrays, with the S rows from which predictions start."""
 
     t: np.ndarray
-    """(N,) s"""
+    """(N,) s, sampling times"""
     h: np.ndarray
     """(N,) s, time to the next row"""
     V: np.ndarray
@@ -73,7 +73,7 @@ class Flight:
     starts: np.ndarray
     """(S,) int64: rows from which predictions start"""
     still: bool = False
-    """True if the rotors are at standstill before the first row."""
+    """True if the rotors are at standstill before the first row, else in steady state."""
 
     @property
     def dt(self) -> float:

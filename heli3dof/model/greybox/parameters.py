@@ -36,7 +36,7 @@ class GreyBoxParameters:
     terms: tuple[str, ...]
     values: np.ndarray
     noise: np.ndarray
-    """(3,) rad/s²/√Hz, white process noise: angular acceleration on roll, pitch, yaw."""
+    """(3,) rad/s²/√Hz, intensity of the white process noise: acceleration of roll, pitch, yaw."""
     covariance: np.ndarray
     """(n, n), covariance of the values; NaN where unknown."""
     jitter_s: float = 0.0

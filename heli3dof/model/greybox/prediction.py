@@ -44,9 +44,9 @@ NOISE = np.array([0.05, 0.15, 0.05])
 def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]
     """Predict n rows ahead from each state X[k]; write the encoder readings to ``out[k + n]``.
 
-    ``out`` (N, 3) is in rad; ``mean``: thrust integral (`impulse`); ``low``: roll on the table in
-    rad; ``stride``: rows per step; ``where``: positions of parameters that vary by recording.
-    Others: see `integrator`.
+    ``out`` (N, 3) is in rad; ``mean`` (N + 1, 2): thrust integral (`impulse`); ``low``: roll on the
+    table in rad; ``stride``: rows per step; ``where`` (W, 3): `positions` of parameters that vary
+    by recording. Other arguments: see `integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
@@ -70,10 +70,10 @@ _roll_compiled = compiled(_roll, error_model="numpy")
 
 
 def predict(model: GreyBoxParameters, recording: Recording, horizon_s: float) -> np.ndarray:
-    """Return (N, 3) rad: row k predicts the recorded ``angle[k]``, ``horizon_s`` s ahead.
+    """Return predicted angles (N, 3) rad; row k predicts the recorded ``angle[k]``.
 
-    The prediction uses readings up to ``horizon_s`` before row k, and voltages of all rows before
-    k. It is NaN in the first rows and on an axis that was not measured.
+    Row k uses readings up to ``horizon_s`` s before it, and voltages of all rows before k. The
+    first rows, and axes that were not measured, are NaN.
     """
     N = len(recording)
     n = max(1, round(horizon_s / recording.dt))
@@ -99,9 +99,9 @@ def filtered(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
     """Filter a recording; return (t, V, thrust integral, states X, roll on the table, axes).
 
-    t (N,) s; V (N, 2) V without NaN; the integral by `impulse`. X (N, 6 + B) holds angles, rates
-    and the B parameters in ``model.varying``, which the filter re-estimates. The roll on the table
-    (rad) is that of `table_of`; axes (3,) bool are those that were measured.
+    t (N,) s: times. V (N, 2) V: voltages without NaN. The integral (N + 1, 2) N·s is from
+    `impulse`, the roll on the table (rad) from `table_of`. X (N, 6 + B) holds angles, rates and the
+    B parameters in ``model.varying``, which the filter re-estimates. axes (3,) bool: measured axes.
     """
     N = len(recording)
     y, recording = recording.angle, replace(recording, voltage=hold_last(recording.voltage))
@@ -169,7 +169,7 @@ def _by_edges(model: GreyBoxParameters, d: Data, a: np.ndarray) -> np.ndarray:
 def impulse(
     structure: Structure, values: np.ndarray, V: np.ndarray, h: np.ndarray, *, still: bool = False
 ) -> np.ndarray:
-    """Return (N + 1, 2) N·s: the integral of the rotors' thrusts up to each row and to the end.
+    """Return the integral of the two thrusts, (N + 1, 2) N·s, up to each row and to the end.
 
     ``values`` (n,) are the parameters of ``structure``. Voltages V (N, 2) V hold for h (N,) s.
     Before the first row the rotors are in steady state, or at standstill (``still``).
@@ -192,7 +192,7 @@ def impulse(
 
 
 def table_of(recording: Recording) -> tuple[float, np.ndarray]:
-    """Return the roll on the table (rad; −∞ without a table) and (N,) bool: rows on the table."""
+    """Return the roll on the table (rad; −∞ without a table), and a mask (N,) of the rows on it."""
     roll = recording.angle[:, 0]
     if np.isnan(roll).all() or not np.nanmin(roll) < ON_TABLE_BELOW:
         return -math.inf, np.zeros(len(roll), dtype=bool)

@@ -46,13 +46,13 @@ class Hover:
     C: np.ndarray
     D: np.ndarray
     V_o: float
-    """V per motor, the hover voltage"""
+    """V, hover voltage of each motor"""
     J_roll: float
-    """kg·m²"""
+    """kg·m², moment of inertia about the roll axis"""
     J_pitch: float
-    """kg·m²"""
+    """kg·m², about the pitch axis"""
     J_yaw: float
-    """kg·m²"""
+    """kg·m², about the yaw axis"""
 
 
 def quiescent_voltage(profile: Profile) -> float:

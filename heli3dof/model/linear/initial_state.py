@@ -12,7 +12,8 @@ import scipy.linalg as la
 from heli3dof.model.linear.parameters import LinearParameters
 
 WINDOW = 0.5
-"""s; longer than the rotors' lag, shorter than a closed-loop movement of the arm."""
+"""s, duration of the free response; longer than the rotors' lag, shorter than a movement in closed
+loop."""
 _ROWS = 50
 
 
@@ -21,8 +22,9 @@ def responses(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the matrices O (rows, n) and G (rows, 2) of the model's free and forced response.
 
-    O x + G ũ are the outputs of ``axes`` (3,) bool minus the trim y0, for the initial state x and
-    the constant voltage u0 + ũ, stacked by instant. Up to 100 instants span ``window_s`` s.
+    O x + G ũ are outputs minus the trim y0, for the initial state x and the constant voltage
+    u0 + ũ. The rows are the axes that ``axes`` (3,) bool selects, at the first instant, then at the
+    next, and so on. Up to 100 instants span ``window_s`` s.
     """
     n = model.order
     steps = max(round(window_s / model.dt), n)
@@ -63,8 +65,9 @@ def state_spread(model: LinearParameters, axes: np.ndarray) -> np.ndarray:
     """Return the initial state's covariance (n, n) for an output uncertainty of 1 rad rms.
 
     The covariance is the inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over the samples j of `WINDOW`
-    seconds, for the measured ``axes`` (3,) bool. For another output uncertainty, multiply the
-    covariance by its variance (rad²). Unobservable directions of the state get zero variance.
+    seconds. C has the rows of the measured ``axes`` (3,) bool. For another output uncertainty,
+    multiply the covariance by its variance (rad²). Unobservable directions of the state get zero
+    variance.
     """
     O, _ = responses(model, axes)
     W = O.T @ O / (len(O) / int(axes.sum()))

@@ -35,14 +35,14 @@ class LinearParameters:
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
-    """A row of NaN or zeros means that the axis is not modelled."""
+    """(3, n); an axis whose row is NaN or zero is not modelled."""
     K: np.ndarray
     S: np.ndarray
-    """rad²; NaN where the noise is unknown."""
+    """(3, 3) rad², covariance of the innovations; NaN where unknown."""
     u0: np.ndarray
     y0: np.ndarray
     dt: float
-    """s"""
+    """s, sample interval"""
     extra: Mapping[str, Any] = field(default_factory=dict)
     """Other content of the model file: standard deviations, recordings, versions."""
     exact_hold: bool = False
@@ -55,7 +55,7 @@ class LinearParameters:
 
     @property
     def modelled(self) -> np.ndarray:
-        """Return (3,) bool: the axes that the model contains (rows of C finite and not zero)."""
+        """Return which axes the model contains, (3,) bool: their rows of C are finite and not 0."""
         return np.asarray(np.isfinite(self.C).all(axis=1) & (self.C != 0).any(axis=1))
 
     @property

@@ -41,7 +41,7 @@ ACCELERATION = np.array([0.05, 0.15, 0.05])
 """(3,) rad/s²/√Hz on roll, pitch, yaw, process noise for the hover model. A compromise: half of it
 reduces the 1 s prediction error by 0.1° on a simulated rig, twice of it by 2 % on real rigs."""
 DRIFT = 0.02
-"""rad/√s, process noise of output-error models, as drift of the outputs"""
+"""rad/√s, drift of the outputs that the process noise of output-error models causes"""
 START = 0.1
 """rad, the initial standard deviation of the outputs (`state_spread`)."""
 _SETTLE_S = 3.0
@@ -49,12 +49,11 @@ _SETTLE_S = 3.0
 
 
 def predict(model: LinearParameters, recording: Recording, horizon_s: float) -> np.ndarray:
-    """Return (N, 3) rad: row k predicts the recorded ``angle[k]``, ``horizon_s`` s ahead.
+    """Return predicted angles (N, 3) rad; row k predicts the recorded ``angle[k]``.
 
-    The prediction uses voltages up to row k − 1 and angles up to row k − h; h is the horizon in
-    samples, at least one. It is NaN in the first h rows and on an axis that is not modelled or not
-    measured. Raises RecordingError if the sample interval is not the model's
-    (`LinearParameters.at`).
+    Row k uses voltages up to row k − 1 and angles up to row k − h; h is ``horizon_s`` in samples,
+    at least one. The first h rows, and axes that are not modelled or measured, are NaN. Raises
+    RecordingError if the sample interval is not the model's (`LinearParameters.at`).
     """
     model = model.at(recording.dt)
     whole, own = fill_gaps(recording, LOST)
@@ -106,7 +105,7 @@ def filtered_states(
 
 
 def kalman_gains(model: LinearParameters, recording: Recording, axes: np.ndarray) -> np.ndarray:
-    """Return the Kalman gains (M, n, 3) of the first M samples; the last applies from then on.
+    """Return the Kalman gains (M, n, 3) of the first M samples; later samples use the last gain.
 
     ``axes`` (3,) bool selects the measured angles that correct the state.
     """

@@ -37,7 +37,8 @@ UNCOUPLED, CONSTANT_YAW_INERTIA = _s.UNCOUPLED, _s.CONSTANT_YAW_INERTIA
 DRY = int(_s.Stage.DRY)
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 SURE = 6.0
-"""Standard deviations of a rate beyond the threshold b above which its sign counts as certain."""
+"""The sign of a rate v counts as certain if |v| exceeds the threshold b by this many standard
+deviations of v."""
 SWEEPS = 20
 """Largest number of iterations over the joints."""
 
@@ -47,8 +48,8 @@ call = caller()
 def _soft(v: float, sd: float, b: float) -> tuple[float, float, float]:
     """Return (E S, ρ, Var S) of the rate S(v) after dry friction, if it was N(v, sd²) before.
 
-    S(v) = sgn(v) max(|v| − b, 0) with the threshold b; ρ = E S′; v, sd, b in rad/s. b < 0, which a
-    fit near zero friction may try, accelerates: S(v) = v − b sgn v.
+    S(v) = sgn(v) max(|v| − b, 0) with the threshold b; ρ = E S′; v, sd, b in rad/s. A fit near zero
+    friction may try b < 0, which accelerates: S(v) = v − b sgn v.
     """
     if abs(v) > max(b, 0.0) + SURE * sd:
         return (v - b if v > 0.0 else v + b), 1.0, sd * sd
@@ -69,7 +70,7 @@ soft = compiled(_soft, leaf=True, error_model="numpy")
 
 
 def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """Apply dry friction to the state x = (q, q̇) after a step of h s; return True if there is any.
+    """Apply dry friction to x = (q, q̇) after a step of h s; return True if any joint has friction.
 
     w (≥ 8, 3) is work space; its row 3 holds the standard deviations of the rates. Row 2 becomes ρ,
     row 3 Var S (see `_soft`), and row 4 + i becomes W_ji/W_ii for all joints j; W is the inverse
@@ -155,8 +156,9 @@ settle = compiled(_settle, leaf=True, error_model="numpy")
 def _shrink(P, h, w, row):  # type: ignore[no-untyped-def]
     """Apply dry friction to the covariance P (6, 6) of x; w is the result of `_settle` for x.
 
-    For each joint i: P ← T P Tᵀ, T = I + t e_iᵀ, where t is the change of x per change of the rate
-    v_i. Then the variance of v_i becomes Var S. h (s) is the step, ``row`` (6,) work space.
+    For each joint i: P ← T P Tᵀ, T = I + t e_iᵀ. t (6,) is the change of x by friction per change
+    of the rate v_i, e_i the unit vector of v_i. Then the variance of v_i becomes Var S. h (s) is
+    the step, ``row`` (6,) work space.
     """
     for i in range(3):
         rho = w[2, i]

@@ -1,15 +1,16 @@
 """The simulation step: rigid body, rotors, effects, dry friction and the table.
 
-Filters, closed loops and predictions use these functions. A row k is a sample: time t[k] (s), h[k]
-(s) to the next row, voltages V[k] (2,) V held until then. The other arguments:
+Filters, closed loops and predictions use these functions. A row k is a sample: t[k] (s) is its
+time, h[k] (s) the time to the next row. V[k] (2,) V are the voltages until then. Other arguments:
 
 - ``s``: parameters and state of the rig (`heli3dof.model.physics.state_layout`); ``x`` (6,) = (q,
   q̇), angles (rad) and rates (rad/s).
-- ``first``, ``address``, ``par``, ``mem``: the active effects (`physics.parametrisation`).
+- ``first``, ``address``, ``par``, ``mem``: the active effects: `Hooks.first`, `Hooks.address`,
+  `Structure.arrays` and `Structure.memory` of `physics.parametrisation`.
 - ``target``, ``F`` (N, 2) N: each row's steady-state thrusts and thrusts at its start
   (`physics.rotor`).
-- ``free`` (3,) bool: the axes that can move. ``w`` (8, 3): work space. ``cache`` (6,): what a step
-  keeps for the next one; cache[0] = −1 before the first.
+- ``free`` (3,) bool: the axes that can move. ``w`` (8, 3): work space. ``cache`` (6,): values that
+  a step keeps for the next step; cache[0] = −1 before the first step.
 """
 
 from __future__ import annotations
@@ -47,8 +48,8 @@ def _step_without_dry_friction(  # type: ignore[no-untyped-def]
 ):
     """Advance the state x = (q, q̇) from row k to the next, without dry friction.
 
-    ``cache`` begins with h, exp(−h/2τ), exp(−h/τ), τ the rotors' lag (s). w[7] becomes the final
-    thrusts. The module explains the other arguments.
+    cache[:3] holds h, exp(−h/2τ), exp(−h/τ), with the rotors' lag τ (s). w[7, :2] becomes the
+    thrusts (N) at the end of the step. The module explains the other arguments.
     """
     if cache[0] != h[k]:
         cache[0] = h[k]
@@ -76,7 +77,7 @@ step_without_dry_friction = compiled(_step_without_dry_friction, leaf=True, erro
 def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
     """Advance the state x = (q, q̇), angles and rates, from row k to the next, with dry friction.
 
-    t, h, V: rows' times, intervals, voltages; target, F: thrusts; ``w``, ``cache``: work space.
+    The module explains the arguments.
     """
     step_without_dry_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
@@ -87,7 +88,7 @@ step = compiled(_step, leaf=True, error_model="numpy")
 
 
 def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
-    """Raise roll x[0] to ``low`` rad, its value on the table, if it is below; stop its fall."""
+    """Set a roll x[0] below ``low`` (rad, roll on the table) to ``low``, with no falling rate."""
     if x[0] < low:
         x[0] = low
         if x[3] < 0.0:
@@ -117,9 +118,9 @@ def _midpoint_without_dry_friction(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Advance the state x = (q, q̇) as `_step_without_dry_friction` does, but by the midpoint rule.
 
-    cache[3:6] holds the acceleration of the previous step; with it, effects get the rate in the
-    middle of this step. With the rate at the start, viscous friction c q̇ would act as if the
-    inertia J were J + c h/2.
+    cache[3:6] holds the acceleration of the previous step. It gives the rate in the middle of this
+    step, which the effects get. With the rate at the start, viscous friction c q̇ would act as if
+    the inertia J were J + c h/2.
     """
     if cache[0] < 0.0:
         cache[3] = cache[4] = cache[5] = 0.0
@@ -208,8 +209,8 @@ coast_to = compiled(_coast_to, leaf=True, error_model="numpy")
 def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
     """Write the unquantised encoder readings, (3,) rad, at the state x into m.
 
-    ``slope`` (3,) becomes ∂m_i/∂q_i, with the angles q. s[FLANK + i] selects the side of an
-    encoder's backlash. The module explains the other arguments.
+    ``slope`` (3,) becomes ∂m_i/∂q_i, with the angles q. s[FLANK + i] selects the side of the
+    backlash of encoder i (`state_layout.FLANK`). The module explains the other arguments.
     """
     for i in range(3):
         m[i] = x[i]
@@ -235,10 +236,10 @@ readings = compiled(_readings, leaf=True, error_model="numpy")
 
 
 def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
-    """Return encoder i's reading at the state x for rising and for falling angle, and its slope.
+    """Return encoder i's readings at the state x for a rising and a falling angle, and their slope.
 
-    The two readings (rad) differ by the backlash; the slope is ∂reading/∂angle. m and ``slope``
-    are work space; the module explains the other arguments.
+    The two readings (rad) differ by the backlash; the slope is ∂reading/∂angle. m (3,) and
+    ``slope`` (3,) are work space. The module explains the other arguments.
     """
     s[FLANK + i] = 1.0
     readings(s, x, first, address, par, mem, m, slope)

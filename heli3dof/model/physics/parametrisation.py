@@ -42,7 +42,7 @@ class Free:
     high: float
     start: float
     prior_std: float
-    """In ``unit``; of the logarithm if ``log``."""
+    """Standard deviation of the prior, in ``unit``; that of the logarithm if ``log``."""
     typical: float
     null: float
     log: bool
@@ -63,23 +63,23 @@ class Free:
 
 
 def first_parameters(free: Sequence[Free]) -> dict[str, int]:
-    """Return {name of a term (effect on an axis): index of its first parameter in ``free``}."""
+    """Return a dict: name of a term (effect on an axis) → index of its first entry in ``free``."""
     return {f.term: j for j, f in reversed(list(enumerate(free))) if f.term is not None}
 
 
 @dataclass(frozen=True)
 class Hooks:
-    """The H functions of the effects, sorted by the stage of a time step, and their addresses."""
+    """The H compiled functions of the effects, sorted by `Stage`, and their machine addresses."""
 
     first: np.ndarray
-    """(7,) int64: functions first[stage] … first[stage + 1] − 1 belong to a stage."""
+    """(7,) int64, indices: functions first[stage] … first[stage + 1] − 1 belong to ``stage``."""
     functions: tuple[Hook, ...]
     owner: tuple[int, ...]
     """The index of each function's term in `Structure.terms`."""
 
     @cached_property
     def address(self) -> np.ndarray:
-        """Return (H + 1,) int64, the addresses of the compiled functions; the last is 0."""
+        """Return the compiled functions' machine addresses, (H + 1,) int64; the last is 0."""
         return np.array([*map(address, self.functions), 0], dtype=np.int64)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -171,20 +171,23 @@ class Structure:
 
     @property
     def memory(self) -> np.ndarray:
-        """Return the effects' initial states: zeros (H + 1, MEMORY), for H hooks and a spare."""
+        """Return the initial memory of the effects: zeros (H + 1, MEMORY), a row per function.
+
+        The last row is spare.
+        """
         return np.zeros((len(self.hooks.owner) + 1, _s.MEMORY))
 
     def values_of(self, given: Mapping[str, float]) -> np.ndarray:
-        """Return all parameter values (n,): from ``given`` {name: value}, else starting values."""
+        """Return all values (n,): those in ``given`` (name → value), else starting values."""
         return np.array([given.get(f.name, f.start) for f in self.free])
 
 
 def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
-    """Estimate the ratio of the profile's thrust per volt K_f to the true K_f; return it.
+    """Return an estimate of the ratio of the profile's thrust per volt K_f to the true K_f.
 
-    ``values`` start with T_g, J_r, J_p, J_ψ, estimated in units of K_f, so a wrong K_f scales all
-    by this ratio. The result is the median of the ratios of these four to their nominal values,
-    because a deviation of only one of them has another cause than K_f.
+    ``values`` start with T_g, J_r, J_p, J_ψ, estimated in units of K_f. So a wrong K_f scales all
+    four by this ratio. The result is the median of their ratios to their nominal values: if only
+    one of them deviates, K_f is not the cause.
     """
     nominal = (profile.trim_torque, *profile.inertias)
     ratio = sorted(v / n for v, n in zip(values[:4], nominal, strict=True) if n and v / n > 0)

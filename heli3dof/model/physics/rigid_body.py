@@ -11,10 +11,10 @@ The other masses, and the bar's as a point, move with the arm. With J_a = J_ψ �
     2 T = J_r ṙ² + J_a cos² r ψ̇² + J_p (ω_a² + ω_n²)        U = T_g sin r + G_p cos r sin p
 
 with the inertias J_r, J_p, J_ψ about the three axes of the level rig (kg·m²). Here J_p and J_ψ are
-those of the profile's masses. If the rig's differ, the differences δJ_p and δJ_ψ (a rotor, a drum,
-a counterweight on the shaft) rotate with the joint alone and enter M_pp and M_ψψ only. T_g is the
-gravity torque of the level arm, G_p = (m_f − m_b) g L_h that of the level body (N·m). Lagrange's
-equations M(q) q̈ + h(q, q̇) = Q have
+those of the profile's masses. If the rig's differ, the differences are δJ_p and δJ_ψ (a rotor, a
+drum, a counterweight on the shaft). They rotate with the joint alone, in M_pp and M_ψψ only. T_g is
+the gravity torque of the level arm, G_p = (m_f − m_b) g L_h that of the level body (N·m).
+Lagrange's equations M(q) q̈ + h(q, q̇) = Q have
 
     M_rr = J_r + J_p sin² p           M_rψ = J_p cos r sin p cos p
     M_pp = J_p + δJ_p                 M_pψ = J_p sin r              M_rp = 0

@@ -45,8 +45,8 @@ lagged = compiled(_lagged, leaf=True, error_model="numpy")
 def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
     """Write to out (2,) N the steady-state thrusts at the voltages that act in row k.
 
-    V (N, 2) V are the commanded voltages; h (N,) s: time to the next row. With a delay, voltages of
-    earlier rows act, but none before row ``lead``. Other arguments: see
+    V (N, 2) V are the commanded voltages, h (N,) s the times to the next row. With a delay, earlier
+    rows' voltages act, but none before row ``lead``. Other arguments: see
     `heli3dof.model.physics.integrator`.
     """
     whole, part = 0, 0.0

@@ -11,18 +11,18 @@ from __future__ import annotations
 import enum
 
 T = 0
-"""s since the recording's first sample"""
+"""s, time since the recording's first sample"""
 R, P, PSI = 1, 2, 3
 """Roll, pitch, yaw in rad; index ``R + axis``"""
 R_DOT, P_DOT, PSI_DOT = 4, 5, 6
 """Rates of roll, pitch, yaw in rad/s; index ``R_DOT + axis``"""
 F_FRONT, F_BACK = 7, 8
-"""N, thrusts: in `Stage.THRUST` before it, in `Stage.TORQUE` after the thrust effects"""
+"""N, thrusts: in `Stage.THRUST` before the thrust effects, in `Stage.TORQUE` after them"""
 V_FRONT, V_BACK = 9, 10
-"""V, voltages at the motors, before `Stage.VOLTAGE`"""
+"""V, voltages at the motors before the effects of `Stage.VOLTAGE`"""
 
 L_A, L_H, L_W = 12, 13, 14
-"""m, lengths from the yaw axis to body, from body to motor, from the yaw axis to counterweight"""
+"""m, distances: yaw axis to body, body's centre to a motor, yaw axis to counterweight"""
 K_F = 15
 """N/V, thrust per volt of the profile"""
 T_G = 16
@@ -48,21 +48,22 @@ SLEW = 33
 SPEED_FRONT, SPEED_BACK = 34, 35
 """V, the rotors' speeds as their steady-state voltages"""
 FLANK = 37
-"""The side of an encoder's backlash, index ``FLANK + axis``: 1 for a rising angle, −1 for a falling
-one, 0 mid-gap; 2 in simulations, where the effect's memory decides."""
+"""Side of an encoder's backlash, index ``FLANK + axis``: 1 for a rising, −1 for a falling angle, 0
+for the middle of the gap; 2 in simulations, where the effect's memory decides."""
 STEPPED = 40
-"""1 in a simulation step, which applies dry friction at its end; 0 for evaluating accelerations,
-where dry friction is a smoothed torque."""
+"""1 in a simulation step, which applies dry friction at its end; 0 if accelerations are evaluated
+outside a step, where dry friction is a smoothed torque."""
 LINEAR = 41
-"""From 0, the rigid body, to 1, the paper's hover model: its linearisation at level hover"""
+"""λ of `rigid_body`: 0 is the rigid body, 1 the paper's hover model (linearised at level hover)"""
 BODY_P, BODY_PSI = 42, 43
 """kg·m², the parts of J_P and J_PSI from the profile's masses; see `rigid_body`"""
 UNCOUPLED = 44
-"""From 0, the rigid body, to 1, equations without the bar's inertia couplings"""
+"""κ of `rigid_body`: 0 is the rigid body, 1 equations without the bar's inertia couplings"""
 CONSTANT_YAW_INERTIA = 45
-"""From 0, the rigid body, to 1, equations with a constant inertia about the vertical"""
+"""ν of `rigid_body`: 0 is the rigid body, 1 equations with a constant inertia about the vertical"""
 WITHOUT_RATE_PRODUCTS, SIDE_THRUST = 46, 47
-"""Options of `UNCOUPLED`, 0 to 1: equations without products of rates; with L_h sin r D on yaw"""
+"""μ, η of `rigid_body`, 0 to 1, for `UNCOUPLED` equations: μ = 1 omits the products of rates, η = 1
+keeps the yaw torque L_h sin r D"""
 SIZE = 48
 
 AXIS, A, B, C, D = 0, 1, 2, 3, 4
@@ -76,14 +77,14 @@ class Stage(enum.IntEnum):
     """The points of a simulation at which an effect's ``f(s, par, mem, out)`` is called."""
 
     SETUP = 0
-    """Once before a run; ``out`` is ``s``: change the rig's parameters in it."""
+    """Called once before a run. ``out`` is ``s``, whose rig parameters the function changes."""
     VOLTAGE = 1
-    """Once a sample; ``out`` (2,) V at the motors, front and back: change in place."""
+    """Called once a sample. Change ``out`` (2,) V, the motors' voltages (front, back), in place."""
     THRUST = 2
-    """At every evaluation of q̈; ``out`` (2,) N, the thrusts: change in place."""
+    """Called at every evaluation of q̈. Change ``out`` (2,) N, the thrusts, in place."""
     TORQUE = 3
-    """At every evaluation of q̈; ``out`` (3,) N·m, torques on roll, pitch, yaw: add to it."""
+    """Called at every evaluation of q̈. Add to ``out`` (3,) N·m, torques on roll, pitch, yaw."""
     MEASURE = 4
-    """Once a sample; ``out`` (3,) rad, the encoders' readings: change in place."""
+    """Called once a sample. Change ``out`` (3,) rad, the encoders' readings, in place."""
     DRY = 5
-    """After every time step; ``out`` (3,) N·m, the limit of dry friction: add to it."""
+    """Called after every time step. Add to ``out`` (3,) N·m, the largest dry friction torques."""

@@ -28,7 +28,7 @@ OTHER = {"deg": "rad", "rad": "deg"}
 FULL_NAME = {"deg": "degrees", "rad": "radians"}
 OFF_GRID = 0.2
 """A value is on the grid if its distance to the grid is below this share of the step. At least 90 %
-of an encoder's values are on the grid, even if printed with six digits; of other values, 40 %."""
+of an encoder's values are on its grid, even if printed with six digits; of other values, 40 %."""
 COMMON_COUNTS = (500, 512, 1000, 1024, 2000, 2048, 2500, 4000, 4096, 5000, 8000, 8192, 10000,
                  16384, 20000)  # fmt: skip
 OR_EXCHANGED = "; or two columns are swapped, which heli3dof diagnose finds."
@@ -37,12 +37,12 @@ NEWTON_FACTOR = float(np.sqrt(180 / np.pi))
 """Limit of `newton`'s ratio: the geometric mean of 1 (right unit) and 57.3 (wrong unit)"""
 
 COUNTS_FACTOR = 4.0
-"""Limit of `newton`'s ratio for raw counts. 4096 or 8192 counts per revolution, read as degrees,
-give 11 or 23; real rigs give up to 2.7."""
+"""`newton`'s ratio above which whole numbers stated in degrees are raw encoder counts. 4096 or 8192
+counts per revolution give 11 or 23; real rigs give up to 2.7."""
 
 AGAINST = -0.4
-"""Correlation by `newton` below which the angle's sign is wrong. Real rigs have +0.3 …
-+0.8 in closed loop, −0.1 … 0 at a constant voltage."""
+"""`newton`'s correlation below which the angle's sign counts as wrong. Real rigs have +0.3 … +0.8
+in closed loop, −0.1 … 0 at a constant voltage."""
 
 
 def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
@@ -128,7 +128,7 @@ def _refuse(
     ratio: float | None,
     profile: Profile,
 ) -> None:
-    """Raise RecordingError if angles that are no multiples of the encoder's step have another unit.
+    """Raise RecordingError if angles off the encoder's grid are in another unit than stated.
 
     ``source``: the log; ``name``, ``unit``: the angle's column and its stated unit; ``values``: the
     angles (N,); ``counts``: the encoder's counts per revolution; ``ratio``: measured over explained

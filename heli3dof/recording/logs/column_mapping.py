@@ -55,7 +55,7 @@ SYNTAX = (ast.Name, ast.UnaryOp, ast.BinOp, ast.Call, ast.Constant)
 
 
 def parse_mapping(words: Sequence[str]) -> dict[str, str]:
-    """Return column → expression of the options ``--map COLUMN=EXPRESSION``.
+    """Return the mapping column → expression that the options ``--map COLUMN=EXPRESSION`` state.
 
     >>> parse_mapping(["v_front_V=(Vs-Vd)/2", "pitch_rad = -x[3]"])
     {'v_front_V': '(Vs-Vd)/2', 'pitch_rad': '-x[3]'}
@@ -139,7 +139,7 @@ class _Mapping:
         self._names = re.compile(rf"(?<![\w.\]])(?:{words})(?![\w(\[])")
 
     def unknown(self, target: str) -> list[str]:
-        """Return the names in the expression of the column ``target`` that are no known column."""
+        """Return the names in the expression for the column ``target`` that no known column has."""
         return _unknown(self._parsed(target)[0])
 
     def value(self, target: str) -> np.ndarray:
@@ -167,10 +167,10 @@ class _Mapping:
         return self.value(name) if name in self.entries else np.arange(self.n, dtype=float)
 
     def _parsed(self, target: str) -> tuple[ast.expr, dict[str, str]]:
-        """Return the syntax tree of the expression of ``target``, and placeholder → column name.
+        """Return the syntax tree of the expression for ``target``, and a dict of its placeholders.
 
         In the expression, placeholders replace the names of columns, because these names need not
-        be valid identifiers.
+        be valid identifiers. The dict maps placeholder → column name.
         """
         places: dict[str, str] = {}
 

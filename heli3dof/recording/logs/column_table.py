@@ -122,7 +122,7 @@ def check_names(table: Table) -> None:
 def _map_options(table: Table, example: str) -> str:
     """Return, for an error message, a command that maps the log's columns to heli3dof's.
 
-    If names of the log's columns are well known, the command contains their mapping, else
+    If the log's columns have common names (`known_names`), the command contains their mapping, else
     ``example``.
     """
     found = suggest(table.columns)

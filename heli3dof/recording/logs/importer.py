@@ -25,7 +25,8 @@ class Table:
     profile: Profile | None = None
     """The rig's profile, if the file contains one"""
     origins: Mapping[str, str] = field(default_factory=dict)
-    """Column → the log's name for it, or the expression that gave it; others kept the log's name"""
+    """Column → its name in the log, or the expression that computed it; a column that is not listed
+    has its name in the log"""
     ignored: Sequence[str] = ()
     """Names of the columns that were left out, each with the reason"""
 
@@ -36,7 +37,7 @@ class Importer:
 
     name: str
     endings: tuple[str, ...]
-    """What its file names end in, lower case: ``(".csv", ".csv.gz")``"""
+    """Endings of the format's file names in lower case, such as ``(".csv", ".csv.gz")``"""
     read: Callable[[Path, Profile | None, str | Sequence[str] | None], Table]
     """``read(path, profile, columns)`` returns the file's table. ``columns`` is the option
     ``--columns``. Raises RecordingError or UsageError with a cause and a fix; any other exception

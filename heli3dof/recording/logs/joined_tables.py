@@ -15,13 +15,14 @@ from heli3dof.recording.logs.importer import Table
 from heli3dof.recording.logs.log_validation import time_rises
 
 CLOCK_NAMES = ("t_s", "time", "t", "tout", "time_s", "seconds")
-"""Names (lower case) of a log's clock; the first one found is used"""
+"""Names (lower case) that a log's clock may have, in order of priority"""
 SAME_INSTANT = 0.1
-"""Share of the period by which the times of one sample may differ between logs (a convention)"""
+"""Largest difference of one sample's times between logs, as a share of the period (a convention)"""
 SAME_RATE = 0.01
-"""Relative difference of the periods of logs of the same rate (a convention)"""
+"""Logs have the same rate if their periods differ by less than this share (a convention)"""
 PARTNERS = 0.5
-"""Least share of the samples in the common time range that all logs must contain (a convention)"""
+"""Least share of the first log's samples in the common time range that every other log must also
+contain (a convention)"""
 
 
 def rises(values: np.ndarray) -> bool:
@@ -94,7 +95,7 @@ def join(tables: Sequence[Table]) -> Table:
 
 
 def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:
-    """Return ``id(table)`` → indices (n,) of its rows at instants that all ``tables`` contain."""
+    """Return ``id(table)`` → indices (n,) of the table's rows at instants common to all tables."""
     if not tables:
         return {}
     times = [table.columns["t_s"] for table in tables]

@@ -1,4 +1,4 @@
-"""Suggest which columns of another program's log are which of heli3dof's, by common names.
+"""Suggest how columns of another program's log map to those of heli3dof, by common names.
 
 Signs differ between laboratories, so a suggestion is never used without the user's decision.
 """
@@ -30,16 +30,16 @@ FRONT, BACK, SUM, DIFFERENCE = (
         (("diff", "difference"), "d"),
     )
 )
-"""Names of voltages in lower case, without separators and unit"""
+"""Names that logs give the motors' voltages, in lower case, without separators and unit"""
 REFERENCE = re.compile(r"ref(erence)?|des(ired)?|cmd|command(ed)?|sp|set_?point")
 UNIT = re.compile(r"[\s_(\[]*\b(deg|degrees?|°|rad|radians?|v|volts?|s|sec)[)\]]*$", re.IGNORECASE)
 
 
 def suggest(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
-    """Return heli3dof's column → expression of a log's ``columns``, by their common names.
+    """Return a mapping, column of heli3dof → expression of a log's ``columns``, by common names.
 
-    Columns of heli3dof that the log already has are left out. An angle without unit is taken to be
-    in radians if it stays within ±2π.
+    Columns of heli3dof that the log already has are left out. An angle without unit counts as
+    radians if it stays within ±2π.
     """
     found: dict[str, str] = {}
     volts: dict[str, str] = {}
@@ -71,7 +71,7 @@ def as_options(mapping: Mapping[str, str]) -> str:
 
 
 def _key(name: str) -> tuple[str, str | None]:
-    """Return a name in lower case without separators and unit; and the unit if it is an angle's.
+    """Return a name in lower case without separators and unit, and the unit: deg, rad or None.
 
     >>> _key("Elevation (deg)"), _key("theta_ref"), _key("Vf [V]")
     (('elevation', 'deg'), ('thetaref', None), ('vf', None))

@@ -18,14 +18,15 @@ from heli3dof.recording.logs.sampling_jitter import motion_jitter
 MIN_SAMPLES = 10
 """Smallest number of samples in a log (a convention)"""
 JITTER = 0.02
-"""Share of the period: a larger RMS scatter of the intervals gives a warning (a convention)"""
+"""RMS scatter of the intervals, as a share of the period, above which there is a warning (a
+convention)"""
 
 Where = Callable[[int], str]
 """Returns the position of sample k in the log, for messages: ``line 12``"""
 
 
 def finite(source: str, name: str, values: np.ndarray, where: Where) -> None:
-    """Raise RecordingError if a value (N,) of the column ``name`` is not finite.
+    """Raise RecordingError if one of the ``values`` (N,) of the column ``name`` is not finite.
 
     ``source``: the log's name; ``where``: returns a sample's position in the file as text.
     """
@@ -48,10 +49,10 @@ class Timing:
     """Statistics of a recording's time stamps: sample interval, its jitter, and gaps."""
 
     period_s: float
-    """Median interval between samples"""
+    """s, median interval between samples"""
     rate_hz: float
     jitter_s: float
-    """RMS deviation of the intervals, gaps excluded, from the median"""
+    """s, RMS deviation of the intervals, gaps excluded, from the median"""
     gaps: int
     """Number of intervals longer than `GAP` periods"""
     longest_gap_s: float
@@ -89,7 +90,7 @@ def long_enough(source: str, n: int) -> None:
 
 
 def time_rises(source: str, t: np.ndarray, where: Where) -> None:
-    """Raise RecordingError if time (N,) does not increase at every sample.
+    """Raise RecordingError if the time t (N,) s does not increase at every sample.
 
     ``source``: the log's name; ``where``: returns a sample's position in the file as text.
     """
@@ -110,10 +111,10 @@ def time_rises(source: str, t: np.ndarray, where: Where) -> None:
 
 
 def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) -> list[str]:
-    """Raise RecordingError if time (N,) does not increase, or is not in seconds; return warnings.
+    """Raise RecordingError if t (N,) does not increase or is not in seconds; return warnings.
 
-    Warnings are on gaps, jitter and a sampling period other than the profile's control period,
-    ``period_s``. ``where``: returns a sample's position in the file as text.
+    Warnings are on gaps, on jitter, and on a sampling period other than ``period_s``, the profile's
+    control period. ``where``: returns a sample's position in the file as text.
     """
     time_rises(source, t, where)
     found = timing(t)

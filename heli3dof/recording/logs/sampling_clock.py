@@ -9,8 +9,8 @@ time. A phase-locked loop follows the clock,
 
 T̂ is the estimated period and ĝ the estimated even clock; α and β are small. So the count n_k is
 right while |ε| stays below half a period, and the loop follows a clock that drifts. T̂ and ĝ start
-at the values that fit the first time stamps best. If every interval is within a quarter of a period
-of a multiple of T̂, each interval alone determines its own count, and no loop is needed. ε is the
+at the values that fit the first time stamps best. No loop is needed if every interval is within a
+quarter of a period of a multiple of T̂: each interval then determines its own count. ε is the
 residual of straight lines t_k over n_k, fitted to groups of `STRETCH` samples.
 
 A large ε has one of two causes:
@@ -38,11 +38,11 @@ PASSES = 2
 STRETCH = 250
 HEAD = 500
 BUNCHED = 0.1
-"""Time stamps are in bursts if more than this share of the intervals is shorter than this share of
-the mean interval. No control loop samples in bursts, and no phase-locked loop locks to bursts."""
+"""Time stamps are in bursts if more than 10 % of the intervals are shorter than 10 % of the mean
+interval. No control loop samples in bursts, and no phase-locked loop locks to bursts."""
 CLEAR = 0.25
-"""Share of the period: an interval this close to a multiple of the period determines its count.
-Half of the distance at which rounding changes; the other half is for an error of the period."""
+"""Share of the period: an interval this close to a multiple of the period determines its count. It
+is half of the rounding limit, 0.5; the other half is for an error of the period."""
 LATE = 0.2
 """Share of the period: time stamps with a smaller jitter are used unchanged"""
 
@@ -52,10 +52,10 @@ class Ticks:
     """Sampling clock of N samples: the samples' numbers n_k, the period and the jitter."""
 
     number: np.ndarray
-    """(N,) n_k, from zero"""
+    """(N,) numbers n_k of the samples, from zero, including lost samples"""
     period_s: float
     jitter_s: float
-    """Standard deviation of ε"""
+    """s, standard deviation of ε"""
     jitter_std_s: float
 
     @property
@@ -95,10 +95,10 @@ def _counted(t: np.ndarray) -> np.ndarray:
 def sampling_times(recording: Recording) -> Recording:
     """Return the recording with the times at which its samples were taken.
 
-    These are the times of an even clock if no sample is lost, the jitter of the time stamps exceeds
-    `LATE` times the period, and the motion does not fit the time stamps better. The time stamps are
-    then taken as times of arrival at the host. Otherwise the time stamps are kept. For time stamps
-    in bursts (`in_bursts`), the motion is not considered.
+    The times of an even clock replace the time stamps, which then are arrival times, if
+
+    * no sample is lost and the jitter of the time stamps exceeds `LATE` times the period, and
+    * the time stamps are in bursts (`in_bursts`), or the motion does not fit them better.
     """
     r = recording
     if len(r) < HEAD or not (np.diff(r.t) > 0).all():
@@ -141,7 +141,8 @@ def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarr
 def _period(t: np.ndarray) -> float:
     """Return an initial period T in s: the median interval if the clock is even.
 
-    Otherwise the T near the median that maximises |Σ exp(2πi t_k / T)| over the first `HEAD` t_k.
+    Otherwise T is the value near the median that maximises |Σ exp(2πi t_k / T)|. The sum is over
+    the first `HEAD` time stamps.
     """
     dt = np.diff(t)
     T = float(np.median(dt))

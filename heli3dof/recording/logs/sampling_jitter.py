@@ -28,14 +28,15 @@ HALF_WINDOW_S = 0.03
 SCALE_S = 1e-3
 """s, τ: jitter that is assumed for the weights u"""
 LEAST = 2
-"""Smallest number of samples on each side of the middle; a parabola needs three in all"""
+"""Smallest number of samples on each side of a window's middle; a parabola needs three in all"""
 BLOCK_S = 0.25
 CHANCE = 5e-4
-"""Probability of reporting jitter for an even clock"""
+"""Probability of a false report of jitter for an even clock"""
 WORTH_SAYING_S = 2e-4
 """s: a smaller jitter is not reported"""
 EVEN = 1e-6
-"""Share of the period: a smaller range of the intervals is rounding; the clock is even"""
+"""Range of the intervals, as a share of the period, below which the clock counts as even: such a
+range is rounding"""
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,7 @@ def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJ
 def _jackknife(top: np.ndarray, below: np.ndarray) -> MotionJitter:
     """Return σ_t² = Σ top / Σ below over blocks, with its jackknife standard deviation.
 
-    ``top``, ``below``: each block's share of numerator and denominator.
+    ``top``, ``below``: arrays with each block's share of numerator and denominator.
     """
     kept = below > 0
     top, below = top[kept], below[kept]

@@ -3,8 +3,8 @@
     Chunk: head, compressed rows | MessageIndex of channel 1: head, n × (time, offset) | of 2 …
 
 The recorder encodes seven chunks of varying size per second. Buffers of varying size would fragment
-the heap. If zstd knows the size of its input, it allocates a buffer for that size (half a MiB) and
-replaces the buffer when the size changes much. `ChunkMaker` therefore does not give the size, so
+the heap. If zstd knows the size of its input, it allocates a buffer for that size (half a MiB). It
+replaces this buffer when the size changes much. `ChunkMaker` therefore does not give the size, so
 that zstd keeps one buffer for `CHUNK_BYTES` from the first chunk on.
 """
 
@@ -20,8 +20,8 @@ from heli3dof.recording.mcap_files.chunk_index import CODEC, HEAD, INDEX_HEAD
 from heli3dof.recording.mcap_files.schema import RowFormat
 
 CHUNK_BYTES = 32 * 1024
-"""bytes of uncompressed rows per chunk. Encoding 1 MiB delays the control loop by 3–6 ms, this size
-by less than 0.5 ms."""
+"""bytes, size of a chunk's uncompressed rows. Encoding 1 MiB delays the control loop by 3–6 ms,
+this size by less than 0.5 ms."""
 LEVEL = 3
 """zstd's compression level (its default)"""
 BEFORE_LENGTH = 9

@@ -34,12 +34,11 @@ BATCH = 256
 def chunk_indexes(
     stream: BinaryIO, span: tuple[int, int], count: int, rows: RowFormat
 ) -> Iterator[ChunkIndex]:
-    """Yield the index entry of each of ``count`` chunks between two byte offsets, ``span``.
+    """Yield the index entry of each chunk in a part of a file, which contains ``count`` chunks.
 
+    ``span``: byte offsets of the part's start and end; ``rows``: byte format of the chunks' rows.
     At each yield the stream is at its end, so that the caller can append the entry. Raises OSError
     if the file does not contain these chunks any more.
-
-    ``rows``: the byte format of the chunks' rows.
     """
     at, end = span
     while at < end:

@@ -28,7 +28,7 @@ from heli3dof.rig.profile import Profile
 from heli3dof.write_errors import FULL, write_errors_explained
 
 CHUNK_S = 0.15
-"""s of wall-clock time whose rows form a chunk"""
+"""s, duration of flight (wall-clock time) whose rows form one chunk"""
 _HALF, _MASK = 1 << 31, (1 << 32) - 1
 """Constants that wrap encoder counts to signed 32 bits"""
 BEHIND_MOST = 60_000
@@ -96,7 +96,7 @@ class RecordingWriter:
         self._thread.start()
 
     def append(self, row: Row) -> None:
-        """Queue the row of one control period, which a thread writes to the file.
+        """Queue the row of one control period; a thread writes it to the file.
 
         Raises NoSpace or RecordingError if earlier rows were lost.
         """

@@ -1,4 +1,4 @@
-"""Find the records of an MCAP file, complete or torn; describe a file that is no MCAP.
+"""Find the records of a complete or torn MCAP file; describe a file that is not an MCAP file.
 
 A file is torn if its end is missing. The ``mcap`` library's readers stop with an exception at the
 first damage. Here `scan` finds all records first, and its caller decides what to do with them.
@@ -59,7 +59,7 @@ class Scan:
     """Byte offset after the last complete record"""
 
     def of(self, opcode: int) -> Iterator[bytes]:
-        """Return the contents of all records with this MCAP opcode (record type), in file order."""
+        """Yield the content of each record with this MCAP opcode (record type), in file order."""
         return (self.data[a:b] for kind, a, b in self.records if kind == opcode)
 
     @property
@@ -88,12 +88,12 @@ class Scan:
 
     @cached_property
     def schemas(self) -> dict[int, Schema]:
-        """Return the schemas by id; chunks are searched only if none is outside of chunks."""
+        """Return the schemas by id: those outside of chunks; if there are none, those inside."""
         return {s.id: s for s in (_read(Schema, c) for c in self._anywhere(Opcode.SCHEMA))}
 
     @cached_property
     def channels(self) -> dict[int, Channel]:
-        """Return the channels by id; chunks are searched only if none is outside of chunks."""
+        """Return the channels by id: those outside of chunks; if there are none, those inside."""
         return {c.id: c for c in (_read(Channel, c) for c in self._anywhere(Opcode.CHANNEL))}
 
     def _anywhere(self, opcode: int) -> Iterator[bytes]:
@@ -161,7 +161,7 @@ def channel_names(found: Scan) -> list[str]:
 def records_in(data: bytes, at: int = 0) -> tuple[list[tuple[int, int, int]], int]:
     """Return the complete records from byte ``at`` up to a footer, and the byte where they end.
 
-    A record is (opcode, first byte of its content, byte after it).
+    A record is (opcode, offset of its content's first byte, offset of the byte after its content).
     """
     records: list[tuple[int, int, int]] = []
     size, unpack = len(data), _RECORD.unpack_from
@@ -288,7 +288,7 @@ _SIGNATURES = (
 
 
 def what_is(data: bytes) -> str:
-    """Return in words what kind of file begins with the bytes ``data``: ``a MAT-file``."""
+    """Return the kind of file that begins with the bytes ``data``, in words: ``a MAT-file``."""
     if not data:
         return "an empty file"
     for signature, name in _SIGNATURES:

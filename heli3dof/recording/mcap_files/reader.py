@@ -40,8 +40,8 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
 
     ``profile`` replaces the profile in the file. A file of another program needs this argument
     unless the file contains a profile. Raises RecordingError for a file that is missing, torn (its
-    end is missing), damaged, not an MCAP file, without samples, or without the columns of
-    docs/reference/contract.md.
+    end is missing), damaged or not an MCAP file. It is also raised if samples are missing, or
+    columns of docs/reference/contract.md.
     """
     path = Path(path)
     found = open_mcap(path)
@@ -104,7 +104,7 @@ def torn(path: Path, found: Scan) -> RecordingError:
 
 
 def chunk_rows(data: bytes, form: RowFormat) -> np.ndarray | None:
-    """Return the rows (n,) of an uncompressed chunk ``data`` whose rows have the format ``form``.
+    """Return the rows (n,) in ``data``, an uncompressed chunk of rows in the format ``form``.
 
     The result is None if the bytes are not rows of this format.
     """
@@ -136,7 +136,7 @@ def _bulk_rows(found: Scan, form: RowFormat) -> np.ndarray | None:
 def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
     """Return rows read message by message; messages with the same log time form a row.
 
-    Raises RecordingError if the topics' log times differ, Damaged for a wrong message.
+    Raises RecordingError if the topics' log times differ, and Damaged for an invalid message.
     """
     ids = {c.topic: i for i, c in found.channels.items()}
     payloads: dict[int, list[tuple[int, bytes]]] = {i: [] for i in ids.values()}

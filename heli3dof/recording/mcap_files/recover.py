@@ -37,9 +37,9 @@ class Recovery:
     samples: int
     """Number of recovered samples"""
     seconds: float
-    """Time from the first to the last recovered sample"""
+    """Time in s from the first to the last recovered sample"""
     bytes_lost: int
-    """Bytes after the last complete record"""
+    """Number of bytes after the last complete record, which are lost"""
     chunks_damaged: int
     """Number of complete chunks that could not be decoded; they are omitted"""
 

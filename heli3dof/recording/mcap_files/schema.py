@@ -133,11 +133,11 @@ MAX_CHANNELS = 2000
 
 
 def channels_layout(names: Sequence[str]) -> Layout:
-    """Return the layout of a third message, for columns of a log that no standard field holds.
+    """Return the layout of a third message, for columns of a log that have no standard field.
 
-    Standard fields are those of the first two messages, sample and command. The fields of the third
-    are called ``column1`` …; the columns' ``names`` are in the MCAP channel's metadata and, with
-    the characters that protobuf allows, in the schema.
+    Standard fields are those of the first two messages, Sample and Command. The fields of the third
+    are called ``column1`` …. The columns' ``names`` are in the MCAP channel's metadata. The schema
+    also has them, with the characters that protobuf allows.
     """
     columns: list[Column] = []
     taken: set[str] = set()

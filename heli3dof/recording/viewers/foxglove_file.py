@@ -73,14 +73,14 @@ def foxglove_bytes(recording: Recording) -> bytes:
 
 
 def _records(payload: np.ndarray) -> np.ndarray:
-    """Return the n messages in a structured array (n,) as bytes (n, length)."""
+    """Return the n messages of a structured array (n,) as an array (n, length) of bytes."""
     return payload.view(np.uint8).reshape(len(payload), -1)
 
 
 def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int, Message]]:
-    """Yield topic, log time (ns) and content of each message besides the recording's own.
+    """Yield topic, log time (ns) and content of each message that the recording does not contain.
 
-    ``times``: the log times (n,) of the rows.
+    These are the messages of `TOPICS`. ``times``: log times (n,) of the recording's rows in ns.
     """
     scene, transforms, log = TOPICS
     first, last = times[0], times[-1]
@@ -108,7 +108,10 @@ def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int,
 
 
 def entity(part: Part, time: int) -> Message:
-    """Return a part of the rig as foxglove.SceneEntity, which moves with the part's frame."""
+    """Return a part of the rig as a foxglove.SceneEntity that moves with the part's frame.
+
+    ``time``: ns.
+    """
     red, green, blue = part.colour
     primitive = {
         "pose": {"position": _vector(part.centre), "orientation": NO_ROTATION},
@@ -131,7 +134,7 @@ def entity(part: Part, time: int) -> Message:
 
 
 def json_schema(example: Any) -> dict[str, Any]:
-    """Return the JSON schema of the message ``example``; an empty list is taken as one of objects.
+    """Return the JSON schema of the message ``example``; the items of an empty list are objects.
 
     >>> json_schema({"sec": 0})
     {'type': 'object', 'properties': {'sec': {'type': 'integer'}}}

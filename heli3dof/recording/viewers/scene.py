@@ -28,9 +28,9 @@ from heli3dof.rig.profile import Profile
 
 BASE, ARM, BODY = "base", "arm", "body"
 FRAMES_PER_S = 60.0
-"""1/s: poses that a viewer needs, the refresh rate of a usual screen"""
+"""1/s, number of poses per second of flight: the refresh rate of a usual screen"""
 THICKNESS = 0.04
-"""Thickness of arm, body and rotors as a share of L_a; for the eye only"""
+"""Thickness of arm, body and rotors as a share of L_a; it affects the picture only"""
 
 Colour = tuple[float, float, float]
 GREY: Colour = (0.45, 0.48, 0.51)
@@ -47,7 +47,7 @@ class Part:
     form: Literal["box", "cylinder"]
     centre: tuple[float, float, float]
     size: tuple[float, float, float]
-    """Along x, y, z; of a cylinder its diameter, diameter and height."""
+    """m, lengths along x, y, z; for a cylinder: diameter, diameter, height."""
     colour: Colour
 
 
@@ -58,13 +58,13 @@ class Poses:
     rows: IndexArray
     """(n,) indices of the recording's rows."""
     arm: FloatArray
-    """(n, 4) quaternions of the arm in the base."""
+    """(n, 4) quaternions (x, y, z, w) of the frame arm in the frame base."""
     body: FloatArray
-    """(n, 4) quaternions of the body in the arm."""
+    """(n, 4) quaternions (x, y, z, w) of the frame body in the frame arm."""
     arm_origin: tuple[float, float, float]
-    """m, in the base."""
+    """m, origin of the frame arm in the frame base."""
     body_origin: tuple[float, float, float]
-    """m, in the arm."""
+    """m, origin of the frame body in the frame arm."""
 
 
 def poses(recording: Recording, per_s: float = FRAMES_PER_S) -> Poses:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 BEFORE = Line(VERMILION, 1.5, (6, 1.5), 5)
 AFTER = Line(BLUE, 1.6, (), 6)
 ROOM = 1.35
-"""Ratio of a figure's vertical range to the range of its measured points (a convention)"""
+"""Ratio of a figure's vertical range to the range of the measured points in it (a convention)"""
 
 
 def evidence_figure(e: TorqueCurve) -> Figure:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLUMNS = 4
-"""Panels side by side"""
+"""Number of panels side by side"""
 PANEL = (2.4, 1.5)
 """in: width and height of a panel"""
 HEAD, FOOT = 0.75, 0.5
@@ -32,7 +32,7 @@ DRIFT = Line(VERMILION, 1.4, (6, 1.5), 5)
 
 
 def fleet_figure(fleet: Fleet, quantity: str = "") -> Figure:
-    """Draw a quantity of the fleet, by default the first with a change, else the first of all."""
+    """Draw the named quantity of a fleet; without a name the first that changed, else the first."""
     changed = [track.quantity for track, _ in fleet.changes()]
     name = quantity or next(iter([*changed, fleet.quantities[0].name]))
     return quantity_figure(next(q for q in fleet.quantities if q.name == name))

@@ -1,7 +1,7 @@
 """Plot curves over time with a label at each curve's end instead of a legend.
 
-Overlapping labels are moved apart. A curve ends early if its model diverged; its label is then at
-that point.
+Overlapping labels are moved apart. If a model diverged, its curve ends early, and the label is at
+this end.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def _marks(axes: Axes, c: Curve) -> None:
 def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]:
     """Return the lowest and highest angle to plot: the range of the curves named in ``frame``.
 
-    Other curves widen this range, at most threefold. If ``frame`` is empty, all curves count.
+    Other curves widen this range, at most threefold. If ``frame`` is empty, it means all curves.
     """
     framed = [c.y[np.isfinite(c.y)] for c in curves if not frame or c.label in frame]
     framed = [y for y in framed if len(y)]
@@ -190,9 +190,9 @@ def spread(places: np.ndarray, gap: float) -> np.ndarray:
 
 
 def _start(block: list[float], gap: float) -> float:
-    """Return the height (0…1) of the lowest of a block of labels that are ``gap`` apart.
+    """Return the height (0…1) of the lowest label in a block of labels that are ``gap`` apart.
 
-    ``block``: the heights (0…1) of the curves' ends. The labels are centred on their mean.
+    ``block``: the heights (0…1) of the curves' ends; the block is centred on their mean.
     """
     length = gap * (len(block) - 1)
     return float(np.clip(np.mean(block) - length / 2, 0.0, max(1.0 - length, 0.0)))

@@ -90,14 +90,14 @@ IDENTIFIED = (
 
 
 def plain(text: str, most: int = 200) -> str:
-    """Return ``text`` for matplotlib: cut to ``most`` characters, each $ escaped."""
+    """Return ``text`` cut to ``most`` characters and with each $ escaped for matplotlib."""
     if len(text) > most:
         text = text[: most - 1] + "…"
     return text.replace("$", r"\$")
 
 
 def model_lines(kinds: list[str]) -> list[Line]:
-    """Return a line style for each model, by its kind; a hover model has one style everywhere."""
+    """Return a line style for each kind in ``kinds``; the hover model's is the same everywhere."""
     lines: list[Line] = []
     identified = 0
     for kind in kinds:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_SAMPLES = 2000
-"""Samples per curve in the page: bounds the page's size, at about 30 kB a curve (a convention)"""
+"""Largest number of samples per curve in the page; bounds a curve to about 30 kB (a convention)"""
 DIGITS = 6
 """Significant digits of a sample: a millisecond in an hour, a hundredth of an encoder count"""
 THEME = {
@@ -95,7 +95,10 @@ def _panel(axes: Any, others: Sequence[Any]) -> dict[str, Any]:
 
 
 def _in_one(a: Any, b: Any, what: str) -> bool:
-    """Return True if two axes are in one ``row`` or ``col`` (column) of the figure's grid."""
+    """Return True if two axes are in the same row or column of the figure's grid.
+
+    ``what``: ``row`` or ``col`` (column).
+    """
     one, other = a.get_subplotspec(), b.get_subplotspec()
     return bool(one and other and getattr(one, f"{what}span") == getattr(other, f"{what}span"))
 
@@ -169,7 +172,7 @@ def _spans(axes: Any) -> Iterable[dict[str, Any]]:
 
 
 def variable_of(color: Any) -> str:
-    """Return the name in `THEME` of a colour of the figure style."""
+    """Return the CSS variable (key of `THEME`) of a colour of the figure style."""
     from matplotlib.colors import to_hex
 
     code = to_hex(color)
@@ -182,7 +185,7 @@ def _samples(x: np.ndarray, y: np.ndarray) -> dict[str, Any]:
 
 
 def decimated(y: np.ndarray, most: int = MOST_SAMPLES) -> np.ndarray:
-    """Return the sorted indices of at most about ``most`` samples that keep the curve's shape.
+    """Return the sorted indices of about ``most`` or fewer samples that keep the curve's shape.
 
     >>> decimated(np.array([0.0, 0.0, 9.0, 0.0, 0.0, 0.0, -9.0, 0.0]), 4).tolist()
     [0, 2, 4, 6, 7]

@@ -1,7 +1,7 @@
 """Write the first screen of the report: its questions, each with one sentence and one picture.
 
-A diagnosis answers how wrong the simulation was, what the cause is, how much the extended model
-decreases the prediction error, and what to do next. Without a diagnosis, a comparison answers how
+A diagnosis answers how wrong the simulation was, what the cause is, by how much the extended model
+reduces the error, and what to do next. Without a diagnosis, a comparison answers how
 wrong the simulation was and which model predicts best. Without both, an identification answers how
 well its model predicts.
 """
@@ -33,7 +33,7 @@ from heli3dof.report.text.number_format import fixed
 WRONG = "How wrong is the simulation?"
 BEFORE_AFTER = {"before": VERMILION, "after": BLUE, "noise floor": SOFT}
 PLAN_COMMAND = re.compile(r"heli3dof (?:run|simulate) (\S+)")
-"""A command with a plan, in a sentence on the next step"""
+"""Pattern of a command that flies or simulates a plan, in a sentence on the next step"""
 
 
 def diagnosis_answers(document: Document, data: FigureData, dt: float) -> list[Answer]:
@@ -89,7 +89,10 @@ def _gain(document: Document) -> Answer:
 
 
 def _next(document: Document, dt: float) -> Answer | None:
-    """Return the first recommended action, with a picture if its command names a plan."""
+    """Return the first recommended action as an answer; None if there is none.
+
+    Its picture is the plan that the action's command names, if any; ``dt``: control period in s.
+    """
     for sentence in words.next_steps(document):
         command = PLAN_COMMAND.search(sentence)
         drawn = ""
@@ -130,7 +133,7 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
 def _best(comparison: Comparison) -> list[Answer]:
     """Return the verdict as an answer, with bars of the models' errors for the first recording.
 
-    Empty if nothing was predicted.
+    The list is empty if nothing was predicted.
     """
     flight = comparison.flights[0]
     alt = prediction_sentence(flight)

@@ -30,8 +30,8 @@ def diagnosis_section(
 ) -> Section:
     """Return the HTML section on a diagnosis: ``document`` is its JSON, ``p`` its figures' data.
 
-    Verdict, faults, the figure of the predictions before and after, and the table of causes show;
-    a click opens the rest.
+    Verdict, faults, the figure of the predictions before and after, and the table of causes are
+    visible at once; a click opens the rest.
     """
     bad = document["verdict"] == "bad_data"
     blocks = [key(words.verdict(document))]

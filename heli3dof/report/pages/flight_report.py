@@ -57,7 +57,7 @@ from heli3dof.report.text.diagnosis_sentences import Document
 from heli3dof.report.text.number_format import fixed
 
 SHOWN_WARNINGS = 3
-"""Warnings that show without a click (a convention)"""
+"""Largest number of warnings that are visible without a click (a convention)"""
 LONG = 200
 """Number of characters above which a metadata value gets its own listing (a convention)"""
 
@@ -117,7 +117,7 @@ def _answers(
     identified: Sequence[Identification],
     diagnosed: Diagnosed | None,
 ) -> list[Answer]:
-    """Return the answers of the diagnosis, else of the comparison, else of identifications."""
+    """Return the answers of the diagnosis; without one, of the comparison or identifications."""
     if diagnosed is not None:
         dt = recordings[0].dt
         return diagnosis_answers(diagnosed.document, diagnosed.data, dt)
@@ -140,7 +140,7 @@ def _flights(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _summary(r: Recording) -> dict[str, Any]:
-    """Return name → text of a recording's properties, such as duration, outcome, controller."""
+    """Return a dict of a recording's properties, such as duration and outcome: name → text."""
     gaps = np.diff(r.t) > 1.5 * r.dt
     return {
         "plan": _plan_name(r),
@@ -177,7 +177,7 @@ def _plan_name(r: Recording) -> str | None:
 def _comparison(comparison: Comparison, *, paper: bool) -> Section:
     """Return the section of a comparison: its verdict, one figure and the table of all models.
 
-    The figure shows the axis with the first model's largest error in the first recording.
+    The figure shows the first recording, on the axis where the first model's error is largest.
     """
     blocks = [key(s) for s in verdict(comparison)]
     details = []
@@ -222,7 +222,7 @@ def _provenance(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _flat(meta: Mapping[str, Any], prefix: str = "") -> tuple[dict[str, Any], dict[str, Any]]:
-    """Flatten nested metadata to two dicts by dotted name: values that fit a line, long values."""
+    """Return nested metadata as two flat dicts with dotted names: one-line values, long values."""
     short: dict[str, Any] = {}
     long: dict[str, Any] = {}
     for name, value in meta.items():

@@ -68,7 +68,7 @@ class Answer:
 class Section:
     """A section of an HTML page: heading (plain text), and blocks (strings of HTML).
 
-    ``blocks`` are its main figure and table; a click opens the others, ``details``.
+    ``blocks`` are visible at once; a click opens the other blocks, ``details``.
     """
 
     title: str
@@ -77,7 +77,7 @@ class Section:
 
 
 def paragraph(text: str) -> str:
-    """Return plain text as an HTML paragraph, which breaks no line inside an option's name."""
+    """Return plain text as an HTML paragraph that has no line break inside an option's name."""
     kept = OPTION.sub(r'<span class="option">\g<0></span>', html.escape(text))
     return f"<p>{kept}</p>"
 

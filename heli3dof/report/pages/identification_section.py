@@ -1,8 +1,8 @@
 """Write the section of the HTML report on an identification.
 
-The section has the tables of `heli3dof.report.text.identification_tables`, Bode diagrams of three
-channels with bands of ± two standard deviations, and the innovations of the longest held-out
-segment with their autocorrelation.
+The section has the tables of `heli3dof.report.text.identification_tables`, and Bode diagrams of
+three channels with bands of ± two standard deviations. It also shows the innovations of the longest
+held-out segment with their autocorrelation.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from heli3dof.report.text.identification_tables import (
 def identification_section(found: Identification) -> Section:
     """Return an identification as a section of an HTML report.
 
-    Warnings, the Bode diagrams and the fits show; a click opens sentences, tables and residuals.
+    Warnings, Bode diagrams and fits are visible at once; a click opens the rest: sentences, tables
+    and residuals.
     """
     blocks = [warning(w) for w in found.warnings]
     bode = bode_with_bands(found)

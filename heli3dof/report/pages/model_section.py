@@ -56,7 +56,7 @@ def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
 def linearised(model: Model) -> LinearModel | None:
     """Return a linear model unchanged, or a grey-box model linearised about level hover.
 
-    None for a model that cannot hover level, and for other kinds of models.
+    The result is None for a model that cannot hover level, and for other kinds of models.
     """
     if isinstance(model, LinearModel):
         return model
@@ -139,7 +139,7 @@ def poles_text(poles: np.ndarray, most: int = 12) -> str:
 def bode_of(
     models: Sequence[LinearModel], points: int = 240
 ) -> tuple[np.ndarray, dict[str, list[BodeCurve]]]:
-    """Return ``points`` frequencies ω in rad/s, and channel name → the models' Bode curves."""
+    """Return ``points`` frequencies ω in rad/s, and a dict: channel name → models' Bode curves."""
     fastest = min(HIGHEST, *(0.8 * np.pi / m.dt for m in models))
     omega = np.geomspace(LOWEST, fastest, points)
     channels: dict[str, list[BodeCurve]] = {}

@@ -186,7 +186,7 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return the paper's model that ``model`` corresponds to: hover, identification, or None."""
+    """Return the paper's model that corresponds to ``model``: hover, identification or None."""
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]

@@ -42,7 +42,7 @@ NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
 
 
 def variable(name: str) -> str:
-    """Return in words the key of a variable on which a residual torque depends.
+    """Return the key of a variable, on which a residual torque depends, in words.
 
     >>> variable("pitch*roll_rate")
     'pitch × roll rate'
@@ -89,7 +89,7 @@ def noise_is_unknown(document: Document) -> bool:
 
 
 def before_and_after(gain: Document) -> str:
-    """Return as text the held-out RMSE in degrees by axis, before → after.
+    """Return the held-out RMSE in degrees by axis, before → after, as text.
 
     ``gain``: an object of the JSON document that contains this RMSE as ``holdout_rmse_deg``.
     """
@@ -103,10 +103,10 @@ def before_and_after(gain: Document) -> str:
 
 
 def calibration_change(document: Document) -> Iterator[str]:
-    """Yield sentences: the RMSE before and after a refit, the ratios that differ from the profile.
+    """Yield sentences on a refit: RMSE before and after, and ratios that differ from the profile.
 
-    Yields nothing if the verdict is other than off_calibration, or nothing_found with an unknown
-    noise floor.
+    Yields nothing unless the verdict is ``off_calibration``, or ``nothing_found`` while the noise
+    floor is unknown.
     """
     unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
     if document["verdict"] != "off_calibration" and not unknown:
@@ -124,7 +124,7 @@ def calibration_change(document: Document) -> Iterator[str]:
 
 
 def not_significantly_off(document: Document) -> list[Document]:
-    """Return the entries of ``calibration`` that may be off the profile.
+    """Return the entries of ``document["calibration"]`` that may differ from the profile.
 
     Such an estimate differs from the profile by more than the tolerance, but not significantly.
     """
@@ -132,7 +132,7 @@ def not_significantly_off(document: Document) -> list[Document]:
 
 
 def calibration_doubts(document: Document) -> Iterator[str]:
-    """Yield a sentence per parameter that may differ from the profile, and how to measure them."""
+    """Yield a sentence per parameter that may differ from the profile, then one on how to check."""
     doubtful = not_significantly_off(document)
     for c in doubtful:
         off = number(c["value"]) / c["nominal"] - 1
@@ -164,7 +164,7 @@ def faults(document: Document) -> Iterator[str]:
 
 
 def limits(document: Document) -> Iterator[str]:
-    """Yield sentences: which recordings were not fitted, which errors are missing or unreliable."""
+    """Yield sentences on recordings that were not fitted, and on missing or unreliable errors."""
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:
         yield (
@@ -219,7 +219,7 @@ def causes(document: Document) -> Iterator[str]:
 
 
 def _confounded(name: str, others: Sequence[str]) -> str:
-    """Return a text: ``others`` are confounded with the cause ``name``; how to separate them."""
+    """Return a text on how to separate the cause ``name`` from ``others``, confounded effects."""
     scales = [n for n in others if n.startswith(SCALE_PREFIX)]
     flights = separable_by_flight(name, others)
     weights = [n for n in others if n not in flights and n not in scales]
@@ -237,7 +237,9 @@ def _confounded(name: str, others: Sequence[str]) -> str:
 
 
 def turn_by_hand(scales: Sequence[str]) -> str:
-    """Return a text: how to check these encoder ``scales`` (counts per revolution) by hand.
+    """Return an instruction to check the encoders' counts per revolution by hand.
+
+    ``scales``: effects such as ``encoder.scale.yaw``.
 
     >>> turn_by_hand(["encoder.scale.yaw"])[:35]
     'turn yaw by hand through a known an'
@@ -263,14 +265,14 @@ def adopted(document: Document) -> bool:
 
 
 def measured_on(document: Document) -> str:
-    """Return in words the data on which the RMSE without and with the causes was measured."""
+    """Return the name of the data on which the RMSE without and with the causes was measured."""
     if document["gain"].get("measured_on") == "the recordings themselves":
         return "the fitted recordings themselves, which is optimistic"
     return "the held-out recordings" if document["holdout"] else "blocks left out of the fit"
 
 
 def unmodelled_effects(document: Document) -> Iterator[str]:
-    """Yield a sentence per residual torque without a known cause: its axis, what it depends on.
+    """Yield sentences on each residual torque without a known cause: axis, variable, model term.
 
     The last sentence states the errors that remain without an explanation, if there are any.
     """
@@ -312,7 +314,7 @@ def _remaining(document: Document, remaining: Sequence[Document]) -> str:
 
 
 def slow_noise(document: Document) -> Iterator[str]:
-    """Yield a sentence on residual torques that depend on time only, if there are any."""
+    """Yield a sentence on slow torque noise, which depends on no measured variable, if any."""
     each = [f"{x['axis']} ({x['rms_Nm']:.2g} N·m RMS)" for x in document.get("slow_noise", ())]
     if each:
         yield (
@@ -393,7 +395,7 @@ def model_deviations(document: Document) -> Iterator[str]:
 
 
 def next_steps(document: Document) -> Iterator[str]:
-    """Yield sentences on what the user can do next, each with its command."""
+    """Yield sentences on what the user can do next, with a command where there is one."""
     if document["verdict"] == "bad_data":
         yield "Correct the log or record again, then run heli3dof diagnose again."
         return

@@ -16,11 +16,11 @@ from heli3dof.report.text.diagnosis_sentences import Document, listed, percent
 from heli3dof.report.text.number_format import fixed, significant
 
 MOST_CAUSES = 4
-"""Causes that the summary states; the tables list all"""
+"""Largest number of causes that the summary states; the tables list all"""
 
 
 def diagnosis_summary(document: Document) -> list[str]:
-    """Return the lines of the summary; ``document`` is that of ``diagnose --json``."""
+    """Return the lines of the summary; ``document`` is the JSON document of ``diagnose --json``."""
     return [
         words.verdict(document),
         *faults(document),
@@ -36,13 +36,13 @@ def diagnosis_summary(document: Document) -> list[str]:
 
 
 def faults(document: Document) -> list[str]:
-    """Return the faults that make a recording unusable; notes are left to the tables."""
+    """Return a sentence per fault of the kinds ``bad_data`` and ``finding``; tables list all."""
     stated = [f for f in document.get("integrity", ()) if f["kind"] in ("bad_data", "finding")]
     return list(dict.fromkeys(words.faults({"integrity": stated})))
 
 
 def simulation_error(document: Document) -> Iterator[str]:
-    """Yield a line with RMSE and noise floor by axis; nothing if no error was measured."""
+    """Yield one line with RMSE and noise floor by axis, or nothing if no error was measured."""
     error = document["simulation_error"]
     known = [axis for axis in AXES if error[axis]["rmse_deg"] is not None]
     parts = []
@@ -81,7 +81,7 @@ def _weaker(document: Document) -> list[str]:
 
 
 def gain(document: Document) -> Iterator[str]:
-    """Yield a line with the RMSE without and with the causes; nothing if no effect was added."""
+    """Yield one line with the RMSE without and with the causes, or nothing if none was added."""
     if not words.adopted(document):
         return
     where, falls = words.measured_on(document), words.before_and_after(document["gain"])
@@ -89,5 +89,5 @@ def gain(document: Document) -> Iterator[str]:
 
 
 def _next(document: Document) -> list[str]:
-    """Return the first recommended action."""
+    """Return a list with the first recommended action; an empty list if there is none."""
     return list(words.next_steps(document))[:1]

@@ -20,7 +20,7 @@ from heli3dof.report.text.number_format import significant
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 WORDS = {"step": "a step", "drift": "a drift", "deviating": "one deviating flight"}
 MOST_REASONS = 3
-"""Reasons for bad data that the sentence names (a convention)"""
+"""Largest number of reasons for bad data that a sentence names (a convention)"""
 
 
 def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
@@ -68,7 +68,7 @@ def difference_sentence(quantity: str, d: Difference) -> str:
 
 
 def remark_sentences(fleet: Fleet) -> Iterator[str]:
-    """Yield sentences: how many recordings are bad data, what limits the search for changes."""
+    """Yield sentences on the number of bad recordings and on what limits the search for changes."""
     if fleet.bad:
         reasons = Counter(part for b in fleet.bad for part in _kinds_of_reason(b))
         named = [f"{reason} ({n})" for reason, n in reasons.most_common(MOST_REASONS)]
@@ -99,7 +99,7 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
 
 
 def _kinds_of_reason(bad: BadRecording) -> list[str]:
-    """Return the failed integrity checks, or the verb's error without the recording's name.
+    """Return the names of failed integrity checks, or the verb's error without a recording's name.
 
     >>> _kinds_of_reason(BadRecording("term/a.mcap", "r", "exit code 5: a holds pitch only."))
     ['exit code 5: it holds pitch only']
@@ -143,7 +143,7 @@ def signed_size(size: float, interval: tuple[float, float]) -> str:
 
 
 def percent(probability: float) -> str:
-    """Return a probability in percent, and never 100 %.
+    """Return a probability in percent as text, above 99.9 % as ``> 99.9 %``.
 
     >>> percent(0.953), percent(0.99998)
     ('95 %', '> 99.9 %')
@@ -158,7 +158,7 @@ def _chance(p: float) -> str:
 
 
 def _level(track: Track, change: Change) -> float:
-    """Return the median value of the flights before a step; earlier changes hardly affect it."""
+    """Return the median value of all flights before a change; earlier changes hardly affect it."""
     return float(np.median(track.y[: change.first]))
 
 

@@ -34,9 +34,9 @@ MAIN = (
     Column(r"friction\.\w+\.(roll|pitch)\..*", "friction"),
     Column(r"late_share", "late %", 100.0),
 )
-"""Main quantities, the most important first"""
+"""Columns of the main quantities, the most important first"""
 MOST_COLUMNS = 7
-"""Quantities of the first table: as many as fit into 100 characters"""
+"""Largest number of quantities in the first table: they fit into 100 characters"""
 MARKS = "* changed or drifts; ! differs from its siblings, and is not in the last row."
 
 
@@ -57,9 +57,10 @@ def rig_table(fleet: Fleet) -> Grid:
 
 
 def main_quantities(fleet: Fleet) -> list[tuple[FleetQuantity, Column]]:
-    """Return the first quantity that matches each column of `MAIN`, at most `MOST_COLUMNS`.
+    """Return pairs (quantity, column): a column of `MAIN` and the first quantity that matches it.
 
-    If none matches, returns the first quantities of the fleet.
+    At most `MOST_COLUMNS` pairs are returned. If no quantity matches, the pairs are of the fleet's
+    first quantities.
     """
     found = []
     for column in MAIN:

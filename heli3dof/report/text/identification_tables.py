@@ -34,7 +34,7 @@ def identification_tables(found: Identification) -> list[Grid]:
 def identification_summary(found: Identification) -> list[str | Grid]:
     """Return what `heli3dof identify` prints without --verbose: scores, parameters, responses.
 
-    Of the transfer functions, it has those from the voltages' sum to roll, and from their
+    The responses are the transfer functions from the voltages' sum to roll, and from their
     difference to pitch and yaw.
     """
     lines: list[str | Grid] = [_scores(found)]
@@ -65,7 +65,7 @@ def _by_axis(fits: np.ndarray) -> str:
 
 
 def _residual_tests(found: Identification) -> Iterator[str]:
-    """Yield a sentence on the residual tests that passed, and one on each other test."""
+    """Yield a sentence on all residual tests that passed, and one on each test that failed."""
     passed = [t.name for t in found.residuals if t.passed]
     if passed:
         yield f"Residual tests passed: {', '.join(passed)}."
@@ -141,7 +141,7 @@ def transfer_functions_table(found: Identification, *, only_direct: bool = False
 
 
 def _short(name: str) -> str:
-    """Return a dotted parameter name without its last part: ``motor.lag`` for ``motor.lag.x``."""
+    """Return a dotted parameter name without its last part: ``motor.lag.x`` gives ``motor.lag``."""
     return name.rpartition(".")[0] or name
 
 

@@ -1,4 +1,4 @@
-"""Format numbers for tables and sentences: a true minus sign, and a dash if undefined."""
+"""Format numbers for tables and sentences: with a true minus sign, undefined ones as a dash."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 NONE = "–"
-"""Text in the table cell of an undefined number"""
+"""Text in place of an undefined number: an en dash"""
 MINUS = "−"
 
 

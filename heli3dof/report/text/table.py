@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 GAP = 2
-"""Spaces between the columns of a table on a terminal, as rich draws it: padding and divider"""
+"""Number of spaces between columns on a terminal, as the library rich draws a table"""
 
 
 NAME = 20
@@ -29,7 +29,7 @@ class Grid:
     notes: Sequence[str] = ()
     text_columns: int = 1
     prose_columns: int = 0
-    """Number of last columns with sentences, which align left too"""
+    """Number of columns at the right end that contain sentences; they align left too"""
 
     def __post_init__(self) -> None:
         for row in self.rows:
@@ -55,7 +55,7 @@ def to_rich(grid: Grid) -> Group:
 
 
 class _FittingTable:
-    """A table that rich draws in as many parts, one below the other, as the terminal's width asks.
+    """A table that rich draws in several parts, one below the other, if the terminal is too narrow.
 
     ``grid``: its contents. Title and notes are not drawn.
     """
@@ -68,7 +68,10 @@ class _FittingTable:
             yield self._table(columns, options.max_width)
 
     def _parts(self, width: int) -> list[list[int]]:
-        """Return the indices of each part's columns: all columns of text, and others that fit."""
+        """Return the column indices of each part: all text columns, and as many others as fit.
+
+        ``width``: the terminal's width in characters.
+        """
         least = [self._least_width(i) + GAP for i in range(len(self.grid.columns))]
         always = list(range(self.grid.text_columns))
         parts, room = [list(always)], width - sum(least[i] for i in always)
@@ -82,7 +85,10 @@ class _FittingTable:
         return parts
 
     def _least_width(self, column: int) -> int:
-        """Return the width of a column's longest cell; of long texts, that of the longest word."""
+        """Return the width in characters of a column's longest cell or title.
+
+        A text of more than `NAME` characters counts with its longest word.
+        """
         from rich.cells import cell_len
 
         cells = [row[column] for row in self.grid.rows]
@@ -91,12 +97,12 @@ class _FittingTable:
         return max(map(cell_len, (*self._head(column), *cells)), default=0)
 
     def _head(self, column: int) -> list[str]:
-        """Return the lines of a column's title; in a column of numbers, the unit has its own."""
+        """Return the lines of a column's title; above numbers, the unit has its own line."""
         head = self.grid.columns[column]
         return head.rsplit(" ", 1) if self.grid.is_number(column) else [head]
 
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
-        """Return the columns' widths: the least ones, widened from the left up to ``width``."""
+        """Return the columns' widths: the least widths, increased from the left up to ``width``."""
         from rich.cells import cell_len
 
         widths = [self._least_width(i) for i in columns]

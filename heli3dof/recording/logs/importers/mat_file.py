@@ -66,7 +66,7 @@ def read(
 
 
 def _arrays(variables: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Return a MAT file's arrays by name; a structure gives one array for each of its fields."""
+    """Return a MAT file's arrays by name; each field of a structure is an array of its own."""
     table: dict[str, np.ndarray] = {}
     for name, value in variables.items():
         fields = value if isinstance(value, Mapping) else {name: value}

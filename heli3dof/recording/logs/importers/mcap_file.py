@@ -1,8 +1,8 @@
 """Importer of other programs' MCAP files with the columns of docs/reference/contract.md.
 
-JSON and protobuf messages are decoded; their numeric fields are the columns. The first topic with
-both voltages determines the samples. Another topic is joined if its log times are the same; nothing
-is resampled.
+JSON and protobuf messages are decoded; their numeric fields are the columns. Each message of the
+first topic with both voltages is a sample. Another topic is joined if its log times are the same;
+nothing is resampled.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from heli3dof.rig.profile import Profile, profile_from_dict
 Decoder = Callable[[bytes], Mapping[str, Any]]
 VOLTAGES = {"v_front_V", "v_back_V"}
 HEAD_BYTES = 1 << 16
-"""Bytes read first: in heli3dof's own files they contain its topics, and no more is read"""
+"""Number of bytes that `is_foreign` reads first. In heli3dof's own files they contain its topics,
+so that the rest need not be read."""
 
 
 def is_foreign(path: Path) -> bool:

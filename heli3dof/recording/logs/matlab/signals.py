@@ -45,7 +45,7 @@ class _Found:
 
 
 def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
-    """Return a table of the signals of each clock, and a table of each length without a clock.
+    """Return one table per clock with its signals, and one per length of arrays without a clock.
 
     ``source``: the file's name; ``stem``: the file's name without ending; ``variables``: the file's
     variables by name.
@@ -113,9 +113,9 @@ def _timed_structure(
 
 
 def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:
-    """Yield, for each clock, its signals by name and the clock as ``t_s``.
+    """Yield one dict per clock: the clock's signals by name, and the clock as ``t_s``.
 
-    Arrays of ``found`` that are such signals are removed from ``found``.
+    The arrays that become such signals are removed from ``found``.
     """
     for t, columns in found.clocked:
         yield {"t_s": t, **columns}
@@ -140,7 +140,7 @@ def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:
 
 
 def _without_clock(found: _Found, clocks: set[int]) -> Iterator[dict[str, np.ndarray]]:
-    """Yield, for each length, the columns of the arrays in ``found`` that have no clock.
+    """Yield one dict per length: the columns of that length in ``found`` that have no clock.
 
     Arrays that are too short are ignored. If the file has clocks (``clocks``: their lengths),
     arrays of other lengths are ignored, too. An array with a name of docs/reference/contract.md is
