@@ -127,7 +127,7 @@ def test_one_backward_pass_gives_the_score_of_any_torque(
     theta = np.append(fit.optimum.theta, 0.0)
     typical = terms[-1].effect.parameters[0].typical
     followed = extended.tangents(theta, path.at, np.array([len(theta) - 1]))[0] / typical
-    backward = (-path.X[:, 5] * path.gradients[0][:, 2])[path.flown].sum()
+    backward = (-path.X[:, 5] * path.gradients[0][:, 2])[path.in_runs].sum()
     assert backward == pytest.approx(followed @ path.at.g, rel=0.02)
 
 
@@ -146,7 +146,7 @@ def test_hat_functions_add_up_to_one(coupled: tuple[Recording, Estimate]) -> Non
     """The sum of a group's scores is therefore that of a constant torque, for every variable."""
     path = trail(coupled[1])
     library = hats(path, np.arange(3))
-    constant = path.gradients[0][path.flown].sum(axis=0)
+    constant = path.gradients[0][path.in_runs].sum(axis=0)
     sums = library.scores(path).reshape(3, -1, KNOTS).sum(axis=2)
     assert sums == pytest.approx(np.tile(constant[:, None], (1, sums.shape[1])), rel=1e-6)
 
