@@ -111,7 +111,7 @@ def test_time_comes_first_if_another_variable_explains_hardly_more() -> None:
 
 def test_the_residual_torque_lies_on_the_hidden_line(coupled: tuple[Recording, Estimate]) -> None:
     flown = trail(coupled[1])
-    rows = flown.flown
+    rows = flown.in_runs
     slope = np.polyfit(flown.variable("pitch_rate")[rows], flown.torque[rows, 2], 1)[0]
     assert slope == pytest.approx(-0.1, rel=0.1)
 
