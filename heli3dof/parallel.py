@@ -49,7 +49,7 @@ def worker_count() -> int:
 def limit_threads(count: int) -> None:
     """Let estimation and BLAS in this process use at most ``count`` threads from now on.
 
-    A process that shares the cores with others calls it, such as a worker of a batch.
+    For a process that shares the cores with other processes, such as a batch worker.
     """
     from threadpoolctl import threadpool_limits
 

@@ -89,7 +89,10 @@ def scale(values: Sequence[float]) -> tuple[float, float]:
 
 
 def levels(values: Sequence[float], low: float, high: float) -> list[int | None]:
-    """Return each value's row of dots: 0 for ``high``, the last row for ``low``; None for NaN."""
+    """Return the row of each value's dot: 0 (top) for ``high``, the last for ``low``, or None.
+
+    None is for NaN.
+    """
     last = 4 * ROWS - 1
     return [None if v != v else round((high - v) / (high - low) * last) for v in values]
 

@@ -112,7 +112,7 @@ def _best(errors: Errors, what: str) -> list[str]:
 
 
 def _against_constant_angles(ahead: Mapping[float, Errors], horizon_s: float) -> list[str]:
-    """Return sentences on predictions that are worse than constant angles.
+    """Return sentences on models that predict worse than the assumption of constant angles.
 
     They name the worse models by axis at ``horizon_s`` (s), and the axes and horizons at which all
     models are worse. ``ahead``: horizon (s) → errors by model.

@@ -77,7 +77,9 @@ def undetectable_scales(
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the scale errors of the measured ``axes`` that these recordings cannot show.
 
-    ``tied``: names already reported as confounded. ``level_deg``: least detectable roll offset.
+    A wrong roll scale also shifts the level angle, because counts start at the rest angle
+    ``rest_rad``. ``level_deg``: least detectable shift. ``tolerance``: relative scale error that
+    must be shown. ``tied``: names already reported as confounded.
     """
     detectable = abs(math.degrees(rest_rad)) * (1 - 1 / (1 + tolerance)) > level_deg
     names = (f"{EFFECT}.{axis}" for axis in axes if axis != "roll" or not detectable)

@@ -55,7 +55,10 @@ class Formula:
 
 @dataclass(frozen=True, eq=False)
 class Contest:
-    """A set of causes, the formula in their place, and the left side of the module's condition."""
+    """The comparison of a set of causes with a formula that may replace them.
+
+    ``margin``: left side of the module's condition.
+    """
 
     causes: tuple[str, ...]
     formula: Formula

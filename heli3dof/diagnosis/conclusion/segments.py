@@ -44,9 +44,9 @@ def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
-    """Return the choice; ``tied_with`` also names causes that the segments do not separate.
+    """Return the choice with the causes in ``tied_with`` that segments do not separate from it.
 
-    The ``adopted`` causes are not compared with the choice.
+    The ``adopted`` causes are not compared with it.
     """
     best, *others = choice.contenders
     if best.term.effect.of_base:

@@ -58,7 +58,7 @@ def inertia_is_implausible(fit: Estimate) -> bool:
 
 
 def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:
-    """Return the fit of the base simulation, bias-corrected if the controller is known."""
+    """Return the fitted base simulation; the fit is bias-corrected if the controller is known."""
     plain = estimate(problem)
     if not setup.controller_is_known:
         return CorrectedFit(problem, plain.optimum)

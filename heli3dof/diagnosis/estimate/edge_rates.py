@@ -174,9 +174,10 @@ def design(flights: int) -> np.ndarray:
 
 
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
-    """Return the moments' derivatives G (n + 6, n + 3): ``effects`` (6, n + 6) for the triples.
+    """Return G (n + 6, n + 3), the derivatives of the moments by θ and the three ln a.
 
-    A triple consists of the three moments of an axis. Elsewhere G is H (n, n) or zero.
+    For the moments of an axis, they are in ``effects`` (6, n + 6). The block of the scores by θ is
+    the information H (n, n); other derivatives are zero.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))

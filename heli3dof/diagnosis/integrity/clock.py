@@ -28,7 +28,7 @@ NEAR = 51
 
 
 def clock(view: View) -> Iterable[Fault]:
-    """Yield the faults of `order`, or else those of `rate` and `device`."""
+    """Yield the faults found by `order`, or if there are none, by `rate` and `device`."""
     faults = [*order(view)]
     yield from faults
     if not faults:

@@ -157,7 +157,10 @@ def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[floa
 
 
 def _amplifier(view: View) -> tuple[float, float] | None:
-    """Return (thrust factor K, hover ratio h) if the amplifier's gain is wrong, else None."""
+    """Return (K, h) if the amplifier's gain is wrong, else None.
+
+    K: thrust relative to the profile's; h: hover voltage relative to the profile's.
+    """
     h = view.hover_ratio
     good = reliable(view.responses)
     if h is None or h < ANOTHER_UNIT or not good:

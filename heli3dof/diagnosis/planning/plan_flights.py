@@ -25,7 +25,7 @@ from heli3dof.rig.profile import Profile
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A plan rendered for a rig, to be simulated on several models."""
+    """A plan, converted to a rig's references in each control period, to be simulated on models."""
 
     plan: Plan
     signals: Signals

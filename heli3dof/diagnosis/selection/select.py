@@ -238,9 +238,9 @@ def _sigma(screen: Screen, nulls: Nulls) -> np.ndarray:
 
 
 def detectable_size(screen: Screen, nulls: Nulls, name: str) -> float:
-    """Return the size of a term's first parameter, in its unit, at which Z² is the threshold.
+    """Return the size of a term's first parameter, in its unit, at which Z² reaches the threshold.
 
-    It is infinite for a term without plain probes.
+    It is infinite for a term that the screen does not evaluate by plain probes.
     """
     sigma = _sigma(screen, nulls)
     named = [float(s) for p, s in zip(screen.plain, sigma, strict=True) if p.name == name]

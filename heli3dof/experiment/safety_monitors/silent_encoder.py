@@ -40,9 +40,10 @@ SHORTEST_S = 0.01
 
 
 class SilentEncoder(SafetyMonitor):
-    """Safety monitor that measures how long the counts of pitch and yaw stand still in the air.
+    """Safety monitor that trips if an encoder stops counting.
 
-    In the ramp to zero, a standstill much longer than the measured ones is reported.
+    In closed loop, it records the longest time for which the count of pitch or yaw is constant. In
+    the ramp to zero, it trips if a count is constant for much longer.
     """
 
     order = 60

@@ -3,9 +3,9 @@
     Chunk: head, compressed rows | MessageIndex of channel 1: head, n × (time, offset) | of 2 …
 
 The recorder encodes seven chunks of varying size per second. Buffers of varying size would fragment
-the heap. If zstd knows the size of its input, it allocates a buffer for that size (half a MiB). It
-replaces this buffer when the size changes much. `ChunkMaker` therefore does not give the size, so
-that zstd keeps one buffer for `CHUNK_BYTES` from the first chunk on.
+the heap. If zstd knows the size of its input, it fits its internal buffer (half a MiB) to the size,
+and replaces it when the size changes much. `ChunkMaker` therefore does not give the size. Then zstd
+keeps one buffer for `CHUNK_BYTES` from the first chunk on.
 """
 
 from __future__ import annotations
