@@ -16,6 +16,7 @@ from heli3dof.batch.output_folder import OutputFolder
 from heli3dof.batch.results_table import CSV, PARQUET, read_rows
 from heli3dof.batch.run_batch import Batch, run_batch, tasks_of
 from heli3dof.batch.sources import find
+from heli3dof.errors import DeviceError
 from tests.batch.small import write_small
 from tests.batch.test_run_batch import InProcess
 
@@ -86,3 +87,16 @@ def test_a_batch_survives_a_restart_of_the_scheduler(
         assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "here" / name).read_bytes()
     names = [row["name"] for row in read_rows(tmp_path / "out")]
     assert names == [f"flight-{n:02d}" for n in range(12)]
+
+
+def test_a_scheduler_without_a_worker_is_an_error_with_the_command_that_starts_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("heli3dof.batch.engines.dask_cluster.ANSWER_S", 1)
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as cluster:
+        with pytest.raises(DeviceError, match="has no worker after 1 s") as error:
+            engine(cluster.scheduler_address)
+        assert error.value.fix == f"dask worker {cluster.scheduler_address} --nthreads 1"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 ANSWER_S = 10
-"""Time limit in s for the scheduler's first answer. Chosen."""
+"""Time limit in s for the scheduler's first answer, and for its first worker. Chosen."""
 RESTART_S = 60
 """Time limit in s for a scheduler to return after its connection broke. Chosen."""
 MEMORY = "memory"
@@ -44,6 +44,7 @@ class DaskCluster:
         self._address = address
         optional("distributed", extra="cluster")
         self._client = self._connected(ANSWER_S)
+        self._await_worker(ANSWER_S)
         self._check_code()
 
     def __enter__(self) -> Self:
@@ -133,20 +134,25 @@ class DaskCluster:
                 if time.monotonic() > until:
                     raise
                 time.sleep(1)
-        self._client.wait_for_workers(1, timeout=RESTART_S)
+        self._await_worker(RESTART_S)
         self._check_code()
 
     def _workers(self) -> dict[str, Any]:
         return dict(self._client.scheduler_info(n_workers=-1)["workers"])
 
-    def _check_code(self) -> None:
-        """Raise DeviceError if there is no worker, UsageError if one runs another code version."""
-        if not self._workers():
+    def _await_worker(self, timeout_s: float) -> None:
+        """Wait for the first worker. Raises DeviceError if there is none after ``timeout_s``."""
+        try:
+            self._client.wait_for_workers(1, timeout=timeout_s)
+        except TimeoutError:
             raise DeviceError(
-                f"The Dask scheduler {self._address} has no worker.",
+                f"The Dask scheduler {self._address} has no worker after {timeout_s:g} s.",
                 cause="no worker was started, or none has found the scheduler yet.",
                 fix=f"dask worker {self._address} --nthreads 1",
-            )
+            ) from None
+
+    def _check_code(self) -> None:
+        """Raise UsageError if a worker runs another code version."""
         mine = code_version()
         for worker, other in self._client.run(_version_of_worker).items():
             if other != mine:
