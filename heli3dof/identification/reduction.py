@@ -84,6 +84,8 @@ class _Channel:
         k = len(transfer.den)
         weights = INPUTS[name]
         self.axis, self.name, self.s, self.poles = axis, name, s, poles
+        self._factors: dict[tuple[float, ...], np.ndarray] = {}
+        """Coefficients of a factor → its values (F,) at ``s``"""
         self.num, self.den = transfer.num[axis].T @ weights, transfer.den
         powers = s[:, None] ** np.arange(k - 1, -1, -1)
         D = powers @ self.den
@@ -146,13 +148,30 @@ class _Channel:
                 roots = double
         return tuple(_factor(r) for r in roots if np.imag(r) >= 0)
 
+    def shape(self, H: FactoredTransferFunction) -> np.ndarray:
+        """Return the values (F,) of H with the gain 1, as `FactoredTransferFunction.at` does.
+
+        Hundreds of candidates consist of the same few factors, whose values are kept.
+        """
+        out = np.ones(len(self.s), dtype=complex)
+        for f in H.numerator:
+            out *= self._values(f)
+        for f in H.denominator:
+            out /= self._values(f)
+        return out
+
+    def _values(self, f: Factor) -> np.ndarray:
+        if f.coefficients not in self._factors:
+            self._factors[f.coefficients] = f.at(self.s)
+        return self._factors[f.coefficients]
+
     def refitted(self, H: FactoredTransferFunction) -> tuple[FactoredTransferFunction, float]:
         """Return H with its gain k fitted to G, and the largest |H − G|/`limit` on the grid.
 
         The fit is by least squares with the weights 1/`limit`². H is accepted if the largest ratio
         is at most 1.
         """
-        shape = replace(H, gain=1.0).at(self.s)
+        shape = self.shape(H)
         w = 1 / self.limit**2
         gain = float(np.sum(w * np.conj(shape) * self.G).real / np.sum(w * np.abs(shape) ** 2))
         deviation = float(np.max(np.abs(gain * shape - self.G) / self.limit))
