@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from heli3dof.diagnosis.conclusion.encoder_scales import undetectable_scales, with_scale_ties
-from heli3dof.diagnosis.estimate.base_parameters import BaseParameter
+from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
+from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
@@ -51,5 +52,16 @@ def conclude(
     )
     return replace(
         d, verdict=verdict, remainders=remaining,
-        not_identifiable=(*d.not_identifiable, *undetectable),
+        not_identifiable=without_causes((*d.not_identifiable, *undetectable), causes),
     )  # fmt: skip
+
+
+def without_causes(
+    names: Sequence[str], causes: Sequence[Fault | Finding | OffNominal]
+) -> tuple[str, ...]:
+    """Return the effects in ``names`` that are not among the causes.
+
+    A large effect can be found where one of typical size would not be identifiable.
+    """
+    found = {(c.choice if isinstance(c, Finding) else c).term.name for c in physical(causes)}
+    return tuple(name for name in names if name not in found)
