@@ -191,14 +191,14 @@ class _Channel:
         """Return H with the standard deviations of gain and coefficients."""
         if self.covariance is None:
             return H
-        response = H.at(self.s)
+        response = H.gain * self.shape(H)
         columns = [response / H.gain]
         for sign, factors in ((1, H.numerator), (-1, H.denominator)):
             for f in factors:
                 n = len(f.coefficients)
                 if any(f.coefficients):
                     columns += [
-                        sign * response * self.s**p / f.at(self.s) for p in range(n - 1, -1, -1)
+                        sign * response * self.s**p / self._values(f) for p in range(n - 1, -1, -1)
                     ]
         w = 1 / self.limit[:, None]
         J, S = w * np.column_stack(columns), w * self.S

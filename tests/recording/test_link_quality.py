@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
-from heli3dof.recording.link_quality import link_warnings
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.identify import identify
+from heli3dof.recording.link_quality import LOSS_SHARE, link_warnings
 
 DT = 2e-3
 GOOD: dict[str, Any] = {
@@ -58,3 +62,13 @@ def test_more_than_one_percent_of_lost_samples_gives_a_warning(lost: int, warned
 def test_a_rejected_sample_gives_a_warning() -> None:
     (message,) = link_warnings(changed(link={"rejected": 1}), DT)
     assert "1 samples were rejected: repeated" in message
+
+
+@pytest.mark.accuracy
+def test_a_loss_without_a_warning_hardly_moves_the_estimates() -> None:
+    whole = fly_plan(load_plan("rich"), device="mock:?speed=max&seed=1").recording
+    drawn = np.random.default_rng(1).permutation(len(whole))
+    thinned = whole.rows(np.sort(drawn[: round((1 - LOSS_SHARE) * len(whole))]))
+    a, b = (identify(r).found.parameters for r in (whole, thinned))
+    moved = {name: abs(b[name].value - p.value) / p.std for name, p in a.items()}
+    assert max(moved.values()) < 0.1, moved

@@ -13,13 +13,12 @@ weak cause resembles an earlier one, is reported as "…-like", and can gain lit
 size of the earlier one would be wrong.
 Condition 3 is for effects that act briefly, such as a dead zone: few cells, so a wide interval.
 
-In any case, a cause is dropped if
+If no flights could be simulated, predictions must also confirm the cause
+(`conclusion.unknown_controller`). In any case, a cause is dropped if
 
 - Z²/ρ is below the threshold of simulated nulls (`screening.nulls`). Z is the standardised score
   and ρ the factor by which coloured noise increases its variance (`estimate.coloured_noise`);
-- an encoder error of at most one count explains the data as well;
-- the controller is unknown, and predictions do not confirm the cause
-  (`conclusion.unknown_controller`).
+- an encoder error of at most one count explains the data as well.
 
 These causes are dropped first, then those with the smallest Δℓ. After each, the Δℓ of the remaining
 causes are computed again. Adopted causes are not reported as confounded with each other.
@@ -78,7 +77,7 @@ def adopted(
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term), len(kept))  # type: ignore[misc]
         after, *befores = each_held_out((fit, *reduced), holdout)
         gains = [gain(before, after, seed=seed) for before in befores]
-        margins = [margin(fit, c) for c in kept]
+        margins = [0.0 if within_a_count(fit, c) else coloured_noise_margin(fit, c) for c in kept]
         against = [
             objection(fit, c, g, m, first=i == 0)
             for i, (c, g, m) in enumerate(zip(kept, gains, margins, strict=True))
@@ -95,8 +94,8 @@ def adopted(
 def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, first: bool) -> str:
     """Return the reason against a cause, empty if it is adopted.
 
-    ``g``: its gain on held-out data. ``margin``: result of the function `margin`. ``first``: True
-    for the first cause.
+    ``g``: its gain on held-out data. ``margin``: from `coloured_noise_margin`, or 0 if the cause is
+    within an encoder count. ``first``: True for the first cause.
     """
     if margin < 1:
         return COLOURED if margin > 0 else WITHIN_A_COUNT
@@ -105,11 +104,6 @@ def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, firs
     if fit.scatter is None and not exceeds_rounding(g, fit.structure.profile):
         return WITHIN_ROUNDING
     return ""
-
-
-def margin(fit: CorrectedFit, choice: Choice) -> float:
-    """Return the cause's margin over coloured noise, or 0 if it is within an encoder count."""
-    return 0.0 if within_a_count(fit, choice) else coloured_noise_margin(fit, choice)
 
 
 def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) -> list[HeldOut]:

@@ -12,10 +12,13 @@ needs it as well, in comparison with a refit in which it has the profile's value
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.conclusion.inertia_ties import PARAMETERS
 from heli3dof.diagnosis.estimate.base_parameters import OffNominal
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, ProfileLikelihood
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
@@ -24,29 +27,26 @@ from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
 
-INDICES = {
-    "mass.imbalance": (0,), "inertia.roll": (1,), "inertia.pitch": (2,), "inertia.yaw": (3,),
-    "motor.thrust_gain": (0, 1, 2, 3),
-}  # fmt: skip
-"""Finding → indices of the coordinates (T_g and the inertias) that are nominal without it"""
+THRUST_GAIN = "motor.thrust_gain"
+"""Finding that changes all of `PARAMETERS`"""
 
 
 def exceeds_rounding(g: Gain, profile: Profile) -> bool:
     """Return whether the RMSE of an axis decreases significantly and by more than the rounding."""
     return any(
-        won is not None and won.low > 0 and won.value > rounding_deg(profile, axis)
-        for axis, won in g.rmse_deg.items()
+        won is not None and won.low > 0 and won.value > rounding
+        for won, rounding in zip((g.rmse_deg[a] for a in AXES), rounding_deg(profile), strict=True)
     )
 
 
-def rounding_deg(profile: Profile, axis: str) -> float:
-    """Return the standard deviation of rounding to encoder counts, in degrees.
+def rounding_deg(profile: Profile) -> np.ndarray:
+    """Return the standard deviation (3,) of rounding to encoder counts by axis, in degrees.
 
     >>> from heli3dof.rig.profile import default_profile
-    >>> round(rounding_deg(default_profile(), "yaw"), 4)  # 360°/8192/√12
-    0.0127
+    >>> rounding_deg(default_profile()).round(4).tolist()  # yaw: 360°/8192/√12
+    [0.0254, 0.0254, 0.0127]
     """
-    return 360.0 / abs(int(getattr(profile.encoder, axis))) / math.sqrt(12)
+    return np.asarray(np.degrees(np.abs(profile.encoder.rad_per_count)) / np.sqrt(12))
 
 
 def confirmed(
@@ -60,10 +60,10 @@ def confirmed(
 
     def gained(p: OffNominal) -> Gain:
         assert isinstance(fit.problem, ProfileLikelihood)
-        held = INDICES[p.term.name]
-        problem = replace(fit.problem, at_nominal=held)
+        held = [i for i, name in enumerate(PARAMETERS) if p.term.name in (name, THRUST_GAIN)]
+        problem = replace(fit.problem, at_nominal=tuple(held))
         start = fit.optimum.theta.copy()
-        start[list(held)] = problem.prior_mean[list(held)]
+        start[held] = problem.prior_mean[held]
         optimum = maximise_corrected(problem, start, fit.optimum.noise, None)
         return gain(held_out(CorrectedFit(problem, optimum), holdout), after, seed=seed)
 
