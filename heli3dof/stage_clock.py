@@ -7,17 +7,17 @@ from collections.abc import Callable
 
 PROGRESS_EVERY_S = 1.0
 """Least time in s between two progress messages of the same stage. Chosen."""
-Says = Callable[[str], None]
+Progress = Callable[[str], None]
 
 
 class StageClock:
     """Report progress, and measure the wall-clock time of each stage.
 
-    ``says`` receives each message. ``seconds`` is {stage: time in s} of the stages that ended.
+    ``progress`` receives each message. ``seconds`` is {stage: time in s} of the stages that ended.
     """
 
-    def __init__(self, says: Says) -> None:
-        self.says = says
+    def __init__(self, progress: Progress) -> None:
+        self.progress = progress
         self.seconds: dict[str, float] = {}
         self._stage, self._since = "", time.perf_counter()
         self._sentence, self._said = "", self._since
@@ -27,7 +27,7 @@ class StageClock:
         self.stop()
         self._stage, self._sentence, self._said = stage, sentence, self._since
         self._first = None
-        self.says(sentence)
+        self.progress(sentence)
 
     def counts(self, what: str, done: int, of: int) -> None:
         """Report that ``done`` of ``of`` items of the stage are finished, with the time left.
@@ -43,7 +43,7 @@ class StageClock:
             counted = done - self._first[0]
             left = (now - self._first[1]) / counted * (of - done) if counted else None
             until = "" if left is None else f", {left:.0f} s left"
-            self.says(f"{self._sentence} {what}: {done} of {of}{until}")
+            self.progress(f"{self._sentence} {what}: {done} of {of}{until}")
 
     def stop(self) -> None:
         now = time.perf_counter()

@@ -73,7 +73,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     show_comparison(out, comparison)
     out.note("Diagnosing the rich flight, and measuring the gain on the step flight …")
     with stages(out) as stage:
-        diagnosis = diagnose(train, step, quick=True, seed=seed, says=stage)
+        diagnosis = diagnose(train, step, quick=True, seed=seed, progress=stage)
         assert diagnosis.fitted is not None  # the emulated rig's recordings have no faults
         extended = save_model(diagnosis.fitted.model, folder / "extended.json")
     document = to_document(diagnosis, str(extended))

@@ -90,7 +90,9 @@ def diagnose(
     check_same_rig([*train, *test])
     written = upcoming = None
     with stages(out) as stage, replications_on_cluster(cluster):
-        result = diagnose(train, test or None, quick=quick, seed=seed, says=stage, base=base.value)
+        result = diagnose(
+            train, test or None, quick=quick, seed=seed, progress=stage, base=base.value
+        )
         if result.fitted is not None:
             path = output or default_output(name, force=force)
             written = str(save_model(result.fitted.model, path, force=force))

@@ -93,7 +93,7 @@ def identify(
             terms=None if terms is None else chosen_terms(terms),
             holdout=test or None,
             name=name,
-            says=stage,
+            progress=stage,
         )
     save_model(result.model, path, force=force)
     if report is not None:

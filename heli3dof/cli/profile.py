@@ -340,10 +340,10 @@ def _shown(value: Any) -> str:
 def _loop_lines(loop: LoopCheck) -> Iterator[str]:
     pole = loop.poles[0]
     yield f"Loop: {'stable' if loop.stable else 'UNSTABLE'}, rightmost pole {pole.real:+.3f} rad/s"
-    if loop.disc_margin is not None:
+    if loop.disk_margin is not None:
         yield (
             f"Margins, both motors at once: gain × or ÷ {loop.gain_margin:.2f}, phase "
-            f"{loop.phase_margin_deg:.0f}° (disc margin {loop.disc_margin:.2f})"
+            f"{loop.phase_margin_deg:.0f}° (disk margin {loop.disk_margin:.2f})"
         )
     for s in loop.steps:
         yield (
@@ -357,7 +357,7 @@ def _loop_document(loop: LoopCheck) -> dict[str, Any]:
     return {
         "stable": loop.stable,
         "rightmost_pole_rad_per_s": float(loop.poles[0].real),
-        "disc_margin": loop.disc_margin,
+        "disc_margin": loop.disk_margin,
         "gain_margin": loop.gain_margin,
         "phase_margin_deg": loop.phase_margin_deg,
         "steps": [

@@ -50,7 +50,7 @@ from heli3dof.model.effects import term
 from heli3dof.parallel import report_progress
 from heli3dof.recording.logs.sampling_clock import sampling_times
 from heli3dof.recording.recording import Recording
-from heli3dof.stage_clock import Says, StageClock
+from heli3dof.stage_clock import Progress, StageClock
 
 FLIGHTS, QUICK_FLIGHTS = 64, 16
 """Number of null simulations of the first score test, without and with ``quick``. Chosen."""
@@ -68,7 +68,7 @@ def diagnose(
     *,
     quick: bool = False,
     seed: int = 0,
-    says: Says = lambda sentence: None,
+    progress: Progress = lambda sentence: None,
     base: str = "rigid",
 ) -> Diagnosis:
     """Return the errors of a simulation of these recordings, and their causes.
@@ -77,7 +77,7 @@ def diagnose(
     linear model; the rigid body is then a candidate, ``geometry``). ``quick``: fewer simulated
     flights (`QUICK_FLIGHTS` instead of `FLIGHTS`), and no cross-validation if the logs have no
     reliable likelihood. Gains are measured on ``holdout``; without it, they are cross-validated.
-    ``says`` receives progress messages.
+    ``progress`` receives progress messages.
 
     Raises RecordingError if nothing can be fitted, UsageError if ``base`` is unknown.
     """
@@ -89,7 +89,7 @@ def diagnose(
         )
     train = [recordings] if isinstance(recordings, Recording) else list(recordings)
     held = [] if holdout is None else [holdout] if isinstance(holdout, Recording) else list(holdout)
-    clock = StageClock(says)
+    clock = StageClock(progress)
     with report_progress(clock.counts):
         return _diagnosed(train, held, clock, quick=quick, seed=seed, base=base)
 
@@ -107,7 +107,7 @@ def _diagnosed(
     train, held = ([with_known_controller(sampling_times(r)) for r in x] for x in (train, held))
     if why := no_likelihood(train):
         return diagnose_without_likelihood(
-            train, held, faults, why=why, base=base, quick=quick, seed=seed, says=clock.says
+            train, held, faults, why=why, base=base, quick=quick, seed=seed, progress=clock.progress
         )
     flights = QUICK_FLIGHTS if quick else FLIGHTS
     setup = Setup(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
@@ -125,7 +125,7 @@ def _diagnosed(
     )
     settled = replace(settled, findings=with_segment_ties(settled.findings))
     if not setup.controller_is_known:
-        clock.says("Fitting each recording separately …")
+        clock.progress("Fitting each recording separately …")
         settled = replace(settled, findings=marked_if_recordings_disagree(settled.findings, train))
     if settled.residual_torques:
         clock.start("torque terms", "Extending the model by the unmodelled torque …")
@@ -148,14 +148,14 @@ def _diagnosed(
     }  # fmt: skip
     without_verdict = Diagnosis(
         *names, "", faults, result, settled.findings, off, settled.dropped,
-        leftovers=settled.residual_torques, torque_terms=extended.terms,
+        residual_torques=settled.residual_torques, torque_terms=extended.terms,
         slow_noise=settled.slow_noise, about=about,
         not_identifiable=tuple(n for n in first.not_identifiable if not term(n).effect.formal),
     )  # fmt: skip
     return conclude(
         without_verdict, base_parameters(settled.fit), train[0].profile, setup.axes,
         level_deg=detectable_size(first.screen, first.nulls, LEVEL),
-        unsure_if_like=not setup.controller_is_known,
+        ambiguous_if_unconfirmed=not setup.controller_is_known,
     )  # fmt: skip
 
 
@@ -187,7 +187,7 @@ def forward_selection(
             # Flights simulated with this cause leave the recorded one, so the cause is refuted.
             steps[-1] = replace(step, choice=None)
             break
-        clock.says(f"Found {choice.term.name}.")
+        clock.progress(f"Found {choice.term.name}.")
         fit = wider
         if not choice.term.effect.of_base:  # else only the simpler base lacks the effect
             remaining -= 1

@@ -54,7 +54,7 @@ def diagnosis_document(
         "not_identifiable": list(d.not_identifiable),
         "leftover": [
             _residual_torque(x, term)
-            for x, term in itertools.zip_longest(d.leftovers, d.torque_terms)
+            for x, term in itertools.zip_longest(d.residual_torques, d.torque_terms)
         ]
         + [_remainder(r) for r in d.remainders],
         "slow_noise": [
@@ -205,7 +205,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "score": f.choice.score,
         "confidence": f.choice.confidence,
         "tied_with": list(f.choice.tied_with),
-        "like": f.like,
+        "like": f.unconfirmed,
         "gain": _gain(f.gain),
     }
 
@@ -249,7 +249,7 @@ def _residual_torque(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
         "score": x.score,
         "confidence": x.confidence,
         "also": list(x.also),
-        "like": x.like,
+        "like": x.resembles,
         "term": None if t is None else t.proposal.term,
         "formula": None if f is None else f"c * {f.proposal.product.replace('*', ' * ')}",
         "formula_parameters": {} if f is None else {"c": _coefficient(f)},

@@ -41,7 +41,7 @@ class Finding:
     """Gain of the extended model over the same model refitted without this cause"""
     noise: FloatArray
     """(4,) noise (`Optimum.noise`) of the fit without this cause"""
-    like: bool = False
+    unconfirmed: bool = False
     """True for a likely but unconfirmed cause, "…-like": a residual torque remains, its gain is not
     confirmed, or it may only compensate the error of another cause's formula
     """
@@ -123,9 +123,9 @@ class Diagnosis:
     calibration_findings: tuple[OffNominal, ...] = ()
     """Base parameters that differ from nominal by more than the profile's tolerance"""
     dropped: tuple[Dropped, ...] = ()
-    leftovers: tuple[ResidualTorque, ...] = ()
+    residual_torques: tuple[ResidualTorque, ...] = ()
     torque_terms: tuple[TorqueTerm | None, ...] = ()
-    """The extended model's term for each of ``leftovers``; None: it contains none"""
+    """The extended model's term for each of ``residual_torques``; None: it contains none"""
     remainders: tuple[Remainder, ...] = ()
     """Errors that neither causes nor noise explain, see `remainders`"""
     slow_noise: tuple[ResidualTorque, ...] = ()
@@ -169,13 +169,13 @@ def verdict_of(
     left: Sequence[ResidualTorque | Remainder],
     refit: Gain | None = None,
     *,
-    unsure: bool = False,
+    ambiguous: bool = False,
 ) -> str:
     """Return the verdict, such as "explained", on the ``findings`` in the order of `in_order`.
 
     ``left``: the residual torques, and the errors that the causes leave (`remainders`).
-    ``refit``: the gain of refitting the profile's numbers. ``unsure``: the first physical cause is
-    uncertain. Faults of a recording are causes too, but do not hide an ambiguous physical one.
+    ``refit``: the gain of refitting the profile's numbers. ``ambiguous``: the first physical cause
+    is uncertain. Faults of a recording are causes too, but do not hide an ambiguous physical one.
     """
     if left:
         return "unexplained"
@@ -186,7 +186,7 @@ def verdict_of(
         return "explained" if findings else "nothing_found"
     first = causes[0]
     tied = first.choice.tied_with if isinstance(first, Finding) else first.tied_with
-    return "ambiguous" if tied or unsure else "explained"
+    return "ambiguous" if tied or ambiguous else "explained"
 
 
 def remainders(

@@ -24,7 +24,7 @@ from heli3dof.model.linear.model import LinearModel
 from heli3dof.parallel import one_blas_thread, report_progress
 from heli3dof.recording.logs.sampling_clock import sampling_times
 from heli3dof.recording.recording import Recording
-from heli3dof.stage_clock import Says, StageClock
+from heli3dof.stage_clock import Progress, StageClock
 
 FEEDBACK_TEST_S = 0.02
 TEST_ROWS = 60
@@ -51,7 +51,7 @@ def identify(
     holdout: Recording | Sequence[Recording] | None = None,
     intervals_s: Sequence[float] = INTERVALS_S,
     name: str | None = None,
-    says: Says = lambda sentence: None,
+    progress: Progress = lambda sentence: None,
 ) -> Identification:
     """Identify a model from recordings of one rig.
 
@@ -69,7 +69,7 @@ def identify(
         intervals_s: sampling intervals (s) that the order search tries, each rounded to a multiple
             of the control period.
         name: name of the model; None takes the method's name.
-        says: receives progress messages.
+        progress: receives progress messages.
 
     Raises:
         UsageError: an unknown method or an impossible order.
@@ -94,7 +94,7 @@ def identify(
             cause="the option belongs to the grey box.",
             fix="--method greybox --terms …, or leave --terms out",
         )
-    clock = StageClock(says)
+    clock = StageClock(progress)
     clock.start("preparation", "Selecting the rows to fit …")
     whole, partial = _by_angles(_several(recordings), split=about.physical)
     prepared = prepare(whole, held_out=_several(holdout))

@@ -39,7 +39,7 @@ MEASURE_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class AtRest:
     """Encoder readings of a rig at rest: median count and range of each axis."""
 
     counts: Counts
@@ -49,7 +49,7 @@ class Standing:
     readings: int
 
 
-def read_at_rest(rig: Rig, seconds: float) -> Standing:
+def read_at_rest(rig: Rig, seconds: float) -> AtRest:
     """Return encoder readings of a rig over ``seconds`` s. Raises SafetyTrip if it is armed."""
     rows = []
     until = time.monotonic() + seconds
@@ -68,11 +68,11 @@ def read_at_rest(rig: Rig, seconds: float) -> Standing:
     columns = list(zip(*rows, strict=True))
     a, b, c = (round(statistics.median(column)) for column in columns)
     x, y, z = (max(column) - min(column) for column in columns)
-    return Standing((a, b, c), (x, y, z), len(rows))
+    return AtRest((a, b, c), (x, y, z), len(rows))
 
 
 def calibrate(
-    standing: Standing,
+    readings: AtRest,
     rig: Rig,
     profile: Profile,
     device: str,
@@ -80,7 +80,7 @@ def calibrate(
 ) -> Calibration:
     """Return the calibration of a rig that stands at known angles.
 
-    ``standing``: the rig's encoder readings. ``angles_deg``: roll, pitch and yaw in degrees; None
+    ``readings``: the rig's encoder readings. ``angles_deg``: roll, pitch and yaw in degrees; None
     if the axis is at its rest angle. ``device``: the rig's URL. Raises CheckFailed if the rig
     moved.
     """
@@ -88,17 +88,17 @@ def calibrate(
     rest = profile.encoder.rest_rad
     at_rest = []
     for i, axis in enumerate(AXES):
-        moved_deg = abs(degrees(standing.moved[i] * per_count[i]))
-        if standing.moved[i] > STILL_COUNTS and moved_deg > STILL_DEG:
+        moved_deg = abs(degrees(readings.moved[i] * per_count[i]))
+        if readings.moved[i] > STILL_COUNTS and moved_deg > STILL_DEG:
             raise CheckFailed(
                 f"The rig is not at rest: {axis} moved by {moved_deg:.2f}° "
-                f"({standing.moved[i]} counts).",
+                f"({readings.moved[i]} counts).",
                 cause="it still swings, someone touches it, or the encoder picks up noise.",
                 fix="let it come to rest; heli3dof monitor shows the angles",
             )
         angle = angles_deg[i]
         offset = 0.0 if angle is None else (radians(angle) - rest[i]) / per_count[i]
-        at_rest.append(standing.counts[i] - round(offset))
+        at_rest.append(readings.counts[i] - round(offset))
     identity = rig.identity
     return Calibration(
         identity.serial,
@@ -140,8 +140,8 @@ def zero(
     device, profile = device or default_device(), profile or default_profile()
     with open_rig(device, profile) as rig:
         before, rig.rest = rig.rest, COUNTS_AT_POWER_UP  # raw counts of the device
-        standing = read_at_rest(rig, MEASURE_S)
-        measured = calibrate(standing, rig, profile, device, angles_deg)
+        readings = read_at_rest(rig, MEASURE_S)
+        measured = calibrate(readings, rig, profile, device, angles_deg)
     roll, pitch, yaw = (
         degrees((now - then) * per_count)
         for now, then, per_count in zip(

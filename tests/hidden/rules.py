@@ -135,11 +135,13 @@ RULES = (
         _always(None),
     ),
     Rule(
-        "unconfirmed causes are marked as …-like", "conclusion.unsure:marked_unsure", _argument(0)
+        "unconfirmed causes are marked as …-like",
+        "conclusion.unconfirmed:marked_unconfirmed",
+        _argument(0),
     ),
     Rule(
         "a residual torque is like a name",
-        "conclusion.unsure:with_resemblance",
+        "conclusion.unconfirmed:with_resemblance",
         lambda rule, left, names: tuple(left),
     ),
     Rule("pieces of the flight must agree", "conclusion.segments:with_segment_ties", _argument(0)),
@@ -182,13 +184,13 @@ def outline(x: Any) -> Any:
         case Choice():
             return (x.term.name, x.tied_with, outline(x.confidence), x.weak)
         case Finding():
-            return (outline(x.choice), x.like)
+            return (outline(x.choice), x.unconfirmed)
         case OffNominal():
             return (x.term.name, x.tied_with)
         case CorrectedFit():
             return (tuple(t.name for t in x.structure.terms), outline(x.optimum.theta))
         case ResidualTorque():
-            return (x.axis, x.depends_on, x.like)
+            return (x.axis, x.depends_on, x.resembles)
         case np.ndarray():
             return outline(x.tolist())
         case float():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from heli3dof.diagnosis.conclusion import stand_ins, unsure
+from heli3dof.diagnosis.conclusion import stand_ins, unconfirmed
 from tests.hidden.rules import BY_NAME, RULES, noted, outline, replaced
 
 
@@ -14,16 +14,16 @@ def test_every_rule_is_a_function_of_the_diagnosis() -> None:
 
 
 def test_a_function_is_replaced_wherever_it_was_imported() -> None:
-    own = unsure.marked_unsure
+    own = unconfirmed.marked_unconfirmed
 
     def other(findings: object) -> object:
         return findings
 
     with replaced(own, other):
-        assert unsure.marked_unsure is other
-        assert stand_ins.marked_unsure is other  # type: ignore[attr-defined]
-    assert unsure.marked_unsure is own
-    assert stand_ins.marked_unsure is own  # type: ignore[attr-defined]
+        assert unconfirmed.marked_unconfirmed is other
+        assert stand_ins.marked_unconfirmed is other  # type: ignore[attr-defined]
+    assert unconfirmed.marked_unconfirmed is own
+    assert stand_ins.marked_unconfirmed is own  # type: ignore[attr-defined]
 
 
 def test_a_rule_is_noted_if_its_outcome_differs_from_leaving_it_out() -> None:

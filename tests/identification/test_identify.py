@@ -219,7 +219,7 @@ def test_a_search_for_the_order_reports_how_many_models_it_has_fitted(
 ) -> None:
     monkeypatch.setattr(stage_clock, "PROGRESS_EVERY_S", 0.0)
     said: list[str] = []
-    identify_any(flights[0], method="pbsid", says=said.append)
+    identify_any(flights[0], method="pbsid", progress=said.append)
     assert "Fitting the model (pbsid) … candidate models: 0 of 10" in said
     assert any(s.startswith("Fitting the model (pbsid) … candidate models: 9 of 10") for s in said)
 

@@ -25,13 +25,13 @@ from heli3dof.rig.profile import Profile
 
 def conclude(
     d: Diagnosis, estimates: Sequence[BaseParameter], profile: Profile, axes: Sequence[str], *,
-    level_deg: float = math.inf, unsure_if_like: bool = False,
+    level_deg: float = math.inf, ambiguous_if_unconfirmed: bool = False,
 ) -> Diagnosis:  # fmt: skip
     """Return the diagnosis with its verdict, its remainders and the confounded encoder scales.
 
     ``estimates``: of the base parameters; ``axes``: the measured ones; ``level_deg``: least
-    detectable roll offset. ``unsure_if_like``: the verdict is "ambiguous" if the first cause is
-    "…-like".
+    detectable roll offset. ``ambiguous_if_unconfirmed``: the verdict is "ambiguous" if the first
+    cause is "…-like".
     """
     fitted = d.fitted
     assert fitted is not None
@@ -46,9 +46,12 @@ def conclude(
         confounded_names(causes), axes,
         rest_rad=rest_rad, tolerance=tolerance, level_deg=level_deg,
     )  # fmt: skip
-    first_is_like = any(isinstance(f, Finding) and f.like for f in physical(causes)[:1])
+    unconfirmed = any(isinstance(f, Finding) and f.unconfirmed for f in physical(causes)[:1])
     verdict = verdict_of(
-        causes, (*d.leftovers, *remaining), fitted.refit, unsure=first_is_like and unsure_if_like
+        causes,
+        (*d.residual_torques, *remaining),
+        fitted.refit,
+        ambiguous=unconfirmed and ambiguous_if_unconfirmed,
     )
     return replace(
         d, verdict=verdict, remainders=remaining,

@@ -48,7 +48,7 @@ def marked_if_recordings_disagree(
 def marked_like(f: Finding) -> Finding:
     """Return the finding marked "…-like", with a confidence of at most `MOST_CONFIDENCE`."""
     confidence = min(f.choice.confidence, MOST_CONFIDENCE)
-    return replace(f, like=True, choice=replace(f.choice, confidence=confidence))
+    return replace(f, unconfirmed=True, choice=replace(f.choice, confidence=confidence))
 
 
 def _is_doubtful(f: Finding, recordings: Sequence[Recording]) -> bool:

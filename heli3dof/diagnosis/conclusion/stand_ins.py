@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from heli3dof.diagnosis.conclusion.adoption import adopted
 from heli3dof.diagnosis.conclusion.formula_contest import replaced_by_formula
-from heli3dof.diagnosis.conclusion.unsure import marked_unsure, with_resemblance
+from heli3dof.diagnosis.conclusion.unconfirmed import marked_unconfirmed, with_resemblance
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
@@ -72,7 +72,7 @@ def settle_unmodelled(
         return _undecided(start, first, removed)
     return replace(
         now,
-        findings=marked_unsure(now.findings, now.fit),
+        findings=marked_unconfirmed(now.findings, now.fit),
         residual_torques=with_resemblance(left, removed),
         slow_noise=slow_noise,
     )
@@ -91,7 +91,7 @@ def _undecided(
     Called if no residual torque is significant without the stand-ins ``removed``. Then neither the
     torques nor the causes are certain: the causes are marked "…-like".
     """
-    findings = tuple(replace(f, like=True) for f in start.findings)
+    findings = tuple(replace(f, unconfirmed=True) for f in start.findings)
     return replace(
         start,
         findings=findings,

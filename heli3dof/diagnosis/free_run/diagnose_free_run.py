@@ -16,7 +16,7 @@ The controller is unknown, and the log has sampling jitter or unmodelled fast mo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -83,6 +83,7 @@ from heli3dof.model.effects import terms
 from heli3dof.model.greybox.model import nominal
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
+from heli3dof.stage_clock import Progress
 
 METHOD = (
     "The controller is unknown, so null simulations are not possible, and the likelihood is not "
@@ -98,7 +99,6 @@ QUICK = METHOD + (
 FITTING = "Fitting the full physical model to multi-step predictions …"
 EACH = "Refitting without each cause …"
 BLOCKS = "blocks left out of the fit"
-Says = Callable[[str], None]
 
 
 def no_likelihood(recordings: Sequence[Recording]) -> str:
@@ -118,7 +118,7 @@ def diagnose_without_likelihood(
     base: str = "rigid",
     quick: bool = False,
     seed: int = 0,
-    says: Says = lambda sentence: None,
+    progress: Progress = lambda sentence: None,
 ) -> Diagnosis:
     """Return the diagnosis of recordings that passed the integrity checks, with their ``faults``.
 
@@ -131,17 +131,19 @@ def diagnose_without_likelihood(
     flights = [r for r in whole if len(flight_of(r).starts) >= LEAST_STARTS]
     held_out = _all_angles(held)
     tested, on = (held_out, "holdout") if held_out else (whole, "the recordings themselves")
-    says(FITTING)
-    full = fit_freeflight(whole, say=lambda round_: says(f"{FITTING} {round_}"))
-    says("Testing the other effects of the catalogue …")
+    progress(FITTING)
+    full = fit_freeflight(whole, progress=lambda round_: progress(f"{FITTING} {round_}"))
+    progress("Testing the other effects of the catalogue …")
     full = with_further_effects(full)
     result = (
-        without_elimination(full) if quick else eliminate(full.problem, full, seed=seed, says=says)
+        without_elimination(full)
+        if quick
+        else eliminate(full.problem, full, seed=seed, progress=progress)
     )
-    says("Fitting the base simulation …")
+    progress("Fitting the base simulation …")
     simpler = BASES[base]
     base_fit = fit_freeflight(whole, simpler)
-    says("Measuring the gain …")
+    progress("Measuring the gain …")
     model = model_of(result.fit, whole, "extended")
     base_model = model_of(base_fit, whole, "base")
     after, before = FreeRun.of(model, tested), FreeRun.of(base_model, tested)
@@ -155,12 +157,12 @@ def diagnose_without_likelihood(
         before = cross_validated([model_of(f, whole, "") for f, _ in folds], whole)
         as_profile = cross_validated([profile_model] * len(folds), whole)
     causes, only_kept = select_causes(result)
-    causes = with_confounded_terms(result, causes, seed=seed, says=says)
+    causes = with_confounded_terms(result, causes, seed=seed, progress=progress)
     if base == "hover" and not quick:
         r = result_by_adding(result, "base.hover", "geometry", seed=seed)
         causes += [r] * r.increase.significant
         causes.sort(key=lambda r: -r.increase.value)
-    says(EACH)
+    progress(EACH)
     pairs = _without_each(result, causes, whole, held_out)
     findings = tuple(_finding(result, r, gain(*pairs[r.term], against, seed)) for r in causes)
     poor = not pays(before, after)
@@ -201,11 +203,15 @@ def diagnose_without_likelihood(
     }  # fmt: skip
     without_verdict = Diagnosis(
         tuple(r.name for r in train), tuple(r.name for r in held), "", faults, fitted, findings,
-        off, dropped, leftovers=residual, slow_noise=slow_noise, about=about,
+        off, dropped, residual_torques=residual, slow_noise=slow_noise, about=about,
         not_identifiable=tuple(not_identifiable(result.fit, causes)),
     )  # fmt: skip
     return conclude(
-        without_verdict, base_parameters(calibrated), whole[0].profile, AXES, unsure_if_like=quick
+        without_verdict,
+        base_parameters(calibrated),
+        whole[0].profile,
+        AXES,
+        ambiguous_if_unconfirmed=quick,
     )
 
 

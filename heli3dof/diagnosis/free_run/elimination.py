@@ -30,7 +30,7 @@ causes only; the extended model keeps all terms, with their priors.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import erf, sqrt
 
@@ -43,6 +43,7 @@ from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.greybox.multistep import Flight, errors
 from heli3dof.parallel import parallel_map
+from heli3dof.stage_clock import Progress
 
 CELL_S = 3.0
 """s: length of a bootstrap cell and of a prediction window"""
@@ -54,7 +55,6 @@ LEAST_COST = 9.0
 """Increase of the training cost Q: three standard deviations, squared"""
 CORRELATED = 0.5
 """|Correlation| above which a kept term may be confounded with a removed one. Chosen."""
-Says = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -114,11 +114,11 @@ class Elimination:
 
 
 def eliminate(
-    problem: MultiStep, full: MultiStepFit, *, seed: int = 0, says: Says = lambda s: None
+    problem: MultiStep, full: MultiStepFit, *, seed: int = 0, progress: Progress = lambda s: None
 ) -> Elimination:
     """Return which terms the held-out blocks need. ``full`` is the fit of ``problem``."""
     begun = search(problem, full.z, full.noise, stages_s=(STAGE_S,))
-    says("Fitting each half of the blocks …")
+    progress("Fitting each half of the blocks …")
     first = current = FitWithFolds.of(begun)
     removed: list[TermResult] = []
     retained: dict[str, Trial] = {}
@@ -127,7 +127,7 @@ def eliminate(
         order = by_significance(current.fit)
         out = None
         for name in [t for t, _ in order if t not in retained]:
-            says(f"Without {name} …")
+            progress(f"Without {name} …")
             trial = without_term(current, name, seed=seed)
             if (
                 not trial.increase.significant
@@ -142,7 +142,7 @@ def eliminate(
         correlated = correlated_terms(current.fit, out)
         retained = {k: v for k, v in retained.items() if k not in correlated}
         removed.append(TermResult(out, trial.increase))
-        says(f"Without {out} … refitting the others")
+        progress(f"Without {out} … refitting the others")
         current = current.without_term(out, trial.fits_without)
     stays = [TermResult(t, trial.increase, (), trial) for t, trial in retained.items()]
     kept = [r for r in stays if r.increase.significant or r.term in known]
@@ -190,11 +190,15 @@ def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -
 
 
 def with_confounded_terms(
-    result: Elimination, causes: Sequence[TermResult], *, seed: int, says: Says = lambda s: None
+    result: Elimination,
+    causes: Sequence[TermResult],
+    *,
+    seed: int,
+    progress: Progress = lambda s: None,
 ) -> list[TermResult]:
     """Return the causes; the ``tied_with`` of each contains the effects that can replace it."""
     fit = result.fit if result.last is None else result.last.fit
-    says("Testing the other effects of the catalogue …")
+    progress("Testing the other effects of the catalogue …")
     tests = score_tests(fit)
 
     def replaces(other: str, name: str) -> bool:
@@ -204,7 +208,7 @@ def with_confounded_terms(
 
     out = []
     for r in causes:
-        says(f"Searching for causes confounded with {r.term} …")
+        progress(f"Searching for causes confounded with {r.term} …")
         others = possible_replacements(fit, r.term, tests)
         out.append(replace(r, tied_with=tuple(n for n in others if replaces(n, r.term))))
     return out

@@ -99,7 +99,7 @@ def run_auto(
         paths.append(path)
         left_s -= plan.duration_s
         with diagnosing() as progress:
-            result = diagnose.diagnose(recordings, quick=quick, seed=seed, says=progress)
+            result = diagnose.diagnose(recordings, quick=quick, seed=seed, progress=progress)
             progress("Simulating candidates for the next flight …")
             upcoming = next_experiment.next_experiment(result, seed=seed)
         each(f"After {len(paths)} flight(s): {_sentence(result, upcoming)}")

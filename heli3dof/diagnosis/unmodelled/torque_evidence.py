@@ -8,7 +8,7 @@ are the derivatives by K values of free-form torques (`sensitivity.hat_functions
     V = D w Dᵀ            u = D ∂ ln L/∂c                   information and score of the torques
     X = T w Dᵀ                                              information shared by both
 
-The tests in `unmodelled_torque` and `conclusion.unsure` need nothing else.
+The tests in `unmodelled_torque` and `conclusion.unconfirmed` need nothing else.
 """
 
 from __future__ import annotations

@@ -94,7 +94,7 @@ class ResidualTorque:
     """1 minus the probability of so large a score without a residual torque"""
     also: tuple[str, ...] = ()
     """Other variables that explain almost as much, by falling x"""
-    like: str | None = None
+    resembles: str | None = None
     """A cause with nearly the same trace, as ``friction.viscous.yaw-like``"""
     nearest: str | None = None
     cosine: float = 0.0
@@ -166,7 +166,7 @@ def significant_torques(
             named = named_traces(fit)
         name, cos = similarity(named, flight.at, trace, nuisance.tangents, nuisance.A)
         like = f"{name}-like" if cos > LIKE else None
-        out.append(replace(new, like=like, nearest=name, cosine=cos))
+        out.append(replace(new, resembles=like, nearest=name, cosine=cos))
         nuisance = nuisance.with_torque(flight, D, tests.directions[best], columns, null)
     return tuple(out)
 

@@ -34,7 +34,7 @@ from heli3dof.model.physics.parametrisation import Free, Structure
 
 BLOCK_S = 0.5
 """s: length of the blocks over which scores are summed (see the module)"""
-TIED = 0.9
+LARGE_CORRELATION = 0.9
 """Absolute correlation above which the data do not separate two parameters"""
 PRIOR_SHARE_MAX = 0.5
 """A parameter whose σ exceeds this share of its prior's σ is not identifiable."""
@@ -50,7 +50,7 @@ class Verdict:
     absent: bool
     """True if the value is within two standard deviations of that at which the effect is absent."""
     tied_with: tuple[str, ...]
-    """Parameters whose absolute correlation with this one exceeds `TIED`"""
+    """Parameters whose absolute correlation with this one exceeds `LARGE_CORRELATION`"""
     sentence: str
     """A warning for the report; empty if there is none."""
 
@@ -119,7 +119,7 @@ class Estimate(PhysicalFit):
             tied = tuple(
                 self.free[i].name
                 for i in np.argsort(-np.abs(R[j]))
-                if i != j and abs(R[j, i]) > TIED
+                if i != j and abs(R[j, i]) > LARGE_CORRELATION
             )
             vague = sd[j] > PRIOR_SHARE_MAX * prior[j] or (f.log and sd[j] > LOG_STD_MAX)
             absent = (

@@ -131,15 +131,15 @@ def fit_freeflight(
     recordings: Sequence[Recording],
     names: Sequence[str] = REAL_TERMS,
     *,
-    say: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> MultiStepFit:
     """Return a multi-step fit of the effects ``names`` to recordings of one rig with all angles.
 
-    ``say`` is called with a line of progress per iteration. Raises RecordingError if fewer than
+    ``progress`` receives a line of text per iteration. Raises RecordingError if fewer than
     `LEAST_WINDOWS` windows of 3 s are clear of take-off, table and stops.
     """
     problem = problem_of(recordings, names)
-    return search(problem, weak_start(problem, say=say), say=say)
+    return search(problem, weak_start(problem, progress=progress), progress=progress)
 
 
 def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS) -> MultiStep:

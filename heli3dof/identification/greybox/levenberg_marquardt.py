@@ -103,12 +103,12 @@ class Descent:
 
 def descend(
     v: LeastSquares, z: np.ndarray, *, rounds: int, settled: float,
-    say: Callable[[int, float, float], None] | None = None,
+    progress: Callable[[int, float, float], None] | None = None,
 ) -> Descent:  # fmt: skip
     """Minimise problem v's cost from ``z`` until an iteration lowers it by less than ``settled``.
 
     The search ends after ``rounds`` iterations at the latest. After each iteration it calls
-    ``say(iteration, cost at the start, cost now)``.
+    ``progress(iteration, cost at the start, cost now)``.
     """
     r = v.residuals(z)
     here = begun = v.cost(r, z)
@@ -126,8 +126,8 @@ def descend(
                 damping = max(damping / 10, 1e-6)
                 break
             damping *= 10
-        if say is not None:
-            say(count, begun, here)
+        if progress is not None:
+            progress(count, begun, here)
         if gain < settled:
             done = True
             break

@@ -286,14 +286,14 @@ def search(
     stages_s: Sequence[Sequence[float]] = STAGES_S,
     rounds: int = ROUNDS,
     fixed: np.ndarray | None = None,
-    say: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> MultiStepFit:
     """Return the fit that minimises the prediction errors, from the coordinates ``start`` (dim,).
 
     ``problem`` holds flights and model structure. ``stages_s`` are the horizons (s) of successive
     minimisations, of ``rounds`` iterations at most. ``noise`` (4,) is the filter's process noise on
     roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``fixed`` (M, 3) rad are the RMS errors that scale
-    the residuals; by default each stage estimates them. ``say`` gets a line of text per iteration.
+    the residuals; by default each stage estimates them. ``progress`` gets a line per iteration.
     """
     p = problem
     z = p.start.copy() if start is None else start.copy()
@@ -307,11 +307,11 @@ def search(
         def report(
             n: int, begun: float, here: float, last: float = stage[-1], before: int = count
         ) -> None:
-            if say is not None:
-                say(f"horizon {last:g} s, round {before + n}: cost {begun:.0f} → {here:.0f}")
+            if progress is not None:
+                progress(f"horizon {last:g} s, round {before + n}: cost {begun:.0f} → {here:.0f}")
 
         v = least_squares_problem(p, a, stage, scale)
-        found = descend(v, z, rounds=rounds, settled=SETTLED, say=report)
+        found = descend(v, z, rounds=rounds, settled=SETTLED, progress=report)
         z, count = found.z, count + found.rounds
     return MultiStepFit(p, z, a, scale, found.cost, found.tangents, count, found.settled)
 

@@ -188,18 +188,18 @@ def scales(e: np.ndarray) -> np.ndarray:
 
 def weak_start(
     problem: MultiStep, start: np.ndarray | None = None, rounds: int = ROUNDS, *,
-    say: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> np.ndarray:  # fmt: skip
     """Return the coordinates (dim,) from which the multi-step fit should start.
 
     The coordinates minimise the weak form's errors over the flights of ``problem``. The search
-    starts at ``start`` (dim,) and takes ``rounds`` rounds; ``say`` gets lines of progress.
+    starts at ``start`` (dim,) and takes ``rounds`` rounds; ``progress`` gets lines of text.
     """
     logs = [log_of(f) for f in problem.flights]
     z = np.clip(problem.start if start is None else start, *problem.bounds)
     for n in range(rounds):
-        if say is not None:
-            say(f"initial values by the weak form, round {n + 1} of {rounds}")
+        if progress is not None:
+            progress(f"initial values by the weak form, round {n + 1} of {rounds}")
         scale = [scales(e) for e in residuals(problem, logs, z)]
         z = _minimum(problem, logs, scale, z)
     return np.asarray(z)

@@ -76,7 +76,7 @@ class LoopCheck:
 
     poles: FloatArray
     """(n,) rad/s, rightmost first, of the sampled loop about hover"""
-    disc_margin: float | None = None
+    disk_margin: float | None = None
     """α, the disk margin at both motors; None if the loop is unstable"""
     steps: tuple[StepCheck, ...] = ()
 
@@ -87,22 +87,22 @@ class LoopCheck:
     @property
     def gain_margin(self) -> float | None:
         """Return the factor > 1 by which each motor's gain may rise or fall; None if unstable."""
-        if self.disc_margin is None:
+        if self.disk_margin is None:
             return None
-        half = min(self.disc_margin / 2, 0.999)
+        half = min(self.disk_margin / 2, 0.999)
         return (1 + half) / (1 - half)
 
     @property
     def phase_margin_deg(self) -> float | None:
         """Return the phase lag (°) that each motor may add at any frequency; None if unstable."""
-        return None if self.disc_margin is None else degrees(2 * atan(self.disc_margin / 2))
+        return None if self.disk_margin is None else degrees(2 * atan(self.disk_margin / 2))
 
     def unusual(self) -> Iterator[str]:
         """Yield a warning for a small margin, saturation, a safety trip or a large overshoot."""
         if not self.stable:
             return
-        assert self.disc_margin is not None
-        if self.disc_margin < SMALL_MARGIN:
+        assert self.disk_margin is not None
+        if self.disk_margin < SMALL_MARGIN:
             yield (
                 f"the loop's margins are small: a gain {self.gain_margin:.2f} times as large or "
                 f"{self.phase_margin_deg:.0f}° of phase may destabilise it; measure K_f, or "
@@ -129,10 +129,10 @@ def check_loop_of(profile: Profile) -> LoopCheck:
     check = LoopCheck(poles)
     if not check.stable:
         return check
-    return LoopCheck(poles, disc_margin(profile, spec), tuple(_steps(profile, spec)))
+    return LoopCheck(poles, disk_margin(profile, spec), tuple(_steps(profile, spec)))
 
 
-def disc_margin(profile: Profile, spec: ControllerSpec) -> float:
+def disk_margin(profile: Profile, spec: ControllerSpec) -> float:
     """Return the disk margin α (see the module) of the hover model with the controller ``spec``."""
     model = hover_model(profile)
     w = np.geomspace(LOWEST_RAD_PER_S, np.pi / profile.dt, FREQUENCIES)[:-1]

@@ -28,7 +28,7 @@ class FigureData:
     """The simulation error by horizon and axis"""
     evidence: Sequence[TorqueCurve] = ()
     """Residual torque, averaged in bins, of each finding (reported cause) that acts as a torque"""
-    leftovers: Sequence[ResidualTorque] = ()
+    residual_torques: Sequence[ResidualTorque] = ()
     leftover_evidence: Sequence[TorqueCurve] = ()
     gain: Gain | None = None
     before: HeldOut | None = None
@@ -50,7 +50,9 @@ def figure_data(
         return FigureData()
     if f.base is None or f.final is None:
         return FigureData(
-            f.wrong, leftovers=found.leftovers, gain=f.gain if found.findings else None
+            f.wrong,
+            residual_torques=found.residual_torques,
+            gain=f.gain if found.findings else None,
         )
     unseen = list(holdout) or list(recordings)
     flown: tuple[Replayed, ...] = ()
@@ -61,8 +63,8 @@ def figure_data(
     return FigureData(
         f.wrong,
         [e for e in seen if e is not None],
-        found.leftovers,
-        [residual_evidence(f.final, x) for x in found.leftovers],
+        found.residual_torques,
+        [residual_evidence(f.final, x) for x in found.residual_torques],
         f.gain if found.findings else None,
         f.before,
         f.after,

@@ -93,8 +93,8 @@ def _unmodelled(document: Document, p: FigureData) -> list[str]:
     blocks = [paragraph(s) for each in sentences for s in each(document)]
     if unmodelled := [paragraph(s) for s in words.unmodelled_effects(document)]:
         blocks += [subheading("Unmodelled effects"), *unmodelled]
-    if p.leftovers:
-        blocks.append(table(residual_torque_table(p.leftovers)))
+    if p.residual_torques:
+        blocks.append(table(residual_torque_table(p.residual_torques)))
         blocks += [figure(evidence_figure(e), evidence_alt(e)) for e in p.leftover_evidence]
     blocks += map(paragraph, words.slow_noise(document))
     if deviations := [paragraph(s) for s in words.model_deviations(document)]:
@@ -121,7 +121,7 @@ def error_table(w: SimulationError) -> Grid:
     return Grid("Simulation error, degrees", heads, rows, notes, text_columns=0)
 
 
-def residual_torque_table(leftovers: Sequence[ResidualTorque]) -> Grid:
+def residual_torque_table(residual_torques: Sequence[ResidualTorque]) -> Grid:
     """Return a table of the residual torques that no known effect explains, one row each."""
     rows = [
         [
@@ -129,10 +129,10 @@ def residual_torque_table(leftovers: Sequence[ResidualTorque]) -> Grid:
             words.variable(r.depends_on),
             f"{100 * r.share:.0f}",
             f"{r.confidence:.4f}",
-            r.like or NONE,
+            r.resembles or NONE,
             words.variable(", ".join(r.also)) or NONE,
         ]
-        for r in leftovers
+        for r in residual_torques
     ]
     notes = ["Share of the variance of the axis' residual torque."]
     heads = ["torque on", "depends on", "share %", "confidence", "similar to", "or on"]

@@ -34,9 +34,9 @@ def product(plan: str, seed: int) -> Recording:
 def test_an_unmodelled_torque_gets_no_asserted_name() -> None:
     result = diagnose(product("rich", 1303).between(0.0, 30.0), quick=True)
     assert result.verdict == "unexplained"
-    assert result.leftovers[0].axis == "pitch"
+    assert result.residual_torques[0].axis == "pitch"
     # Its stand-in about hover is either dropped or reported as "-like".
-    assert all(f.like for f in result.findings)
+    assert all(f.unconfirmed for f in result.findings)
     named = {f.choice.term.name for f in result.findings} | {d.name for d in result.dropped}
     assert "motor.thrust_mismatch" in named
     assert not result.calibration_findings
@@ -92,7 +92,7 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
     monkeypatch.setattr(stand_ins, "evidence", lambda *a, **k: SimpleNamespace(null=()))
     monkeypatch.setattr(stand_ins, "replaced_by_formula", lambda *a: None)
     monkeypatch.setattr(stand_ins, "significant_torques", lambda *a: ())
-    monkeypatch.setattr(stand_ins, "marked_unsure", lambda findings, fit: findings)
+    monkeypatch.setattr(stand_ins, "marked_unconfirmed", lambda findings, fit: findings)
     fit, setup = SimpleNamespace(scatter=None), SimpleNamespace(recordings=(), seed=0)
     start = stand_ins.TorqueSearchResult(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
     last = stand_ins.settle_unmodelled(cast(Any, setup), start, [], flights=8)

@@ -48,7 +48,7 @@ def simplified() -> Diagnosis:
 def test_a_rig_with_simplified_equations_has_no_finding(simplified: Diagnosis) -> None:
     assert simplified.verdict == "nothing_found"
     assert names(simplified) == []
-    assert simplified.leftovers == ()
+    assert simplified.residual_torques == ()
     assert simplified.dropped == ()
 
 

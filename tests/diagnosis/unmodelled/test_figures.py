@@ -90,7 +90,8 @@ def test_most_points_lie_within_three_standard_errors_of_the_curve(seen: TorqueC
 def test_a_residual_torque_is_drawn_against_its_variable(base: Estimate) -> None:
     table = ((-0.5, 0.05), (0.5, -0.05))
     e = residual_evidence(
-        base, ResidualTorque("yaw", "yaw_rate", 0.8, table, (0.01, 0.01), 200.0, 1.0, like=None)
+        base,
+        ResidualTorque("yaw", "yaw_rate", 0.8, table, (0.01, 0.01), 200.0, 1.0, resembles=None),
     )
     assert e.curve_z == pytest.approx([-28.6479, 28.6479], rel=1e-4)
     assert np.corrcoef(e.z, e.torque)[0, 1] < -0.9
@@ -130,7 +131,7 @@ def test_the_section_has_tables_and_figures_and_is_reproducible(
     everything = FigureData(
         wrong=simulation_error(model, [recording], flights=1),
         evidence=(seen,),
-        leftovers=(rest,),
+        residual_torques=(rest,),
         gain=g,
         before=before,
         after=after,

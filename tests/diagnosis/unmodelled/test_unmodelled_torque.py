@@ -56,7 +56,7 @@ def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
     weight = 1 / np.array(first.std) ** 2
     slope = np.polyfit(z, torque, 1, w=np.sqrt(weight))[0]
     assert slope == pytest.approx(-0.1, rel=0.1)
-    assert first.like is None
+    assert first.resembles is None
     best, *_ = proposals(fit, first)
     assert best.term == "empirical.pitch_rate.yaw"
     assert best.start[0] == pytest.approx(-0.1, rel=0.1)

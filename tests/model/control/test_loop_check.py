@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
-from heli3dof.model.control.loop_check import check_loop_of, disc_margin
+from heli3dof.model.control.loop_check import check_loop_of, disk_margin
 from heli3dof.model.control.lqr import lqr_gain
 from heli3dof.model.discretisation import c2d_zoh
 from heli3dof.model.linear.hover import hover, hover_model
@@ -28,7 +28,7 @@ def rig(**sections: dict[str, object]) -> Profile:
 def test_the_papers_loop_is_stable_and_its_steps_are_the_golden_ones() -> None:
     found = check_loop_of(rig())
     assert found.stable
-    assert found.disc_margin == pytest.approx(0.807, abs=0.002)
+    assert found.disk_margin == pytest.approx(0.807, abs=0.002)
     take_off, roll, yaw = found.steps
     assert roll.peak_deg == pytest.approx(11.9, abs=0.2)  # 11.75 on the linear model
     assert yaw.peak_deg == pytest.approx(23.2, abs=0.2)
@@ -67,14 +67,14 @@ def test_the_margin_is_no_larger_than_python_controls_for_both_motors_alike() ->
         C * plant, np.geomspace(0.05, 1000, 2000), skew=0.0, returnall=False
     )
     assert profile.controller is not None
-    assert disc_margin(profile, profile.controller) <= 1.001 * alone
+    assert disk_margin(profile, profile.controller) <= 1.001 * alone
 
 
 def test_the_design_for_a_small_rig_flies_it() -> None:
     found = check_loop_of(rig(**SMALL, controller={"K": lqr_gain(rig(**SMALL))}))
     assert found.stable
-    assert found.disc_margin is not None
-    assert found.disc_margin > 0.7
+    assert found.disk_margin is not None
+    assert found.disk_margin > 0.7
     assert list(found.unusual()) == []
 
 
@@ -83,7 +83,7 @@ def test_a_wrong_sign_is_unstable_and_nothing_more_is_computed() -> None:
     found = check_loop_of(rig(controller={"K": K}))
     assert not found.stable
     assert found.steps == ()
-    assert found.disc_margin is None
+    assert found.disk_margin is None
 
 
 def test_an_amplifier_that_is_too_weak_is_said_to_saturate() -> None:

@@ -8,9 +8,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from heli3dof.diagnosis.conclusion.unsure import (
+from heli3dof.diagnosis.conclusion.unconfirmed import (
     insignificant,
-    marked_unsure,
+    marked_unconfirmed,
     with_resemblance,
 )
 from heli3dof.diagnosis.result import Finding
@@ -32,8 +32,8 @@ def fit(value: float, std: float = 0.1) -> Estimate:
 def test_the_residual_torque_names_what_it_replaces_unless_it_resembles_another() -> None:
     residual = ResidualTorque("yaw", "pitch_rate", 0.5, (), (), 100.0, 1.0)
     (named,) = with_resemblance([residual], ["drag.quadratic.yaw"])
-    assert named.like == "drag.quadratic.yaw-like"
-    already = replace(residual, like="friction.viscous.yaw-like")
+    assert named.resembles == "drag.quadratic.yaw-like"
+    already = replace(residual, resembles="friction.viscous.yaw-like")
     assert with_resemblance([already], ["drag.quadratic.yaw"]) == (already,)
     assert with_resemblance([residual], []) == (residual,)
 
@@ -45,8 +45,8 @@ def test_an_unconfirmed_or_weak_finding_is_marked_as_like() -> None:
             cast(Any, SimpleNamespace(log_likelihood=Interval(28.0, low, 71.0))), np.zeros(4),
         )  # fmt: skip
 
-    results = marked_unsure([finding(-8.0), finding(3.0), finding(3.0, weak=True)], fit(1.0))
-    assert [f.like for f in results] == [True, False, True]
+    results = marked_unconfirmed([finding(-8.0), finding(3.0), finding(3.0, weak=True)], fit(1.0))
+    assert [f.unconfirmed for f in results] == [True, False, True]
 
 
 def test_a_size_compatible_with_zero_is_insignificant() -> None:

@@ -22,11 +22,11 @@ MIN_SIGMAS = 2.0
 """Standard deviations by which a size must differ from zero. Chosen; not derived."""
 
 
-def marked_unsure(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
+def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
     """Return the findings, those that are unconfirmed (module) marked "…-like"."""
     small = insignificant(fit)
     return tuple(
-        replace(f, like=f.choice.weak or f.choice.term.name in small or not pays(f.gain))
+        replace(f, unconfirmed=f.choice.weak or f.choice.term.name in small or not pays(f.gain))
         for f in findings
     )
 
@@ -45,6 +45,6 @@ def with_resemblance(
     residuals: Sequence[ResidualTorque], names: Sequence[str]
 ) -> tuple[ResidualTorque, ...]:
     """Return the residual torques; the first is marked ``names[0]``-like unless it has a mark."""
-    if not residuals or residuals[0].like is not None or not names:
+    if not residuals or residuals[0].resembles is not None or not names:
         return tuple(residuals)
-    return (replace(residuals[0], like=f"{names[0]}-like"), *residuals[1:])
+    return (replace(residuals[0], resembles=f"{names[0]}-like"), *residuals[1:])
