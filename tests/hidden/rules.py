@@ -27,8 +27,6 @@ from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.screening.grid_trials import is_last_resort
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
-from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.recording.recording import Recording
 
 Function = Callable[..., Any]
@@ -60,11 +58,6 @@ def _always(value: Any) -> Function:
     return lambda rule, *_, **__: value
 
 
-def _bic(rule: Function, problem: Likelihood, fit: Optimum, name: str, *_: Any) -> float:
-    numbers = sum(f.term == name for f in problem.structure.free)
-    return numbers * float(np.log(max(len(fit.at.row), 2)))
-
-
 RULES = (
     Rule(
         "an inertia that runs away is held",
@@ -88,11 +81,6 @@ RULES = (
         lambda rule, *args: [t for t in rule(*args) if not is_last_resort(t.term)],
     ),
     Rule(
-        "no price for a parameter that its prior determines",
-        "selection.parameter_price:price",
-        _bic,
-    ),
-    Rule(
         "every rig's own effects come first",
         "selection.select:missing_parts_first",
         lambda rule, screen, nulls, fits: list(fits),
@@ -100,12 +88,7 @@ RULES = (
     Rule(
         "a weak further cause is refused",
         "selection.select:best_choice",
-        lambda rule, found, screen, nulls, fits, first: rule(found, screen, nulls, fits, None),
-    ),
-    Rule(
-        "… unless it moves the rig as the first one does",
-        "selection.select:resembles_found_causes",
-        _always(False),
+        lambda rule, screen, nulls, fits, first: rule(screen, nulls, fits, None),
     ),
     Rule(
         "undetectable effects do not replace an inertia",
@@ -182,7 +165,7 @@ def outline(x: Any) -> Any:
     """Return what counts of a rule's outcome: names, alternatives, and numbers to six digits."""
     match x:
         case Choice():
-            return (x.term.name, x.tied_with, outline(x.confidence), x.weak)
+            return (x.term.name, x.tied_with, outline(x.confidence))
         case Finding():
             return (outline(x.choice), x.unconfirmed)
         case OffNominal():

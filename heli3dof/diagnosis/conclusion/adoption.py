@@ -4,13 +4,12 @@ Each cause is removed in turn and the fit repeated. The gain Δℓ is the increa
 held-out data by the cause (`validation.gain`). A cause is adopted if one of these conditions holds:
 
 1. The 95 % interval of Δℓ lies above zero.
-2. Δℓ > `MIN_GAIN`, and the cause is the first, or weak, or its score is at least `WEAK`.
+2. Δℓ > `MIN_GAIN`, and the cause is the first, or its score is at least `SUFFICIENT`.
 3. Δℓ > `LARGE_GAIN`, and the error of an axis decreases significantly.
 
 Condition 2: the first cause exceeds the nulls' threshold, and short flights give wide intervals. A
-further cause below `WEAK` (`selection.select`) may only compensate the first one's model error. A
-weak cause resembles an earlier one, is reported as "…-like", and can gain little; without it the
-size of the earlier one would be wrong.
+further cause below `SUFFICIENT` (`selection.select`) may only compensate the first one's model
+error.
 Condition 3 is for effects that act briefly, such as a dead zone: few cells, so a wide interval.
 
 If no flights could be simulated, predictions must also confirm the cause
@@ -44,7 +43,7 @@ from heli3dof.diagnosis.result import (
     Finding,
     Fitted,
 )
-from heli3dof.diagnosis.selection.select import WEAK, Choice, certainty
+from heli3dof.diagnosis.selection.select import SUFFICIENT, Choice, certainty
 from heli3dof.diagnosis.selection.steps import without
 from heli3dof.diagnosis.validation.cross_validation import held_out, uncalibrated
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
@@ -153,7 +152,7 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
 
 def pays_enough(choice: Choice, g: Gain, *, first: bool) -> bool:
     """Return whether the gain on held-out data meets one of the module's conditions 1 to 3."""
-    strong = first or choice.weak or choice.score >= WEAK
+    strong = first or choice.score >= SUFFICIENT
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
     return (
         pays(g)
@@ -226,10 +225,10 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
 def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:
     """Return the choices, with each other's and the ``formal`` names removed from ``tied_with``.
 
-    The confidence of each choice is then that against the remaining alternatives. The names of weak
-    choices remain. ``formal``: names of the fit's other forms of the body's equations.
+    The confidence of each choice is then that against the remaining alternatives. ``formal``: names
+    of the fit's other forms of the body's equations.
     """
-    named = {c.term.name for c in choices if not c.weak} | set(formal)
+    named = {c.term.name for c in choices} | set(formal)
     out = []
     for c in choices:
         tied = tuple(n for n in c.tied_with if n not in named)

@@ -9,7 +9,7 @@ and the fit's variance inflation κ (`Estimate.inflation`), the formula replaces
 
     2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `selection.select.TIE`
 
-The second term is the BIC price of the causes' further parameters, the third the prior odds against
+The second term is BIC for the further parameters of the causes, the third the prior odds against
 one formula of K. On a limit cycle a likelihood may prefer a wrong model by hundreds. So if the
 controller is known, flights are also simulated, with the causes and with the formula. Those with
 the formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`).
@@ -111,8 +111,8 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
     ln_formula = formula.optimum.loglik
     gain = 2 * (ln_formula - ln_causes) / max(fit.inflation, 1.0)
     formulas = len(AXES) * len(PRODUCTS)
-    price = (parameters - 1) * float(np.log(readings)) - 2 * float(np.log(formulas))
-    return Contest(causes, formula, float(gain + price) if np.isfinite(ln_formula) else -np.inf)
+    penalty = (parameters - 1) * float(np.log(readings)) - 2 * float(np.log(formulas))
+    return Contest(causes, formula, float(gain + penalty) if np.isfinite(ln_formula) else -np.inf)
 
 
 def with_best_product(fit: CorrectedFit) -> Formula:

@@ -2,7 +2,6 @@
 
 A cause is unconfirmed if one of these holds:
 
-- It is weak (`selection.select`).
 - Its size differs from zero by less than `MIN_SIGMAS` standard deviations.
 - It does not significantly improve the prediction of held-out data.
 """
@@ -26,8 +25,7 @@ def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Find
     """Return the findings, those that are unconfirmed (module) marked "…-like"."""
     small = insignificant(fit)
     return tuple(
-        replace(f, unconfirmed=f.choice.weak or f.choice.term.name in small or not pays(f.gain))
-        for f in findings
+        replace(f, unconfirmed=f.choice.term.name in small or not pays(f.gain)) for f in findings
     )
 
 

@@ -78,12 +78,12 @@ class Screen:
         for rows, a, m, m0 in self._changes(recorded):
             self.D[rows] = forward(recorded.path, a, m, m0)
         self.weight = recorded.at.w
-        self.full = np.einsum("ij,j,ij->i", self.D, recorded.at.w, self.D)
+        full = np.einsum("ij,j,ij->i", self.D, recorded.at.w, self.D)
         self.cross = cross = (recorded.T * recorded.at.w) @ self.D.T
         self.A = A = recorded.H + np.diag(problem.prior_precision)
         self.solved = np.linalg.solve(A, cross)
-        v = self.full - np.einsum("ij,ij->j", cross, self.solved)
-        testable = v > 1e-6 * np.maximum(self.full, LEAST_INFORMATION)
+        v = full - np.einsum("ij,ij->j", cross, self.solved)
+        testable = v > 1e-6 * np.maximum(full, LEAST_INFORMATION)
         self.v = np.where(testable, v, np.inf)
         self.scan_informations = [
             s.information(recorded, self._unit(recorded, s.term), A) for s in self.scans
@@ -104,18 +104,6 @@ class Screen:
         full = float((self.D[a] * self.weight) @ self.D[b])
         projected = full - float(self.cross[:, a] @ self.solved[:, b])
         return projected / float(np.sqrt(self.v[a] * self.v[b]))
-
-    def shared(self, i: int, causes: np.ndarray) -> float:
-        """Return ρ², the share of the information of plain probe i that the causes absorb.
-
-        ``causes`` (n,) bool: which coordinates are the causes' parameters. The information is that
-        with the other coordinates projected out. ρ² is zero for a scan or an untestable probe.
-        """
-        if i >= len(self.plain) or not causes.any() or not np.isfinite(self.v[i]):
-            return 0.0
-        base, c = ~causes, self.cross[~causes, i]
-        alone = self.full[i] - c @ np.linalg.solve(self.A[np.ix_(base, base)], c)
-        return float(1 - self.v[i] / alone)
 
     def score(self, evaluation: Evaluation, *, prior: bool) -> ScreenResult:
         """Return the scores of all probes and scans.

@@ -1,9 +1,13 @@
 """Fit the candidates of a step in full, each added to the current fit.
 
 The fits maximise the bias-corrected log-likelihood ℓ_c (`estimate.corrected_maximum`). With the
-nulls' variance inflation κ, score = 2 Δℓ_c/κ − price (`selection.parameter_price`). A screened term
-starts at its probe with the highest score. If the result is worse than the current fit, it starts
-again near zero. A term without a score starts from its grid (`screening.grid_trials`).
+nulls' variance inflation κ and N encoder events, the score of a term with m parameters is BIC's
+
+    score = 2 Δℓ_c/κ − m ln N
+
+A screened term starts at its probe with the highest score. If the result is worse than the current
+fit, it starts again near zero. A term without a score starts from its grid
+(`screening.grid_trials`).
 """
 
 from __future__ import annotations
@@ -23,7 +27,6 @@ from heli3dof.diagnosis.screening.grid_trials import (
 )
 from heli3dof.diagnosis.screening.nulls import Nulls
 from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult, with_term
-from heli3dof.diagnosis.selection.parameter_price import price
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
@@ -43,7 +46,7 @@ class CandidateFit:
     problem: Likelihood
     optimum: Optimum
     score: float
-    """2 Δℓ_c/κ − price"""
+    """2 Δℓ_c/κ − m ln N"""
     Z2: float
     probe: int | None
     """Index of the term's probe with the highest score; None for a term without a score"""
@@ -74,7 +77,7 @@ def fit_candidates(
             return None
         won = 2 * (fit.loglik - level.loglik) / kappa
         # A part of the body's equations costs nothing: its share has a tight prior.
-        return float(won - (0.0 if term.effect.of_base else price(ext, fit, term.name, kappa)))
+        return float(won - (0.0 if term.effect.of_base else penalty(ext, fit, term.name)))
 
     def one(k: int) -> CandidateFit | None:
         term, Z2, i = ranked[k]
@@ -137,6 +140,12 @@ def fit_candidates(
     ranked = [r for r in ranked if MAX_SCORE_PER_Z2 * r[1] > best]
     fits += [f for f in parallel_map(one, len(ranked), what="fits") if f is not None]
     return sorted(fits, key=lambda f: -f.score)
+
+
+def penalty(problem: Likelihood, fit: Optimum, name: str) -> float:
+    """Return BIC's penalty m ln N of the term ``name``: m parameters, N encoder events."""
+    m = sum(f.term == name for f in problem.structure.free)
+    return m * float(np.log(max(len(fit.at.row), 2)))
 
 
 def start_at_probe(

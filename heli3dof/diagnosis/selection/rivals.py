@@ -31,8 +31,7 @@ from heli3dof.diagnosis.estimate.bias_correction import (
     simulate_again,
 )
 from heli3dof.diagnosis.screening.nulls import Nulls
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.parameter_price import price
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, penalty
 from heli3dof.diagnosis.selection.select import TIE, Choice, certainty
 from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
@@ -105,7 +104,7 @@ def compared_by_simulation(
     refuted = [W[k, j] for j, c in enumerate(compared) if c.term.name not in confounded]
     probability = certainty([float(min(refuted)), 0.0]) if refuted else 1.0
     if decides:
-        cost = price(best.problem, best.optimum, best.term.name, nulls.inflation)
+        cost = penalty(best.problem, best.optimum, best.term.name)
         best = replace(best, score=best.Z2 - cost)
     elif k:
         best, probability = compared[0], 1.0
@@ -113,7 +112,7 @@ def compared_by_simulation(
     probability = min(nulls.confidence(best.Z2), probability, 1.0 if decides else choice.confidence)
     tied = tuple(n for n in dict.fromkeys(confounded) if n != best.term.name)
     return Choice(
-        best.term, best.score, best.Z2, probability, tied, (best, *others), choice.weak,
+        best.term, best.score, best.Z2, probability, tied, (best, *others),
         choice.threshold, decides,
     )  # fmt: skip
 

@@ -19,11 +19,9 @@ cause. The rules (`best_choice`):
 3. The best candidate that qualifies is taken. All candidates with higher scores are confounded with
    it: their scores may be bias.
 4. The error of an earlier cause's formula may resemble a further cause. So a further cause needs at
-   least a share `MIN_SHARE` of the largest earlier score, or `WEAK` if that is less. An inertia off
-   nominal counts as an earlier cause.
-5. Below that, it is taken as *weak* ("…-like") if earlier causes absorb more than a share
-   `MAX_ABSORBED` of its information: its own score is then small at any size.
-6. Other forms of the body's equations (``formal`` effects) are exempt from rule 4.
+   least a share `MIN_SHARE` of the largest earlier score, or `SUFFICIENT` if that is less. An
+   inertia off nominal counts as an earlier cause. Other forms of the body's equations (``formal``
+   effects) are exempt.
 """
 
 from __future__ import annotations
@@ -51,12 +49,8 @@ FORMULA_ERROR = 0.03
 """Relative error of a score caused by an inexact formula of an effect. Chosen; not derived."""
 MIN_SHARE = 0.1
 """Least score of a further cause, relative to the largest earlier one. Chosen; not derived."""
-WEAK = 100.0
-"""Score above which a further cause is never weak. Chosen; not derived."""
-MAX_ABSORBED = 0.5
-"""ρ² above which earlier causes absorb most of a candidate's information. Chosen."""
-WEAK_CONFIDENCE = 0.5
-"""Largest confidence of a weak cause: as likely the formula's error as a cause."""
+SUFFICIENT = 100.0
+"""Score that is enough for any further cause. Chosen; not derived."""
 ONE_SIDED = 0.25
 """One-sided: the range below the null value is a smaller share of that above. Chosen."""
 LARGE = 5.0
@@ -76,8 +70,6 @@ class Choice:
     tied_with: tuple[str, ...]
     contenders: tuple[CandidateFit, ...]
     """All fitted candidates: the chosen one, then the others, best first"""
-    weak: bool = False
-    """True if it may be the error of an earlier cause's formula."""
     threshold: float = 0.0
     """Threshold of Z², from the nulls"""
     by_flights: bool = False
@@ -129,13 +121,12 @@ def choose(
     formal = [r for r in every if r[0].effect.formal and nulls.least(r[0]) <= r[1]]
     ranked += [r for r in formal if r not in ranked]
     fits = fit_candidates(current, screen, result, nulls, bias, ranked, tried)
-    return best_choice(current, screen, nulls, fits, earlier_score)
+    return best_choice(screen, nulls, fits, earlier_score)
 
 
 def best_choice(
-    current: CorrectedFit, screen: Screen, nulls: Nulls, fits: Sequence[CandidateFit],
-    earlier_score: float | None,
-) -> Choice | None:  # fmt: skip
+    screen: Screen, nulls: Nulls, fits: Sequence[CandidateFit], earlier_score: float | None
+) -> Choice | None:
     """Return the cause among the ``fits``; None if none qualifies (rules of the module).
 
     ``earlier_score``: largest score of the earlier causes, None without one.
@@ -153,12 +144,12 @@ def best_choice(
     if not qualified:
         return None
     k = qualified[0]
-    floor = -np.inf if earlier_score is None else min(MIN_SHARE * earlier_score, WEAK)
-    weak = fits[k].score < floor and not fits[k].term.effect.formal
-    if weak and not resembles_found_causes(current, screen, fits[k]):
-        k, weak = next((i for i in qualified if fits[i].term.effect.formal), -1), False
-        if k < 0:
+    floor = -np.inf if earlier_score is None else min(MIN_SHARE * earlier_score, SUFFICIENT)
+    if fits[k].score < floor:
+        formal = [i for i in qualified if fits[i].term.effect.formal]
+        if not formal:
             return None
+        k = formal[0]
     above, best, below = fits[:k], fits[k], fits[k + 1 :]
     fits = [best, *above, *below]
     close = [f for f in below if best.score - f.score < tie_margin(screen, nulls, best, f)]
@@ -166,18 +157,9 @@ def best_choice(
     # The probability that the cause is the chosen one or one confounded with it.
     second = [f.score for f in below if f not in close][:1]
     probability = min(nulls.confidence(best.Z2), certainty([best.score, *second, 0.0]))
-    if weak:
-        probability = min(probability, WEAK_CONFIDENCE)
     return Choice(
-        best.term, best.score, best.Z2, probability, confounded, tuple(fits), weak,
-        nulls.threshold,
+        best.term, best.score, best.Z2, probability, confounded, tuple(fits), nulls.threshold,
     )  # fmt: skip
-
-
-def resembles_found_causes(current: CorrectedFit, screen: Screen, new: CandidateFit) -> bool:
-    """Return True if the causes of ``current`` absorb most of the candidate's information."""
-    causes = np.array([f.term is not None for f in current.free])
-    return new.probe is not None and screen.shared(new.probe, causes) > MAX_ABSORBED
 
 
 def certainty(scores: Sequence[float]) -> float:

@@ -20,7 +20,7 @@ from heli3dof.diagnosis.conclusion.adoption import (
 )
 from heli3dof.diagnosis.result import DOES_NOT_PAY, WITHIN_A_COUNT
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import WEAK, Choice
+from heli3dof.diagnosis.selection.select import SUFFICIENT, Choice
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.model.effects import terms
 
@@ -74,34 +74,26 @@ def test_a_cause_is_not_confounded_with_an_adopted_form_of_the_equations() -> No
     assert without_mutual_ties([first], [name])[0].tied_with == ()
 
 
-def test_a_cause_stays_confounded_with_a_weakly_supported_one() -> None:
-    first = choice(176.0, (ROLL,), disturbance__periodic__yaw=176.0,
-                   disturbance__periodic__roll=175.5)  # fmt: skip
-    weak = replace(choice(40.0, (), disturbance__periodic__roll=40.0), weak=True)
-    assert without_mutual_ties([first, weak])[0].tied_with == (ROLL,)
-
-
 @pytest.mark.parametrize(
-    ("low", "value", "first", "weak", "adopted"),
+    ("low", "value", "first", "adopted"),
     [
-        (2.0, 20.0, False, False, True),  # significantly likelier
-        (-1.0, 20.0, False, False, False),  # not significantly
-        (-1.0, 20.0, True, False, True),  # odds of e²⁰ suffice for a first cause,
-        (-1.0, 20.0, False, True, True),  # and for one reported as "…-like" only
-        (-1.0, 2.0, False, True, False),  # e² do not: 7 to one
+        (2.0, 20.0, False, True),  # significantly likelier
+        (-1.0, 20.0, False, False),  # not significantly
+        (-1.0, 20.0, True, True),  # odds of e²⁰ suffice for a first cause
+        (-1.0, 2.0, True, False),  # e² do not: 7 to one
     ],
 )
 def test_a_cause_is_adopted_if_held_out_data_confirm_it(
-    low: float, value: float, first: bool, weak: bool, adopted: bool
+    low: float, value: float, first: bool, adopted: bool
 ) -> None:
     gain = gained(value, low)
-    choice = cast(Any, SimpleNamespace(weak=weak, score=WEAK - 1))
+    choice = cast(Any, SimpleNamespace(score=SUFFICIENT - 1))
     assert pays_enough(choice, gain, first=first) is adopted
 
 
-@pytest.mark.parametrize(("score", "adopted"), [(WEAK - 1, False), (WEAK, True)])
-def test_a_cause_whose_score_is_not_weak_is_adopted(score: float, adopted: bool) -> None:
-    choice = cast(Any, SimpleNamespace(weak=False, score=score))
+@pytest.mark.parametrize(("score", "adopted"), [(SUFFICIENT - 1, False), (SUFFICIENT, True)])
+def test_a_further_cause_with_a_large_score_is_adopted(score: float, adopted: bool) -> None:
+    choice = cast(Any, SimpleNamespace(score=score))
     assert pays_enough(choice, gained(20.0, -1.0), first=False) is adopted
 
 
@@ -116,7 +108,7 @@ def test_a_cause_whose_score_is_not_weak_is_adopted(score: float, adopted: bool)
 def test_a_brief_effect_pays_by_its_odds_and_one_better_predicted_axis(
     value: float, less_deg: float, adopted: bool
 ) -> None:
-    choice = cast(Any, SimpleNamespace(weak=False, score=40.0))
+    choice = cast(Any, SimpleNamespace(score=40.0))
     assert pays_enough(choice, gained(value, -7.0, less_deg), first=False) is adopted
 
 

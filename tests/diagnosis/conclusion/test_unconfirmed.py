@@ -38,15 +38,15 @@ def test_the_residual_torque_names_what_it_replaces_unless_it_resembles_another(
     assert with_resemblance([residual], []) == (residual,)
 
 
-def test_an_unconfirmed_or_weak_finding_is_marked_as_like() -> None:
-    def finding(low: float, weak: bool = False) -> Any:
+def test_an_unconfirmed_finding_is_marked_as_like() -> None:
+    def finding(low: float) -> Any:
         return Finding(
-            cast(Any, SimpleNamespace(term=SimpleNamespace(name="motor.delay"), weak=weak)), {},
+            cast(Any, SimpleNamespace(term=SimpleNamespace(name="motor.delay"))), {},
             cast(Any, SimpleNamespace(log_likelihood=Interval(28.0, low, 71.0))), np.zeros(4),
         )  # fmt: skip
 
-    results = marked_unconfirmed([finding(-8.0), finding(3.0), finding(3.0, weak=True)], fit(1.0))
-    assert [f.unconfirmed for f in results] == [True, False, True]
+    results = marked_unconfirmed([finding(-8.0), finding(3.0)], fit(1.0))
+    assert [f.unconfirmed for f in results] == [True, False]
 
 
 def test_a_size_compatible_with_zero_is_insignificant() -> None:

@@ -55,7 +55,7 @@ def test_only_a_cause_without_simulated_flights_needs_better_predictions(
 ) -> None:
     structure = SimpleNamespace(profile=PROFILE)
     fit = cast(Any, SimpleNamespace(scatter=[1.0] if simulated else None, structure=structure))
-    cause = cast(Any, SimpleNamespace(weak=False, score=400.0))
+    cause = cast(Any, SimpleNamespace(score=400.0))
     assert objection(fit, cause, lowers("roll", 0.001, 0.0005), 5.0, first=True) == why
 
 

@@ -96,15 +96,3 @@ def test_base_parameters_and_existing_terms_are_not_candidates() -> None:
     names = {t.effect.name for t in candidates()}
     assert not names & {"inertia", "mass.imbalance", "motor.thrust_gain"}
     assert "stiffness.cable.yaw" not in {t.name for t in candidates(["stiffness.cable.yaw"])}
-
-
-def test_the_shared_part_of_a_cause_and_a_probe_excludes_the_base() -> None:
-    """By hand: the probe has information 1. Its correlation is 0.6 with the base, 0.48 with the
-    cause. The base leaves 1 − 0.36 = 0.64, the cause absorbs 0.48² = 0.2304: ρ² = 0.36."""
-    screen = object.__new__(Screen)
-    screen.A, screen.cross = np.eye(2), np.array([[0.6], [0.48]])
-    screen.full, screen.v = np.array([1.0]), np.array([0.4096])
-    screen.plain, screen.scans = probes(term("bias.torque.yaw"), np.zeros((1, 2)))[:1], ()
-    assert screen.shared(0, np.array([False, True])) == pytest.approx(0.36)
-    assert screen.shared(0, np.array([False, False])) == 0.0
-    assert screen.shared(1, np.array([False, True])) == 0.0  # a scan

@@ -103,8 +103,7 @@ def contender(name: str, score: float, Z2: float) -> CandidateFit:
 
 def chosen_name(*fits: CandidateFit, earlier_score: float | None) -> str | None:
     nulls = Nulls(np.zeros(1), np.ones(1), 1.0, 20.0, 23.0, 16, "simulated")
-    result = SimpleNamespace(free=())
-    choice = best_choice(cast(Any, result), cast(Any, None), nulls, fits, earlier_score)
+    choice = best_choice(cast(Any, None), nulls, fits, earlier_score)
     return None if choice is None else choice.term.name
 
 
