@@ -5,6 +5,8 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 JOBS   ?= auto
 PEERS  := .venv-peers
+# Without byte code, every process that a test starts would compile the package again.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: help demo test test-accuracy test-browser test-kernel-usb check format bench bench-peers bench-hidden bench-rigs bench-rules docs pages recordings firmware test-firmware test-qemu fuzz clean
 

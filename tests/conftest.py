@@ -55,6 +55,13 @@ settings.load_profile("heli3dof")
 providers._get_local_constants = lambda: providers._local_constants
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """Return three workers for two cores: many tests wait for real time or another process."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    cores = len(affinity(0)) if affinity else os.cpu_count() or 1
+    return (3 * cores + 1) // 2
+
+
 @pytest.fixture(autouse=True)
 def own_command() -> None:
     """Each test is a new command: an emergency stop in an earlier test does not affect it."""

@@ -103,4 +103,5 @@ def power() -> str:
 PAGE = Page(
     "docs/explanation/fleet.md",
     {"output": output, "real": real, "calibration": calibration, "power": power},
+    slow=True,
 )

@@ -23,6 +23,8 @@ class Page:
     """path from the repository's root"""
     blocks: Mapping[str, Callable[[], str]]
     """Markdown without the last line's end, by the block's name"""
+    slow: bool = False
+    """Its blocks take over ten seconds: ``make test-accuracy`` compares them, not ``make test``"""
 
     @property
     def path(self) -> Path:

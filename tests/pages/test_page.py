@@ -11,7 +11,10 @@ BEGIN, END = f"<!-- one: made by {COMMAND} -->", "<!-- end of one -->"
 TEXT = f"before\n{BEGIN}\nold\n{END}\nafter\n"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.file)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(p, marks=[pytest.mark.accuracy] * p.slow, id=p.file) for p in PAGES],
+)
 def test_a_committed_page_equals_what_the_code_computes(page: Page) -> None:
     text = page.read()
     assert page.renewed(text) == text, f"run: {COMMAND}"
