@@ -38,11 +38,11 @@ from heli3dof.diagnosis.estimate.voltage_replay import with_known_controller
 from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.result import Diagnosis
-from heli3dof.diagnosis.selection.select import MAX_CAUSES, detectable_size
+from heli3dof.diagnosis.selection.select import MAX_CAUSES
 from heli3dof.diagnosis.selection.steps import (
     Step,
     base_with_forms,
-    extended,
+    fit_with_cause,
     screening_step,
 )
 from heli3dof.errors import UsageError, did_you_mean
@@ -154,7 +154,7 @@ def _diagnosed(
     )  # fmt: skip
     return conclude(
         without_verdict, base_parameters(settled.fit), train[0].profile, setup.axes,
-        level_deg=detectable_size(first.screen, first.nulls, LEVEL),
+        level_deg=first.detectable_size(LEVEL),
         ambiguous_if_unconfirmed=not setup.controller_is_known,
     )  # fmt: skip
 
@@ -182,7 +182,7 @@ def forward_selection(
         if step.choice is None:
             break
         choice = step.choice
-        wider = extended(setup, choice)
+        wider = fit_with_cause(setup, choice)
         if wider.scatter is None and fit.scatter is not None and not setup.touches_stops:
             # Flights simulated with this cause leave the recorded one, so the cause is refuted.
             steps[-1] = replace(step, choice=None)

@@ -18,7 +18,14 @@ from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning.free_run_plan import why_none
 from heli3dof.diagnosis.profile_update import Measured, profile_keys, ratios
-from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted, Remainder, TorqueTerm
+from heli3dof.diagnosis.result import (
+    Diagnosis,
+    Finding,
+    Fitted,
+    Remainder,
+    TorqueTerm,
+    physical,
+)
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
 
@@ -113,7 +120,7 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
     """
     tolerance = f.model.profile.tolerance
     findings = {x.term.name for x in d.calibration_findings}
-    findings |= {x.choice.term.name for x in d.findings}
+    findings |= {x.term.name for x in d.findings}
 
     def beyond(c: BaseParameter) -> str:
         if finding_of(c.name) in findings:
@@ -199,12 +206,12 @@ def _cause(x: Fault | Finding | OffNominal) -> dict[str, Any]:
 
 def _finding(f: Finding) -> dict[str, Any]:
     return {
-        "effect": f.choice.term.effect.name,
-        "axis": f.choice.term.axis,
+        "effect": f.term.effect.name,
+        "axis": f.term.axis,
         "parameters": {n: {"value": v, "std": s} for n, (v, s) in f.values.items()},
-        "score": f.choice.score,
+        "score": f.score,
         "confidence": f.choice.confidence,
-        "tied_with": list(f.choice.tied_with),
+        "tied_with": list(f.tied_with),
         "like": f.unconfirmed,
         "gain": _gain(f.gain),
     }
@@ -314,17 +321,13 @@ def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
     It is the effect's attribute ``separated_by``, or "rich" if that is empty. The result is None if
     a flight can separate none of the confounded causes.
     """
-    ties = (
-        (x.term, x.tied_with) if isinstance(x, OffNominal) else (x.choice.term, x.choice.tied_with)
-        for x in d.in_order
-        if not isinstance(x, Fault)
-    )
-    for term, tied_with in ties:
-        if others := separable_by_flight(term.name, tied_with):
+    for cause in physical(d.in_order):
+        name = cause.term.name
+        if others := separable_by_flight(name, cause.tied_with):
             return {
-                "plan": term.effect.separated_by or "rich",
-                "separates": [term.name, *others],
-                "why": f"{term.name} and {', '.join(others)} fit this recording equally well",
+                "plan": cause.term.effect.separated_by or "rich",
+                "separates": [name, *others],
+                "why": f"{name} and {', '.join(others)} fit this recording equally well",
             }
     return None
 

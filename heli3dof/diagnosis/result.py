@@ -18,6 +18,7 @@ from heli3dof.diagnosis.unmodelled.torque_formula import Proposal
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain, HeldOut
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
+from heli3dof.model.effects import Term
 from heli3dof.model.greybox.model import GreyBoxModel
 
 DOES_NOT_PAY = "held-out data do not confirm its gain"
@@ -46,6 +47,18 @@ class Finding:
     confirmed, or it may only compensate the error of another cause's formula
     """
 
+    @property
+    def term(self) -> Term:
+        return self.choice.term
+
+    @property
+    def score(self) -> float:
+        return self.choice.score
+
+    @property
+    def tied_with(self) -> tuple[str, ...]:
+        return self.choice.tied_with
+
 
 @dataclass(frozen=True, eq=False)
 class Dropped:
@@ -73,14 +86,18 @@ class Fitted:
     """Results on held-out data of the refitted base simulation and of the extended model"""
     wrong: SimulationError
     """Prediction errors with the profile's numbers, and the extended model's noise floor"""
-    noise_floor: Mapping[str, float | None]
-    """Axis → noise floor in degrees, 1 s ahead; None if unknown"""
     refit: Gain | None = None
     """Gain of the refitted base simulation over the one with the profile's numbers"""
     calibration: tuple[BaseParameter, ...] = ()
     """The base parameters if there is no ``final`` that contains them"""
     open: OpenTerms | None = None
     """Terms that a fit to free-run predictions left open; None if a likelihood was fitted"""
+
+    @property
+    def noise_floor(self) -> dict[str, float | None]:
+        """Return {axis: noise floor in degrees, `HORIZON_S` ahead}; None if it is unknown."""
+        floor = {a: self.wrong.at(HORIZON_S, a)[1] for a in AXES}
+        return {a: x if isfinite(x) else None for a, x in floor.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +171,7 @@ def in_order(
     """
     out: list[Finding | OffNominal] = list(findings)
     for o in sorted(off, key=lambda o: o.score):
-        weaker = (k for k, f in enumerate(out) if _score(f) < o.score)
+        weaker = (k for k, f in enumerate(out) if f.score < o.score)
         out.insert(next(weaker, len(out)), o)
     return (*faults, *out)
 
@@ -184,9 +201,7 @@ def verdict_of(
         if refit is not None and refit.of_calibration:
             return "off_calibration"
         return "explained" if findings else "nothing_found"
-    first = causes[0]
-    tied = first.choice.tied_with if isinstance(first, Finding) else first.tied_with
-    return "ambiguous" if tied or ambiguous else "explained"
+    return "ambiguous" if causes[0].tied_with or ambiguous else "explained"
 
 
 def remainders(
@@ -232,9 +247,5 @@ def confounded_names(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[st
         if isinstance(f, Fault):
             names.append(f"{f.effect}.{f.axis}")
         else:
-            names += f.choice.tied_with if isinstance(f, Finding) else f.tied_with
+            names += f.tied_with
     return tuple(names)
-
-
-def _score(cause: Finding | OffNominal) -> float:
-    return cause.score if isinstance(cause, OffNominal) else cause.choice.score

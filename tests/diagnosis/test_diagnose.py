@@ -21,7 +21,7 @@ def flight(plan: Plan, hide: str, seed: int) -> Recording:
 def test_a_cable_stiffness_in_yaw_is_named_with_its_size() -> None:
     recording = flight(load_plan("rich"), "stiffness.cable.yaw:0.1", 1101).between(0.0, 30.0)
     result = diagnose(recording, quick=True)
-    assert [f.choice.term.name for f in result.findings] == ["stiffness.cable.yaw"]
+    assert [f.term.name for f in result.findings] == ["stiffness.cable.yaw"]
     value, std = result.findings[0].values["stiffness_Nm_per_rad"]
     assert value == pytest.approx(0.1, abs=max(4 * std, 0.01))
     assert result.findings[0].gain.log_likelihood.low > 50

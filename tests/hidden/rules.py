@@ -25,6 +25,7 @@ from heli3dof.diagnosis.estimate.base_parameters import OffNominal
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.screening.grid_trials import is_last_resort
+from heli3dof.diagnosis.selection.inertia_alternatives import MAX_FITS, MIN_Z2
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.recording.recording import Recording
@@ -83,17 +84,19 @@ RULES = (
     Rule(
         "every rig's own effects come first",
         "selection.select:missing_parts_first",
-        lambda rule, screen, nulls, fits: list(fits),
+        lambda rule, s, fits: list(fits),
     ),
     Rule(
         "a weak further cause is refused",
         "selection.select:best_choice",
-        lambda rule, screen, nulls, fits, first: rule(screen, nulls, fits, None),
+        lambda rule, s, fits, first: rule(s, fits, None),
     ),
     Rule(
         "undetectable effects do not replace an inertia",
-        "selection.inertia_alternatives:unidentifiable",
-        _always(()),
+        "selection.inertia_alternatives:possible_alternatives",
+        lambda rule, s: [r for r in s.ranked if r[1] > MIN_Z2 and not r[0].effect.formal][
+            :MAX_FITS
+        ],
     ),
     Rule(
         "rivals are compared by their flights",

@@ -30,7 +30,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from heli3dof.axes import AXES
 from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding
 from heli3dof.diagnosis.estimate.base_parameters import in_SI
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, model_at
@@ -73,7 +72,7 @@ def adopted(
     """
     kept, dropped = list(choices), list[Dropped]()
     while True:
-        reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term), len(kept))  # type: ignore[misc]
+        reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term.name), len(kept))  # type: ignore[misc]
         after, *befores = each_held_out((fit, *reduced), holdout)
         gains = [gain(before, after, seed=seed) for before in befores]
         margins = [0.0 if within_a_count(fit, c) else coloured_noise_margin(fit, c) for c in kept]
@@ -184,9 +183,8 @@ def fitted(
         return simulation_error(nominal_model, holdout or train, truth=at, seed=seed)
 
     before, uncalibrated_base, wrong = parallel_map(part, 3)
-    floor = {a: _finite_or_none(wrong.at(1.0, a)[1]) for a in AXES}
     return Fitted(
-        base, fit, model, gain(before, after, seed=seed), before, after, wrong, floor,
+        base, fit, model, gain(before, after, seed=seed), before, after, wrong,
         refit=gain(uncalibrated_base, before, seed=seed),
     )  # fmt: skip
 
@@ -256,7 +254,3 @@ def with_positive_torque(
         out["torque_Nm"] = abs(torque), std
         out["phase_rad"] = math.pi - (math.pi - shifted) % (2 * math.pi), spread
     return out
-
-
-def _finite_or_none(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -66,5 +66,5 @@ def without_causes(
 
     A large effect can be found where one of typical size would not be identifiable.
     """
-    found = {(c.choice if isinstance(c, Finding) else c).term.name for c in physical(causes)}
+    found = {c.term.name for c in physical(causes)}
     return tuple(name for name in names if name not in found)

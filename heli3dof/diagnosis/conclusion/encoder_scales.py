@@ -55,16 +55,16 @@ def with_scale_ties(
     ties = {f"inertia.{axis}": of for axis, of in _inertia_ties(x, tolerance).items()}
     roll_findings = [
         f for f in findings
-        if f.choice.term.name in ("encoder.offset.roll", "stiffness.pendulum.roll")
+        if f.term.name in ("encoder.offset.roll", "stiffness.pendulum.roll")
     ]  # fmt: skip
     for f in roll_findings:
         ln_k = _ln_k(_zero_error(f, T_g), rest_rad)
         if _is_possible(ln_k) and _is_consistent(x["J_roll"], -ln_k, tolerance):
-            ties[f.choice.term.name] = (f"{EFFECT}.roll",)
+            ties[f.term.name] = (f"{EFFECT}.roll",)
             if x["J_roll"][0] * ln_k < 0:
                 ties["inertia.roll"] = (f"{EFFECT}.roll",)
     return (
-        tuple(_with_ties(f, ties.get(f.choice.term.name, ())) for f in findings),
+        tuple(_with_ties(f, ties.get(f.term.name, ())) for f in findings),
         tuple(
             replace(o, tied_with=_joined(o.tied_with, ties.get(o.term.name, ()))) for o in off
         ),
@@ -157,7 +157,7 @@ def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bo
 def _zero_error(f: Finding, T_g: float) -> float:
     """Return the roll offset δ in rad of a finding; NaN if its pendulum torque exceeds T_g."""
     value = next(iter(f.values.values()))[0]
-    if f.choice.term.effect.name == "encoder.offset":
+    if f.term.effect.name == "encoder.offset":
         return math.radians(value)
     return math.asin(value / T_g) if abs(value) < T_g else math.nan
 
@@ -173,7 +173,7 @@ def _is_possible(ln_k: float) -> bool:
 
 
 def _with_ties(f: Finding, names: Sequence[str]) -> Finding:
-    return replace(f, choice=replace(f.choice, tied_with=_joined(f.choice.tied_with, names)))
+    return replace(f, choice=replace(f.choice, tied_with=_joined(f.tied_with, names)))
 
 
 def _joined(first: Sequence[str], second: Sequence[str]) -> tuple[str, ...]:

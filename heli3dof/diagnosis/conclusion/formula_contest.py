@@ -40,7 +40,7 @@ from heli3dof.diagnosis.unmodelled.torque_formula import (
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import Place
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
-from heli3dof.model.effects import term, terms
+from heli3dof.model.effects import term
 from heli3dof.model.effects.empirical import PREFIX
 
 
@@ -103,8 +103,8 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
     ``ln_causes``: the log-likelihood of ``fit``, which contains the causes.
     """
     less = fit
-    for t in terms(causes):
-        less = without(less, t)
+    for name in causes:
+        less = without(less, name)
     parameters = sum(f.term in causes for f in fit.free)
     readings = max(len(fit.optimum.at.row), 2)
     formula = with_best_product(less)
@@ -124,7 +124,7 @@ def with_best_product(fit: CorrectedFit) -> Formula:
     S, c = scores[i]
     k = int(S.argmax())
     o = fit.optimum
-    wide = widened(fit.problem, o.theta, term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}"))
+    wide = widened(fit.problem, term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}"))
     start = wide.structure.free[-1].inward(float(c[k]))
     best = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)
     return Formula(wide, best, Place(AXES[i], variable_of(PRODUCTS[k])))

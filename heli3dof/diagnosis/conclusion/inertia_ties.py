@@ -31,7 +31,7 @@ import numpy as np
 
 from heli3dof.diagnosis.estimate.base_parameters import OffNominal
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
-from heli3dof.diagnosis.selection.select import LARGE, one_sided
+from heli3dof.diagnosis.screening.screening import LARGE, one_sided
 from heli3dof.diagnosis.selection.steps import Step
 from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust_scale
 
@@ -107,7 +107,7 @@ def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> 
 
     ``amounts``: (index i of a probe, least α, most α), with α in units of the probe.
     """
-    screen, Z = step.screen, step.nulls.standardised(step.recorded)
+    screen, Z = step.screen, step.Z
 
     def is_plausible(i: int, least: float, most: float) -> bool:
         p = screen.plain[i]

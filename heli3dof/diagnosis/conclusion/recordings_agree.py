@@ -38,9 +38,9 @@ def marked_if_recordings_disagree(
     findings: Sequence[Finding], recordings: Sequence[Recording]
 ) -> tuple[Finding, ...]:
     """Return the findings; those that the recordings do not confirm are marked "…-like"."""
-    unconfirmed = not_confirmed([f.choice.term.name for f in findings], recordings)
+    unconfirmed = not_confirmed([f.term.name for f in findings], recordings)
     return tuple(
-        marked_like(f) if f.choice.term.name in unconfirmed or _is_doubtful(f, recordings) else f
+        marked_like(f) if f.term.name in unconfirmed or _is_doubtful(f, recordings) else f
         for f in findings
     )
 
@@ -52,7 +52,7 @@ def marked_like(f: Finding) -> Finding:
 
 
 def _is_doubtful(f: Finding, recordings: Sequence[Recording]) -> bool:
-    name = f.choice.term.effect.name
+    name = f.term.effect.name
     if name == "mass.change":
         return len(recordings) > 1 or any(constant_voltage(r) for r in recordings)
     if name == "disturbance.periodic":

@@ -36,7 +36,7 @@ MAX_COMPARED = 3
 
 def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """Return the findings; ``tied_with`` also names causes that the segments do not separate."""
-    adopted = {f.choice.term.name for f in findings}
+    adopted = {f.term.name for f in findings}
     return tuple(
         replace(f, choice=tied_by_segments(f.choice, adopted)) if not f.choice.by_flights else f
         for f in findings

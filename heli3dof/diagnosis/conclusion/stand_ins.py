@@ -16,7 +16,7 @@ from heli3dof.diagnosis.conclusion.unconfirmed import marked_unconfirmed, with_r
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
-from heli3dof.diagnosis.selection.steps import bias_corrected_again, without
+from heli3dof.diagnosis.selection.steps import bias_corrected, without
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence
 from heli3dof.diagnosis.unmodelled.torque_formula import significant_formula
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
@@ -52,7 +52,7 @@ def settle_unmodelled(
     ``flights``: number of null simulations per search.
     """
     if start.fit.scatter is None:  # without a dropped cause, simulation may work
-        again = bias_corrected_again(setup, start.fit)
+        again = bias_corrected(setup, start.fit.problem, start.fit.optimum)
         start = start if again.scatter is None else _adopted_again(setup, start, again, (), holdout)
     now, removed, certain = start, list[str](), None
     first: tuple[ResidualTorque, ...] | None = None
@@ -80,7 +80,7 @@ def settle_unmodelled(
 
 def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
     """Return the causes that may stand in for a torque: all but parts of the body's equations."""
-    return [f.choice.term.name for f in findings if not f.choice.term.effect.of_base]
+    return [f.term.name for f in findings if not f.term.effect.of_base]
 
 
 def _undecided(
@@ -106,9 +106,10 @@ def _without_stand_ins(
     """Return the fit without the causes ``names``; the other causes are adopted again."""
     found = now.fit
     for f in now.findings:
-        if f.choice.term.name in names:
-            found = without(found, f.choice.term)
-    return _adopted_again(setup, now, bias_corrected_again(setup, found), names, holdout)
+        if f.term.name in names:
+            found = without(found, f.term.name)
+    again = bias_corrected(setup, found.problem, found.optimum)
+    return _adopted_again(setup, now, again, names, holdout)
 
 
 def _adopted_again(
@@ -116,8 +117,8 @@ def _adopted_again(
     holdout: Sequence[Recording],
 ) -> TorqueSearchResult:  # fmt: skip
     """Return ``found``, the fit without ``names``; held-out data must confirm the other causes."""
-    kept = [f.choice for f in now.findings if f.choice.term.name not in names]
-    gains = {f.choice.term.name: f.gain for f in now.findings}
+    kept = [f.choice for f in now.findings if f.term.name not in names]
+    gains = {f.term.name: f.gain for f in now.findings}
     found, findings, dropped, after = adopted(found, kept, holdout, seed=setup.seed)
     replaced = tuple(Dropped(n, gains[n], STANDS_IN) for n in names)
     return TorqueSearchResult(found, findings, (*now.dropped, *replaced, *dropped), after)

@@ -71,7 +71,7 @@ def _sized(fit: CorrectedFit, scale: ThrustScale, proposal: Proposal, won: Gain)
 def fit_with(setup: Setup, fit: CorrectedFit, proposal: Proposal) -> CorrectedFit:
     """Return ``fit`` extended by the proposal's term, refitted and bias-corrected."""
     o = fit.optimum
-    wide = widened(fit.problem, o.theta, term(proposal.term))
+    wide = widened(fit.problem, term(proposal.term))
     new = wide.structure.free[len(o.theta) :]
     start = [f.inward(v) for f, v in zip(new, proposal.start, strict=True)]
     at = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)

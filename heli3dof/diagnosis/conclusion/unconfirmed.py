@@ -24,9 +24,7 @@ MIN_SIGMAS = 2.0
 def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
     """Return the findings, those that are unconfirmed (module) marked "…-like"."""
     small = insignificant(fit)
-    return tuple(
-        replace(f, unconfirmed=f.choice.term.name in small or not pays(f.gain)) for f in findings
-    )
+    return tuple(replace(f, unconfirmed=f.term.name in small or not pays(f.gain)) for f in findings)
 
 
 def insignificant(fit: Estimate) -> set[str]:

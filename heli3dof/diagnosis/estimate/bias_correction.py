@@ -17,7 +17,7 @@ Gallant and Tauchen (1996); Gouriéroux, Monfort and Renault (1993).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -40,7 +40,6 @@ from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
-PILOTS = 8  # simulated flights per iteration, with the same random numbers in each
 ROUNDS = 10
 CONVERGED = 0.35
 """Standard deviations: a smaller step of θ is the last; about 1/√`PILOTS`, the error by ḡ."""
@@ -143,15 +142,14 @@ def correct(
     recordings: Sequence[Recording],
     *,
     seed: int,
-    pilots: int = PILOTS,
+    pilots: int,
     rounds: int = ROUNDS,
-    log: Callable[[str], None] = lambda s: None,
 ) -> CorrectedFit:
     """Return the fit at which the recordings' score equals the mean score of simulated flights.
 
     The search starts at ``theta`` (n,) and ``noise`` (4,), simulates ``pilots`` flights per round
     and takes at most ``rounds`` rounds. If the search diverges, its start is returned, with
-    ``scatter`` and ``bias`` None. ``log`` receives one line per round.
+    ``scatter`` and ``bias`` None.
     """
     start = theta, noise
     low, high = problem.bounds
@@ -193,7 +191,6 @@ def correct(
         slope = recorded.slope - noise_bias.slope
         curvature = np.minimum(np.minimum(recorded.curvature, noise_bias.curvature), -1.0)
         noise_step = np.where(axes, np.clip(-slope / curvature, -0.7, 0.7), 0.0)
-        log(f"{count} {problem.values(theta)} {noise[:3]} step {step / sd} move {noise_step}")
         length = float(np.abs(step / sd).max())
         if not np.isfinite(length) or (count >= DIVERGED_AFTER and length > DIVERGED):
             return CorrectedFit(problem, optimum_at(problem, *start, count, converged))

@@ -20,9 +20,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from heli3dof.identification.greybox.estimate import Estimate, block_scores
+from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate, block_scores
 
-BLOCK_S = 0.5  # chosen
 MEMORY_S = 3.0  # longest correlation that S includes, chosen
 CHANCE = 0.01  # chosen
 

@@ -4,7 +4,7 @@
 
 ℓ is the filter's log-likelihood (`heli3dof.identification.greybox.likelihood`), ℓ_i its part of
 axis i, θ (n,) the parameter coordinates, a (4,) the noise. The predicted readings c have the
-information w and the tangents ∂c/∂θ. The step δ = `_PROBE` is large, because the likelihood is
+information w and the tangents ∂c/∂θ. The step δ = `PROBE` is large, because the likelihood is
 rough at smaller scales.
 """
 
@@ -23,10 +23,10 @@ from heli3dof.identification.greybox.likelihood import (
     diverged,
     score_and_information,
 )
+from heli3dof.identification.greybox.maximum_likelihood import PROBE
 from heli3dof.model.physics.state_layout import Stage
 from heli3dof.parallel import parallel_map
 
-_PROBE = 0.5  # step of the log noise intensity, as in `maximum_likelihood`
 HELD = ("mass.change.time_s",)
 """Parameters that a scan sets and no search changes: the likelihood has many local maxima."""
 COARSE = {"mass.change.time_s": 5e-3}
@@ -67,7 +67,7 @@ def evaluate(
 
     Without ``whole``, the derivatives by the noise are not computed: slope 0, curvature −1.
     """
-    factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
+    factor = np.array([np.exp(PROBE)] * 3 + [1.0])
 
     def centre() -> Evaluation:
         at = problem.run(theta, noise, keep=2)
@@ -88,8 +88,8 @@ def evaluate(
     mid = result.at.loglik
     finite = np.isfinite(up) & np.isfinite(mid) & np.isfinite(down)
     up, mid, down = (np.where(finite, each, 0.0) for each in (up, mid, down))
-    curvature = np.where(finite, (up - 2 * mid + down) / _PROBE**2, -1.0)
-    return replace(result, slope=(up - down) / (2 * _PROBE), curvature=curvature)
+    curvature = np.where(finite, (up - 2 * mid + down) / PROBE**2, -1.0)
+    return replace(result, slope=(up - down) / (2 * PROBE), curvature=curvature)
 
 
 def fixed_parameters(problem: Likelihood) -> np.ndarray:

@@ -31,7 +31,8 @@ from heli3dof.diagnosis.free_run.refits import (
     restructured,
 )
 from heli3dof.diagnosis.screening.catalogue import Probe, candidates, probes
-from heli3dof.diagnosis.selection.select import MAX_CAUSES, one_sided
+from heli3dof.diagnosis.screening.screening import one_sided
+from heli3dof.diagnosis.selection.select import MAX_CAUSES
 from heli3dof.identification.greybox.multistep import (
     MultiStep,
     MultiStepFit,

@@ -172,7 +172,7 @@ def diagnose_without_likelihood(
     fitted = Fitted(
         None, None, base_model if poor else model,
         gain(before, before if poor else after, against, seed), None, None,
-        _profile_error(tested, simpler), dict.fromkeys(AXES), unfitted,
+        _profile_error(tested, simpler), unfitted,
         base_parameters(MeanTrimFit(adopted)),
         None if poor else open_terms(result, model, causes, only_kept),
     )  # fmt: skip

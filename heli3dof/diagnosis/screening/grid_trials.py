@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.screening.score_test import with_term
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import better_noise
 from heli3dof.model.effects import Term, effects, terms
@@ -85,7 +84,7 @@ def trials(
     base = float(problem.run(theta, noise, keep=0).loglik.sum())
 
     def one(k: int) -> GridTrial:
-        ext = widened(problem, theta, untested[k])
+        ext = widened(problem, untested[k])
         best = GridTrial(untested[k], 0.0, -np.inf)
         for value in starts(untested[k]):
             at = np.append(theta, ext.structure.free[-1].inward(value))
@@ -106,7 +105,7 @@ def exceeds_nulls(
     nulls: Sequence[Data],
 ) -> bool:
     """Return True if the trial's Δℓ exceeds Δℓ in every null flight by `MIN_GAIN`."""
-    ext = widened(problem, theta, trial.term)
+    ext = widened(problem, trial.term)
     at = np.append(theta, ext.structure.free[-1].inward(trial.value))
 
     def one(b: int) -> float:
@@ -118,9 +117,10 @@ def exceeds_nulls(
     return bool(trial.gain > gains.max() + MIN_GAIN)
 
 
-def widened(problem: Likelihood, theta: np.ndarray, term: Term) -> Likelihood:
+def widened(problem: Likelihood, term: Term) -> Likelihood:
     """Return the likelihood of the structure with one more term."""
-    return replace(problem, structure=with_term(problem.structure, problem.values(theta), term)[0])
+    structure = replace(problem.structure, terms=(*problem.structure.terms, term))
+    return replace(problem, structure=structure)
 
 
 def fit_start(

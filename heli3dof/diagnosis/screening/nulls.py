@@ -26,7 +26,7 @@ threshold is twice Bonferroni's for a normal distribution.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,8 +65,6 @@ class Nulls:
     flights: int
     """B; 0 by formula"""
     method: str
-    largest: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """(B,) largest Z² of each null relative to the other nulls"""
 
     def standardised(self, result: ScreenResult) -> np.ndarray:
         """Return the standardised scores Z (P,)."""
@@ -138,7 +136,7 @@ def nulls_from_scores(z: np.ndarray, signed: int | None = None) -> Nulls:
     if B >= GUMBEL_FROM:
         mu, beta = gumbel(largest)
         threshold = max(threshold, mu + beta * beyond(FALSE_ALARMS))
-    return Nulls(mean, std, inflation, threshold, nu, B, "simulated", largest)
+    return Nulls(mean, std, inflation, threshold, nu, B, "simulated")
 
 
 def _shrunk_std(z: np.ndarray) -> np.ndarray:

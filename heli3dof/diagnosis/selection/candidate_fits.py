@@ -13,7 +13,7 @@ fit, it starts again near zero. A term without a score starts from its grid
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,8 +25,8 @@ from heli3dof.diagnosis.screening.grid_trials import (
     is_last_resort,
     widened,
 )
-from heli3dof.diagnosis.screening.nulls import Nulls
-from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult, with_term
+from heli3dof.diagnosis.screening.score_test import ScreenResult
+from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
@@ -53,17 +53,16 @@ class CandidateFit:
 
 
 def fit_candidates(
-    current: CorrectedFit, screen: Screen, result: ScreenResult, nulls: Nulls, bias: np.ndarray,
-    ranked: Sequence[tuple[Term, float, int]], tried: Sequence[GridTrial] = (),
-) -> list[CandidateFit]:  # fmt: skip
+    s: Screening, ranked: Sequence[tuple[Term, float, int]], tried: Sequence[GridTrial] = ()
+) -> list[CandidateFit]:
     """Return full fits of the ``ranked`` terms and of the ``tried`` terms, best score first.
 
-    ``ranked``: from `selection.select.ranked_candidates`; ``tried``: terms without a score.
-    ``bias`` (n,): mean scores of the nulls along θ. Fits that diverge or end at a bound are
-    omitted, as are ``ranked`` terms with Z² too small to exceed the fits of ``tried``.
+    ``ranked``: of `Screening.ranked`; ``tried``: terms without a score. Fits that diverge or end at
+    a bound are omitted, as are ``ranked`` terms with Z² too small to exceed the fits of ``tried``.
     """
     if not ranked and not tried:
         return []
+    current, screen, result, nulls, bias = s.fit, s.screen, s.recorded, s.nulls, s.bias
     o, problem = current.optimum, current.problem
     none = np.zeros(3) if current.noise_bias is None else current.noise_bias
     level = maximise_corrected(problem, o.theta, o.noise, ScoreBias(bias, none, o.theta, o.noise))
@@ -81,12 +80,11 @@ def fit_candidates(
 
     def one(k: int) -> CandidateFit | None:
         term, Z2, i = ranked[k]
-        wide, _ = with_term(problem.structure, current.values, term)
-        ext = replace(problem, structure=wide)
+        ext = widened(problem, term)
         start = start_at_probe(
             ext, current, result, i, 1 - nulls.mean[i] / result.z[i] if result.z[i] else 1.0
         )
-        new = wide.free[len(o.theta) :]
+        new = ext.structure.free[len(o.theta) :]
         slope, theta_0 = np.zeros(len(new)), start[len(o.theta) :].copy()
         if i < len(screen.plain) and screen.plain[i].grows and np.isfinite(screen.v[i]):
             raw = nulls.mean[i] * np.sqrt(screen.v[i]) + screen.solved[:, i] @ bias
@@ -99,7 +97,7 @@ def fit_candidates(
                 theta_0[0] = new[0].inward(new[0].null)
         score_bias = ScoreBias(np.append(bias, slope), none, np.append(o.theta, theta_0), o.noise)
         # The likelihood is jagged along a backlash width, so that width is held.
-        jagged = np.array([f.term in backlash for f in wide.free])
+        jagged = np.array([f.term in backlash for f in ext.structure.free])
         begin = np.append(level.theta, start[len(o.theta) :])
         fit = maximise_corrected(ext, begin, level.noise, score_bias, hold=jagged)
         undetermined = fit.at_bound.copy()
@@ -120,7 +118,7 @@ def fit_candidates(
 
     def trial(k: int) -> CandidateFit | None:
         term = tried[k].term
-        ext = widened(problem, o.theta, term)
+        ext = widened(problem, term)
         start, noise = fit_start(ext, level.theta, level.noise, term)
         new = ext.structure.free[len(o.theta) :]
         no_slope = np.append(bias, np.zeros(len(new)))

@@ -11,20 +11,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from heli3dof.diagnosis.estimate.base_parameters import (
     base_parameters,
     finding_of,
     off_nominal,
     std_inflation,
 )
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
-from heli3dof.diagnosis.screening.nulls import Nulls
-from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
+from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, fit_candidates
-from heli3dof.diagnosis.selection.select import TIE, ranked_candidates, unidentifiable
+from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.model.effects import Term
 
 MIN_Z2 = 4.0
 """Least Z² for a full fit: two standard deviations. Chosen; not derived."""
@@ -32,31 +29,26 @@ MAX_FITS = 6
 """Most candidates fitted in full. Chosen; not derived."""
 
 
-def instead_of_inertia(
-    fit: CorrectedFit,
-    screen: Screen,
-    result: ScreenResult,
-    nulls: Nulls,
-    bias: np.ndarray,
-) -> list[CandidateFit]:
+def instead_of_inertia(s: Screening) -> list[CandidateFit]:
     """Return the fits of candidates that bring all inertias off nominal back within tolerance.
 
-    The result is empty if no inertia is off nominal. The fits' ``Z2`` is their score. ``bias``
-    (n,): mean scores of the nulls along θ.
+    The result is empty if no inertia is off nominal. The fits' ``Z2`` is their score.
     """
-    off = [o.term.name for o in off_nominal(fit, std_inflation=std_inflation(fit))]
+    off = [o.term.name for o in off_nominal(s.fit, std_inflation=std_inflation(s.fit))]
     inertias = {n for n in off if n.startswith("inertia")}
     if not inertias:
         return []
-    hidden = unidentifiable(screen, nulls)
-    every = [
-        r for r in ranked_candidates(result, nulls) if r[1] > MIN_Z2 and r[0].name not in hidden
-    ]
-    physical = [r for r in every if not r[0].effect.formal][:MAX_FITS]
-    fits = fit_candidates(fit, screen, result, nulls, bias, physical)
+    fits = fit_candidates(s, possible_alternatives(s))
     back = [f for f in fits if within(Estimate(f.problem, f.optimum), inertias)]
     # Z² is too small after the base has absorbed the effect, so the score replaces it.
     return [replace(f, Z2=f.score) for f in back if f.score > -TIE]
+
+
+def possible_alternatives(s: Screening) -> list[tuple[Term, float, int]]:
+    """Return the ranked terms to fit: identifiable ones with Z² > `MIN_Z2`, at most `MAX_FITS`."""
+    hidden = s.not_identifiable
+    shown = (r for r in s.ranked if r[1] > MIN_Z2 and r[0].name not in hidden)
+    return [r for r in shown if not r[0].effect.formal][:MAX_FITS]
 
 
 def within(fit: Estimate, names: set[str]) -> bool:

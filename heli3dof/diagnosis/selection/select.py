@@ -31,11 +31,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
-from heli3dof.diagnosis.screening.catalogue import Probe
 from heli3dof.diagnosis.screening.grid_trials import GridTrial
-from heli3dof.diagnosis.screening.nulls import DRIFT, Nulls
-from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
+from heli3dof.diagnosis.screening.nulls import DRIFT
+from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, fit_candidates
 from heli3dof.model.effects import Term
 
@@ -51,10 +49,6 @@ MIN_SHARE = 0.1
 """Least score of a further cause, relative to the largest earlier one. Chosen; not derived."""
 SUFFICIENT = 100.0
 """Score that is enough for any further cause. Chosen; not derived."""
-ONE_SIDED = 0.25
-"""One-sided: the range below the null value is a smaller share of that above. Chosen."""
-LARGE = 5.0
-"""Largest plausible size of a parameter, in typical sizes. Chosen; not derived."""
 MAX_CAUSES = 4
 """Most causes of a diagnosis. Chosen; not derived."""
 
@@ -76,68 +70,42 @@ class Choice:
     """True if it was chosen by simulated flights of its rivals (`selection.rivals`), not scores."""
 
 
-def ranked_candidates(result: ScreenResult, nulls: Nulls) -> list[tuple[Term, float, int]]:
-    """Return (term, Z², index of its best probe), largest Z² first.
-
-    Z² is zero if a one-sided term has the wrong sign, such as a negative friction.
-    """
-    Z = nulls.standardised(result)
-    best: dict[str, tuple[Term, float, int]] = {}
-    for i, p in enumerate(result.probes):
-        Z2 = float(Z[i]) ** 2 if Z[i] > 0 or not one_sided(p) else 0.0
-        if p.name not in best or best[p.name][1] < Z2:
-            best[p.name] = (p.term, Z2, i)
-    return sorted(best.values(), key=lambda b: -b[1])
-
-
-def candidates_to_fit(
-    ranked: Sequence[tuple[Term, float, int]], nulls: Nulls
-) -> list[tuple[Term, float, int]]:
-    """Return at most `MAX_FITS` terms; none if no Z² reaches the nulls' threshold."""
-    if not ranked or ranked[0][1] < nulls.threshold:
-        return []
-    return [r for r in ranked[:MAX_FITS] if r[1] >= MIN_RELATIVE_Z2 * ranked[0][1]]
-
-
-def one_sided(probe: Probe) -> bool:
-    """Return True if a rig can have the probe's effect with one sign only."""
-    if probe.term.effect.scan or not probe.grows:
-        return True
-    q = probe.term.effect.parameters[0]
-    return q.null - q.low < ONE_SIDED * (q.high - q.null)
-
-
 def choose(
-    current: CorrectedFit, screen: Screen, result: ScreenResult, nulls: Nulls, bias: np.ndarray,
-    earlier_score: float | None, tried: Sequence[GridTrial] = (),
-) -> Choice | None:  # fmt: skip
-    """Return the next cause to add to the fit ``current``; None if there is none.
+    s: Screening, earlier_score: float | None, tried: Sequence[GridTrial] = ()
+) -> Choice | None:
+    """Return the next cause to add to the screened fit; None if there is none.
 
-    ``bias`` (n,): mean scores of the nulls along θ. ``earlier_score``: largest score of the earlier
-    causes, None without one. ``tried``: terms without a score to be fitted.
+    ``earlier_score``: largest score of the earlier causes, None without one. ``tried``: terms
+    without a score to be fitted.
     """
-    every = ranked_candidates(result, nulls)
-    ranked = candidates_to_fit(every, nulls)
-    formal = [r for r in every if r[0].effect.formal and nulls.least(r[0]) <= r[1]]
+    ranked = candidates_to_fit(s)
+    formal = [r for r in s.ranked if r[0].effect.formal and s.nulls.least(r[0]) <= r[1]]
     ranked += [r for r in formal if r not in ranked]
-    fits = fit_candidates(current, screen, result, nulls, bias, ranked, tried)
-    return best_choice(screen, nulls, fits, earlier_score)
+    return best_choice(s, fit_candidates(s, ranked, tried), earlier_score)
+
+
+def candidates_to_fit(s: Screening) -> list[tuple[Term, float, int]]:
+    """Return at most `MAX_FITS` terms; none if no Z² reaches the nulls' threshold."""
+    if not s.ranked or s.ranked[0][1] < s.nulls.threshold:
+        return []
+    return [r for r in s.ranked[:MAX_FITS] if r[1] >= MIN_RELATIVE_Z2 * s.ranked[0][1]]
 
 
 def best_choice(
-    screen: Screen, nulls: Nulls, fits: Sequence[CandidateFit], earlier_score: float | None
+    s: Screening, fits: Sequence[CandidateFit], earlier_score: float | None
 ) -> Choice | None:
     """Return the cause among the ``fits``; None if none qualifies (rules of the module).
 
     ``earlier_score``: largest score of the earlier causes, None without one.
     """
-    fits = missing_parts_first(screen, nulls, sorted(fits, key=lambda f: -f.score))
+    nulls = s.nulls
+    fits = missing_parts_first(s, sorted(fits, key=lambda f: -f.score))
     if not fits or fits[0].score < TIE:
         return None
 
     def qualifies(f: CandidateFit) -> bool:
         least = nulls.least(f.term)
-        confounded = fits[0].score - f.score < tie_margin(screen, nulls, fits[0], f)
+        confounded = fits[0].score - f.score < tie_margin(s, fits[0], f)
         return least <= f.Z2 and (confounded or least <= f.score)
 
     qualified = [i for i, f in enumerate(fits) if qualifies(f)]
@@ -152,7 +120,7 @@ def best_choice(
         k = formal[0]
     above, best, below = fits[:k], fits[k], fits[k + 1 :]
     fits = [best, *above, *below]
-    close = [f for f in below if best.score - f.score < tie_margin(screen, nulls, best, f)]
+    close = [f for f in below if best.score - f.score < tie_margin(s, best, f)]
     confounded = tuple(f.term.name for f in (*above, *close))
     # The probability that the cause is the chosen one or one confounded with it.
     second = [f.score for f in below if f not in close][:1]
@@ -176,54 +144,18 @@ def certainty(scores: Sequence[float]) -> float:
     return float(1 / (1 + np.exp(-min(scores[0] - max(scores[1:]), 200.0) / 2)))
 
 
-def missing_parts_first(
-    screen: Screen, nulls: Nulls, fits: Sequence[CandidateFit]
-) -> list[CandidateFit]:
+def missing_parts_first(s: Screening, fits: Sequence[CandidateFit]) -> list[CandidateFit]:
     """Return the fits; parts of the body's equations confounded with the best fit come first."""
-    confounded = [
-        f for f in fits if fits[0].score - f.score < tie_margin(screen, nulls, fits[0], f)
-    ]
+    confounded = [f for f in fits if fits[0].score - f.score < tie_margin(s, fits[0], f)]
     return sorted(fits, key=lambda f: not (f in confounded and f.term.effect.missing))
 
 
-def tie_margin(screen: Screen, nulls: Nulls, best: CandidateFit, other: CandidateFit) -> float:
+def tie_margin(s: Screening, best: CandidateFit, other: CandidateFit) -> float:
     """Return the difference of scores below which two candidates are confounded."""
     plain = max(TIE, FORMULA_ERROR * best.score)
     a, b = best.probe, other.probe
-    if a is None or b is None or max(a, b) >= len(screen.plain):
+    if a is None or b is None or max(a, b) >= len(s.screen.plain):
         return plain
-    drift = DRIFT * max(abs(nulls.mean[a]), abs(nulls.mean[b])) / np.sqrt(nulls.inflation)
-    apart = np.sqrt(2 * (1 - min(abs(screen.correlation(a, b)), 1.0)))
+    drift = DRIFT * max(abs(s.nulls.mean[a]), abs(s.nulls.mean[b])) / np.sqrt(s.nulls.inflation)
+    apart = np.sqrt(2 * (1 - min(abs(s.screen.correlation(a, b)), 1.0)))
     return float(plain + 2 * np.sqrt(max(best.score, 0.0)) * drift * apart)
-
-
-def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
-    """Return the names of the terms whose first parameter has 3 σ > `LARGE` typical sizes.
-
-    They are ordered by this ratio, smallest first. A limit that the recordings do not reach is in
-    the list too.
-    """
-    sigma = _sigma(screen, nulls)
-    best: dict[str, float] = {}
-    for p, s, v in zip(screen.plain, sigma, screen.v, strict=True):
-        share = 3 * float(s) / (LARGE * p.term.effect.parameters[0].typical)
-        if not p.grows:  # a limit is identifiable if the recordings reach it
-            share = 0.0 if np.isfinite(v) else np.inf
-        best[p.name] = min(best.get(p.name, np.inf), share)
-    return tuple(sorted((n for n, share in best.items() if share > 1), key=lambda n: best[n]))
-
-
-def _sigma(screen: Screen, nulls: Nulls) -> np.ndarray:
-    """Return the standard deviation of the first parameter of each plain probe, in its unit."""
-    v = np.maximum(screen.information(), 1e-300)
-    return np.asarray(nulls.std[: len(screen.plain)] / np.sqrt(v))
-
-
-def detectable_size(screen: Screen, nulls: Nulls, name: str) -> float:
-    """Return the size of a term's first parameter, in its unit, at which Z² reaches the threshold.
-
-    It is infinite for a term that the screen does not evaluate by plain probes.
-    """
-    sigma = _sigma(screen, nulls)
-    named = [float(s) for p, s in zip(screen.plain, sigma, strict=True) if p.name == name]
-    return float(np.sqrt(nulls.threshold)) * min(named, default=np.inf)

@@ -2,7 +2,7 @@
 
 1. `screening_step` runs the score test on the recordings and their nulls.
 2. `Step.chosen` chooses the next cause by full fits (`selection.select`).
-3. `extended` returns the bias-corrected fit with that cause.
+3. `fit_with_cause` returns the bias-corrected fit with that cause.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from heli3dof.diagnosis.screening.grid_trials import (
     widened,
 )
 from heli3dof.diagnosis.screening.nulls import (
-    Nulls,
     formula_nulls,
     simulated_nulls,
 )
-from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
+from heli3dof.diagnosis.screening.score_test import Screen
+from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia
 from heli3dof.diagnosis.selection.rivals import compared_by_simulation
-from heli3dof.diagnosis.selection.select import Choice, choose, ranked_candidates, unidentifiable
+from heli3dof.diagnosis.selection.select import Choice, choose
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
@@ -54,25 +54,10 @@ MAX_SHIFT, MAX_NOISE_SHIFT = 30.0, 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """One screen of the current fit: scores of the recordings, nulls, and the choice."""
+class Step(Screening):
+    """A step of forward selection: the screening of the current fit, and the choice of a cause."""
 
-    fit: CorrectedFit
-    """The current fit: the base with all causes of earlier steps"""
-    screen: Screen
-    recorded: ScreenResult
-    """Scores of the recordings"""
-    nulls: Nulls
-    bias: np.ndarray
-    """(n,) mean scores of the nulls along θ"""
-    not_identifiable: tuple[str, ...]
-    """Terms that these recordings could not reveal even at a large size"""
     choice: Choice | None = None
-
-    @property
-    def largest(self) -> list[tuple[str, float]]:
-        """Return the three terms with the largest Z², each with its Z²."""
-        return [(t.name, z) for t, z, _ in ranked_candidates(self.recorded, self.nulls)[:3]]
 
     def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
         """Return the terms whose Δℓ meets both conditions of `screening.grid_trials`."""
@@ -90,7 +75,7 @@ class Step:
     @cached_property
     def instead_of_inertia(self) -> list[CandidateFit]:
         """Return the candidates that an inertia may have absorbed."""
-        return instead_of_inertia(self.fit, self.screen, self.recorded, self.nulls, self.bias)
+        return instead_of_inertia(self)
 
     def chosen(self, setup: Setup, earlier_score: float | None) -> Step:
         """Return the step with its choice; without one from scores, try the terms of last resort.
@@ -98,19 +83,14 @@ class Step:
         ``earlier_score``: largest score of the earlier causes (`selection.select`), or None.
         """
         present = [t.name for t in self.fit.problem.structure.terms]
-
-        def choice_with(tried: Sequence[GridTrial]) -> Choice | None:
-            return choose(
-                self.fit, self.screen, self.recorded, self.nulls, self.bias, earlier_score, tried
-            )
-
-        choice = choice_with(self.significant_trials(setup, tried_terms(present, setup.axes)))
+        tried = self.significant_trials(setup, tried_terms(present, setup.axes))
+        choice = choose(self, earlier_score, tried)
         if (
             choice is None
             and setup.controller_is_known
             and (tried := self.significant_trials(setup, last_resort_terms(present)))
         ):
-            choice = choice_with(tried)
+            choice = choose(self, earlier_score, tried)
         if choice is not None and setup.controller_is_known:
             choice = compared_by_simulation(
                 choice, self.nulls, setup.recordings, seed=setup.seed, pilots=setup.pilots,
@@ -120,19 +100,13 @@ class Step:
         return replace(self, choice=choice)
 
 
-def screened(setup: Setup, fit: CorrectedFit) -> tuple[Screen, ScreenResult]:
-    """Return the screen of all candidates for ``fit``, and the recordings' scores."""
+def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
+    """Return the step after ``fit``: scores, nulls from ``flights`` simulations, no choice yet."""
     problem, o = fit.problem, fit.optimum
     recorded = evaluate(problem, o.theta, o.noise, whole=False)
     terms = candidates([t.name for t in problem.structure.terms], setup.axes)
     plain = [p for t in terms for p in probes(t, problem.data.V)]
     screen = Screen(problem, o.theta, recorded, plain, scans(terms))
-    return screen, screen.score(recorded, prior=True)
-
-
-def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
-    """Return the step after ``fit``: scores, nulls from ``flights`` simulations, no choice yet."""
-    screen, result = screened(setup, fit)
     bias = np.zeros(len(fit.theta))
     if fit.scatter is not None:
         nulls, scores = simulated_nulls(
@@ -141,10 +115,10 @@ def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
         bias = scores.mean(axis=0)
     else:
         nulls = formula_nulls(fit, screen)
-    return Step(fit, screen, result, nulls, bias, unidentifiable(screen, nulls))
+    return Step(fit, screen, screen.score(recorded, prior=True), nulls, bias)
 
 
-def extended(setup: Setup, choice: Choice) -> CorrectedFit:
+def fit_with_cause(setup: Setup, choice: Choice) -> CorrectedFit:
     """Return the bias-corrected fit with the chosen term and further formal ones (`with_forms`)."""
     best = choice.contenders[0]
     problem, optimum = best.problem, best.optimum
@@ -170,7 +144,7 @@ def with_forms(
     """Return problem and optimum with all ``others`` added at once: their traces hardly overlap."""
     theta = optimum.theta
     for c in others:
-        problem = widened(problem, theta, c.term)
+        problem = widened(problem, c.term)
         theta = np.append(theta, c.optimum.theta[-1])
     if not others:
         return problem, optimum
@@ -192,22 +166,13 @@ def bias_corrected(setup: Setup, problem: Likelihood, optimum: Optimum) -> Corre
     )
 
 
-def bias_corrected_again(setup: Setup, fit: CorrectedFit) -> CorrectedFit:
-    """Return a new bias correction of ``fit``, with the same structure, from its optimum."""
-    return bias_corrected(setup, fit.problem, fit.optimum)
-
-
-def without(fit: CorrectedFit, term: Term) -> CorrectedFit:
-    """Return the fit without one of its terms, refitted; cached.
+@lru_cache(maxsize=8)
+def without(fit: CorrectedFit, name: str) -> CorrectedFit:
+    """Return the fit without the term ``name``, refitted.
 
     If the refit is `out_of_range` of the bias correction of ``fit``, the refit has no correction:
     its ``bias`` is zero.
     """
-    return _without(fit, term.name)
-
-
-@lru_cache(maxsize=8)
-def _without(fit: CorrectedFit, name: str) -> CorrectedFit:
     keep = np.array([f.term != name for f in fit.free])
     structure = Structure(
         fit.structure.profile, tuple(t for t in fit.structure.terms if t.name != name)
@@ -231,7 +196,7 @@ def base_with_forms(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
     base_terms = {t.name for t in base.structure.terms}
     for t in fit.structure.terms:
         if t.name not in base_terms and not t.effect.formal:
-            fit = without(fit, t)
+            fit = without(fit, t.name)
     return fit
 
 

@@ -20,7 +20,6 @@ import numpy as np
 
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.coloured_noise import (
-    BLOCK_S,
     MEMORY_S,
     freedom,
     long_run,
@@ -30,7 +29,7 @@ from heli3dof.diagnosis.estimate.setup import controller_is_known
 from heli3dof.diagnosis.sensitivity.hat_functions import Hats, Sums, hats, sums_along
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
 from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, block_numbers, simulated_scores
-from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate
 from heli3dof.identification.greybox.likelihood import score_and_information
 from heli3dof.recording.recording import Recording
 

@@ -33,7 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.coloured_noise import BLOCK_S, MEMORY_S, freedom, long_run
+from heli3dof.diagnosis.estimate.coloured_noise import MEMORY_S, freedom, long_run
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, hats, sums_along
 from heli3dof.diagnosis.sensitivity.perturbation import Path, path
@@ -42,7 +42,7 @@ from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail, trail
 from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, informative_directions
 from heli3dof.diagnosis.unmodelled.torque_nulls import block_numbers
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import FALSE_ALARMS, Place, ResidualTorque
-from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate
 from heli3dof.model.effects.empirical import PREFIX, factors
 
 SINGLE = (

@@ -14,15 +14,12 @@ alone may miss a real effect: modelling a periodic torque may lower it by only 2
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.validation.prediction import floor_deg, model_errors, noise_of, problem_of
-from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.recording.recording import Recording
 
 HORIZON_S = 1.0
 """s, horizon of the predictions. Chosen."""
@@ -197,25 +194,6 @@ def worst(before: HeldOut, after: HeldOut) -> Worst | None:
         int(before.source[cell]), start, start + CELL_S, AXES[int(i)],
         float(rmse_before[cell, i]), float(rmse_after[cell, i]),
     )  # fmt: skip
-
-
-def rmse_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -> dict[str, float | None]:
-    """Return the RMSE of predictions 1 s ahead by axis in degrees; None if not measured."""
-    return _by_axis(model_errors(model, recordings, (HORIZON_S,))[1].rmse_deg()[0])
-
-
-def noise_floor_deg(
-    model: GreyBoxModel, recordings: Sequence[Recording], seed: int = 0
-) -> dict[str, float | None]:
-    """Return the noise floor by axis in degrees, 1 s ahead; see `validation.prediction`."""
-    return _by_axis(floor_deg(model, recordings, (HORIZON_S,), seed=seed)[0][0])
-
-
-def log_likelihood(model: GreyBoxModel, recordings: Sequence[Recording]) -> float:
-    """Return the log-likelihood Σ ln Z of the recordings under the model."""
-    problem = problem_of(model, recordings)
-    theta = problem.coordinates(model.values)
-    return float(problem.run(theta, noise_of(model), keep=0).loglik.sum())
 
 
 def _rmse_deg(squares: np.ndarray, counts: np.ndarray) -> np.ndarray:

@@ -19,13 +19,12 @@ import numpy as np
 
 from heli3dof.model.compiled import compiled
 from heli3dof.model.estimation.ekf_quantised import grow
+from heli3dof.model.greybox.prediction import STEP_S
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.integrator import coast, readings, setup
 from heli3dof.model.physics.rotor import thrusts
 
 R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
-STEP_S = 0.02
-"""s, longest step of a prediction, as in `heli3dof.model.greybox.prediction`."""
 STEP_DECAYS, MAX_STEPS = 0.5, 1000.0
 """Step of a variance in units of the fastest time constant, and the most steps. Chosen."""
 

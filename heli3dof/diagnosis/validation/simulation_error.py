@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.validation.gain import HORIZON_S
 from heli3dof.diagnosis.validation.prediction import (
     HORIZONS_S,
     PredictionErrors,
@@ -24,8 +25,6 @@ from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.recording.recording import Recording
 
-HORIZON_S = 1.0
-"""s, horizon of the predictions in the worst interval. Chosen."""
 WINDOW_S = 3.0
 """s, length of the worst interval. Chosen."""
 
@@ -66,31 +65,26 @@ def simulation_error(
     recordings: Sequence[Recording],
     *,
     truth: GreyBoxModel | None = None,
-    horizons_s: Sequence[float] = HORIZONS_S,
-    flights: int = 2,
     seed: int = 0,
 ) -> SimulationError:
     """Return a model's errors on recordings, and the noise floor of ``truth`` (default: the model).
 
     Raises RecordingError if no row is usable.
     """
-    problem, e = model_errors(model, recordings, horizons_s)
-    floor, by = floor_deg(truth or model, recordings, horizons_s, flights=flights, seed=seed)
-    return SimulationError(
-        tuple(horizons_s), e.rmse_deg(), floor, by, _worst(problem.data, e, recordings)
-    )
+    problem, e = model_errors(model, recordings, HORIZONS_S)
+    floor, by = floor_deg(truth or model, recordings, HORIZONS_S, seed=seed)
+    worst = _worst(problem.data, e, recordings)
+    return SimulationError(HORIZONS_S, e.rmse_deg(), floor, by, worst)
 
 
 def _worst(
     data: Data, prediction: PredictionErrors, recordings: Sequence[Recording]
 ) -> tuple[WorstInterval, ...]:
-    nearest = int(np.argmin(np.abs(np.array(prediction.horizons_s) - HORIZON_S)))
-    horizon = prediction.horizons_s[nearest]
-    errors = prediction.errors[:, nearest]
+    errors = prediction.errors[:, prediction.horizons_s.index(HORIZON_S)]
     worst: dict[int, WorstInterval] = {}
     for run, (_, start, stop) in zip(data.runs, data.blocks, strict=True):
         inside = (prediction.starts >= start) & (prediction.starts < stop)
-        t = data.t[prediction.starts[inside]] + horizon  # where the prediction is compared
+        t = data.t[prediction.starts[inside]] + HORIZON_S  # where the prediction is compared
         if not inside.any():
             continue
         last = float(data.t[stop - 1])

@@ -52,7 +52,7 @@ JITTERS = (0.001, 0.002, 0.004, 0.008)
 JITTER_ROUNDS = (2, 5)
 JITTER_WORTH = 10.0
 """Increase of the log-likelihood above which a larger jitter is accepted."""
-_PROBE = 0.5  # step of the log intensity
+PROBE = 0.5  # step of the log intensity
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,16 +150,16 @@ def better_noise(
 
     ``theta`` (n,) are the parameter coordinates. ``a`` (4,) is the noise before the step: process
     noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s), which stays. Slope and curvature are
-    computed from intensities changed by the factors e^±`_PROBE`, because the likelihood is rough at
+    computed from intensities changed by the factors e^±`PROBE`, because the likelihood is rough at
     smaller scales. The intensity of an axis that was not measured (False in ``axes``, (3,) bool)
     stays as it is.
     """
-    factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
+    factor = np.array([np.exp(PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)
     mid, up, down = parallel_map(lambda i: problem.run(theta, at[i], keep=0).loglik, 3)
     with np.errstate(divide="ignore", invalid="ignore"):
-        slope = (up - down) / (2 * _PROBE)
-        bend = -(up - 2 * mid + down) / _PROBE**2
+        slope = (up - down) / (2 * PROBE)
+        bend = -(up - 2 * mid + down) / PROBE**2
         move = np.where(bend > 0, slope / bend, np.sign(slope))
     move = np.where(axes & np.isfinite(move), np.clip(move, -0.7, 1.0), 0.0)
     better = np.clip(a[:3] * np.exp(move), NOISE_LOW, NOISE_HIGH)

@@ -59,7 +59,7 @@ def figure_data(
     if found.findings:
         base = model_of(f.base, list(recordings), "base")
         flown = replayed(base, f.model, unseen)
-    seen = (torque_curve(f.final, x.choice.term, x.noise) for x in found.findings)
+    seen = (torque_curve(f.final, x.term, x.noise) for x in found.findings)
     return FigureData(
         f.wrong,
         [e for e in seen if e is not None],

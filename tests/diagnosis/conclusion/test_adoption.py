@@ -185,8 +185,8 @@ def test_the_final_fit_determines_the_size() -> None:
 def test_backlash_that_shrinks_below_a_count_without_another_cause_is_dropped(
     monkeypatch: pytest.MonkeyPatch, mass_pays: bool, named: list[str]
 ) -> None:
-    def without(fit: Any, term: Any) -> Any:
-        rest = {f.term for f in fit.free} - {term.name}
+    def without(fit: Any, name: str) -> Any:
+        rest = {f.term for f in fit.free} - {name}
         size = 0.5 if MASS in rest else 0.017
         return fit_of(**{n: size if n == BACKLASH else 0.015 for n in sorted(rest)})
 

@@ -49,7 +49,7 @@ def tied(
     findings: list[Finding], base: list[OffNominal], seen: list[BaseParameter]
 ) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
     a, b = with_scale_ties(findings, base, seen, rest_rad=REST, tolerance=E)
-    return [f.choice.tied_with for f in a], [o.tied_with for o in b]
+    return [f.tied_with for f in a], [o.tied_with for o in b]
 
 
 def test_a_yaw_inertia_is_confounded_with_the_yaw_encoder_scale() -> None:

@@ -35,10 +35,10 @@ def step(absorbed: float, v: float, Z: float, ratio: float = 1.4) -> Any:
     screen = SimpleNamespace(
         plain=(probe,), solved=np.array([[0.0], [absorbed], [0.0], [0.0]]), v=np.array([v])
     )
-    nulls = SimpleNamespace(std=np.ones(1), standardised=lambda seen: np.array([Z]))
+    nulls = SimpleNamespace(std=np.ones(1))
+    Zs = np.array([Z])
     return cast(
-        Any,
-        SimpleNamespace(fit=fit, screen=screen, nulls=nulls, recorded=None, instead_of_inertia=[]),
+        Any, SimpleNamespace(fit=fit, screen=screen, nulls=nulls, Z=Zs, instead_of_inertia=[])
     )
 
 
@@ -79,8 +79,8 @@ def scaled_base(share: float, v: float, Z: float) -> Any:
         structure=SimpleNamespace(profile=default_profile(), terms=()),
     )  # fmt: skip
     screen = SimpleNamespace(plain=(probe,), solved=np.full((4, 1), share), v=np.array([v]))
-    nulls = SimpleNamespace(std=np.ones(1), standardised=lambda seen: np.array([Z]))
-    return cast(Any, SimpleNamespace(fit=fit, screen=screen, nulls=nulls, recorded=None))
+    nulls = SimpleNamespace(std=np.ones(1))
+    return cast(Any, SimpleNamespace(fit=fit, screen=screen, nulls=nulls, Z=np.array([Z])))
 
 
 LOW = OffNominal(term("motor.thrust_gain"), 1 / 1.6, 0.03, 200.0)

@@ -37,7 +37,7 @@ def test_an_unmodelled_torque_gets_no_asserted_name() -> None:
     assert result.residual_torques[0].axis == "pitch"
     # Its stand-in about hover is either dropped or reported as "-like".
     assert all(f.unconfirmed for f in result.findings)
-    named = {f.choice.term.name for f in result.findings} | {d.name for d in result.dropped}
+    named = {f.term.name for f in result.findings} | {d.name for d in result.dropped}
     assert "motor.thrust_mismatch" in named
     assert not result.calibration_findings
     (torque,) = diagnosis_document(result)["leftover"]
@@ -75,7 +75,7 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
 ) -> None:
     """After bias correction the remaining causes may have another size, or none."""
 
-    def settled_again(setup: Any, fit: Any) -> Any:
+    def settled_again(setup: Any, problem: Any, optimum: Any) -> Any:
         return SimpleNamespace(scatter=np.eye(4) if flies else None)
 
     def adopted(fit: Any, kept: Any, holdout: Any, *, seed: int) -> Any:
@@ -85,15 +85,18 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
 
     def finding(name: str) -> Any:
         choice = SimpleNamespace(term=SimpleNamespace(name=name, effect=SimpleNamespace(of_base=0)))
-        return SimpleNamespace(choice=choice, gain=None)
+        return SimpleNamespace(choice=choice, term=choice.term, gain=None)
 
-    monkeypatch.setattr(stand_ins, "bias_corrected_again", settled_again)
+    monkeypatch.setattr(stand_ins, "bias_corrected", settled_again)
     monkeypatch.setattr(stand_ins, "adopted", adopted)
     monkeypatch.setattr(stand_ins, "evidence", lambda *a, **k: SimpleNamespace(null=()))
     monkeypatch.setattr(stand_ins, "replaced_by_formula", lambda *a: None)
     monkeypatch.setattr(stand_ins, "significant_torques", lambda *a: ())
     monkeypatch.setattr(stand_ins, "marked_unconfirmed", lambda findings, fit: findings)
-    fit, setup = SimpleNamespace(scatter=None), SimpleNamespace(recordings=(), seed=0)
+    fit, setup = (
+        SimpleNamespace(scatter=None, problem=None, optimum=None),
+        SimpleNamespace(recordings=(), seed=0),
+    )
     start = stand_ins.TorqueSearchResult(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
     last = stand_ins.settle_unmodelled(cast(Any, setup), start, [], flights=8)
-    assert [f.choice.term.name for f in last.findings] == named
+    assert [f.term.name for f in last.findings] == named

@@ -18,7 +18,7 @@ from heli3dof.recording.recording import Recording
 
 
 def names(result: Diagnosis) -> list[str]:
-    return [f.choice.term.name for f in result.findings]
+    return [f.term.name for f in result.findings]
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_a_large_motion_gives_geometry_with_its_full_share_and_nothing_else(
     assert names(result) == ["geometry"]
     share, std = result.findings[0].values["share"]
     assert abs(share - 1) < 3 * std < 0.2
-    assert result.findings[0].choice.tied_with == ()
+    assert result.findings[0].tied_with == ()
 
 
 def test_the_gain_of_geometry_is_relative_to_the_refitted_hover_model(result: Diagnosis) -> None:

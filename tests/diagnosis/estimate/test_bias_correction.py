@@ -11,7 +11,7 @@ from heli3dof.diagnosis.estimate.base_fit import corrected_base, fit_base, inert
 from heli3dof.diagnosis.estimate.bias_correction import ProfileLikelihood, scatter_of
 from heli3dof.diagnosis.estimate.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.diagnosis.estimate.setup import Setup
-from heli3dof.diagnosis.selection.steps import extended, screening_step
+from heli3dof.diagnosis.selection.steps import fit_with_cause, screening_step
 from heli3dof.diagnosis.sensitivity.perturbation import path
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
@@ -128,7 +128,7 @@ def test_a_constant_pitch_torque_is_not_fitted_as_a_large_inertia() -> None:
     assert step.choice is not None
     names = {step.choice.term.name, *step.choice.tied_with}
     assert "bias.torque.pitch" in names
-    result = extended(setup, step.choice)
+    result = fit_with_cause(setup, step.choice)
     assert not inertia_is_implausible(result)
     assert isinstance(result.problem, ProfileLikelihood)
     assert result.problem.doubt == 1.0

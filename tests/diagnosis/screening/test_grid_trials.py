@@ -70,7 +70,7 @@ def test_the_grid_is_climbed_while_the_likelihood_rises(monkeypatch: pytest.Monk
 
     structure = SimpleNamespace(free=[SimpleNamespace(inward=lambda w: w)])
     problem = cast(Any, SimpleNamespace(run=run, structure=structure))
-    monkeypatch.setattr(grid_trials, "widened", lambda problem, theta, term: problem)
+    monkeypatch.setattr(grid_trials, "widened", lambda problem, term: problem)
     (trial,) = trials(problem, np.zeros(0), np.zeros(4), tried_terms((), ("yaw",)))
     assert (trial.value, trial.gain) == (0.9, 191)
     assert tried == [0.0, 0.05, 0.09, 0.16, 0.28, 0.5, 0.9, 1.6]  # the base first
@@ -80,7 +80,7 @@ def test_a_fit_started_from_the_trial_finds_the_backlash_width() -> None:
     fitted = base("encoder.backlash.pitch:0.4", 1150)
     o = fitted.optimum
     term = tried_terms((), ("pitch",))[0]
-    ext = widened(fitted.problem, o.theta, term)
+    ext = widened(fitted.problem, term)
     start, noise = fit_start(ext, o.theta, o.noise, term)
     assert noise[1] < 0.3 * o.noise[1]  # the base attributed the backlash to random torques
     fit = maximise_corrected(ext, start, noise, None)
@@ -99,7 +99,7 @@ def test_a_loop_oscillating_with_a_lag_is_not_attributed_to_noise() -> None:
     trial = max(step.significant_trials(setup, last_resort_terms(())), key=lambda t: t.gain)
     assert trial.term.name == "motor.lag"
     problem, o = step.fit.problem, step.fit.optimum
-    ext = widened(problem, o.theta, trial.term)
+    ext = widened(problem, trial.term)
     fit = maximise_corrected(ext, *fit_start(ext, o.theta, o.noise, trial.term), None)
     assert ext.values(fit.theta)[-1] == pytest.approx(0.08, rel=0.1)
 

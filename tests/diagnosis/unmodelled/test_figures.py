@@ -129,7 +129,7 @@ def test_the_section_has_tables_and_figures_and_is_reproducible(
         "roll", "roll*pitch", 0.2, ((0.0, 0.0), (1.0, 0.1)), (0.1, 0.1), 30.0, 0.99
     )
     everything = FigureData(
-        wrong=simulation_error(model, [recording], flights=1),
+        wrong=simulation_error(model, [recording]),
         evidence=(seen,),
         residual_torques=(rest,),
         gain=g,

@@ -1,0 +1,98 @@
+"""Screen a fit: the recordings' standardised scores Z of all candidates, and what they can show.
+
+Z = (z − mean z_null) / std z_null, with the scores z of `screening.score_test` and the nulls of
+`screening.nulls`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
+from heli3dof.diagnosis.screening.catalogue import Probe
+from heli3dof.diagnosis.screening.nulls import Nulls
+from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
+from heli3dof.model.effects import Term
+
+ONE_SIDED = 0.25
+"""One-sided: the range below the null value is a smaller share of that above. Chosen."""
+LARGE = 5.0
+"""Largest plausible size of a parameter, in typical sizes. Chosen; not derived."""
+
+
+@dataclass(frozen=True, eq=False)
+class Screening:
+    """The screen of a fit, the recordings' scores, and the nulls' distribution."""
+
+    fit: CorrectedFit
+    """The current fit: the base with all causes of earlier steps"""
+    screen: Screen
+    recorded: ScreenResult
+    """Scores of the recordings"""
+    nulls: Nulls
+    bias: np.ndarray
+    """(n,) mean scores of the nulls along θ"""
+
+    @cached_property
+    def Z(self) -> np.ndarray:
+        """Return the standardised scores (P,) of the recordings."""
+        return self.nulls.standardised(self.recorded)
+
+    @cached_property
+    def ranked(self) -> list[tuple[Term, float, int]]:
+        """Return (term, Z², index of its best probe), largest Z² first.
+
+        Z² is zero if a one-sided term has the wrong sign, such as a negative friction.
+        """
+        best: dict[str, tuple[Term, float, int]] = {}
+        for i, p in enumerate(self.recorded.probes):
+            Z2 = float(self.Z[i]) ** 2 if self.Z[i] > 0 or not one_sided(p) else 0.0
+            if p.name not in best or best[p.name][1] < Z2:
+                best[p.name] = (p.term, Z2, i)
+        return sorted(best.values(), key=lambda b: -b[1])
+
+    @property
+    def largest(self) -> list[tuple[str, float]]:
+        """Return the three terms with the largest Z², each with its Z²."""
+        return [(t.name, z) for t, z, _ in self.ranked[:3]]
+
+    @cached_property
+    def not_identifiable(self) -> tuple[str, ...]:
+        """Return the names of the terms whose first parameter has 3 σ > `LARGE` typical sizes.
+
+        They are ordered by this ratio, smallest first. A limit that the recordings do not reach is
+        in the list too.
+        """
+        best: dict[str, float] = {}
+        for p, s, v in zip(self.screen.plain, self._sigma, self.screen.v, strict=True):
+            share = 3 * float(s) / (LARGE * p.term.effect.parameters[0].typical)
+            if not p.grows:  # a limit is identifiable if the recordings reach it
+                share = 0.0 if np.isfinite(v) else np.inf
+            best[p.name] = min(best.get(p.name, np.inf), share)
+        return tuple(sorted((n for n, share in best.items() if share > 1), key=lambda n: best[n]))
+
+    def detectable_size(self, name: str) -> float:
+        """Return the size of a term's first parameter, in its unit, at which Z² is significant.
+
+        It is infinite for a term that the screen does not evaluate by plain probes.
+        """
+        plain = zip(self.screen.plain, self._sigma, strict=True)
+        named = [float(s) for p, s in plain if p.name == name]
+        return float(np.sqrt(self.nulls.threshold)) * min(named, default=np.inf)
+
+    @cached_property
+    def _sigma(self) -> np.ndarray:
+        """Return the standard deviation of the first parameter of each plain probe, in its unit."""
+        v = np.maximum(self.screen.information(), 1e-300)
+        return np.asarray(self.nulls.std[: len(self.screen.plain)] / np.sqrt(v))
+
+
+def one_sided(probe: Probe) -> bool:
+    """Return True if a rig can have the probe's effect with one sign only."""
+    if probe.term.effect.scan or not probe.grows:
+        return True
+    q = probe.term.effect.parameters[0]
+    return q.null - q.low < ONE_SIDED * (q.high - q.null)
