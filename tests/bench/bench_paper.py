@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 import heli3dof as h3
-from heli3dof.model.control.ideal_loop import loop_poles, paper_gain, step_response
 from heli3dof.model.linear.hover import hover, quiescent_voltage
 from heli3dof.rig.profile import K_G, default_profile
 from tests.bench import Figure
+from tests.model.control.ideal_loop import loop_poles, paper_gain, step_response
 from tests.pages.paper_page import with_V_o_by_eq_6
 
 TITLE = "The paper's numbers"

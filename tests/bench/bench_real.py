@@ -10,7 +10,6 @@ import numpy as np
 
 import heli3dof as h3
 from heli3dof.comparison.prediction import ConstantAngles
-from heli3dof.comparison.term_importance import error_deg, shares
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.free_run.elimination import eliminate
@@ -30,6 +29,7 @@ from heli3dof.report.text.diagnosis_tables import diagnosis_tables
 from heli3dof.report.text.identification_tables import parameters_table
 from heli3dof.report.text.table import Grid, to_markdown
 from tests.bench import Figure
+from tests.bench.term_importance import error_deg, shares
 from tests.paths import REAL_DATA, ROOT
 
 TITLE = "Real recordings"

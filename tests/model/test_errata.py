@@ -17,7 +17,6 @@ from heli3dof.model.control.closed_loop_poles import (
     ideal_loop_poles,
     sampled_loop_poles,
 )
-from heli3dof.model.control.ideal_loop import loop_poles, paper_gain, step_response, with_rotor_lag
 from heli3dof.model.linear.hover import (
     g,
     hover,
@@ -25,6 +24,7 @@ from heli3dof.model.linear.hover import (
     quiescent_voltage,
 )
 from heli3dof.paper.eq17 import DENOMINATOR, NUMERATORS_PRINTED, paper17_model
+from tests.model.control.ideal_loop import loop_poles, paper_gain, step_response, with_rotor_lag
 from tests.model.examples import DEG, PRINTED_V_O, PROFILE, SPEC, K_g
 from tests.pages.paper_page import taken_literally
 

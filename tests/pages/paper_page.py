@@ -8,13 +8,6 @@ import numpy as np
 
 from heli3dof.model.base import LoopTask
 from heli3dof.model.control.closed_loop_poles import rightmost_first
-from heli3dof.model.control.ideal_loop import (
-    Response,
-    loop_poles,
-    paper_gain,
-    step_response,
-    with_rotor_lag,
-)
 from heli3dof.model.linear.hover import (
     Hover,
     hover,
@@ -22,6 +15,13 @@ from heli3dof.model.linear.hover import (
     quiescent_voltage,
 )
 from heli3dof.rig.profile import K_G, Profile, default_profile
+from tests.model.control.ideal_loop import (
+    Response,
+    loop_poles,
+    paper_gain,
+    step_response,
+    with_rotor_lag,
+)
 from tests.pages.page import Page, table
 
 REST_DEG = -27.5

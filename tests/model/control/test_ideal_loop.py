@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.model.control.ideal_loop import Response, loop_poles, paper_gain, step_response
 from heli3dof.model.linear.hover import hover
+from tests.model.control.ideal_loop import Response, loop_poles, paper_gain, step_response
 from tests.model.examples import DEG, PRINTED_V_O, PROFILE, K_g
 
 H = hover(PROFILE)

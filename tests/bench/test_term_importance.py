@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from heli3dof.comparison.term_importance import without
 from heli3dof.model.greybox.model import nominal
 from heli3dof.rig.profile import default_profile
+from tests.bench.term_importance import without
 
 
 def test_a_removed_term_is_at_its_null_and_the_others_keep_their_values() -> None:
