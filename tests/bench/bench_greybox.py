@@ -41,9 +41,10 @@ def one_fit(job: tuple[int, str, float]) -> dict[str, Any]:
 
     Returns errors, standard deviations and Cramér–Rao bounds in the estimator's coordinates.
     """
-    from heli3dof.identification.greybox.estimate import cramer_rao, score_test
+    from heli3dof.identification.greybox.estimate import cramer_rao
     from heli3dof.identification.greybox.method import fit_greybox
     from heli3dof.model.effects import effects, term
+    from tests.identification.greybox_score_test import score_test
     from tests.identification.known_flights import fly
 
     seed, plan, noise = job

@@ -28,7 +28,6 @@ from heli3dof.identification.greybox.initialisation import likeliest_start
 from heli3dof.identification.greybox.likelihood import Likelihood, score_and_information
 from heli3dof.identification.greybox.maximum_likelihood import OTHER_ROUNDS, Optimum, maximise
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
-from heli3dof.model.effects import Term
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics.parametrisation import Free, Structure
 
@@ -40,19 +39,6 @@ PRIOR_SHARE_MAX = 0.5
 """A parameter whose σ exceeds this share of its prior's σ is not identifiable."""
 LOG_STD_MAX = 0.4
 """σ of a parameter's logarithm above which the parameter is not identifiable"""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """The verdict on one parameter: whether the recordings determine its value."""
-
-    identifiable: bool
-    absent: bool
-    """True if the value is within two standard deviations of that at which the effect is absent."""
-    tied_with: tuple[str, ...]
-    """Parameters whose absolute correlation with this one exceeds `LARGE_CORRELATION`"""
-    sentence: str
-    """A warning for the report; empty if there is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,19 +84,9 @@ class Estimate(PhysicalFit):
         noise = self.optimum.noise * np.array([*[np.sqrt(self.inflation)] * 3, 1.0])
         return np.asarray(cramer_rao(self.problem, self.optimum.theta, noise) * self.slopes)
 
-    def interval(self, z: float = 1.96) -> np.ndarray:
-        """Return confidence intervals (n, 2) of the parameters: ± z standard deviations.
-
-        If the parameter's logarithm is estimated (`Free.log`), the interval is symmetric in it.
-        """
-        theta, sd = self.optimum.theta, self.std / self.slopes
-        return np.column_stack(
-            [self.problem.values(theta - z * sd), self.problem.values(theta + z * sd)]
-        )
-
     @cached_property
-    def verdicts(self) -> tuple[Verdict, ...]:
-        """Return a `Verdict` for each parameter: whether the recordings identify it."""
+    def verdicts(self) -> tuple[str, ...]:
+        """Return a warning for each parameter that the recordings do not identify, else ""."""
         prior = 1 / np.sqrt(self.problem.prior_precision)
         sd = self.std / self.slopes
         R = self.correlation
@@ -122,15 +98,10 @@ class Estimate(PhysicalFit):
                 if i != j and abs(R[j, i]) > LARGE_CORRELATION
             )
             vague = sd[j] > PRIOR_SHARE_MAX * prior[j] or (f.log and sd[j] > LOG_STD_MAX)
-            absent = (
-                f.term is not None and not f.log and abs(self.values[j] - f.null) < 2 * self.std[j]
-            )
-            out.append(Verdict(not vague, absent, tied, self._sentence(f, vague, tied)))
+            out.append(self._sentence(f, tied) if vague else "")
         return tuple(out)
 
-    def _sentence(self, f: Free, vague: bool, tied: tuple[str, ...]) -> str:
-        if not vague:
-            return ""
+    def _sentence(self, f: Free, tied: tuple[str, ...]) -> str:
         verdict = f"{f.name} is not identifiable from these recordings"
         if tied:
             verdict += f": it trades off against {', '.join(tied)}"
@@ -194,43 +165,3 @@ def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.
     at = white.run(theta, noise)
     _, H = score_and_information(at, white.tangents(theta, at))
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(H + np.diag(problem.prior_precision)))))
-
-
-@dataclass(frozen=True)
-class ScoreTestResult:
-    """The result of `score_test` for one candidate effect: its score and estimated parameters."""
-
-    name: str
-    score: float
-    """Twice the increase of the log-likelihood when all parameters are refitted, to second order,
-    divided by the scatter factor κ (`Estimate.inflation`). If the rig lacks the effect, the score
-    follows χ²; the degrees of freedom are the number of the effect's parameters."""
-    values: tuple[float, ...]
-    """The estimate of one Gauss–Newton step, in the parameters' units."""
-
-
-def score_test(found: Estimate, term: Term) -> ScoreTestResult:
-    """Test by Rao's score test whether the model of the fit ``found`` lacks the effect ``term``.
-
-    The test takes one linearisation and no fit: 10 ms per parameter for 60 s of flight. The
-    linearisation point is the parameter value at which the effect is absent. A logarithmic
-    parameter has no such value, so its starting value is used. The score means little for an
-    effect that changes nothing to first order at this point (`motor.saturation`).
-    """
-    wider = Structure(found.structure.profile, (*found.structure.terms, term))
-    problem = replace(found.problem, structure=wider)
-    o = found.optimum
-    old = len(o.theta)
-    theta = np.concatenate(
-        [o.theta, [f.inward(f.start if f.log else f.null) for f in wider.free[old:]]]
-    )
-    new = np.arange(old, len(theta))
-    D = np.vstack([o.tangents, problem.tangents(theta, o.at, new)])
-    g, H = score_and_information(o.at, D)
-    A = H + np.diag(problem.prior_precision)
-    g[:old] = 0.0  # the fitted parameters are at their optimum
-    inverse = np.linalg.inv(A)[np.ix_(new, new)]
-    step = inverse @ g[new]
-    score = float(g[new] @ step) / found.inflation
-    values = problem.values(np.concatenate([o.theta, theta[new] + step]))[old:]
-    return ScoreTestResult(term.name, score, tuple(float(v) for v in values))

@@ -7,7 +7,7 @@ viscous friction, rotor lag, and constant torques on pitch and yaw (trims).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -119,11 +119,7 @@ def chosen_terms(words: str) -> tuple[str, ...]:
 
 
 def fit_greybox(
-    recordings: Recording | Sequence[Recording],
-    names: Sequence[str] = DEFAULT_TERMS,
-    *,
-    read_every_s: float = 0.0,
-    start: Mapping[str, float] | None = None,
+    recordings: Recording | Sequence[Recording], names: Sequence[str] = DEFAULT_TERMS
 ) -> Estimate:
     """Return physical parameters, fitted to recordings of one rig by maximum likelihood.
 
@@ -134,18 +130,13 @@ def fit_greybox(
     Args:
         recordings: one or several.
         names: the terms to fit, besides the inertias and the gravity torque.
-        read_every_s: time (s) between the rows whose angles are used; 0: every row.
-        start: starting values by parameter name, in place of the nominal ones.
 
     Raises RecordingError where no rows are left, UsageError for an unknown term.
     """
     several = [recordings] if isinstance(recordings, Recording) else list(recordings)
     runs = [run for i, r in enumerate(several) for run in usable_runs(r, i)]
-    data = data_of(several, runs, read_every_s=read_every_s)
     structure = Structure(several[0].profile, terms(names))
-    problem = Likelihood(data, structure)
-    theta = None if start is None else problem.coordinates(structure.values_of(start))
-    return estimate(problem, start=theta)
+    return estimate(Likelihood(data_of(several, runs), structure))
 
 
 def usable_runs(recording: Recording, source: int) -> list[Stretch]:
@@ -169,7 +160,7 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
         "converged": found.optimum.converged,
         "inflation": found.inflation,
         "cramer_rao_bound": found.bound.tolist(),
-        "verdicts": [v.sentence for v in found.verdicts if v.sentence],
+        "verdicts": [v for v in found.verdicts if v],
     }
     return GreyBoxModel(
         name=name,
@@ -187,7 +178,7 @@ def parameters(found: Estimate) -> dict[str, Parameter]:
     """Return {name: parameter}: value, standard deviation and its Cramér–Rao bound, verdict."""
     return {
         f.name: Parameter(
-            float(v), float(s), f.unit, float(b), f.start if f.term is None else f.null, w.sentence
+            float(v), float(s), f.unit, float(b), f.start if f.term is None else f.null, w
         )
         for f, v, s, b, w in zip(
             found.free, found.values, found.std, found.bound, found.verdicts, strict=True
@@ -197,7 +188,7 @@ def parameters(found: Estimate) -> dict[str, Parameter]:
 
 def warnings(found: Estimate) -> tuple[str, ...]:
     """Return warnings: parameters not identifiable or at a bound, no convergence, poor fit."""
-    out = [v.sentence for v in found.verdicts if v.sentence]
+    out = [v for v in found.verdicts if v]
     o = found.optimum
     if not o.converged:
         out.append(

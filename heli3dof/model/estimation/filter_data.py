@@ -91,13 +91,10 @@ class Data:
         return np.asarray(self.free.any(axis=0))
 
 
-def data_of(
-    recordings: Sequence[Recording], runs: Sequence[Run], *, read_every_s: float = 0.0
-) -> Data:
+def data_of(recordings: Sequence[Recording], runs: Sequence[Run]) -> Data:
     """Return the ``runs`` of usable rows of ``recordings``, with lead-ins, as arrays.
 
-    ``read_every_s`` > 0 keeps only one angle reading in this time (s), but all voltages. It is for
-    logs whose sampling jitter exceeds their period. Raises RecordingError if there are no runs.
+    Raises RecordingError if there are no runs.
     """
     if not runs:
         raise RecordingError(
@@ -118,8 +115,6 @@ def data_of(
         h = np.where(np.abs(h - typical) < 2e-3 * typical, typical, h)
         y = rec.angle[rows].copy()
         y[: run.start - start] = np.nan
-        if (every := round(read_every_s / rec.dt)) > 1:
-            y[(np.arange(len(y)) - (run.start - start)) % every != 0] = np.nan
         v, t = mean_voltage(rec)[rows], t - rec.t[0]
         if start == 0 and starts_on_table(rec):
             # One row of zero voltage before the first: the rotors start at standstill.
