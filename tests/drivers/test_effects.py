@@ -11,10 +11,10 @@ from heli3dof_drivers.emulator import plant_layout
 from heli3dof_drivers.emulator.body import Setup, setup_of
 from heli3dof_drivers.emulator.effect_spec import parse_hide
 from heli3dof_drivers.emulator.effects import catalogue
-from heli3dof_drivers.emulator.lagrange import energy
 from heli3dof_drivers.emulator.plant import Plant
 
 from heli3dof.rig.profile import default_profile
+from tests.drivers.conserved import energy
 
 PROFILE = default_profile()
 GRID = PROFILE.encoder.rad_per_count

@@ -10,12 +10,12 @@ import pytest
 from heli3dof_drivers.emulator.body import Setup, setup_of
 from heli3dof_drivers.emulator.effect_spec import parse_hide
 from heli3dof_drivers.emulator.effects import catalogue
-from heli3dof_drivers.emulator.lagrange import energy, travel_momentum
 from heli3dof_drivers.emulator.plant import Plant
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.rig.profile import default_profile
+from tests.drivers.conserved import energy, travel_momentum
 
 PROFILE = default_profile()
 GRID = PROFILE.encoder.rad_per_count

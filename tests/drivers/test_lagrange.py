@@ -10,16 +10,15 @@ from heli3dof_drivers.emulator import plant_layout
 from heli3dof_drivers.emulator.body import body_of
 from heli3dof_drivers.emulator.lagrange import (
     accelerations,
-    energy,
     gravity,
     mass_matrix,
-    travel_momentum,
     velocity_torques,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.rig.profile import default_profile, profile_from_dict
+from tests.drivers.conserved import energy, travel_momentum
 
 TABLE = default_profile()
 LOPSIDED = profile_from_dict(
