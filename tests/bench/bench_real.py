@@ -27,9 +27,10 @@ from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.report.text.comparison_tables import prediction_table
 from heli3dof.report.text.diagnosis_tables import diagnosis_tables
 from heli3dof.report.text.identification_tables import parameters_table
-from heli3dof.report.text.table import Grid, to_markdown
+from heli3dof.report.text.table import Grid
 from tests.bench import Figure
 from tests.bench.term_importance import error_deg, shares
+from tests.pages.markdown_table import to_markdown
 from tests.paths import REAL_DATA, ROOT
 
 TITLE = "Real recordings"

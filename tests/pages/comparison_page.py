@@ -5,8 +5,8 @@ from __future__ import annotations
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.paper.reproduction import reproduce
 from heli3dof.report.text.comparison_tables import published_table
-from heli3dof.report.text.table import to_markdown
 from heli3dof.rig.profile import default_profile
+from tests.pages.markdown_table import to_markdown
 from tests.pages.page import Page
 
 

@@ -1,4 +1,4 @@
-"""`Grid`: a table of strings, rendered for a terminal, in Markdown or in HTML."""
+"""`Grid`: a table of strings, rendered for a terminal or in HTML."""
 
 from __future__ import annotations
 
@@ -152,18 +152,6 @@ class _FittingTable:
         return table
 
 
-def to_markdown(grid: Grid) -> str:
-    """Return the table in Markdown, with a bold title and the notes as a list."""
-    lines = [f"**{_md(grid.title)}**", ""]
-    lines.append("| " + " | ".join(_md(c) for c in grid.columns) + " |")
-    marks = ["--:" if grid.is_number(i) else ":--" for i in range(len(grid.columns))]
-    lines.append("| " + " | ".join(marks) + " |")
-    lines += ["| " + " | ".join(_md(c) for c in row) + " |" for row in grid.rows]
-    if grid.notes:
-        lines += ["", *(f"- {_md(n)}" for n in grid.notes)]
-    return "\n".join(lines) + "\n"
-
-
 def to_html(grid: Grid) -> str:
     """Return the table in HTML, with a caption and all text escaped."""
     heads = "".join(
@@ -200,7 +188,3 @@ def _css(grid: Grid, column: int) -> str:
     if grid.is_number(column):
         return ' class="n"'
     return ' class="t"' if column < grid.text_columns else ""
-
-
-def _md(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ")

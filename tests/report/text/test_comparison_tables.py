@@ -18,9 +18,10 @@ from heli3dof.report.text.comparison_tables import (
     step_name,
     table_ii,
 )
-from heli3dof.report.text.table import to_markdown, to_rich
+from heli3dof.report.text.table import to_rich
 from heli3dof.rig.profile import default_profile
 from tests.comparison.fakes import FakeHover, WrongRate, flight
+from tests.pages.markdown_table import to_markdown
 
 IDENTIFIED = FakeHover(name="pbsid", kind="statespace", thrust=0.85)
 

@@ -11,7 +11,8 @@ from heli3dof.report.text import diagnosis_sentences
 from heli3dof.report.text import diagnosis_tables as diagnosis_tables_module
 from heli3dof.report.text.diagnosis_sentences import VERDICTS, slow_noise
 from heli3dof.report.text.diagnosis_tables import diagnosis_tables
-from heli3dof.report.text.table import Grid, to_markdown
+from heli3dof.report.text.table import Grid
+from tests.pages.markdown_table import to_markdown
 from tests.paths import ROOT
 
 ROLL_PITCH_YAW = ("roll", "pitch", "yaw")

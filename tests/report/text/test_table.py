@@ -5,7 +5,8 @@ import io
 import pytest
 from rich.console import Console
 
-from heli3dof.report.text.table import Grid, to_html, to_markdown, to_rich
+from heli3dof.report.text.table import Grid, to_html, to_rich
+from tests.pages.markdown_table import to_markdown
 
 GRID = Grid(
     "Peaks",
