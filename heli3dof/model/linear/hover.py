@@ -35,24 +35,16 @@ from heli3dof.rig.profile import Profile, g
 
 @dataclass(frozen=True, eq=False)
 class Hover:
-    """The hover model in continuous time, with its inertias and hover voltage.
+    """The hover model in continuous time, with its hover voltage.
 
-    A (6, 6), B (6, 2), C (3, 6), D (3, 2); states in rad and rad/s, input V − V_o in V.
+    A (6, 6), B (6, 2), C (3, 6); states in rad and rad/s, input V − V_o in V.
     """
 
-    printed: bool
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
-    D: np.ndarray
     V_o: float
     """V, hover voltage of each motor"""
-    J_roll: float
-    """kg·m², moment of inertia about the roll axis"""
-    J_pitch: float
-    """kg·m², about the pitch axis"""
-    J_yaw: float
-    """kg·m², about the yaw axis"""
 
 
 def quiescent_voltage(profile: Profile) -> float:
@@ -77,7 +69,7 @@ def hover(profile: Profile, *, printed: bool = False) -> Hover:
     B = np.zeros((6, 2))
     B[3, :] = L_a * K_f / J_roll  # (11)
     B[4, :] = L_h * K_f / J_pitch, -L_h * K_f / J_pitch  # (11), = K_f / (2 m_f L_h): E4
-    return Hover(False, A, B, np.eye(3, 6), np.zeros((3, 2)), V_o, J_roll, J_pitch, J_yaw)
+    return Hover(A, B, np.eye(3, 6), V_o)
 
 
 def _as_printed(profile: Profile) -> Hover:
@@ -86,7 +78,6 @@ def _as_printed(profile: Profile) -> Hover:
     K_f = profile.motor.K_f
     # Row 6 of (10) and rows 4 and 5 of (11), exactly as printed.
     J_roll = m_w * L_w**2 + 2 * m_f * L_a**2
-    J_pitch = 2 * m_f * L_h**2
     J_yaw = m_w * L_w**2 + 2 * m_f * L_h**2 + 2 * m_f * L_a**2
     A = np.zeros((6, 6))
     A[0:3, 3:6] = np.eye(3)
@@ -94,8 +85,7 @@ def _as_printed(profile: Profile) -> Hover:
     B = np.zeros((6, 2))
     B[3, :] = L_a * K_f / J_roll
     B[4, :] = K_f / (2 * m_f * L_h**2), -K_f / (2 * m_f * L_h**2)
-    V_o = quiescent_voltage(profile)
-    return Hover(True, A, B, np.eye(3, 6), np.zeros((3, 2)), V_o, J_roll, J_pitch, J_yaw)
+    return Hover(A, B, np.eye(3, 6), quiescent_voltage(profile))
 
 
 def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = None) -> LinearModel:
