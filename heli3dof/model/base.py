@@ -55,8 +55,6 @@ class LoopResult:
     """(N, 2) V, motor voltages after the limiter ±v_max."""
     voltage_cmd: FloatArray
     """(N, 2) V, the controller's voltages before the limiter."""
-    reference_limited: FloatArray | None = None
-    """(N, 3) rad, the reference after its rate limiter."""
     reference: FloatArray | None = None
     """(N, 3) rad, the task's reference as changed for open loops; None: unchanged."""
     extra: FloatArray | None = None

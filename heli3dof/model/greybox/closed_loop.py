@@ -26,7 +26,7 @@ _before, _after = compiled(before_law, leaf=True), compiled(after_law, leaf=True
 
 def _fly(  # type: ignore[no-untyped-def]
     s, first, address, par, mem, free, x, F, low, p, c, opened, room, z, reference, extra,
-    grid0, grid, t, h, angle, voltage, cmd, limited,
+    grid0, grid, t, h, angle, voltage, cmd,
 ):  # fmt: skip
     setup(s, first, address, par, mem)
     s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
@@ -45,8 +45,6 @@ def _fly(  # type: ignore[no-untyped-def]
         _law(p, c, y, reference[k], extra[k], out)
         if opened.shape[0] > 0:
             _after(p, c, z, opened[k], extra[k], out)
-        for i in range(3):
-            limited[k, i] = c[i]
         for i in range(2):
             cmd[k, i] = out[i]
             voltage[k, i] = out[2 + i]
@@ -74,8 +72,7 @@ def fly(model: GreyBoxParameters, task: LoopTask) -> LoopResult:
         F[0] = balance(model, x[:3])
     grid = np.zeros(3) if task.rad_per_count is None else np.abs(task.rad_per_count)
     p = parameters(task.controller, task.V_o, task.v_max, task.dt)
-    angle, limited = np.empty((N, 3)), np.empty((N, 3))
-    voltage, cmd = np.empty((N, 2)), np.empty((N, 2))
+    angle, voltage, cmd = np.empty((N, 3)), np.empty((N, 2)), np.empty((N, 2))
     t = task.dt * np.arange(N, dtype=float)
     reference = np.ascontiguousarray(np.nan_to_num(task.reference, nan=0.0))
     extra = np.ascontiguousarray(np.nan_to_num(task.extra, nan=0.0))
@@ -87,14 +84,13 @@ def fly(model: GreyBoxParameters, task: LoopTask) -> LoopResult:
         *opening(task),
         reference, extra,
         read0, np.ascontiguousarray(grid, dtype=float), t, np.full(N, task.dt),
-        angle, voltage, cmd, limited,
+        angle, voltage, cmd,
     )  # fmt: skip
     return LoopResult(
         t=t,
         angle=angle,
         voltage=voltage,
         voltage_cmd=cmd,
-        reference_limited=limited,
         reference=None if task.opened is None else reference,
         extra=None if task.opened is None else extra,
     )

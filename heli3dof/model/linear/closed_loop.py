@@ -25,7 +25,6 @@ _law, _before, _after = compiled(control_law), compiled(before_law), compiled(af
 
 def _fly(  # type: ignore[no-untyped-def]
     A, B, C, u0, y0, x, p, s, opened, room, z, reference, extra, grid0, grid, angle, voltage, cmd,
-    limited,
 ):  # fmt: skip
     n = A.shape[0]
     y = np.empty(3)
@@ -45,8 +44,6 @@ def _fly(  # type: ignore[no-untyped-def]
         _law(p, s, y, reference[k], extra[k], out)
         if opened.shape[0] > 0:
             _after(p, s, z, opened[k], extra[k], out)
-        for i in range(3):
-            limited[k, i] = s[i]
         u_f = out[2] - u0[0]
         u_b = out[3] - u0[1]
         for i in range(2):
@@ -79,8 +76,7 @@ def fly(model: LinearParameters, task: LoopTask) -> LoopResult:
     C = np.where(there[:, None], model.C, 0.0)
     grid = np.zeros(3) if task.rad_per_count is None else np.abs(task.rad_per_count)
     p = parameters(task.controller, task.V_o, task.v_max, task.dt)
-    angle, limited = np.empty((N, 3)), np.empty((N, 3))
-    voltage, cmd = np.empty((N, 2)), np.empty((N, 2))
+    angle, voltage, cmd = np.empty((N, 3)), np.empty((N, 2)), np.empty((N, 2))
     reference = np.nan_to_num(_floats(task.reference), nan=0.0)
     extra = np.nan_to_num(_floats(task.extra), nan=0.0)
     _fly_compiled(
@@ -100,7 +96,6 @@ def fly(model: LinearParameters, task: LoopTask) -> LoopResult:
         angle,
         voltage,
         cmd,
-        limited,
     )
     angle[:, ~there] = np.nan
     return LoopResult(
@@ -108,7 +103,6 @@ def fly(model: LinearParameters, task: LoopTask) -> LoopResult:
         angle=angle,
         voltage=voltage,
         voltage_cmd=cmd,
-        reference_limited=limited,
         reference=None if task.opened is None else reference,
         extra=None if task.opened is None else extra,
     )
