@@ -13,15 +13,6 @@ from binascii import crc_hqx
 INITIAL = 0xFFFF
 
 
-def crc16(data: bytes) -> int:
-    """Return the 16-bit check value CRC-16/IBM-3740 of ``data``.
-
-    >>> hex(crc16(b"123456789"))
-    '0x29b1'
-    """
-    return crc_hqx(data, INITIAL)
-
-
 def check(data: bytes) -> bytes:
     """Return a frame's last four bytes: the CRC-16 of ``data`` and of ``data`` reversed."""
     return (crc_hqx(data, INITIAL) | crc_hqx(data[::-1], INITIAL) << 16).to_bytes(4, "little")
