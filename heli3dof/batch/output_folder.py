@@ -65,7 +65,7 @@ class OutputFolder:
                 cause="it was started before and has not ended.",
                 fix="wait for it, or choose another folder with -o",
             ) from None
-        self.lines = {line["key"]: line for line in _lines(self.path / JOURNAL)}
+        self.lines = {line["key"]: line for line in journal_lines(self.path)}
         """Key → the last line of this task"""
         with write_errors_explained(self.path / JOURNAL, fix=RESUME):
             self._journal = (self.path / JOURNAL).open("ab", buffering=0)
@@ -108,12 +108,9 @@ class OutputFolder:
         self.lines[outcome.key] = line
 
 
-def journal_lines(folder: Path) -> list[Line]:
+def journal_lines(folder: Path) -> Iterator[Line]:
     """Return the lines of a batch's journal, each with the keys key, final, row and cost."""
-    return list(_lines(folder / JOURNAL))
-
-
-def _lines(path: Path) -> Iterator[Line]:
+    path = folder / JOURNAL
     if not path.exists():
         return
     with path.open("rb") as stream:

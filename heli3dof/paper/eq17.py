@@ -18,7 +18,6 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as la
 
-from heli3dof.model.control.closed_loop_poles import rightmost_first
 from heli3dof.model.discretisation import c2d_zoh
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.rig.profile import Profile
@@ -47,19 +46,6 @@ def numerators_deg(*, corrected: bool = False) -> np.ndarray:
     if corrected:
         num[0, 0, 0] = T11_CORRECTED
     return num
-
-
-def poles() -> np.ndarray:
-    """Return the four poles of eq (17) in rad/s, rightmost first."""
-    return rightmost_first(np.roots(DENOMINATOR))
-
-
-def dc_gains_deg() -> np.ndarray:
-    """Return the DC gains of eq (17) in °/V, (2, 3): motor, angle.
-
-    The correction of T_11 does not change them.
-    """
-    return numerators_deg()[:, :, -1] / DENOMINATOR[-1]
 
 
 def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

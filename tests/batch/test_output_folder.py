@@ -23,7 +23,7 @@ def test_an_outcome_is_kept_with_its_document_and_files(tmp_path: Path) -> None:
         assert out.is_done("key-1")
     assert json.loads((tmp_path / "out/documents/a-1.json").read_text()) == {"schema": "x/1"}
     assert (tmp_path / "out/models/a-1.json").read_bytes() == b"model"
-    assert journal_lines(tmp_path / "out")[0]["row"]["document"] == "documents/a-1.json"
+    assert next(journal_lines(tmp_path / "out"))["row"]["document"] == "documents/a-1.json"
 
 
 def test_results_are_never_overwritten_without_resume(tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ def costs(paths: Sequence[str]) -> list[tuple[str, ...]]:
     rows = []
     for name, (verb, options) in VERBS.items():
         with batch(verb, options, paths, Processes()) as (folder, arrivals):
-            lines = journal_lines(folder)
+            lines = list(journal_lines(folder))
             kept = sum(p.stat().st_size for p in folder.rglob("*") if p.parent != folder)
             journal = (folder / JOURNAL).stat().st_size
             memory, table = memory_and_table(folder)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from heli3dof.identification.black_box.pbsid import Pair, StateSpace
+from heli3dof.identification.black_box.pbsid import Pair, StateSpace, realise, states, varx
 
 
 def integrating_system(sigma: float = 1e-3) -> StateSpace:
@@ -51,3 +53,10 @@ def record(
 def sorted_poles(A: np.ndarray) -> np.ndarray:
     """Eigenvalues by real, then imaginary part."""
     return np.sort_complex(np.linalg.eigvals(A))
+
+
+def pbsid(data: Sequence[Pair], n: int, p: int) -> StateSpace:
+    """Return a model with n states, by PBSID-opt from segments ``data``; p is the VARX's order."""
+    fit = varx(data, p)
+    x, _ = states(data, fit, n)
+    return realise(data, x, p, n)

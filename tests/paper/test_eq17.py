@@ -5,14 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.paper.eq17 import (
-    dc_gains_deg,
-    numerators_deg,
-    paper17_model,
-    poles,
-)
+from heli3dof.model.control.closed_loop_poles import rightmost_first
+from heli3dof.paper.eq17 import DENOMINATOR, numerators_deg, paper17_model
 from heli3dof.paper.models import BUILT_IN
 from tests.model.examples import DEG, PROFILE
+
+
+def poles() -> np.ndarray:
+    """Return the four poles of eq (17) in rad/s, rightmost first."""
+    return rightmost_first(np.roots(DENOMINATOR))
+
+
+def dc_gains_deg() -> np.ndarray:
+    """Return the DC gains of eq (17) in °/V, (2, 3): motor, angle.
+
+    The correction of T_11 does not change them.
+    """
+    return numerators_deg()[:, :, -1] / DENOMINATOR[-1]
 
 
 def test_poles_are_the_golden_four() -> None:

@@ -151,13 +151,6 @@ def realise(data: Sequence[Pair], x: Sequence[np.ndarray], p: int, n: int) -> St
     return StateSpace(A, B, Cd[:n].T, K, Cd[n], E.T @ E / len(E))
 
 
-def pbsid(data: Sequence[Pair], n: int, p: int) -> StateSpace:
-    """Return a model with n states, by PBSID-opt from segments ``data``; p is the VARX's order."""
-    fit = varx(data, p)
-    x, _ = states(data, fit, n)
-    return realise(data, x, p, n)
-
-
 def _triangle(a: np.ndarray) -> np.ndarray:
     """Return the triangular factor R of the QR factorisation of the matrix ``a``."""
     return np.asarray(np.linalg.qr(a, mode="r"))

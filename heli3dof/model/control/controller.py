@@ -36,7 +36,6 @@ from heli3dof.rig.profile import ControllerSpec
 # Indices of the flat parameters p, state s and output out of `control_law`.
 _DT, _V_O, _V_MAX, _REF_STEP, _CLAMP, _B0, _A1, _A2, _XI_MAX = range(9)
 _K = _XI_MAX + 2
-N_PARAMETERS = _K + 16
 _LIMITED, _FILTER, _RATE, _XI, _GOOD = 0, 3, 9, 12, 14
 N_STATE = 17
 N_OUT = 4  # commanded voltage (front, back), then after the limiter
@@ -200,8 +199,3 @@ class Controller:
         """Return the filtered angular rates (3,) rad/s that the last `step` computed."""
         s = self._s
         return s[_RATE], s[_RATE + 1], s[_RATE + 2]
-
-    @property
-    def integrals(self) -> tuple[float, float]:
-        """Return the integrals of the roll and the yaw error (rad·s) after the last `step`."""
-        return self._s[_XI], self._s[_XI + 1]

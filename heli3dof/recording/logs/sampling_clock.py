@@ -63,11 +63,6 @@ class Ticks:
         """Return the number of lost samples."""
         return int(self.number[-1]) + 1 - len(self.number)
 
-    @property
-    def longest_gap(self) -> int:
-        """Return the largest number of consecutive lost samples."""
-        return int(np.diff(self.number).max()) - 1
-
 
 def ticks(t: np.ndarray) -> Ticks:
     """Return the sampling clock of the increasing time stamps t (N,) s, N ≥ 10."""

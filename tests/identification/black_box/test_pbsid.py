@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.identification.black_box.pbsid import past, pbsid, varx
-from tests.identification.systems import integrating_system, record, sorted_poles
+from heli3dof.identification.black_box.pbsid import past, varx
+from tests.identification.systems import integrating_system, pbsid, record, sorted_poles
 
 
 def test_past_stacks_the_newest_row_first() -> None:

@@ -10,10 +10,10 @@ from heli3dof.identification.black_box.one_step_predictor import (
     free_responses,
     output_sensitivities,
 )
-from heli3dof.identification.black_box.pbsid import StateSpace, pbsid
+from heli3dof.identification.black_box.pbsid import StateSpace
 from heli3dof.identification.black_box.pem import _tangent, pem
 from heli3dof.identification.black_box.uncertainty import poles, response, response_std
-from tests.identification.systems import integrating_system, record, sorted_poles
+from tests.identification.systems import integrating_system, pbsid, record, sorted_poles
 
 T = 0.05
 

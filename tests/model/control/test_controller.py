@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.model.control.controller import (
+    _XI,
     N_OUT,
     Controller,
     control_law,
@@ -30,6 +31,11 @@ LEVEL = (0.0, 0.0, 0.0)
 
 def controller(**changes: object) -> Controller:
     return Controller(SPEC.model_copy(update=changes), V_O, 24.0, 0.002)
+
+
+def integrals(c: Controller) -> tuple[float, float]:
+    """The integrals of the roll and the yaw error (rad·s) after the last step."""
+    return c._s[_XI], c._s[_XI + 1]
 
 
 def test_at_rest_on_its_reference_it_asks_for_the_hover_voltage() -> None:
@@ -98,7 +104,7 @@ def test_the_integrals_are_of_the_roll_and_the_yaw_error_in_rad_s() -> None:
     c.reset(LEVEL)
     for _ in range(500):
         c.step(LEVEL, (0.1, 0.3, -0.2))
-    assert c.integrals == pytest.approx((0.1, -0.2))
+    assert integrals(c) == pytest.approx((0.1, -0.2))
 
 
 def test_the_voltage_uses_the_integral_up_to_its_own_sample() -> None:
@@ -118,7 +124,7 @@ def test_each_integral_contributes_at_most_7_5_volts_and_comes_back_at_once() ->
     for _ in range(10_000):
         command, _ = c.step(LEVEL, (1.0, 0, 20.0))
     assert command == pytest.approx((V_O + 7.5 - 7.5, V_O + 7.5 + 7.5))
-    assert c.integrals == pytest.approx((0.75, 7.5))
+    assert integrals(c) == pytest.approx((0.75, 7.5))
     c.reset(LEVEL)
     for _ in range(10_000):
         c.step(LEVEL, (1.0, 0, 0))
@@ -166,7 +172,7 @@ def test_a_lost_reading_poisons_nothing(value: float, axis: int, when: int) -> N
             angle[axis] = value
         command, voltage = c.step(angle, (0.1, 0, 0))
         assert all(map(math.isfinite, (*command, *voltage)))
-    assert all(map(math.isfinite, (*c.rates, *c.integrals, *c.limited_reference)))
+    assert all(map(math.isfinite, (*c.rates, *integrals(c), *c.limited_reference)))
 
 
 def test_a_missing_reference_counts_as_zero_and_missing_extra_as_none() -> None:
