@@ -21,15 +21,10 @@ from heli3dof.cli.options import (
     Verbose,
 )
 from heli3dof.cli.output import Output, stages, verb
-from heli3dof.identification.methods import built_in
 
 if TYPE_CHECKING:
     from heli3dof.identification.identify import Identification
     from heli3dof.recording.recording import Recording
-
-
-PHYSICAL = [m.name for m in built_in().values() if m.physical]
-BLACK_BOXES = [m.name for m in built_in().values() if not m.physical]
 
 
 def register(app: typer.Typer) -> None:

@@ -37,7 +37,6 @@ class PemFit:
     """The result of a prediction-error fit (`pem`): the model and its p parameters' covariance."""
 
     model: StateSpace
-    innovations: tuple[np.ndarray, ...]
     tangent: np.ndarray
     """(n(n+m+2l), p): column q is the derivative of the entries of [Ã B K] and C by parameter q."""
     covariance: np.ndarray
@@ -129,7 +128,6 @@ def pem(
     )
     return PemFit(
         model,
-        tuple(e * y_s for e in point.e),
         T * unit[:, None],
         cov[: T.shape[1], : T.shape[1]],
         point.cost + float(np.log(y_s).sum()),
