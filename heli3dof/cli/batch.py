@@ -302,8 +302,6 @@ def _named_shares(tasks: Sequence[Task], folder: OutputFolder) -> dict[str, list
 def _show(
     out: Output, name: str, batch: Batch, output: Path, shares: Mapping[str, Sequence[NamedShare]]
 ) -> None:
-    from heli3dof.report.text.table import to_rich
-
     done = batch.total - batch.left_out
     sentence = f"{name}: {done - batch.failed} of {done} recordings done"
     if batch.failed:
@@ -312,7 +310,7 @@ def _show(
         sentence += f"; {batch.left_out} others do not meet the condition"
     out.show(f"{sentence}.")
     for recording, each in shares.items():
-        out.show(to_rich(_share_table(recording, each)))
+        out.show(_share_table(recording, each))
     for table in batch.tables:
         out.note(f"Table: {table}")
     out.emit(

@@ -118,15 +118,13 @@ def show_comparison(
         comparison_summary,
         published_table,
     )
-    from heli3dof.report.text.table import Grid, to_rich
 
     lines = comparison_summary(comparison, paper=paper)
     if verbose:
         lines = [*verdict(comparison), *comparison_grids(comparison, paper=paper)]
     if published:
         lines.append(published_table(published))
-    for each in lines:
-        out.show(to_rich(each) if isinstance(each, Grid) else each)
+    out.show(*lines)
 
 
 def _figure_paths(recordings: Sequence[Recording], folder: Path) -> list[Path]:

@@ -44,7 +44,6 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     from heli3dof.report.pages.flight_report import Diagnosed, flight_report
     from heli3dof.report.pages.html import write_page
     from heli3dof.report.text.identification_tables import parameters_table
-    from heli3dof.report.text.table import to_rich
 
     out = Output(as_json=as_json, quiet=quiet)
     folder = _new_folder(FOLDER)
@@ -65,7 +64,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     saved = [
         save_model(i.model, folder / f"{i.model.name.replace(' ', '-')}.json") for i in identified
     ]
-    out.show(to_rich(parameters_table(identified[-1], brief=True)))
+    out.show(parameters_table(identified[-1], brief=True))
     with out.working("Comparing them and the hover model with the step flight …"):
         models = [hover_model(step.profile), *(i.model for i in identified)]
         comparison = compare([step], models)

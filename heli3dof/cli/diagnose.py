@@ -143,10 +143,8 @@ def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = 
     """Print a diagnosis from its ``diagnose --json`` document; ``verbose``: also its tables."""
     from heli3dof.report.text.diagnosis_summary import diagnosis_summary
     from heli3dof.report.text.diagnosis_tables import diagnosis_tables
-    from heli3dof.report.text.table import Grid, to_rich
 
-    for each in diagnosis_tables(document) if verbose else diagnosis_summary(document):
-        out.show(to_rich(each) if isinstance(each, Grid) else each)
+    out.show(*(diagnosis_tables(document) if verbose else diagnosis_summary(document)))
 
 
 def _end_with_bad_data(out: Output, result: Diagnosis) -> NoReturn:

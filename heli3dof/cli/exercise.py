@@ -149,12 +149,11 @@ def mark(
     """Mark a class: heli3dof exercise mark answers/."""
     from heli3dof.exercise.mark_folder import mark_folder
     from heli3dof.exercise.teacher_key import default_key
-    from heli3dof.report.text.table import to_rich
 
     out = Output(as_json=as_json, quiet=quiet)
     rows = mark_folder(folder, _key(out, key or default_key()))
     documents = [row.document() for row in rows]
-    out.show(*_truths(documents), to_rich(_table(documents)))
+    out.show(*_truths(documents), _table(documents))
     marked = sum(row.reason is None for row in rows)
     out.note(f"Marked: {marked} of {len(rows)}")
     out.emit({"schema": "heli3dof.marks/1", "rows": documents})

@@ -66,8 +66,7 @@ def fleet(
 def _show(out: Output, found: Fleet, *, verbose: bool) -> None:
     """Print the findings and the table of rigs; ``verbose``: all quantities and bad recordings."""
     from heli3dof.report.text.fleet_sentences import finding_sentences, remark_sentences
-    from heli3dof.report.text.fleet_tables import bad_table, quantity_tables, rig_table
-    from heli3dof.report.text.table import to_rich
+    from heli3dof.report.text.fleet_tables import bad_table, quantity_table, rig_table
 
     sentences = finding_sentences(found)
     shown = sentences if verbose else sentences[:MOST_LINES]
@@ -75,10 +74,10 @@ def _show(out: Output, found: Fleet, *, verbose: bool) -> None:
     if len(shown) < len(sentences):
         out.show(f"{len(sentences) - len(shown)} more findings: add --verbose")
     out.show(*remark_sentences(found))
-    out.show("", to_rich(rig_table(found)))
+    out.show("", rig_table(found))
     if verbose:
-        grids = [*quantity_tables(found), *([bad_table(found)] if found.bad else [])]
+        grids = [*map(quantity_table, found.quantities), *([bad_table(found)] if found.bad else [])]
         for grid in grids:
-            out.show("", to_rich(grid))
+            out.show("", grid)
     else:
         out.note("For all quantities and the bad recordings add --verbose")

@@ -9,32 +9,21 @@ from heli3dof.axes import AXES
 from heli3dof.cli.timing_summary import timing_note
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from rich.console import Group
-
-    from heli3dof.comparison.metrics import AxisMetrics
     from heli3dof.experiment.fly import Flight
     from heli3dof.recording.recording import Recording
+    from heli3dof.report.text.table import Grid
 
 
-def metrics_of(recording: Recording) -> Mapping[str, AxisMetrics]:
-    """Return a recording's step-response metrics, such as overshoot and rise time, by axis name.
+def recording_table(recording: Recording, title: str, note: str | None = None) -> Grid:
+    """Return a table to print: step metrics by step and axis, with a ``title`` and a ``note``.
 
     They do not cover the ramp of the voltages to zero at the flight's end.
     """
     from heli3dof.comparison.metrics import flight_metrics
+    from heli3dof.report.text.comparison_tables import metrics_of
 
-    return flight_metrics(recording)
-
-
-def recording_table(recording: Recording, title: str, note: str | None = None) -> Group:
-    """Return a table to print: step metrics by step and axis, with a ``title`` and a ``note``."""
-    from heli3dof.report.text.comparison_tables import metrics_of as metrics_grid
-    from heli3dof.report.text.table import to_rich
-
-    grid = metrics_grid(metrics_of(recording), title)
-    return to_rich(replace(grid, notes=[*grid.notes, note]) if note else grid)
+    grid = metrics_of(flight_metrics(recording), title)
+    return replace(grid, notes=[*grid.notes, note]) if note else grid
 
 
 def recording_document(recording: Recording) -> dict[str, Any]:
@@ -43,14 +32,16 @@ def recording_document(recording: Recording) -> dict[str, Any]:
     For an axis without a step, the values describe its start, or else its first ``hold`` or
     ``moving`` segment (`heli3dof.comparison.metrics`).
     """
-    metrics = metrics_of(recording)
+    from heli3dof.comparison.metrics import flight_metrics
+
+    metrics = flight_metrics(recording)
     return {
         axis: {"set_deg": metrics[axis].reported.set_deg, **metrics[axis].reported.values()}
         for axis in AXES
     }
 
 
-def flight_table(flight: Flight) -> Group | str:
+def flight_table(flight: Flight) -> Grid | str:
     """Return a table of a flight to print: step-response metrics, outcome and loop timing.
 
     If the flight ended before its first control period, a sentence is returned instead.

@@ -109,15 +109,13 @@ def _show(out: Output, result: Identification, *, verbose: bool) -> None:
         identification_summary,
         identification_tables,
     )
-    from heli3dof.report.text.table import Grid, to_rich
 
     warnings = list(result.warnings)
     if verbose:
         out.show(*(s for s in result.sentences() if not s.startswith("Warning: ")))
-        out.show(*(to_rich(grid) for grid in identification_tables(result)))
+        out.show(*identification_tables(result))
     else:
-        for each in identification_summary(result):
-            out.show(to_rich(each) if isinstance(each, Grid) else each)
+        out.show(*identification_summary(result))
         vague = {n: p.verdict for n, p in result.found.parameters.items() if p.verdict}
         if len(vague) > 1:
             warnings = [w for w in warnings if w not in vague.values()]

@@ -62,7 +62,6 @@ def info(
 def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | None) -> None:
     """Print a table of the references' steps, if there are any: at most ``most``, None: all."""
     from heli3dof.report.text.comparison_tables import metrics_of
-    from heli3dof.report.text.table import to_rich
 
     stepped = {a: replace(m, steps=_real_steps(m)) for a, m in metrics.items()}
     grid = metrics_of(stepped, "Steps of the reference")
@@ -72,7 +71,7 @@ def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | Non
             grid, rows=grid.rows[:most], notes=[f"Steps not shown: {more}. All: --verbose"]
         )
     if grid.rows:
-        out.show(to_rich(grid))
+        out.show(grid)
 
 
 def _real_steps(metrics: AxisMetrics) -> tuple[StepMetrics, ...]:

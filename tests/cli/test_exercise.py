@@ -13,7 +13,6 @@ from rich.console import Console
 from heli3dof.cli.diagnose import _exercises
 from heli3dof.cli.exercise import _holdout, _table
 from heli3dof.recording.mcap_files.reader import read_recording
-from heli3dof.report.text.table import to_rich
 from tests.cli.running import Result, heli3dof
 from tests.exercise.making import EXERCISE, diagnosis, key_file
 
@@ -184,7 +183,7 @@ def test_the_marks_of_several_exercises_break_no_id_and_no_name_at_80_columns() 
     rows = [row, {**row, "exercise": "222222222222", "name": "Bo"}]
     rows.append({**row, "reason": "it is not a JSON file", "file": f"{'long-name-' * 3}.json"})
     text = io.StringIO()
-    Console(file=text, width=80).print(to_rich(_table(rows)))
+    Console(file=text, width=80).print(_table(rows))
     for whole in (
         "3f9a2b7c1d4e", "222222222222", "stiffness.pendulum.pitch", "disturbance.periodic.pitch",
         "12.20/10.30/100.01°", "size error", "interval", "Annemarie Schwarzenbach",

@@ -14,7 +14,6 @@ from heli3dof.fleet.result import Fleet
 from heli3dof.fleet.rows import read_rows
 from heli3dof.report.text.fleet_sentences import finding_sentences, remark_sentences
 from heli3dof.report.text.fleet_tables import rig_table
-from heli3dof.report.text.table import to_rich
 from tests.fleet.calibration import (
     FLIGHTS,
     QUANTITIES,
@@ -57,7 +56,7 @@ def real() -> str:
 def printed(folder: str, fleet: Fleet) -> str:
     """Markdown: what ``heli3dof fleet FOLDER`` prints."""
     text = io.StringIO()
-    Console(file=text, width=WIDTH, no_color=True).print(to_rich(rig_table(fleet)))
+    Console(file=text, width=WIDTH, no_color=True).print(rig_table(fleet))
     sentences = [*finding_sentences(fleet), *remark_sentences(fleet)]
     lines = [
         *(line for s in sentences for line in textwrap.wrap(s, WIDTH, subsequent_indent="  ")),

@@ -71,11 +71,6 @@ def main_quantities(fleet: Fleet) -> list[tuple[FleetQuantity, Column]]:
     return found[:MOST_COLUMNS]
 
 
-def quantity_tables(fleet: Fleet) -> list[Grid]:
-    """Return a table per quantity: each rig's estimate, interval and scatter."""
-    return [quantity_table(q) for q in fleet.quantities]
-
-
 def quantity_table(q: FleetQuantity) -> Grid:
     """Return the table of one quantity: each rig's estimate, interval and scatter."""
     rows = [(r.track.rig, *_numbers(r.estimate), _marks(r)) for r in q.rigs]

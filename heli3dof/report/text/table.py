@@ -40,18 +40,17 @@ class Grid:
         """Return True if the column with this index (from 0) holds numbers, which align right."""
         return self.text_columns <= column < len(self.columns) - self.prose_columns
 
+    def __rich__(self) -> Group:
+        """Return the table and its notes as the library rich prints them on a terminal.
 
-def to_rich(grid: Grid) -> Group:
-    """Return the table and its notes as an object that the library rich prints on a terminal.
+        No word is broken. If a table is wider than the terminal, its last columns follow below,
+        with the columns of text repeated.
+        """
+        from rich.console import Group
+        from rich.text import Text
 
-    No word is broken. If a table is wider than the terminal, its last columns follow below, with
-    the columns of text repeated.
-    """
-    from rich.console import Group
-    from rich.text import Text
-
-    notes = [Text(f"· {n}", style="dim") for n in grid.notes]
-    return Group(Text(grid.title, style="bold"), _FittingTable(grid), *notes)
+        notes = [Text(f"· {n}", style="dim") for n in self.notes]
+        return Group(Text(self.title, style="bold"), _FittingTable(self), *notes)
 
 
 class _FittingTable:

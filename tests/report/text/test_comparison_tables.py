@@ -18,7 +18,6 @@ from heli3dof.report.text.comparison_tables import (
     step_name,
     table_ii,
 )
-from heli3dof.report.text.table import to_rich
 from heli3dof.rig.profile import default_profile
 from tests.comparison.fakes import FakeHover, WrongRate, flight
 from tests.pages.markdown_table import to_markdown
@@ -131,7 +130,7 @@ def test_the_summary_begins_with_the_verdict_and_has_table_ii_on_request_only(
 
 def test_the_widest_table_fits_a_terminal_of_80_columns(compared: FlightComparison) -> None:
     out = io.StringIO()
-    Console(file=out, width=80, no_color=True).print(to_rich(metrics_table(compared)))
+    Console(file=out, width=80, no_color=True).print(metrics_table(compared))
     text = out.getvalue()
     assert "experiment" in text
     assert "…" not in text

@@ -5,7 +5,7 @@ import io
 import pytest
 from rich.console import Console
 
-from heli3dof.report.text.table import Grid, to_html, to_rich
+from heli3dof.report.text.table import Grid, to_html
 from tests.pages.markdown_table import to_markdown
 
 GRID = Grid(
@@ -19,7 +19,7 @@ GRID = Grid(
 
 def shown(grid: Grid, width: int = 80) -> str:
     out = io.StringIO()
-    Console(file=out, width=width, no_color=True).print(to_rich(grid))
+    Console(file=out, width=width, no_color=True).print(grid)
     return out.getvalue()
 
 
