@@ -128,7 +128,7 @@ def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
     """Raise PlanError if duration, references or added voltages exceed the profile's limits."""
     limits = profile.limits
     _check_duration(plan, limits)
-    for i, (axis, low, high) in enumerate(_ranges(limits)):
+    for i, (axis, (low, high)) in enumerate(zip(AXES, limits.ranges_deg, strict=True)):
         reference = np.degrees(signals.reference[:, i])
         worst = reference[np.argmax(np.abs(reference))]
         if reference.min() < low or reference.max() > high:
@@ -156,14 +156,6 @@ def _check_duration(plan: Plan, limits: Limits) -> None:
             cause="a duration in milliseconds, or a long plan on a cautious profile.",
             fix="shorten it, or raise limits.duration_max_s in the profile",
         )
-
-
-def _ranges(limits: Limits) -> list[tuple[str, float, float]]:
-    return [
-        ("roll", limits.roll_min_deg, limits.roll_max_deg),
-        ("pitch", -limits.pitch_max_deg, limits.pitch_max_deg),
-        ("yaw", -limits.yaw_max_deg, limits.yaw_max_deg),
-    ]
 
 
 def plan_from_dict(data: Mapping[str, Any], *, source: str = "plan") -> Plan:

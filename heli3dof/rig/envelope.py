@@ -40,20 +40,9 @@ class Envelope:
         limits = profile.limits
         self._dt = profile.dt
         self._v_max = profile.motor.v_max
-        self._low = tuple(
-            radians(a) for a in (limits.roll_min_deg, -limits.pitch_max_deg, -limits.yaw_max_deg)
-        )
-        self._high = tuple(
-            radians(a) for a in (limits.roll_max_deg, limits.pitch_max_deg, limits.yaw_max_deg)
-        )
-        self._rate = tuple(
-            radians(a)
-            for a in (
-                limits.roll_rate_max_deg_per_s,
-                limits.pitch_rate_max_deg_per_s,
-                limits.yaw_rate_max_deg_per_s,
-            )
-        )
+        self._low = tuple(radians(low) for low, _ in limits.ranges_deg)
+        self._high = tuple(radians(high) for _, high in limits.ranges_deg)
+        self._rate = tuple(map(radians, limits.rates_deg_per_s))
         self._slew = limits.slew_max_V_per_s
         self._duration = limits.duration_max_s
         self._before: tuple[float, float] | None = None

@@ -32,12 +32,7 @@ class EncoderJump(SafetyMonitor):
     order = 20
 
     def __init__(self, profile: Profile) -> None:
-        limits, q = profile.limits, profile.encoder.rad_per_count.tolist()
-        rates = (
-            limits.roll_rate_max_deg_per_s,
-            limits.pitch_rate_max_deg_per_s,
-            limits.yaw_rate_max_deg_per_s,
-        )
+        rates, q = profile.limits.rates_deg_per_s, profile.encoder.rad_per_count.tolist()
         self._per_s = tuple(2 * radians(rate) / abs(q[i]) for i, rate in enumerate(rates))
         self._before: tuple[int, int, int] | None = None
         self._t = 0.0

@@ -68,13 +68,7 @@ def free_within(limits: Limits) -> list[float]:
     """
     middle = (limits.roll_max_deg + limits.roll_min_deg) / 2
     half = SHARE * (limits.roll_max_deg - limits.roll_min_deg) / 2
-    rest = (
-        limits.pitch_max_deg,
-        limits.yaw_max_deg,
-        limits.roll_rate_max_deg_per_s,
-        limits.pitch_rate_max_deg_per_s,
-        limits.yaw_rate_max_deg_per_s,
-    )
+    rest = (limits.pitch_max_deg, limits.yaw_max_deg, *limits.rates_deg_per_s)
     return [radians(v) for v in (middle - half, middle + half, *(SHARE * r for r in rest))]
 
 

@@ -175,13 +175,7 @@ def rest_angles(opened: Opened) -> Check:
     away = ", ".join(f"{axis} {each:+.1f}°" for axis, each in zip(AXES, off, strict=True))
     origin = {"zero": "as stored by heli3dof zero", "power-up": "counts since the device started"}
     found = f"{origin[rest.known_from]}; away from rest now: {away}"
-    limits = profile.limits
-    ranges = (
-        (limits.roll_min_deg, limits.roll_max_deg),
-        (-limits.pitch_max_deg, limits.pitch_max_deg),
-        (-limits.yaw_max_deg, limits.yaw_max_deg),
-    )
-    for i, (low, high) in enumerate(ranges):
+    for i, (low, high) in enumerate(profile.limits.ranges_deg):
         reading = degrees(profile.encoder.rest_rad[i]) + off[i]
         if low <= reading <= high:
             continue
