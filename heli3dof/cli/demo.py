@@ -40,13 +40,14 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     from heli3dof.experiment.plan import load_plan, step_plan
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.model.model_file import save_model
+    from heli3dof.recording.atomic_write import new_folder, unused
     from heli3dof.report.figures.diagnosis_data import figure_data
     from heli3dof.report.pages.flight_report import Diagnosed, flight_report
     from heli3dof.report.pages.html import write_page
     from heli3dof.report.text.identification_tables import parameters_table
 
     out = Output(as_json=as_json, quiet=quiet)
-    folder = _new_folder(FOLDER)
+    folder = new_folder(unused(FOLDER), fix="cd to a folder of your own")
     out.note(
         "The emulated rig has two effects that the simulation lacks. The demo has to find them.\n"
         f"All files go to {folder}/"
@@ -121,14 +122,3 @@ def _fly(out: Output, plan: Plan, path: Path, seed: int, start: str = "rest") ->
         )
     flight.raise_if_cut_short()
     return flight.recording
-
-
-def _new_folder(folder: Path) -> Path:
-    """Create ``folder``, or ``<folder>-2``, ``<folder>-3``, … if it exists; return the new path."""
-    from heli3dof.recording.atomic_write import new_folder
-
-    number, path = 1, folder
-    while path.exists():
-        number += 1
-        path = folder.with_name(f"{folder.name}-{number}")
-    return new_folder(path, fix="cd to a folder of your own")

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from heli3dof_recordings import references
 
+from heli3dof.cli.demo import FOLDER
 from heli3dof.diagnosis import diagnose as diagnosing
+from heli3dof.recording.atomic_write import unused
 from tests.cli.running import heli3dof
 
 TRAIN = [r.path for r in references() if r.use == "identify"]
@@ -178,7 +180,5 @@ def test_the_demo_does_the_whole_chain_and_keeps_an_earlier_one(
     for made in (*document["recordings"], *document["models"]):
         assert Path(made).exists()
     (tmp_path / "heli3dof-demo" / "mine.txt").write_text("kept")
-    from heli3dof.cli.demo import FOLDER, _new_folder
-
-    assert _new_folder(FOLDER).name == "heli3dof-demo-2"
+    assert unused(FOLDER).name == "heli3dof-demo-2"
     assert (tmp_path / "heli3dof-demo" / "mine.txt").read_text() == "kept"
