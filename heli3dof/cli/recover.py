@@ -35,13 +35,4 @@ def recover(
     if saved.chunks_damaged:
         out.warn(f"{saved.chunks_damaged} damaged chunks were skipped")
     out.note(f"Recording: {saved.path}")
-    out.emit(
-        {
-            "schema": "heli3dof.recovery/1",
-            "file": str(saved.path),
-            "samples": saved.samples,
-            "duration_s": saved.seconds,
-            "bytes_lost": saved.bytes_lost,
-            "chunks_damaged": saved.chunks_damaged,
-        }
-    )
+    out.emit({"schema": "heli3dof.recovery/1", **saved.document()})

@@ -11,15 +11,7 @@ def run(job: Job) -> Document:
     if not job.intact[1]["torn"]:
         return {"schema": "heli3dof.recovery/1", "file": None, "torn": False}
     saved = recover(job.file, job.output("recordings", ".mcap"))
-    return {
-        "schema": "heli3dof.recovery/1",
-        "torn": True,
-        "file": str(saved.path),
-        "samples": saved.samples,
-        "duration_s": saved.seconds,
-        "bytes_lost": saved.bytes_lost,
-        "chunks_damaged": saved.chunks_damaged,
-    }
+    return {"schema": "heli3dof.recovery/1", "torn": True, **saved.document()}
 
 
 def columns(document: Document) -> Row:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -42,6 +43,16 @@ class Recovery:
     """Number of bytes after the last complete record, which are lost"""
     chunks_damaged: int
     """Number of complete chunks that could not be decoded; they are omitted"""
+
+    def document(self) -> dict[str, Any]:
+        """Return the result as JSON keys of ``recover --json``."""
+        return {
+            "file": str(self.path),
+            "samples": self.samples,
+            "duration_s": self.seconds,
+            "bytes_lost": self.bytes_lost,
+            "chunks_damaged": self.chunks_damaged,
+        }
 
 
 @dataclass(frozen=True, eq=False)
