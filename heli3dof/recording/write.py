@@ -14,17 +14,15 @@ import numpy as np
 
 from heli3dof.errors import UsageError
 from heli3dof.recording.atomic_write import new_file
-from heli3dof.recording.mcap_files.chunk import rows_of_chunk
 from heli3dof.recording.mcap_files.flight_recorder import profile_record
-from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, PROFILE, PROVENANCE, McapFile
+from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, PROFILE, PROVENANCE, write_rows
 from heli3dof.recording.mcap_files.schema import (
     COMMAND,
     FORMAT,
     MAX_CHANNELS,
     SAMPLE,
-    Layout,
     RowFormat,
-    channels_layout,
+    layouts_with,
 )
 from heli3dof.recording.recording import Recording
 
@@ -49,19 +47,10 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
     ``force``), UsageError or NoSpace.
     """
     rows, names, absent = encode(recording)
-    layouts = [SAMPLE, COMMAND] + ([channels_layout(names)] if names else [])
-    form = RowFormat(layouts)
-    records = metadata(recording, absent)
-    outcome = records.pop(OUTCOME)
+    form = RowFormat(layouts_with(names))
     path = Path(path)
     with new_file(path, force=force) as stream:
-        file = McapFile(stream, form, {"Channels": names} if names else None)
-        file.start(records)
-        step = rows_of_chunk(form)
-        for i in range(0, len(rows), step):
-            file.write_chunk(rows[i : i + step].tobytes())
-        file.add_metadata(OUTCOME, outcome)
-        file.finish()
+        write_rows(stream, form, rows, names, metadata(recording, absent))
     return path
 
 
@@ -111,7 +100,7 @@ def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
             cause="a transposed log, with a column per sample.",
             fix="keep only the necessary columns",
         )
-    layouts: list[Layout] = [SAMPLE, COMMAND] + ([channels_layout(extra)] if extra else [])
+    layouts = layouts_with(extra)
     rows = RowFormat(layouts).empty(len(recording))
     start = int(recording.meta.get("start_ns", 0))
     since = np.rint((recording.t - min(0.0, float(recording.t[0]))) * 1e9).astype("<u8")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -29,9 +29,9 @@ from mcap.records import (
 )
 
 from heli3dof.recording.atomic_write import write_all
-from heli3dof.recording.mcap_files.chunk import ChunkMaker
+from heli3dof.recording.mcap_files.chunk import ChunkMaker, rows_of_chunk
 from heli3dof.recording.mcap_files.chunk_index import chunk_indexes
-from heli3dof.recording.mcap_files.schema import RowFormat
+from heli3dof.recording.mcap_files.schema import CHANNELS_TOPIC, RowFormat
 
 MAGIC = b"\x89MCAP0\r\n"
 LIBRARY = "heli3dof"
@@ -48,16 +48,11 @@ class McapFile:
 
     If the stream can be read, `finish` adds an index of the chunks; a pipe cannot be read, so its
     output has no index. ``good`` is the byte offset after the last complete record. After a failed
-    write, the caller may truncate the file at this offset. ``channel_names``: message name → names
-    of the message's fields, for the MCAP channel.
+    write, the caller may truncate the file at this offset. ``names``: the columns without a
+    standard field (`channels_layout`), for the MCAP channel of their message.
     """
 
-    def __init__(
-        self,
-        stream: BinaryIO,
-        rows: RowFormat,
-        channel_names: Mapping[str, list[str]] | None = None,
-    ) -> None:
+    def __init__(self, stream: BinaryIO, rows: RowFormat, names: Sequence[str] = ()) -> None:
         self._stream = stream
         self._rows = rows
         self._chunks = ChunkMaker(rows)
@@ -76,8 +71,8 @@ class McapFile:
             self._schemas.append(
                 Schema(number, layout.descriptor_set, "protobuf", layout.full_name)
             )
-            names = (channel_names or {}).get(layout.name)
-            about = {} if names is None else {"columns": json.dumps(names)}
+            further = names and layout.topic == CHANNELS_TOPIC
+            about = {"columns": json.dumps(names)} if further else {}
             self._channels.append(Channel(number, layout.topic, "protobuf", about, number))
 
     def start(self, metadata: Mapping[str, Mapping[str, Any]]) -> None:
@@ -180,6 +175,26 @@ class McapFile:
         write_all(self._stream, data)
         self.good += len(data)
         self._crc = zlib.crc32(data, self._crc)
+
+
+def write_rows(
+    stream: BinaryIO,
+    form: RowFormat,
+    rows: np.ndarray,
+    names: Sequence[str],
+    metadata: Mapping[str, Mapping[str, Any]],
+) -> None:
+    """Write a complete file: ``metadata``, and before its record `OUTCOME` the ``rows``.
+
+    ``form``: the rows' format; ``names``: see `McapFile`.
+    """
+    file = McapFile(stream, form, names)
+    file.start({name: data for name, data in metadata.items() if name != OUTCOME})
+    step = rows_of_chunk(form)
+    for i in range(0, len(rows), step):
+        file.write_chunk(rows[i : i + step].tobytes())
+    file.add_metadata(OUTCOME, metadata[OUTCOME])
+    file.finish()
 
 
 def to_json(value: Any) -> str:

@@ -16,7 +16,6 @@ from mcap.opcode import Opcode
 
 from heli3dof.errors import RecordingError
 from heli3dof.recording.atomic_write import new_file
-from heli3dof.recording.mcap_files.chunk import rows_of_chunk
 from heli3dof.recording.mcap_files.mcap_scan import (
     Damaged,
     Scan,
@@ -24,7 +23,7 @@ from heli3dof.recording.mcap_files.mcap_scan import (
     decode_chunk,
     our_layouts,
 )
-from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, McapFile
+from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, write_rows
 from heli3dof.recording.mcap_files.reader import chunk_rows, open_mcap
 from heli3dof.recording.mcap_files.schema import SAMPLE, RowFormat
 
@@ -105,14 +104,8 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
         "rows": result.samples,
     }
     with new_file(output, force=force) as stream:
-        names = channel_names(found)
-        file = McapFile(stream, saved.form, {"Channels": names} if names else None)
-        file.start({name: data for name, data in found.metadata.items() if name != OUTCOME})
-        step = rows_of_chunk(saved.form)
-        for i in range(0, len(saved.rows), step):
-            file.write_chunk(saved.rows[i : i + step].tobytes())
-        file.add_metadata(OUTCOME, outcome)
-        file.finish()
+        records = {**found.metadata, OUTCOME: outcome}
+        write_rows(stream, saved.form, saved.rows, channel_names(found), records)
     return result
 
 

@@ -150,6 +150,11 @@ def channels_layout(names: Sequence[str]) -> Layout:
     return Layout("Channels", CHANNELS_TOPIC, tuple(columns))
 
 
+def layouts_with(names: Sequence[str]) -> list[Layout]:
+    """Return the layouts of a recording's messages; ``names``: columns without a standard field."""
+    return [SAMPLE, COMMAND, *([channels_layout(names)] if names else [])]
+
+
 class RowFormat:
     """Byte format of a row: one MCAP Message record per message type, on MCAP channels 1, 2, …"""
 

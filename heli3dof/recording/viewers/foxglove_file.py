@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.recording.mcap_files.mcap_writer import LIBRARY, to_json
-from heli3dof.recording.mcap_files.schema import COMMAND, SAMPLE, channels_layout
+from heli3dof.recording.mcap_files.schema import SAMPLE, layouts_with
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.viewers.scene import ARM, BASE, BODY, Part, parts, poses
 from heli3dof.recording.write import encode, metadata
@@ -43,7 +43,6 @@ def foxglove_bytes(recording: Recording) -> bytes:
     from mcap.writer import Writer
 
     rows, names, absent = encode(recording)
-    layouts = [SAMPLE, COMMAND] + ([channels_layout(names)] if names else [])
     times = rows[SAMPLE.name]["log_time"].tolist()
     out = io.BytesIO()
     writer = Writer(out)
@@ -52,7 +51,7 @@ def foxglove_bytes(recording: Recording) -> bytes:
         writer.add_metadata(name, {key: to_json(value) for key, value in record.items()})
     extra = list(messages(recording, times))
     streams: list[tuple[int, list[tuple[int, bytes]]]] = []
-    for layout in layouts:
+    for layout in layouts_with(names):
         schema = writer.register_schema(layout.full_name, "protobuf", layout.descriptor_set)
         about = {"columns": json.dumps(names)} if layout.name == "Channels" else {}
         channel = writer.register_channel(layout.topic, "protobuf", schema, about)
