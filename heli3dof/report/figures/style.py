@@ -25,7 +25,12 @@ VERMILION, BLUE, GREEN = "#D55E00", "#0072B2", "#009E73"
 PURPLE, ORANGE, SKY = "#CC79A7", "#E69F00", "#56B4E9"
 SYMBOLS = {"roll": "r", "pitch": "p", "yaw": "ψ"}
 """Axis → symbol of its angle in labels"""
-DPI = 150
+FORMATS: dict[str, dict[str, Any]] = {
+    ".svg": {"metadata": {"Date": None, "Creator": "heli3dof"}},
+    ".png": {"metadata": {"Software": "heli3dof"}, "dpi": 150},
+    ".pdf": {"metadata": {"CreationDate": None, "Creator": "heli3dof", "Producer": None}},
+}
+"""Ending → options of matplotlib's savefig; without dates, and PNG at 150 dots per inch"""
 
 RC: Any = {
     "font.family": "DejaVu Sans",  # part of matplotlib, so the layout is the same everywhere
@@ -112,33 +117,17 @@ def model_lines(kinds: list[str]) -> list[Line]:
 
 
 def to_svg(figure: Figure) -> str:
-    """Return the figure as SVG text, without date or random ids."""
-    import matplotlib
-
-    buffer = io.StringIO()
-    with matplotlib.rc_context(RC):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": "heli3dof"})
-    return buffer.getvalue()
+    """Return the figure as SVG text."""
+    return drawn(figure, ".svg").decode("utf-8")
 
 
-def to_png(figure: Figure) -> bytes:
-    """Return the figure as PNG at 150 dots per inch."""
+def drawn(figure: Figure, ending: str) -> bytes:
+    """Return the figure in the format of the file name's ``ending``, one of `FORMATS`."""
     import matplotlib
 
     buffer = io.BytesIO()
     with matplotlib.rc_context(RC):
-        figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": "heli3dof"})
-    return buffer.getvalue()
-
-
-def to_pdf(figure: Figure) -> bytes:
-    """Return the figure as a PDF page, without date."""
-    import matplotlib
-
-    buffer = io.BytesIO()
-    with matplotlib.rc_context(RC):
-        about = {"CreationDate": None, "Creator": "heli3dof", "Producer": None}
-        figure.savefig(buffer, format="pdf", metadata=about)
+        figure.savefig(buffer, format=ending[1:], **FORMATS[ending])
     return buffer.getvalue()
 
 
@@ -161,7 +150,4 @@ def save(figure: Figure, path: str | Path, *, force: bool = False) -> Path:
     check_ending(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     check_output(path, force=force)  # before drawing, which takes a second
-    return write_file(path, FORMATS[path.suffix](figure), force=force)
-
-
-FORMATS = {".svg": lambda figure: to_svg(figure).encode("utf-8"), ".png": to_png, ".pdf": to_pdf}
+    return write_file(path, drawn(figure, path.suffix), force=force)

@@ -20,9 +20,9 @@ from heli3dof.report.figures.style import (
     EXPERIMENT,
     HOVER,
     IDENTIFIED,
+    drawn,
     model_lines,
     save,
-    to_png,
     to_svg,
 )
 from heli3dof.rig.profile import default_profile
@@ -64,7 +64,7 @@ def test_the_same_data_give_the_same_svg_and_png(compared) -> None:  # type: ign
     once, again = (comparison_figure(compared, "roll") for _ in range(2))
     text = to_svg(once)
     assert text == to_svg(again)
-    assert to_png(once) == to_png(again)
+    assert drawn(once, ".png") == drawn(again, ".png")
     assert "<dc:date>" not in text
 
 
