@@ -8,7 +8,6 @@ has no copy.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from urllib.parse import quote, unquote
 
 from heli3dof.errors import DeviceError, UsageError
 
+from ..link.serial_ports import holders
 from .errors import explained, no_libusb
 
 CLASS, SUBCLASS, PROTOCOL = 0xFF, 0x48, 0x01
@@ -47,16 +47,7 @@ class OnBus:
 
     def holder(self) -> str:
         """Return as text the other processes with the rig open; "" if /proc shows none."""
-        holders = []
-        for process in Path("/proc").glob("[0-9]*"):
-            try:
-                links = [os.readlink(fd) for fd in (process / "fd").iterdir()]
-                if str(self.node) in links and int(process.name) != os.getpid():
-                    name = (process / "comm").read_text().strip()
-                    holders.append(f"{name} (process {process.name})")
-            except OSError:
-                continue
-        return ", ".join(holders)
+        return ", ".join(f"{name} (process {pid})" for pid, name in holders(str(self.node)))
 
 
 def kernel_lists_one() -> bool:
