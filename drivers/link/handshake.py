@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from cobs.cobs import DecodeError, decode
 
+from heli3dof.axes import AXES
 from heli3dof.errors import DeviceError
 
 from .checksum import check
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 TRIES = 12
 """HELLO requests: a board that restarts when its port is opened needs up to 2 s to reply"""
-AXES = ("roll", "pitch", "yaw")
 
 
 def identify(client: RequestClient) -> IdentityFrame:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from heli3dof.axes import AXES
+
 from ..body import Setup
 from ..plant_effects import Kernel
 from ..plant_layout import Stage
 
-ALL_AXES = ("roll", "pitch", "yaw")
+ALL_AXES = AXES
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,5 @@ class Hidden:
     @property
     def text(self) -> str:
         """Return the effect in the notation of ``hide=``, e.g. ``friction.coulomb.yaw:0.03``."""
-        from heli3dof.axes import AXES
-
         name = self.effect.name + (f".{AXES[self.axis]}" if self.axis >= 0 else "")
         return name + ":" + "@".join(f"{v:g}" for v in self.values)
