@@ -34,7 +34,7 @@ import re
 import time
 import tomllib
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -192,10 +192,6 @@ def store_calibration(calibration: Calibration) -> Path:
         new.write_text("\n".join(lines) + "\n", encoding="utf-8")
         new.replace(path)
     return path
-
-
-def now_utc() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def _text(value: str) -> str:

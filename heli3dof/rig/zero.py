@@ -11,6 +11,7 @@ from __future__ import annotations
 import statistics
 import time
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from math import degrees, radians
 from pathlib import Path
 
@@ -20,7 +21,6 @@ from heli3dof.rig.calibration import (
     COUNTS_AT_POWER_UP,
     Calibration,
     Counts,
-    now_utc,
     store_calibration,
 )
 from heli3dof.rig.drivers import default_device, is_private
@@ -105,7 +105,7 @@ def calibrate(
         identity.boot,
         identity.counts_per_rev,
         (at_rest[0], at_rest[1], at_rest[2]),
-        now_utc(),
+        datetime.now(UTC).isoformat(timespec="seconds"),
         device,
         identity.started_s,
     )
