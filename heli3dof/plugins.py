@@ -1,14 +1,24 @@
-"""Load plug-ins: objects that other installed packages register as Python entry points.
+"""Load the modules of a package, and plug-ins.
 
-A plug-in that does not load causes a warning and is left out, so that it cannot stop heli3dof.
+Plug-ins are objects that other installed packages register as Python entry points. A plug-in that
+does not load causes a warning and is left out, so that it cannot stop heli3dof.
 """
 
 from __future__ import annotations
 
+import importlib
 import logging
-from collections.abc import Callable
+import pkgutil
+from collections.abc import Callable, Iterator
 from importlib.metadata import entry_points
+from types import ModuleType
 from typing import Any
+
+
+def modules_of(package: str) -> Iterator[ModuleType]:
+    """Import the modules of the package called ``package`` one by one, and yield them by name."""
+    for found in pkgutil.iter_modules(importlib.import_module(package).__path__):
+        yield importlib.import_module(f"{package}.{found.name}")
 
 
 def use_plugins(group: str, kind: str, use: Callable[[Any], None]) -> None:

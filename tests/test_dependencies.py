@@ -21,10 +21,12 @@ MAY_IMPORT = {
     "plugins": set(),
     "stage_clock": set(),
     "results": {"errors"},
-    "rig": {"errors", "arrays", "axes", "toml_file", "write_errors"},
+    "rig": {"errors", "arrays", "axes", "plugins", "toml_file", "write_errors"},
     "recording": {"errors", "results", "arrays", "axes", "plugins", "rig", "write_errors"},
-    "model": {"errors", "arrays", "axes", "rig", "recording"},
-    "experiment": {"errors", "arrays", "axes", "toml_file", "rig", "recording", "model"},
+    "model": {"errors", "arrays", "axes", "plugins", "rig", "recording"},
+    "experiment": {
+        "errors", "arrays", "axes", "plugins", "toml_file", "rig", "recording", "model",
+    },
     "effect_files": {"errors", "axes", "rig", "model"},
     "exercise": {"errors", "axes", "rig", "model"},
     "identification": {
@@ -39,8 +41,8 @@ MAY_IMPORT = {
         "model", "experiment", "identification", "comparison",
     },
     "batch": {
-        "errors", "results", "axes", "parallel", "toml_file", "write_errors", "rig", "recording",
-        "model", "experiment", "identification", "comparison", "diagnosis", "paper",
+        "errors", "results", "axes", "parallel", "plugins", "toml_file", "write_errors", "rig",
+        "recording", "model", "experiment", "identification", "comparison", "diagnosis", "paper",
     },
     "report": {
         "errors", "axes", "rig", "recording", "model", "experiment", "identification",

@@ -9,9 +9,7 @@ rich_help_panel="Fly")(run)``. Verbs import heavy libraries inside their functio
 
 from __future__ import annotations
 
-import importlib
 import os
-import pkgutil
 import sys
 from itertools import groupby
 from typing import Annotated, Any
@@ -19,10 +17,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from heli3dof import cli
 from heli3dof.cli import output_encoding
 from heli3dof.cli.estop import estop_without_typer
-from heli3dof.plugins import use_plugins
+from heli3dof.plugins import modules_of, use_plugins
 
 GROUP = "heli3dof.verbs"
 FAMILIES = ("Fly", "Model", "Files", "Many recordings", "Plans and rigs", "Teach")
@@ -85,11 +82,9 @@ def _start(
 
 
 def _register_all() -> None:
-    for module in pkgutil.iter_modules(cli.__path__):
-        if module.name != "app":
-            found = importlib.import_module(f"{cli.__name__}.{module.name}")
-            if hasattr(found, "register"):
-                found.register(app)
+    for module in modules_of("heli3dof.cli"):
+        if hasattr(module, "register"):
+            module.register(app)
     use_plugins(GROUP, "verb", lambda register: register(app))
 
 

@@ -8,12 +8,10 @@ parameters with units and bounds. Another package registers such a tuple under t
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Sequence
 from functools import cache
 
-from heli3dof.plugins import must_be, use_plugins
+from heli3dof.plugins import modules_of, must_be, use_plugins
 
 from ..plant_effects import Kernel
 from .base import Effect, Hidden, Parameter
@@ -30,8 +28,7 @@ def catalogue() -> dict[str, Effect]:
     A plug-in that does not load or compile, or whose name is taken, is left out with a warning.
     """
     effects: list[Effect] = []
-    for info in pkgutil.iter_modules(__path__):
-        module = importlib.import_module(f"{__name__}.{info.name}")
+    for module in modules_of(__name__):
         effects += getattr(module, "EFFECTS", ())
     by_name = {e.name: e for e in effects}
 

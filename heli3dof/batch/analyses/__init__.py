@@ -5,11 +5,10 @@ Each module defines the constant ``ANALYSIS``, an `Analysis`.
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from functools import cache
 
 from heli3dof.batch.analyses.base import Analysis, Job
+from heli3dof.plugins import modules_of
 
 __all__ = ["Analysis", "Job", "analyses", "analysis"]
 
@@ -17,10 +16,7 @@ __all__ = ["Analysis", "Job", "analyses", "analysis"]
 @cache
 def analyses() -> dict[str, Analysis]:
     """Return name → `Analysis` of every verb."""
-    modules = [
-        importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__)
-    ]
-    found = [m.ANALYSIS for m in modules if hasattr(m, "ANALYSIS")]
+    found = [m.ANALYSIS for m in modules_of(__name__) if hasattr(m, "ANALYSIS")]
     return {a.name: a for a in found}
 
 

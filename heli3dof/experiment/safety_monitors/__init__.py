@@ -11,8 +11,6 @@ each report.
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +18,7 @@ from functools import cache
 from typing import ClassVar
 
 from heli3dof.experiment.control_loop.control_period import Monitor, Period
+from heli3dof.plugins import modules_of
 from heli3dof.rig.profile import Profile
 
 
@@ -58,8 +57,7 @@ class FlightMonitors:
 def monitor_classes() -> tuple[type[SafetyMonitor], ...]:
     """Return every subclass of `SafetyMonitor` in this package, in the order of judging."""
     found = set()
-    for info in pkgutil.iter_modules(__path__):
-        module = importlib.import_module(f"{__name__}.{info.name}")
+    for module in modules_of(__name__):
         found |= {
             value
             for value in vars(module).values()

@@ -7,8 +7,6 @@ lists the kinds.
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any
@@ -18,6 +16,7 @@ from pydantic import AfterValidator, Field
 
 from heli3dof.axes import AXES
 from heli3dof.model.control.loop_opening import LEARN, OPEN
+from heli3dof.plugins import modules_of
 from heli3dof.toml_file import Finite, Key, Positive, Section
 
 
@@ -147,7 +146,6 @@ class FreeSegment(BaseSegment):
 def kinds() -> dict[str, type[BaseSegment]]:
     """Return the class of every kind of segment in this package, by its name in TOML."""
     found: dict[str, type[BaseSegment]] = {}
-    for info in pkgutil.iter_modules(__path__):
-        module = importlib.import_module(f"{__name__}.{info.name}")
+    for module in modules_of(__name__):
         found[module.Segment.model_fields["kind"].default] = module.Segment
     return found

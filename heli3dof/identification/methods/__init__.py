@@ -6,14 +6,12 @@ Another package adds a method by an entry point of the group ``heli3dof.methods`
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Mapping
 from functools import cache
 
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.identification.method import Method
-from heli3dof.plugins import must_be, use_plugins
+from heli3dof.plugins import modules_of, must_be, use_plugins
 
 GROUP = "heli3dof.methods"
 
@@ -21,9 +19,7 @@ GROUP = "heli3dof.methods"
 @cache
 def built_in() -> Mapping[str, Method]:
     """Return the identification methods of this folder by name."""
-    names = [m.name for m in pkgutil.iter_modules(__path__)]
-    found = [importlib.import_module(f"{__name__}.{name}").METHOD for name in names]
-    return {m.name: m for m in found}
+    return {m.METHOD.name: m.METHOD for m in modules_of(__name__)}
 
 
 @cache

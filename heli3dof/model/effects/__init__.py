@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
 import logging
-import pkgutil
 import traceback
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -17,6 +15,7 @@ from heli3dof.model.effects.base import Effect, Parameter, Term
 from heli3dof.model.effects.empirical import empirical_effect
 from heli3dof.model.physics.compiled_effects import HookError, address
 from heli3dof.model.physics.state_layout import Stage
+from heli3dof.plugins import modules_of
 
 __all__ = ["Effect", "Parameter", "Stage", "Term", "effects", "plug_ins", "term", "terms"]
 
@@ -59,8 +58,8 @@ class _Catalogue:
 @cache
 def _all() -> _Catalogue:
     ours: dict[str, Effect] = {}
-    for module in pkgutil.iter_modules(__path__):
-        effect = getattr(importlib.import_module(f"{__name__}.{module.name}"), "EFFECT", None)
+    for module in modules_of(__name__):
+        effect = getattr(module, "EFFECT", None)
         if isinstance(effect, Effect):
             ours[effect.name] = effect
     result = _Catalogue(ours)

@@ -20,12 +20,11 @@ checks what the system grants the loop.
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Callable, Iterator
 from typing import Any
 
 from heli3dof.errors import Heli3dofError, did_you_mean
+from heli3dof.plugins import modules_of
 from heli3dof.rig.interface import Check
 
 COMPUTER, RECORDINGS, RIG, ARMED = GROUPS = ("computer", "recordings", "rig", "armed")
@@ -33,12 +32,11 @@ COMPUTER, RECORDINGS, RIG, ARMED = GROUPS = ("computer", "recordings", "rig", "a
 
 def checks_of(group: str) -> Iterator[Callable[[Any], Check]]:
     """Yield the check functions of every file in this folder whose ``GROUP`` is ``group``."""
-    for info in pkgutil.iter_modules(__path__):
-        module = importlib.import_module(f"{__name__}.{info.name}")
+    for module in modules_of(__name__):
         stated = getattr(module, "GROUP", None)
         if stated not in GROUPS or not hasattr(module, "CHECKS"):
             raise Heli3dofError(
-                f"heli3dof/rig/doctor/{info.name}.py states no checks that can run: "
+                f"{module.__name__.replace('.', '/')}.py states no checks that can run: "
                 f"its GROUP is {stated!r}.",
                 cause="GROUP or CHECKS is missing, or GROUP is mistyped; "
                 + did_you_mean(str(stated), GROUPS),

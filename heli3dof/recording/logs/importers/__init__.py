@@ -11,12 +11,10 @@ columns as a `Table`. Checks, units and provenance are common to all formats
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from functools import cache
 from pathlib import Path
 
-from heli3dof.plugins import must_be, use_plugins
+from heli3dof.plugins import modules_of, must_be, use_plugins
 from heli3dof.recording.logs.importer import Importer
 
 GROUP = "heli3dof.importers"
@@ -28,9 +26,7 @@ def importers() -> tuple[Importer, ...]:
 
     An importer that cannot be loaded is omitted with a warning.
     """
-    found: list[Importer] = []
-    for module in pkgutil.iter_modules(__path__):
-        found.append(importlib.import_module(f"{__name__}.{module.name}").IMPORTER)
+    found: list[Importer] = [module.IMPORTER for module in modules_of(__name__)]
 
     def add(importer: Importer) -> None:
         must_be(Importer, importer)
