@@ -213,7 +213,7 @@ def folds(trial: Trial) -> list[Figure]:
         test = [trial.load(left)]
         flown = [r.rows(slice(run.start, run.stop)) for r in test for run in usable_runs(r, 0)]
         full = fit_freeflight(train)
-        result = eliminate(full.problem, full)
+        result = eliminate(full)
         gone = [r.term for r in result.gone]
         less = restructured(result.fit.problem, [r.term for r in result.kept])
         z, _ = carried_over(result.fit, less)

@@ -12,7 +12,7 @@ d (R,), which one simulation gives. With the fit's parameters projected out,
 Let w (R,) be the change of r if a cause c of the fit is removed, and d̃ (R,) that by a probe; both
 with the fit's other parameters projected out. To first order, adding the probe's effect recovers a
 share ρ² = (d̃·w)²/(d̃·d̃ w·w) of the increase of Q by the removal. The effect may be confounded
-with c if ρ² exceeds `REPLACES`.
+with c if |ρ| exceeds `CORRELATED`.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from heli3dof.diagnosis.free_run.refits import (
 from heli3dof.diagnosis.screening.catalogue import Probe, candidates, probes
 from heli3dof.diagnosis.screening.screening import one_sided
 from heli3dof.diagnosis.selection.select import MAX_CAUSES
+from heli3dof.diagnosis.sensitivity.projection import project_out
 from heli3dof.identification.greybox.multistep import (
     MultiStep,
     MultiStepFit,
@@ -40,8 +41,8 @@ from heli3dof.identification.greybox.multistep import (
 )
 from heli3dof.parallel import parallel_map
 
-REPLACES = 0.25
-"""ρ² from which on a candidate may be confounded with a cause: a correlation of 0.5. Chosen."""
+CORRELATED = 0.5
+"""|Correlation| above which two effects may be confounded. Chosen."""
 LEAST_SHARE = 1e-6
 """Least v/(d·d) of a tested probe; below it, the fit's parameters produce the same change."""
 MAX_FITS = 3
@@ -80,7 +81,7 @@ def score_tests(fit: MultiStepFit) -> list[Candidate]:
 
     def one(i: int) -> Candidate:
         d = _with_probe(fit, tested[i]) - r
-        d_own = project_out(fit.tangents, H, d)
+        d_own = project_out(d, fit.tangents, H)
         v = float(d @ d_own)
         if not v > LEAST_SHARE * float(d @ d):
             return Candidate(tested[i], d, 0.0)
@@ -132,22 +133,14 @@ def possible_replacements(fit: MultiStepFit, name: str, tests: Sequence[Candidat
             absent[at] = f.inward(f.low if f.log else f.null)
     D = fit.tangents[~own]
     H = D @ D.T + p.prior[np.ix_(~own, ~own)]
-    w = project_out(D, H, (absent - fit.z)[own] @ fit.tangents[own])
+    w = project_out((absent - fit.z)[own] @ fit.tangents[own], D, H)
 
     def share(c: Candidate) -> float:
-        d = project_out(D, H, c.change)
+        d = project_out(c.change, D, H)
         return float((d @ w) ** 2 / max((d @ d) * (w @ w), 1e-300))
 
     shares = {c.name: share(c) for c in tests}
-    return sorted((n for n, s in shares.items() if s > REPLACES), key=lambda n: -shares[n])
-
-
-def project_out(D: np.ndarray, H: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Return d (R,) without the part that parameters with tangents D (dim, R) can produce.
-
-    H (dim, dim) is the parameters' information with priors.
-    """
-    return np.asarray(d - np.linalg.solve(H, D @ d) @ D)
+    return sorted((n for n, s in shares.items() if s > CORRELATED**2), key=lambda n: -shares[n])
 
 
 def _with_probe(fit: MultiStepFit, probe: Probe) -> np.ndarray:

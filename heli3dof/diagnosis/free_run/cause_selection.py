@@ -10,7 +10,7 @@ of these hold:
 
 - Without it, held-out blocks are predicted worse, or it is known beforehand
   (`free_run.elimination`).
-- P ≥ `SIGNIFICANT`, and σ ≤ `PRIOR_SHARE` σ_prior.
+- P ≥ `LEVEL`, and σ ≤ `PRIOR_SHARE` σ_prior.
 - The estimates from both halves of the flights agree, and each is significant (`free_run.halves`).
   For a term known beforehand it is enough that they agree.
 
@@ -34,13 +34,12 @@ from heli3dof.diagnosis.free_run.halves import PRIOR_SHARE, compare_halves, null
 from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
 from heli3dof.diagnosis.free_run.refits import refit
 from heli3dof.diagnosis.outlook import OpenTerms
+from heli3dof.diagnosis.validation.gain import LEVEL
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.thrust_scale import thrust_scale
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.physics.parametrisation import first_parameters
 
-SIGNIFICANT = 0.95
-"""Least probability P of a cause: the conventional 95 %"""
 MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly that of the prior"
 
 
@@ -55,7 +54,7 @@ def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResul
     causes = [
         r
         for r in result.kept
-        if probability_nonzero(result.fit, r.term) >= SIGNIFICANT and not contradicted(result, r)
+        if probability_nonzero(result.fit, r.term) >= LEVEL and not contradicted(result, r)
     ]
     return causes, [*(r for r in result.kept if r not in causes), *result.gone]
 
@@ -134,7 +133,7 @@ def _why(result: Elimination, r: TermResult) -> str:
         return "its size is not significant, and no blocks were left out"
     if r in result.gone:
         return "left-out blocks do not need it"
-    if probability_nonzero(result.fit, r.term) >= SIGNIFICANT and (why := contradicted(result, r)):
+    if probability_nonzero(result.fit, r.term) >= LEVEL and (why := contradicted(result, r)):
         return f"left-out blocks need it, but {why}"
     alike = ", ".join(correlated_terms(result.fit, r.term))
     other = f" or a similar term ({alike})" if alike else ""

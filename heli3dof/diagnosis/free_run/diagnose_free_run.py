@@ -22,9 +22,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.conclusion.conclude import conclude
-from heli3dof.diagnosis.conclusion.encoder_scales import (
-    with_thrust_gain_ties,
-)
+from heli3dof.diagnosis.conclusion.encoder_scales import with_thrust_gain_ties
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_like
 from heli3dof.diagnosis.estimate.base_fit import BASES
 from heli3dof.diagnosis.estimate.base_parameters import base_parameters, off_nominal
@@ -42,7 +40,6 @@ from heli3dof.diagnosis.free_run.elimination import (
     TermResult,
     Trial,
     eliminate,
-    known_beforehand,
     result_by_adding,
     with_confounded_terms,
     without_elimination,
@@ -52,20 +49,15 @@ from heli3dof.diagnosis.free_run.free_run_gain import (
     FreeRun,
     cross_validated,
     free_run_errors,
-    gain,
-    pays,
+    free_run_gain,
+    predicts_better,
 )
 from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
 from heli3dof.diagnosis.free_run.refits import folds_of, refit
 from heli3dof.diagnosis.free_run.residual_torques import residual_torques
 from heli3dof.diagnosis.free_run.unexplained import unexplained_effects
 from heli3dof.diagnosis.integrity import Fault
-from heli3dof.diagnosis.result import (
-    Diagnosis,
-    Dropped,
-    Finding,
-    Fitted,
-)
+from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import split_off_slow_noise
 from heli3dof.diagnosis.validation.gain import Gain
@@ -135,11 +127,7 @@ def diagnose_without_likelihood(
     full = fit_freeflight(whole, progress=lambda round_: progress(f"{FITTING} {round_}"))
     progress("Testing the other effects of the catalogue …")
     full = with_further_effects(full)
-    result = (
-        without_elimination(full)
-        if quick
-        else eliminate(full.problem, full, seed=seed, progress=progress)
-    )
+    result = without_elimination(full) if quick else eliminate(full, seed=seed, progress=progress)
     progress("Fitting the base simulation …")
     simpler = BASES[base]
     base_fit = fit_freeflight(whole, simpler)
@@ -164,14 +152,15 @@ def diagnose_without_likelihood(
         causes.sort(key=lambda r: -r.increase.value)
     progress(EACH)
     pairs = _without_each(result, causes, whole, held_out)
-    findings = tuple(_finding(result, r, gain(*pairs[r.term], against, seed)) for r in causes)
-    poor = not pays(before, after)
+    gains = (free_run_gain(*pairs[r.term], against, seed) for r in causes)
+    findings = tuple(_finding(result, r, g) for r, g in zip(causes, gains, strict=True))
+    poor = not predicts_better(before, after)
     adopted = base_fit if poor else result.fit
-    dropped = tuple(Dropped(f.choice.term.name, f.gain) for f in findings) if poor else ()
-    unfitted = gain(as_profile, before, against, seed)
+    dropped = tuple(Dropped(f.term.name, f.gain) for f in findings) if poor else ()
+    unfitted = free_run_gain(as_profile, before, against, seed)
     fitted = Fitted(
         None, None, base_model if poor else model,
-        gain(before, before if poor else after, against, seed), None, None,
+        free_run_gain(before, before if poor else after, against, seed), None, None,
         _profile_error(tested, simpler), unfitted,
         base_parameters(MeanTrimFit(adopted)),
         None if poor else open_terms(result, model, causes, only_kept),
@@ -179,7 +168,7 @@ def diagnose_without_likelihood(
     calibrated = MeanTrimFit(result.fit)
     off = () if poor else with_thrust_gain_ties(off_nominal(calibrated, std_inflation=1.0))
     of_base = {o.term.name for o in off}
-    findings = tuple(f for f in findings if not poor and f.choice.term.name not in of_base)
+    findings = tuple(f for f in findings if not poor and f.term.name not in of_base)
     if quick:
         findings = tuple(marked_like(f) for f in findings)
     residual, slow_noise = split_off_slow_noise(residual_torques(adopted))
@@ -191,13 +180,8 @@ def diagnose_without_likelihood(
         "not_fitted": [r.name for r in partial],
         "over_3_s": {"before": before.over_deg(), "after": after.over_deg()},
         "without": {name: less.over_deg() for name, (less, _) in pairs.items()},
-        "by_recording": {
-            name: dict(zip([r.name for r in flights], values.tolist(), strict=True))
-            for name, values in result.fit.by_recording.items()
-        },
-        "known_beforehand": sorted(known_beforehand(result.fit.problem)),
         "kept_within_what_is_known": kept_terms(result, only_kept),
-        "explains": explanation_sentences(adopted, flights, {f.choice.term.name for f in findings}),
+        "explains": explanation_sentences(adopted, flights, {f.term.name for f in findings}),
         "still_hidden": unexplained_effects(adopted, flights, partial),
         "seed": seed,
     }  # fmt: skip
@@ -266,14 +250,13 @@ def _finding(result: Elimination, r: TermResult, gained: Gain) -> Finding:
     return Finding(choice, values, gained, fit.noise)
 
 
-def _profile_error(
-    recordings: Sequence[Recording], simpler: tuple[str, ...] = ()
-) -> SimulationError:
+def _profile_error(recordings: Sequence[Recording], simpler: tuple[str, ...]) -> SimulationError:
     """Return the prediction errors of the simulation with the profile's values."""
     model = nominal(recordings[0].profile, simpler)
-    e = []
-    for r in recordings:
-        e.append(free_run_errors(model, r, np.array([max(1, round(h / r.dt)) for h in HORIZONS_S])))
+    e = [
+        free_run_errors(model, r, np.array([max(1, round(h / r.dt)) for h in HORIZONS_S]))
+        for r in recordings
+    ]
     rmse = np.degrees(np.sqrt(np.nanmean(np.concatenate(e) ** 2, axis=0)))
     return SimulationError(
         tuple(HORIZONS_S), rmse, np.full_like(rmse, np.nan), "nothing: unknown", ()

@@ -2,8 +2,8 @@
 
 The full model is fitted to free-run predictions (`heli3dof.identification.greybox.multistep`). Then
 each term is left out once, and the others are refitted. e[k, j, i] (rad) is the error of prediction
-k at horizon j on axis i, s its RMS in the full model. ρ is the robust loss. In a cell c of `CELL_S`
-seconds of held-out flight, the loss increases by
+k at horizon j on axis i, s its RMS in the full model. ρ is the robust loss. In a cell c of
+`WINDOW_S` of held-out flight, the loss increases by
 
     d_c = mean_{k∈c} Σ_i mean_j [ρ(e_without/s) − ρ(e_with/s)],       Δ = mean_c d_c
 
@@ -13,9 +13,9 @@ Prediction windows overlap, so the bootstrap resamples cells (block bootstrap).
    first term that does not stay is removed:
 
    - Need: the `LEVEL` bootstrap interval of Δ on held-out blocks lies above zero.
-   - Prior knowledge: the prior mean is more than `KNOWN` prior deviations from the null value.
+   - Prior knowledge: the prior mean is more than `SIGMAS` prior deviations from the null value.
    - Training cost: the cost Q of the multi-step fit on the training blocks increases by
-     `LEAST_COST` or more without the term. Without such a term the model is wrong, and the tests
+     `SIGMAS`² or more without the term. Without such a term the model is wrong, and the tests
      of the other terms are invalid.
 2. The model is refitted. Retained terms correlated with the removed one are tested again.
 3. An effect of the catalogue is confounded with a cause (`tied_with`) if the effect can replace the
@@ -36,8 +36,15 @@ from math import erf, sqrt
 
 import numpy as np
 
-from heli3dof.diagnosis.free_run.candidates import possible_replacements, score_tests
-from heli3dof.diagnosis.free_run.refits import STAGE_S, FitWithFolds, recording_indices, refit
+from heli3dof.diagnosis.free_run.candidates import CORRELATED, possible_replacements, score_tests
+from heli3dof.diagnosis.free_run.refits import (
+    STAGE_S,
+    WINDOW_S,
+    FitWithFolds,
+    recording_indices,
+    refit,
+)
+from heli3dof.diagnosis.validation.gain import DRAWS, LEVEL
 from heli3dof.identification.greybox.multistep import FAR, MultiStep, MultiStepFit, robust, search
 from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
@@ -45,16 +52,10 @@ from heli3dof.model.greybox.multistep import Flight, errors
 from heli3dof.parallel import parallel_map
 from heli3dof.stage_clock import Progress
 
-CELL_S = 3.0
-"""s: length of a bootstrap cell and of a prediction window"""
-DRAWS = 2000
-LEVEL = 0.95
-KNOWN = 3.0
-"""Least distance of prior mean and null value of a term known beforehand, in prior σ. Chosen."""
-LEAST_COST = 9.0
-"""Increase of the training cost Q: three standard deviations, squared"""
-CORRELATED = 0.5
-"""|Correlation| above which a kept term may be confounded with a removed one. Chosen."""
+SIGMAS = 3.0
+"""Standard deviations from which prior knowledge or the training cost keeps a term. Chosen."""
+QUANTILE = 1.96
+"""97.5 % quantile of the normal distribution: two-sided significance at 5 %."""
 
 
 @dataclass(frozen=True)
@@ -114,15 +115,15 @@ class Elimination:
 
 
 def eliminate(
-    problem: MultiStep, full: MultiStepFit, *, seed: int = 0, progress: Progress = lambda s: None
+    full: MultiStepFit, *, seed: int = 0, progress: Progress = lambda s: None
 ) -> Elimination:
-    """Return which terms the held-out blocks need. ``full`` is the fit of ``problem``."""
-    begun = search(problem, full.z, full.noise, stages_s=(STAGE_S,))
+    """Return which terms of the fit ``full`` the held-out blocks need."""
+    begun = search(full.problem, full.z, full.noise, stages_s=(STAGE_S,))
     progress("Fitting each half of the blocks …")
     first = current = FitWithFolds.of(begun)
     removed: list[TermResult] = []
     retained: dict[str, Trial] = {}
-    known = known_beforehand(problem)
+    known = known_beforehand(full.problem)
     while True:
         order = by_significance(current.fit)
         out = None
@@ -132,7 +133,7 @@ def eliminate(
             if (
                 not trial.increase.significant
                 and name not in known
-                and training_cost(current, trial) < LEAST_COST
+                and training_cost(current, trial) < SIGMAS**2
             ):
                 out = name
                 break
@@ -155,7 +156,9 @@ def eliminate(
 def without_elimination(full: MultiStepFit) -> Elimination:
     """Return a result without cross-validation: Δ is replaced by √Σ(θ − θ_0)²/σ² of each term."""
     each = [
-        TermResult(t, LossIncrease(u, u - 1.96, u + 1.96, 1.0, 0.5 * (1 + erf(u / sqrt(2)))))
+        TermResult(
+            t, LossIncrease(u, u - QUANTILE, u + QUANTILE, 1.0, 0.5 * (1 + erf(u / sqrt(2))))
+        )
         for t, z2 in reversed(by_significance(full))
         for u in [sqrt(z2)]
     ]
@@ -184,8 +187,8 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
 
 def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -> TermResult:
     """Return the test of the effect ``name``, which the term ``added`` removes from the model."""
-    fits = result.first or FitWithFolds.of(result.begun)
-    trial = without_term(fits, "", seed=seed, instead=added)
+    assert result.first is not None
+    trial = without_term(result.first, "", seed=seed, instead=added)
     return TermResult(name, trial.increase, (), trial)
 
 
@@ -203,7 +206,7 @@ def with_confounded_terms(
 
     def replaces(other: str, name: str) -> bool:
         if result.last is None:
-            return refit(fit, name, other).cost - fit.cost < LEAST_COST
+            return refit(fit, name, other).cost - fit.cost < SIGMAS**2
         return without_term(result.last, name, seed=seed, instead=other).increase.low <= 0
 
     out = []
@@ -215,13 +218,13 @@ def with_confounded_terms(
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
-    """Return the terms with a prior mean more than `KNOWN` prior σ from the null value."""
+    """Return the terms with a prior mean more than `SIGMAS` prior σ from the null value."""
     out = set()
     sd = 1 / np.sqrt(np.diag(problem.prior))
     for j, f in enumerate(problem.structure.free):
         if f.term is None or f.log or f.name in problem.varying:
             continue
-        if abs(problem.start[j] - f.inward(f.null)) > KNOWN * sd[j]:
+        if abs(problem.start[j] - f.inward(f.null)) > SIGMAS * sd[j]:
             out.add(f.term)
     return out
 
@@ -291,7 +294,7 @@ def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
     ``e`` (S, M, 3): errors in rad of S predictions at M horizons; ``scale``: s.
     """
     loss = (robust(e / scale) ** 2).mean(axis=1).sum(axis=1)
-    cell = np.floor(flight.t[flight.starts] / CELL_S).astype(int)
+    cell = np.floor(flight.t[flight.starts] / WINDOW_S).astype(int)
     return np.array([loss[cell == c].mean() for c in np.unique(cell)])
 
 

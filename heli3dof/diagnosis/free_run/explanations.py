@@ -3,12 +3,12 @@
 In steady level flight, both motors at voltage V give the thrust F (N, `motor.rotor_curve`):
 
     F = 2 K_f V_o (V/V_o)^n
-    L_a cos p · F = Γ(r) = (T_g + τ) cos r + k_r sin r       gives the hover voltage at each roll r
+    L_a F = Γ(r) = (T_g + τ) cos r + k_r sin r               gives the hover voltage at each roll r
     F(V)/F(V_hover) = (V/V_hover)^n                          gives one motor's thrust at low voltage
 
-T_g, τ and k_r (N·m) are trim torque, `mass.imbalance` and pendulum torque; p is pitch. L_a (m) is
-the arm's length, K_f (N/V) the thrust gain, V_o (V) the operating voltage. Rows are in steady
-flight if the mean roll rate over `STILL_S` is below `STILL_DEG_PER_S`.
+T_g, τ and k_r (N·m) are trim torque, `mass.imbalance` and pendulum torque. L_a (m) is the arm's
+length, K_f (N/V) the thrust gain, V_o (V) the operating voltage. Rows are in steady flight if the
+mean roll rate over `STILL_S` is below `STILL_DEG_PER_S`.
 """
 
 from __future__ import annotations
@@ -43,13 +43,11 @@ def arm_torque(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
     return float(torque + at.get(PENDULUM, 0.0) * np.sin(r))
 
 
-def hover_voltage(
-    fit: MultiStepFit | GreyBoxModel, roll_deg: float, pitch_deg: float = 0.0
-) -> float:
-    """Return the voltage of each motor (V) that holds the arm at these angles."""
+def hover_voltage(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
+    """Return the voltage of each motor (V) that holds the arm at this roll angle."""
     at = dict(zip(fit.structure.names, fit.values, strict=True))
     p = fit.structure.profile
-    lift = arm_torque(fit, roll_deg) / (p.geometry.L_a * np.cos(np.radians(pitch_deg)))
+    lift = arm_torque(fit, roll_deg) / p.geometry.L_a
     hover = p.motor.K_f * abs(p.motor.V_o)
     return float(abs(p.motor.V_o) * max(lift / 2 / hover, 0.0) ** (1 / at.get(EXPONENT, 1.0)))
 

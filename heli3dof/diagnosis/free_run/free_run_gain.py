@@ -6,7 +6,7 @@ With e_k,i(h) the error (rad) of prediction k on axis i after h seconds,
 
 on held-out recordings, or on each fold's test blocks by the model fitted to the other folds. An
 extension is adopted if Σ_i (RMSE_i,after/RMSE_i,before)² over 3 s is below the number of axes.
-The bootstrap resamples cells of `free_run.elimination.CELL_S`, because windows overlap.
+The bootstrap resamples cells of `free_run.refits.WINDOW_S`, because windows overlap.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.free_run.elimination import CELL_S
-from heli3dof.diagnosis.free_run.refits import split_windows
+from heli3dof.diagnosis.free_run.refits import WINDOW_S, split_windows
 from heli3dof.diagnosis.validation.gain import DRAWS, HORIZON_S, Gain, rmse_decreases
 from heli3dof.diagnosis.validation.prediction import FAR
 from heli3dof.identification.greybox.freeflight import flight_of
@@ -26,9 +25,8 @@ from heli3dof.model.greybox.multistep import errors
 from heli3dof.model.greybox.prediction import filtered
 from heli3dof.recording.recording import Recording
 
-OVER_S = 3.0
 STEP_S = 0.25
-"""s: longest horizon, interval of the horizons"""
+"""s: interval of the horizons, the longest of which is `WINDOW_S`"""
 
 
 class FreeRun:
@@ -36,7 +34,7 @@ class FreeRun:
 
     def __init__(self, e: np.ndarray, cell: np.ndarray) -> None:
         self.e = e
-        """(S, M, 3) rad: errors of S predictions at M horizons, every `STEP_S` up to `OVER_S`"""
+        """(S, M, 3) rad: errors of S predictions at M horizons, every `STEP_S` up to `WINDOW_S`"""
         self.cell = cell
         """(S,) number of each prediction's cell"""
 
@@ -47,7 +45,7 @@ class FreeRun:
             flight = flight_of(r)
             ahead = np.array([round(h / r.dt) for h in np.arange(1, 13) * STEP_S])
             each.append(free_run_errors(model, r, ahead))
-            cell = np.floor(flight.t[flight.starts] / CELL_S).astype(int) + last
+            cell = np.floor(flight.t[flight.starts] / WINDOW_S).astype(int) + last
             cells.append(cell)
             last = int(cell.max(initial=last)) + 1
         return cls(np.concatenate(each), np.concatenate(cells))
@@ -56,15 +54,15 @@ class FreeRun:
         """Return the predictions that ``rows`` (S,) bool selects."""
         return FreeRun(self.e[rows], self.cell[rows])
 
-    def rmse_deg(self, horizon_s: float, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Return the RMSE (3,) in degrees at this horizon, over the predictions ``rows``."""
-        e = self.e[rows, round(horizon_s / STEP_S) - 1]
+    def rmse_deg(self, horizon_s: float) -> np.ndarray:
+        """Return the RMSE (3,) in degrees at this horizon."""
+        e = self.e[:, round(horizon_s / STEP_S) - 1]
         return np.asarray(np.degrees(np.sqrt(np.nanmean(e**2, axis=0))))
 
     def over_deg(self) -> dict[str, float]:
-        """Return {axis: RMSE over `OVER_S`} in degrees."""
+        """Return {axis: RMSE over `WINDOW_S`} in degrees."""
         squares = np.vstack([np.zeros((1, 3)), np.nanmean(self.e**2, axis=0)])
-        mean = np.trapezoid(squares, dx=STEP_S, axis=0) / OVER_S
+        mean = np.trapezoid(squares, dx=STEP_S, axis=0) / WINDOW_S
         return dict(zip(AXES, np.degrees(np.sqrt(mean)).tolist(), strict=True))
 
 
@@ -78,7 +76,7 @@ def cross_validated(models: Sequence[GreyBoxModel], recordings: Sequence[Recordi
     return FreeRun(np.concatenate([p.e for p in parts]), np.concatenate([p.cell for p in parts]))
 
 
-def pays(before: FreeRun, after: FreeRun) -> bool:
+def predicts_better(before: FreeRun, after: FreeRun) -> bool:
     """Return whether ``after`` predicts better over 3 s, with equal weights of the axes."""
     b, a = (np.array(list(x.over_deg().values())) for x in (before, after))
     return bool(np.nansum((a / b) ** 2) < np.isfinite(a / b).sum())
@@ -98,7 +96,7 @@ def free_run_errors(model: GreyBoxModel, recording: Recording, ahead: np.ndarray
     return np.asarray(e)
 
 
-def gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
+def free_run_gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
     """Return the decrease of the RMSE at 1 s of the same predictions, with bootstrap intervals."""
     k = round(HORIZON_S / STEP_S) - 1
     names, cell = np.unique(before.cell, return_inverse=True)

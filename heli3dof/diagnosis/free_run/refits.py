@@ -26,9 +26,9 @@ from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.parallel import parallel_map
 
 STAGE_S = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
-BLOCK_S = 6.0
-WINDOW_S = 3.0
-"""s: prediction horizons, length of a fold's blocks and of a prediction window. Chosen."""
+WINDOW_S = STAGE_S[-1]
+BLOCK_S = 2 * WINDOW_S
+"""s: prediction horizons, length of a prediction window and of a fold's blocks. Chosen."""
 FOLDS = 2
 RECOMPUTATIONS = 1
 """Number of times that a refit may recompute its tangents. An error of 0.1 in Q is acceptable."""

@@ -86,7 +86,7 @@ def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str
         variables |= {
             "voltage_sum": mean(V.sum(axis=1)),
             "voltage_difference": mean(V[:, 0] - V[:, 1]),
-            "time": mean(flight.t) + 0.0,
+            "time": mean(flight.t),
         }
         for name, z in variables.items():
             x.setdefault(name, []).append(z)

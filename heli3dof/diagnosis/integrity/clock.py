@@ -14,6 +14,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
+from heli3dof.diagnosis.integrity.directions import EXPLAINED, SURE
 from heli3dof.diagnosis.integrity.view import View
 from heli3dof.errors import RecordingError
 from heli3dof.recording.logs.log_validation import long_enough, time_increases
@@ -88,7 +89,7 @@ def rate(view: View) -> Iterable[Fault]:
 
 def _clock_is_wrong(view: View, m: float) -> bool:
     """Return True if the motion fits the profile's period better than the stamps' (module)."""
-    gains = [x.gain for x in view.responses.values() if x.t > 6 and x.explained > 0.5]
+    gains = [x.gain for x in view.responses.values() if x.t > SURE and x.explained > EXPLAINED]
     if not gains:
         return False
     g = float(np.median(np.log(gains)))

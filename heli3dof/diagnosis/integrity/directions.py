@@ -26,10 +26,10 @@ from heli3dof.axes import AXES, ROLL
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.diagnosis.integrity.response import Response
 from heli3dof.diagnosis.integrity.view import View
+from heli3dof.model.physics.table import ON_TABLE_BELOW
 
 SURE, EXPLAINED, DRIVE = 6.0, 0.5, 0.02
 """Chosen, as are all constants below; `DRIVE` in rad/s²."""
-TABLE_BELOW = np.radians(-15.0)
 SINKS = np.radians(2.5)
 """rad: roll this far below its start would be in the table."""
 BEYOND_REACH = np.radians(60.0)
@@ -117,7 +117,7 @@ def _roll_evidence(view: View, sign_of_response: int) -> str:
     start = float(np.median(roll[:5]))
     lowest = float(roll.min())
     lifted = np.nanmax(r.voltage.sum(axis=1)) > 2 * abs(r.profile.motor.V_o)
-    if start < TABLE_BELOW and lowest < start - SINKS and lifted:
+    if start < ON_TABLE_BELOW and lowest < start - SINKS and lifted:
         return (
             f"roll starts at rest at {np.degrees(start):.4g}° and sinks to "
             f"{np.degrees(lowest):.4g}°, into the table"

@@ -19,6 +19,8 @@ from heli3dof.axes import AXES, PITCH, ROLL
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.diagnosis.integrity.response import predicted_accelerations
 from heli3dof.diagnosis.integrity.view import View
+from heli3dof.identification.row_selection import STOP_BEYOND
+from heli3dof.model.physics.table import ON_TABLE_BELOW
 
 LEAST_S = 2.5
 """Chosen, as are all constants below."""
@@ -27,9 +29,6 @@ HOLDS_NM = np.array([0.4, 0.04, 0.2])
 """N·m that friction may hold, by axis. A real rig's roll stuck for 1.3 s against ±0.25 N·m."""
 RISEN = np.radians(25.0)
 LEFT_OUT = ("unread", "motors_off", "ramp_down")
-STOP_BEYOND = np.radians(25.0)
-"""rad: above this, roll or |pitch| may rest at a stop."""
-TABLE_BELOW = np.radians(-15.0)
 
 
 def still(view: View, axis: int) -> list[tuple[int, int]]:
@@ -105,7 +104,7 @@ def _evidence(
     q = float(r.angle[a, i])
     if (i == ROLL and q > STOP_BEYOND) or (i == PITCH and abs(q) > STOP_BEYOND):
         return None
-    on_table = i == ROLL and q < TABLE_BELOW and q <= np.nanmin(r.angle[:, ROLL]) + 1e-9
+    on_table = i == ROLL and q < ON_TABLE_BELOW and q <= np.nanmin(r.angle[:, ROLL]) + 1e-9
     if on_table:
         T_g = r.profile.trim_torque
         acceleration = u[a:b, ROLL] - T_g * np.cos(q) / J[ROLL]

@@ -4,8 +4,8 @@ The first of these conditions that holds is reported:
 
 1. No angle was recorded, or none moves by `COUNTS` counts.
 2. The voltage stays below `OFF` times v_max, so the motors did not cause the motion.
-3. Roll starts on the table (below `TABLE_BELOW`) and does not rise by `LIFTED`. This is only a note
-   if another axis moves by `MOVES`.
+3. Roll starts on the table (below `ON_TABLE_BELOW`) and does not rise by `LIFTED`. This is only a
+   note if another axis moves by `MOVES`.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ import numpy as np
 from heli3dof.axes import AXES, ROLL
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.diagnosis.integrity.view import View
+from heli3dof.model.physics.table import ON_TABLE_BELOW
 
 OFF = 0.02
 """Share of v_max below which a voltage cannot move the rig"""
 COUNTS = 3
 LEAST_S = 1.0
 """s: a shorter recording is a fragment."""
-TABLE_BELOW, LIFTED, MOVES = np.radians(-15.0), np.radians(1.0), np.radians(2.0)
+LIFTED, MOVES = np.radians(1.0), np.radians(2.0)
 """rad, see condition 3. Chosen, as are all limits here."""
 
 
@@ -62,7 +63,7 @@ def nothing(view: View) -> Iterable[Fault]:
     elif ROLL in view.measured:
         roll = r.angle[view.read, ROLL]
         rest = float(np.median(roll[:5]))
-        if rest < TABLE_BELOW and roll.max() < rest + LIFTED:
+        if rest < ON_TABLE_BELOW and roll.max() < rest + LIFTED:
             still = all(s < MOVES for s, i in zip(span, view.measured, strict=True) if i != ROLL)
             names = " and ".join(AXES[i] for i in view.measured if i != ROLL)
             yield Fault(

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from heli3dof.axes import MOTORS
+from heli3dof.diagnosis.estimate.voltage_replay import AT_LIMIT
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
 from heli3dof.diagnosis.integrity.view import View
 from heli3dof.errors import RecordingError
@@ -111,7 +112,7 @@ def clipped(view: View) -> Iterable[Fault]:
         return
     top = float(np.abs(v).max())
     flat = np.isclose(np.abs(v), top, rtol=1e-6).any(axis=1)
-    if top < 0.98 * v_max and flat.sum() > 20 and flat.mean() > FLAT:
+    if top < AT_LIMIT * v_max and flat.sum() > 20 and flat.mean() > FLAT:
         yield Fault(
             "voltage.clipped", Kind.NOTE, r.name,
             f"{r.name}: the voltage saturates at ±{top:.4g} V in {100 * flat.mean():.2g} % of the "
@@ -127,8 +128,8 @@ def commanded(view: View) -> Iterable[Fault]:
     cmd, v = r.voltage_cmd, r.voltage
     phase = r.channels.get("phase")
     rows = np.isfinite(cmd).all(axis=1) & view.read
-    rows &= (np.abs(cmd) < 0.98 * r.profile.motor.v_max).all(axis=1)
-    rows &= (np.abs(v) < 0.98 * r.profile.motor.v_max).all(axis=1)
+    rows &= (np.abs(cmd) < AT_LIMIT * r.profile.motor.v_max).all(axis=1)
+    rows &= (np.abs(v) < AT_LIMIT * r.profile.motor.v_max).all(axis=1)
     if phase is not None:
         rows &= np.asarray(phase) == 0
     if rows.sum() < 100 or not np.abs(v[rows]).max() > 0:

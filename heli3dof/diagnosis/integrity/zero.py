@@ -4,6 +4,7 @@ Counts are zero at power-up, when the arm rests on the table at r_0 (−27.5°).
 counts without adding r_0 starts at 0° and hovers near −r_0. Let r(0) be the median of the first
 five samples. The check reports this fault if all of these hold:
 
+- r_0 is below `ON_TABLE_BELOW`.
 - |r(0)| < `NEAR`, and no sample is below r(0) − `NEAR`.
 - At least half of the samples are above r(0) + `NEAR`. The median of these is at least `SHARE`
   |r_0|.
@@ -18,19 +19,19 @@ import numpy as np
 from heli3dof.axes import ROLL
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.diagnosis.integrity.view import View
+from heli3dof.model.physics.table import ON_TABLE_BELOW
 
 NEAR = np.radians(3.0)
 """rad; also the standard deviation of the reported angle"""
 SHARE = 0.6
-TABLE = np.radians(-15.0)
-"""rad: r_0 must be below this. All limits here are chosen, not derived."""
+"""Chosen, like `NEAR`; not derived."""
 
 
 def zero(view: View) -> Iterable[Fault]:
     r = view.recording
     rest = float(r.profile.encoder.rest_rad[ROLL])
     roll = r.angle[view.read, ROLL]
-    if ROLL not in view.measured or rest > TABLE or len(roll) < 100:
+    if ROLL not in view.measured or rest > ON_TABLE_BELOW or len(roll) < 100:
         return
     start = float(np.median(roll[:5]))
     raised = roll[roll > start + NEAR]

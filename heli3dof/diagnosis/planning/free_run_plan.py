@@ -26,6 +26,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from heli3dof.diagnosis.free_run.elimination import QUANTILE
+from heli3dof.diagnosis.free_run.halves import PRIOR_SHARE
 from heli3dof.diagnosis.free_run.refits import STAGE_S
 from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, OpenTerms, Outlook, percent
 from heli3dof.diagnosis.planning.plan_flights import fly_task, is_stable, task_of
@@ -35,8 +37,6 @@ from heli3dof.identification.greybox.freeflight import problem_of
 from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, least_squares_problem
 from heli3dof.parallel import parallel_map
 
-QUANTILE = 1.96
-"""97.5 % quantile of the normal distribution: two-sided significance at 5 %."""
 MAX_TERMS = 3
 """Largest number of open terms that are planned for at once. Chosen."""
 
@@ -68,7 +68,7 @@ def open_parameters(open_: OpenTerms) -> list[OpenParameter]:
         for j, f in enumerate(fit.structure.free):
             if f.term == name and f.name not in fit.problem.varying and not f.log:
                 size, slope = abs(float(fit.values[j]) - f.null), float(fit.slopes[j])
-                if fit.std[j] > 0.7 * fit.prior_std[j]:  # little more than the prior
+                if fit.std[j] > PRIOR_SHARE * fit.prior_std[j]:  # little more than the prior
                     size = max(size, f.typical)
                 out.append(OpenParameter(name, j, size, float(fit.std[j]), slope, f.unit))
                 break
@@ -163,7 +163,7 @@ def marginal(H: np.ndarray, n: int) -> np.ndarray:
     array([[1.]])
     """
     A, B, C = H[:n, :n], H[:n, n:], H[n:, n:]
-    return np.asarray(A - B @ np.linalg.solve(C, B.T)) if len(C) else A
+    return np.asarray(A - B @ np.linalg.solve(C, B.T))
 
 
 def coupling(p: MultiStep) -> np.ndarray:

@@ -137,7 +137,7 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
     try:
         for finding in found.findings:
             best, *others = finding.choice.contenders
-            if names := separable_by_flight(finding.choice.term.name, finding.choice.tied_with):
+            if names := separable_by_flight(finding.term.name, finding.tied_with):
                 tied = [c for c in others if c.term.name in names]
                 return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)

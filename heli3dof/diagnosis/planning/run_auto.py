@@ -126,7 +126,7 @@ def _why_ended(
 
 
 def _sentence(result: Diagnosis, upcoming: NextExperiment | None) -> str:
-    names = ", ".join(f.choice.term.name for f in result.findings)
+    names = ", ".join(f.term.name for f in result.findings)
     verdict = result.verdict.replace("_", " ") + (f" ({names})" if names else "")
     return verdict if upcoming is None else f"{verdict}; next: {upcoming.plan}, {upcoming.why}"
 

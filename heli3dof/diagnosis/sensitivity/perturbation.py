@@ -39,7 +39,6 @@ MOVES_THRUST = {_s.Stage.SETUP, _s.Stage.VOLTAGE}
 class Path:
     """The filter's states in C chunks of rows, and the derivatives there."""
 
-    structure: Structure
     data: Data
     at: Pass
     chunk: np.ndarray
@@ -50,7 +49,6 @@ class Path:
     """(C, 3, 6) ∂q̈/∂(q, q̇)"""
     slope: np.ndarray
     """(3,) σ, the slopes of the readings"""
-    values: np.ndarray
     thrust: np.ndarray
     """(C, 2) N, mean thrusts of the rotors in each chunk"""
     a: np.ndarray
@@ -85,7 +83,7 @@ def path(structure: Structure, values: np.ndarray, data: Data, at: Pass) -> Path
         s[None], hooks.first, hooks.address, par[None], structure.memory, data.blocks, data.free,
         data.t, data.h, data.V, chunk, X, np.ones(1, dtype=bool), thrust, thrust, a,
     )  # fmt: skip
-    return Path(structure, data, at, chunk, X, A, slope, values, thrust, a[0])
+    return Path(data, at, chunk, X, A, slope, thrust, a[0])
 
 
 def forcing(

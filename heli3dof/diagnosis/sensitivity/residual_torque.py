@@ -11,7 +11,7 @@ the filter's bandwidth (a few Hz) and attenuated above it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -31,8 +31,6 @@ UNITS = {
     "pitch_rate*yaw_rate": "rad²/s²", "pitch*voltage_sum": "rad V", "roll*voltage_sum": "rad V",
 }  # fmt: skip
 """The variables on which a residual torque may depend, with their display units"""
-SI_UNITS = {unit: unit.replace("°", "rad") for unit in set(UNITS.values())}
-"""Display unit → SI unit"""
 SLOPE_S = 0.04  # interval of the difference quotient in `Trail.slope_of`, chosen
 
 
@@ -130,10 +128,9 @@ class Trail:
         return out
 
 
-def trail(fit: Estimate, data: Data | None = None) -> Trail:
-    """Return the filter run of a fit over its recordings, or over ``data``."""
-    problem = fit.problem if data is None else replace(fit.problem, data=data)
-    return trail_at(problem, fit.optimum.theta, fit.optimum.noise)
+def trail(fit: Estimate) -> Trail:
+    """Return the filter run of a fit over its recordings."""
+    return trail_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
 
 
 def trail_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> Trail:

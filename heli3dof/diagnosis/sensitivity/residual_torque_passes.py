@@ -19,13 +19,13 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.model.compiled import compiled
+from heli3dof.model.estimation.ekf_quantised import linearise
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.integrator import readings, setup
 from heli3dof.model.physics.rigid_body import accelerations, body_accelerations
 from heli3dof.model.physics.rotor import thrusts
 
 R, T, F_FRONT, F_BACK, V_FRONT, V_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.V_FRONT, _s.V_BACK
-DIFFERENCE = 1e-5  # rad, rad/s: step of the finite differences for A
 
 
 def _linear(  # type: ignore[no-untyped-def]
@@ -59,13 +59,7 @@ def _linear(  # type: ignore[no-untyped-def]
                 w[1, i] -= 1.0
                 for j in range(3):
                     B[k, j, i] = w[3, j] - w[2, j]
-            for j in range(6):
-                s[R + j] = X[k, j] + DIFFERENCE
-                s[F_FRONT], s[F_BACK] = now[k, 0], now[k, 1]
-                accelerations(s, first, address, par, mem, axes, w[0], w[1], w[3])
-                for i in range(3):
-                    A[k, i, j] = (w[3, i] - w[2, i]) / DIFFERENCE
-                s[R + j] = X[k, j]
+            linearise(s, X[k], now[k], first, address, par, mem, axes, w, A[k])
 
 
 linear = compiled(_linear, error_model="numpy", nogil=True)

@@ -17,6 +17,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.estimate.evaluation import evaluate
 from heli3dof.diagnosis.screening.catalogue import candidates, probes
 from heli3dof.diagnosis.screening.score_test import Screen
+from heli3dof.diagnosis.sensitivity.projection import project_out
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Pass
 
@@ -52,10 +53,9 @@ def similarity(
     """
     names, D = named
     D = np.vstack([trace, D])
-    across = (D * at.w) @ tangents.T
-    full = np.einsum("ij,j,ij->i", D, at.w, D)
-    remaining = full - np.einsum("ij,ij->i", across, np.linalg.solve(A, across.T).T)
-    with_trace = (D * at.w) @ trace - across @ np.linalg.solve(A, across[0])
+    projected = project_out(D, tangents, A, at.w)
+    full, remaining = (np.einsum("ij,j,ij->i", D, at.w, x) for x in (D, projected))
+    with_trace = projected @ (at.w * trace)
     informative = remaining > 1e-6 * np.maximum(full, 1e-30)
     with np.errstate(invalid="ignore", divide="ignore"):
         cos = np.abs(np.where(informative, with_trace / np.sqrt(remaining[0] * remaining), 0.0))[1:]

@@ -8,7 +8,7 @@ are the derivatives by K values of free-form torques (`sensitivity.hat_functions
     V = D w Dᵀ            u = D ∂ ln L/∂c                   information and score of the torques
     X = T w Dᵀ                                              information shared by both
 
-The tests in `unmodelled_torque` and `conclusion.unconfirmed` need nothing else.
+The tests in `unmodelled_torque` need nothing else.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ from heli3dof.diagnosis.estimate.coloured_noise import (
     significant_ratio,
 )
 from heli3dof.diagnosis.estimate.setup import controller_is_known
-from heli3dof.diagnosis.sensitivity.hat_functions import Hats, Sums, hats, sums_along
+from heli3dof.diagnosis.sensitivity.hat_functions import Hats, hats
+from heli3dof.diagnosis.sensitivity.projection import project_out
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
-from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, block_numbers, simulated_scores
-from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate
+from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, simulated_scores
+from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
 from heli3dof.identification.greybox.likelihood import score_and_information
 from heli3dof.recording.recording import Recording
 
@@ -54,7 +55,7 @@ class Nuisance:
     """(B, p) scores in the null simulations"""
 
     @staticmethod
-    def of_fit(fit: Estimate, flight: Trail, null: Scores | None) -> Nuisance:
+    def of_fit(fit: CorrectedFit, flight: Trail, null: Scores | None) -> Nuisance:
         problem, o = fit.problem, fit.optimum
         # Not the fit's own tangents: without convergence these belong to an earlier point.
         tangents = problem.tangents(o.theta, flight.at)
@@ -95,17 +96,16 @@ class Evidence:
     ``null``: the same scores of simulated nulls; None if no nulls can be simulated.
     """
 
-    fit: Estimate
+    fit: CorrectedFit
     flight: Trail
     library: Hats
     null: Scores | None
     nuisance: Nuisance
     """The fit's parameters only"""
-    sums: Sums
 
 
 def evidence(
-    fit: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
+    fit: CorrectedFit, recordings: Sequence[Recording], *, flights: int, seed: int
 ) -> Evidence:
     """Return the evidence for torques in the recordings that ``fit`` was fitted to.
 
@@ -115,14 +115,10 @@ def evidence(
     flight = trail(fit)
     library = hats(flight, np.flatnonzero(fit.problem.data.axes))
     null = None
-    can_simulate = not isinstance(fit, CorrectedFit) or fit.scatter is not None
-    if can_simulate and controller_is_known(recordings):
+    if fit.scatter is not None and controller_is_known(recordings):
         flights = max(flights, MIN_NULLS)
         null = simulated_scores(fit, recordings, library, flights=flights, seed=seed)
-    nuisance = Nuisance.of_fit(fit, flight, null)
-    return Evidence(
-        fit, flight, library, null, nuisance, sums_along(library, flight, nuisance.tangents)
-    )
+    return Evidence(fit, flight, library, null, Nuisance.of_fit(fit, flight, null))
 
 
 def coloured_noise_ratio(
@@ -146,9 +142,7 @@ def coloured_noise_ratio(
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]
     blocks = int(which.max()) + 1
-    projected = (
-        D - np.linalg.solve(nuisance.A, (nuisance.tangents * at.w) @ D.T).T @ nuisance.tangents
-    )
+    projected = project_out(D, nuisance.tangents, nuisance.A, at.w)
     remaining = at.g - at.w * (torque @ projected)
     ratio = [1.0]
     for directions, memory_s in (

@@ -18,10 +18,11 @@ is proposed; the others are alternatives.
 
 If flights of the fit cannot be simulated, the formulas themselves show whether there is a torque.
 Let s be the sums of the score of φ, after the torque c φ is subtracted, over blocks of
-`estimate.coloured_noise.BLOCK_S`. Var s is their long-run variance (Newey and West), at least κ v.
+`greybox.estimate.BLOCK_S`. Var s is their long-run variance (Newey and West), at least κ v.
 Then t² = u²/Var s is valid for coloured noise. The threshold is twice the squared two-sided
-quantile of Student's t at `FALSE_ALARMS` divided by the number of formulas (Bonferroni). It is
-doubled as in `screening.nulls`: without null simulations the bias of the filter's score is unknown.
+quantile of Student's t at `TORQUE_FALSE_ALARMS` divided by the number of formulas (Bonferroni). It
+is doubled as in `screening.nulls`: without null simulations the bias of the filter's score is
+unknown.
 """
 
 from __future__ import annotations
@@ -33,16 +34,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.coloured_noise import MEMORY_S, freedom, long_run
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, hats, sums_along
 from heli3dof.diagnosis.sensitivity.perturbation import Path, path
 from heli3dof.diagnosis.sensitivity.perturbation import forward as traces_of
+from heli3dof.diagnosis.sensitivity.projection import project_out
 from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail, trail
 from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, informative_directions
-from heli3dof.diagnosis.unmodelled.torque_nulls import block_numbers
-from heli3dof.diagnosis.unmodelled.unmodelled_torque import FALSE_ALARMS, Place, ResidualTorque
-from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
+    TORQUE_FALSE_ALARMS,
+    Place,
+    ResidualTorque,
+)
+from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
 from heli3dof.model.effects.empirical import PREFIX, factors
 
 SINGLE = (
@@ -74,7 +80,7 @@ class Proposal:
     """Products that explain as much"""
 
 
-def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
+def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     """Return terms for ``torque``, best first: a formula and a curve.
 
     The list contains the formula if it holds as well as the curve (module), and the curve if its
@@ -103,7 +109,7 @@ def proposals(fit: Estimate, torque: ResidualTorque) -> list[Proposal]:
     return out
 
 
-def significant_formula(fit: Estimate) -> Place | None:
+def significant_formula(fit: CorrectedFit) -> Place | None:
     """Return the axis and variable of the most significant formula; None if none is."""
     flown = filtered_fit(fit)
     flight, nuisance, at = flown.flight, flown.nuisance, flown.flight.at
@@ -117,8 +123,7 @@ def significant_formula(fit: Estimate) -> Place | None:
         S, c = product_scores(flown, int(i))
         k = int(S.argmax())
         (D,) = product_traces(flown, int(i), PRODUCTS[k : k + 1])
-        cross = (nuisance.tangents * at.w) @ D
-        d = D - np.linalg.solve(nuisance.A, cross) @ nuisance.tangents
+        d = project_out(D, nuisance.tangents, nuisance.A, at.w)
         s = np.bincount(block, d * (at.g - c[k] * at.w * d), blocks)
         v = float((d * at.w) @ d)
         variance = max(float(long_run(s[:, None], memory)[0, 0]), v * max(fit.inflation, 1.0))
@@ -127,7 +132,7 @@ def significant_formula(fit: Estimate) -> Place | None:
             best, place = t2, Place(AXES[i], variable_of(PRODUCTS[k]))
     from scipy.stats import t as student
 
-    p = FALSE_ALARMS / (2 * len(axes) * len(PRODUCTS))
+    p = TORQUE_FALSE_ALARMS / (2 * len(axes) * len(PRODUCTS))
     threshold = 2 * float(student.isf(p, freedom(blocks, memory))) ** 2
     return place if best > threshold else None
 
@@ -157,12 +162,11 @@ class FilteredFit:
     """(n,) score of the fit's coordinates, without the filter's bias"""
 
 
-def filtered_fit(fit: Estimate) -> FilteredFit:
+def filtered_fit(fit: CorrectedFit) -> FilteredFit:
     """Return the fit with the filter run over the fit's recordings."""
     flight, problem = trail(fit), fit.problem
     nuisance = Nuisance.of_fit(fit, flight, None)
-    bias = getattr(fit, "bias", None)  # of a bias-corrected fit
-    g = nuisance.g if bias is None else nuisance.g - bias
+    g = nuisance.g if fit.bias is None else nuisance.g - fit.bias
     p = path(problem.structure, problem.values(fit.optimum.theta), problem.data, flight.at)
     return FilteredFit(flight, p, nuisance, g)
 

@@ -16,8 +16,7 @@ import numpy as np
 from heli3dof.diagnosis.estimate.bias_correction import model_at, simulate_again
 from heli3dof.diagnosis.sensitivity.hat_functions import Hats
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail_at
-from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate
-from heli3dof.model.estimation.filter_data import Data
+from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate, block_numbers
 from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
@@ -49,24 +48,13 @@ def simulated_scores(
     return Scores(np.array([u for u, _ in scores]), np.array([g for _, g in scores]))
 
 
-def scores_in_blocks(fit: Estimate, flight: Trail, library: Hats, tangents: np.ndarray) -> Scores:
+def scores_in_blocks(flight: Trail, library: Hats, tangents: np.ndarray) -> Scores:
     """Return the scores in half-second blocks of the flight.
 
     ``tangents`` (p, E): derivatives by the parameters whose scores are returned as ``g`` (B, p).
     """
-    which = block_numbers(flight.data)
+    which = block_numbers(flight.data, BLOCK_S)
     count = int(which.max()) + 1
     at = which[flight.at.row]
     g = np.column_stack([np.bincount(at, row * flight.at.g, count) for row in tangents])
     return Scores(library.scores(flight, which), g)
-
-
-def block_numbers(data: Data, block_s: float = BLOCK_S) -> np.ndarray:
-    """Return the block number (N,) of each row; no block crosses from one run to the next."""
-    which = np.zeros(len(data.t), dtype=np.int64)
-    at = 0
-    for _, start, stop in data.blocks:
-        elapsed = np.cumsum(data.h[start:stop]) - data.h[start]
-        which[start:stop] = at + (elapsed / block_s).astype(np.int64)
-        at = int(which[stop - 1]) + 1
-    return which

@@ -10,7 +10,7 @@ The scores u_j = ∂ ln L/∂τ_j have the information V. The fit's parameters a
 The second term removes the constant torque, which leaves r degrees of freedom.
 
 1. B simulated nulls give the mean score, which is subtracted from u, and κ = mean S_null/r ≥ 1.
-   κ is at least the fit's inflation; without bias correction, only above `MAX_INFLATION`.
+   κ is at least the fit's inflation.
 2. All groups are put on one scale: x = −2 ln P(χ²_r > S/κ). The largest x of a null has a Gumbel
    distribution, which gives the threshold.
 3. The group with the largest x is accepted if it explains more than `MIN_SHARE` of the variance. In
@@ -45,12 +45,10 @@ from heli3dof.diagnosis.unmodelled.torque_evidence import (
     Evidence,
     Nuisance,
     coloured_noise_ratio,
-    evidence,
     informative_directions,
 )
 from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, scores_in_blocks
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.recording.recording import Recording
 
 MAX_TORQUES = 3
 """Largest number of residual torques. Chosen; not derived."""
@@ -58,12 +56,10 @@ ALTERNATIVE_SHARE = 0.5
 """Share of the best variable's x from which a variable is reported as alternative. Chosen."""
 MIN_SHARE = 0.05
 """Least share of the variance: a limit cycle may be significant, yet explain nothing. Chosen."""
-FALSE_ALARMS = 0.0005
+TORQUE_FALSE_ALARMS = 0.0005
 """Probability of a false residual torque per recording, extrapolated from few nulls. Chosen low."""
-THRESHOLD_SCALES = beyond(FALSE_ALARMS)
+THRESHOLD_SCALES = beyond(TORQUE_FALSE_ALARMS)
 """Distance of the threshold from the location of the Gumbel distribution, in scales"""
-MAX_INFLATION = 2.0
-"""Inflation above which nulls of a fit without bias correction are not trusted. Chosen."""
 WINDOW_S = 0.1
 """s, over which torques are averaged. Chosen; not derived."""
 
@@ -96,9 +92,6 @@ class ResidualTorque:
     """Other variables that explain almost as much, by falling x"""
     resembles: str | None = None
     """A cause with nearly the same trace, as ``friction.viscous.yaw-like``"""
-    nearest: str | None = None
-    cosine: float = 0.0
-    """The cause with the most similar trace, and the similarity (`unmodelled.similarity`)"""
 
     @property
     def is_slow_noise(self) -> bool:
@@ -121,13 +114,6 @@ def split_off_slow_noise(
     )
 
 
-def residual_torques(
-    fit: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
-) -> tuple[ResidualTorque, ...]:
-    """Return the residual torques in the recordings of ``fit``, from ``flights`` nulls."""
-    return significant_torques(evidence(fit, recordings, flights=flights, seed=seed))
-
-
 def significant_torques(
     evidence: Evidence, certain: Place | None = None
 ) -> tuple[ResidualTorque, ...]:
@@ -141,7 +127,7 @@ def significant_torques(
     named: tuple[list[str], np.ndarray] | None = None
     out: list[ResidualTorque] = []
     while sum(not torque.is_slow_noise for torque in out) < MAX_TORQUES:
-        sums = sums_along(library, flight, nuisance.tangents) if out else evidence.sums
+        sums = sums_along(library, flight, nuisance.tangents)
         tests = score_tests(fit, flight, library, sums, nuisance, null)
         significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]
         significant = with_time_first(significant, library, tests.x)
@@ -160,13 +146,12 @@ def significant_torques(
         best, new, D = next(accepted, (-1, None, np.zeros(0)))
         if new is None:
             break
-        columns = np.arange(len(sums.u))[library.columns(best)]
+        columns = np.arange(KNOTS) + KNOTS * best
         trace = np.array([torque for _, torque in new.table]) @ D
         if named is None:
             named = named_traces(fit)
         name, cos = similarity(named, flight.at, trace, nuisance.tangents, nuisance.A)
-        like = f"{name}-like" if cos > LIKE else None
-        out.append(replace(new, resembles=like, nearest=name, cosine=cos))
+        out.append(replace(new, resembles=f"{name}-like") if cos > LIKE else new)
         nuisance = nuisance.with_torque(flight, D, tests.directions[best], columns, null)
     return tuple(out)
 
@@ -196,7 +181,7 @@ def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list
 def _with_traces(
     evidence: Evidence, nuisance: Nuisance, q: int, new: ResidualTorque
 ) -> tuple[int, ResidualTorque, np.ndarray]:
-    columns = np.arange(len(evidence.sums.u))[evidence.library.columns(q)]
+    columns = np.arange(KNOTS) + KNOTS * q
     return q, new, sums_along(evidence.library, evidence.flight, nuisance.tangents, columns).traces
 
 
@@ -264,15 +249,13 @@ def score_tests(
         # From each null, the mean of the other nulls is subtracted.
         centred = (un - mean) * B / (B - 1)
     else:
-        blocks = scores_in_blocks(fit, flight, library, nuisance.tangents)
+        blocks = scores_in_blocks(flight, library, nuisance.tangents)
         ub = (blocks.u - blocks.g @ X).reshape(-1, groups, KNOTS)
         centred = ub - ub.mean(axis=0)
     V = np.empty((groups, KNOTS, KNOTS))
     x, kappa, white = np.zeros(groups), np.ones(groups), np.ones(groups)
     x_null = np.zeros((len(centred), groups))
     directions = []
-    uncorrected = getattr(fit, "bias", None) is None
-    least_kappa = 1.0 if uncorrected and fit.inflation <= MAX_INFLATION else fit.inflation
     for q in range(groups):
         c = library.columns(q)
         V[q] = sums.V[q] - sums.cross[:, c].T @ X[:, c]
@@ -290,7 +273,7 @@ def score_tests(
             white[q] = float(Sn.mean()) / rank
             kappa[q] = max(white[q], 1.0)
             x_null[:, q] = minus_2_log_p(Sn / kappa[q], rank)
-            kappa[q] = max(kappa[q], least_kappa)
+            kappa[q] = max(kappa[q], fit.inflation)
         else:
             m = len(centred)
             kappa[q] = max(float(Sn.sum()) / rank * m / max(m - KNOTS, 1), 1.0)
@@ -302,16 +285,16 @@ def score_tests(
         threshold = location + scale * THRESHOLD_SCALES
     else:
         location, scale = 4 * float(np.log(max(groups, 1))), 4.0
-        threshold = -4 * float(np.log(FALSE_ALARMS / max(groups, 1)))
+        threshold = -4 * float(np.log(TORQUE_FALSE_ALARMS / max(groups, 1)))
     return ScoreTests(x, threshold, location, scale, u, V, kappa, white, tuple(directions))
 
 
 def gumbel_stretch(n: int) -> float:
     """Return the factor by which to stretch a Gumbel scale estimated from the moments of n nulls.
 
-    With the stretch, a further flight exceeds the threshold with the probability `FALSE_ALARMS`.
-    Without it, the probability is three times (n = 24) or twelve times (n = 8) as large. The factor
-    is accurate to 2 % for n ≥ 8.
+    With the stretch, a further flight exceeds the threshold with the probability
+    `TORQUE_FALSE_ALARMS`. Without it, the probability is three times (n = 24) or twelve times
+    (n = 8) as large. The factor is accurate to 2 % for n ≥ 8.
     """
     return 1 + 4.5 / n + 10 / n**2
 

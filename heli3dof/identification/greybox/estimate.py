@@ -141,14 +141,20 @@ def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
     The gradients are by the n parameter coordinates, at ``optimum``.
     """
     o = optimum
+    which = block_numbers(data, block_s)
+    index, count = which[o.at.row], int(which.max()) + 1
+    return np.column_stack([np.bincount(index, row * o.at.g, count) for row in o.tangents])
+
+
+def block_numbers(data: Data, block_s: float) -> np.ndarray:
+    """Return the block number (N,) of each row; no block crosses from one run to the next."""
     which = np.zeros(len(data.t), dtype=np.int64)
     at = 0
     for _, start, stop in data.blocks:
         elapsed = np.cumsum(data.h[start:stop]) - data.h[start]
         which[start:stop] = at + (elapsed / block_s).astype(np.int64)
         at = int(which[stop - 1]) + 1
-    index = which[o.at.row]
-    return np.column_stack([np.bincount(index, row * o.at.g, at) for row in o.tangents])
+    return which
 
 
 def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.ndarray:

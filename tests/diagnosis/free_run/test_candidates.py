@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import doctest
 
-import numpy as np
 import pytest
 
 from heli3dof.diagnosis.free_run import candidates as module
 from heli3dof.diagnosis.free_run.candidates import (
     possible_replacements,
-    project_out,
     score_tests,
     threshold,
     with_further_effects,
@@ -65,9 +63,3 @@ def test_an_effect_with_nearly_the_same_motion_may_replace_a_cause(
     tests = score_tests(complete)
     assert "drag.quadratic.yaw" in possible_replacements(complete, "friction.viscous.yaw", tests)
     assert "drag.quadratic.roll" not in possible_replacements(complete, CABLE, tests)
-
-
-def test_what_the_parameters_can_produce_is_projected_out() -> None:
-    """The second row of residuals is the parameter's: it vanishes, the rest stays."""
-    D = np.array([[0.0, 2.0, 0.0]])
-    assert project_out(D, D @ D.T, np.array([1.0, 5.0, 3.0])) == pytest.approx([1.0, 0.0, 3.0])

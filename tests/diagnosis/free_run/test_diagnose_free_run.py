@@ -11,7 +11,7 @@ from heli3dof.diagnosis.free_run.explanations import (
     hover_voltage,
     steady_rows,
 )
-from heli3dof.diagnosis.free_run.free_run_gain import FreeRun, gain, pays
+from heli3dof.diagnosis.free_run.free_run_gain import FreeRun, free_run_gain, predicts_better
 from heli3dof.diagnosis.free_run.residual_torques import _cross_validated_share
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.recording.recording import Recording
@@ -70,7 +70,7 @@ def test_a_gain_is_the_difference_of_two_rms_errors() -> None:
     """All errors fall from 2° to 1°, so each draw of the bootstrap gives 1°."""
     e = np.full((40, 12, 3), np.radians(2.0))
     cell = np.arange(40) // 4
-    g = gain(FreeRun(e, cell), FreeRun(e / 2, cell), "holdout", 0)
+    g = free_run_gain(FreeRun(e, cell), FreeRun(e / 2, cell), "holdout", 0)
     for interval in g.rmse_deg.values():
         assert interval is not None
         assert interval.value == pytest.approx(1.0)
@@ -92,6 +92,6 @@ def test_an_extension_pays_if_it_predicts_better_with_equal_axis_weights() -> No
     """Ratios ½, ½, 1.5: ¼ + ¼ + 2.25 < 3. Ratios ½, ½, 2: ¼ + ¼ + 4 > 3."""
     e, cell = np.full((40, 12, 3), np.radians(2.0)), np.arange(40) // 4
     before = FreeRun(e, cell)
-    assert pays(before, FreeRun(e * [0.5, 0.5, 1.5], cell))
-    assert not pays(before, FreeRun(e * [0.5, 0.5, 2.0], cell))
-    assert not pays(before, before)
+    assert predicts_better(before, FreeRun(e * [0.5, 0.5, 1.5], cell))
+    assert not predicts_better(before, FreeRun(e * [0.5, 0.5, 2.0], cell))
+    assert not predicts_better(before, before)

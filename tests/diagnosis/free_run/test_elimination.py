@@ -90,7 +90,7 @@ def test_blocks_decide_the_causes_and_the_model_keeps_all_terms(
         "without_term",
         lambda current, name, *, seed, instead=None: module.Trial(intervals[name]),
     )
-    result = module.eliminate(problem, full)
+    result = module.eliminate(full)
     assert result.fit is full
     assert {r.term for r in result.kept} == {"stiffness.pendulum.roll", "motor.lag"}
     assert [r.term for r in result.gone] == ["bias.torque.yaw"]

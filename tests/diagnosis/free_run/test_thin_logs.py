@@ -33,7 +33,7 @@ def test_at_100_hz_nothing_is_found_and_the_rate_is_reported() -> None:
 
 def test_at_100_hz_a_delay_of_15_ms_is_found() -> None:
     result = diagnose(decimated("motor.delay:0.015", 5), quick=True)
-    assert [f.choice.term.name for f in result.findings] == ["motor.delay"]
+    assert [f.term.name for f in result.findings] == ["motor.delay"]
     value, std = result.findings[0].values["delay_s"]
     assert abs(value - 0.015) < max(4 * std, 0.001)
 

@@ -9,24 +9,27 @@ from typing import cast
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.estimate.base_fit import fit_base
+from heli3dof.diagnosis.estimate.bias_correction import PILOTS, CorrectedFit
+from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening.gumbel import EULER
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, hats, sums_along
 from heli3dof.diagnosis.sensitivity.residual_torque import trail
 from heli3dof.diagnosis.unmodelled import torque_formula
+from heli3dof.diagnosis.unmodelled.torque_evidence import evidence
 from heli3dof.diagnosis.unmodelled.torque_formula import proposals, significant_formula
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
-    FALSE_ALARMS,
     THRESHOLD_SCALES,
+    TORQUE_FALSE_ALARMS,
+    ResidualTorque,
     gumbel_stretch,
-    residual_torques,
+    significant_torques,
     split_off_slow_noise,
     with_time_first,
 )
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
-from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.method import fit_greybox
 from heli3dof.model.effects import term
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
@@ -37,18 +40,26 @@ def flight(seed: int, hide: str = "") -> Recording:
     return fly_plan(load_plan("rich"), device=device, seed=seed).recording.between(0.0, 40.0)
 
 
+def corrected(recording: Recording) -> CorrectedFit:
+    return fit_base(Setup((recording,), 0, PILOTS))
+
+
+def found(fit: CorrectedFit, recording: Recording) -> tuple[ResidualTorque, ...]:
+    return significant_torques(evidence(fit, [recording], flights=8, seed=0))
+
+
 @pytest.fixture(scope="module")
-def coupled() -> tuple[Recording, Estimate]:
+def coupled() -> tuple[Recording, CorrectedFit]:
     """A yaw torque of −0.1 N·m·s/rad times the pitch rate, which is not in the catalogue."""
     recording = flight(1201, "other.yaw_torque_from_pitch_rate:0.1")
-    return recording, fit_greybox(recording, ())
+    return recording, corrected(recording)
 
 
 def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
-    coupled: tuple[Recording, Estimate],
+    coupled: tuple[Recording, CorrectedFit],
 ) -> None:
     recording, fit = coupled
-    first, *_ = residual_torques(fit, [recording], flights=8, seed=0)
+    first, *_ = found(fit, recording)
     assert (first.axis, first.depends_on) == ("yaw", "pitch_rate")
     assert first.share > 0.5
     assert first.confidence > 0.99
@@ -66,18 +77,18 @@ def test_a_formula_shows_a_torque_where_nothing_can_be_simulated() -> None:
     """In a whole flight: the threshold of a shorter one is higher, for its blocks are fewer."""
     device = "mock:?speed=max&hide=other.yaw_torque_from_pitch_rate:0.1"
     recording = fly_plan(load_plan("rich"), device=device, seed=1201).recording
-    assert significant_formula(fit_greybox(recording, ())) == ("yaw", "pitch_rate")
+    assert significant_formula(corrected(recording)) == ("yaw", "pitch_rate")
 
 
 def test_an_unmodified_rig_has_no_significant_formula() -> None:
-    assert significant_formula(fit_greybox(flight(1202), ())) is None
+    assert significant_formula(corrected(flight(1202))) is None
 
 
 def test_without_a_formula_that_fits_as_well_the_curve_is_proposed(
-    coupled: tuple[Recording, Estimate], monkeypatch: pytest.MonkeyPatch
+    coupled: tuple[Recording, CorrectedFit], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recording, fit = coupled
-    first, *_ = residual_torques(fit, [recording], flights=8, seed=0)
+    first, *_ = found(fit, recording)
     monkeypatch.setattr(torque_formula, "PRODUCTS", ("sin(roll)", "voltage_sum"))
     (curve,) = proposals(fit, first)
     assert not curve.is_formula
@@ -87,15 +98,14 @@ def test_without_a_formula_that_fits_as_well_the_curve_is_proposed(
 
 def test_an_unmodified_rig_has_no_residual_torque() -> None:
     recording = flight(1202)
-    assert residual_torques(fit_greybox(recording, ()), [recording], flights=8, seed=0) == ()
+    assert found(corrected(recording), recording) == ()
 
 
 def test_a_draught_is_slow_noise_and_no_effect() -> None:
     """On roll 0.014 N·m RMS: 4 · 0.035 N·m · √(0.01 s/1 s), the emulator's law (its `noise`)."""
     device = "mock:?speed=max&noise_s=1&noise=4"
     recording = fly_plan(load_plan("rich"), device=device, seed=1203).recording.between(0.0, 40.0)
-    found = residual_torques(fit_greybox(recording, ()), [recording], flights=8, seed=0)
-    effects, slow_noise = split_off_slow_noise(found)
+    effects, slow_noise = split_off_slow_noise(found(corrected(recording), recording))
     assert effects == ()
     (roll,) = (torque for torque in slow_noise if torque.axis == "roll")
     assert roll.size_Nm == pytest.approx(0.014, rel=0.3)
@@ -109,7 +119,9 @@ def test_time_comes_first_if_another_variable_explains_hardly_more() -> None:
     assert with_time_first([0, 1, 2, 3], library, x) == [2, 3, 1, 0]
 
 
-def test_the_residual_torque_lies_on_the_hidden_line(coupled: tuple[Recording, Estimate]) -> None:
+def test_the_residual_torque_lies_on_the_hidden_line(
+    coupled: tuple[Recording, CorrectedFit],
+) -> None:
     flown = trail(coupled[1])
     rows = flown.in_runs
     slope = np.polyfit(flown.variable("pitch_rate")[rows], flown.torque[rows, 2], 1)[0]
@@ -117,7 +129,7 @@ def test_the_residual_torque_lies_on_the_hidden_line(coupled: tuple[Recording, E
 
 
 def test_one_backward_pass_gives_the_score_of_any_torque(
-    coupled: tuple[Recording, Estimate],
+    coupled: tuple[Recording, CorrectedFit],
 ) -> None:
     """Compare with the filter's finite difference for a small viscous friction."""
     fit = coupled[1]
@@ -132,7 +144,7 @@ def test_one_backward_pass_gives_the_score_of_any_torque(
 
 
 def test_forward_and_backward_passes_give_the_same_scores(
-    coupled: tuple[Recording, Estimate],
+    coupled: tuple[Recording, CorrectedFit],
 ) -> None:
     path = trail(coupled[1])
     library = hats(path, np.arange(3))
@@ -142,7 +154,7 @@ def test_forward_and_backward_passes_give_the_same_scores(
     )
 
 
-def test_hat_functions_add_up_to_one(coupled: tuple[Recording, Estimate]) -> None:
+def test_hat_functions_add_up_to_one(coupled: tuple[Recording, CorrectedFit]) -> None:
     """The sum of a group's scores is therefore that of a constant torque, for every variable."""
     path = trail(coupled[1])
     library = hats(path, np.arange(3))
@@ -164,5 +176,5 @@ def test_a_gumbel_tail_fitted_to_few_nulls_has_the_stated_probability(n: int) ->
     def share(stretched: float) -> float:
         return float(-np.expm1(-np.exp(-(location + THRESHOLD_SCALES * stretched * scale))).mean())
 
-    assert share(gumbel_stretch(n)) == pytest.approx(FALSE_ALARMS, rel=0.25)
-    assert share(1.0) > 2.5 * FALSE_ALARMS
+    assert share(gumbel_stretch(n)) == pytest.approx(TORQUE_FALSE_ALARMS, rel=0.25)
+    assert share(1.0) > 2.5 * TORQUE_FALSE_ALARMS
