@@ -19,7 +19,7 @@ from dataclasses import replace
 
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
 from heli3dof.diagnosis.conclusion.conclude import conclude
-from heli3dof.diagnosis.conclusion.encoder_scales import LEVEL
+from heli3dof.diagnosis.conclusion.encoder_scales import ROLL_OFFSET
 from heli3dof.diagnosis.conclusion.inertia_ties import last_step_with_causes, with_confounded_causes
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_if_recordings_disagree
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
@@ -154,7 +154,7 @@ def _diagnosed(
     )  # fmt: skip
     return conclude(
         without_verdict, base_parameters(settled.fit), train[0].profile, setup.axes,
-        level_deg=first.detectable_size(LEVEL),
+        level_deg=first.detectable_size(ROLL_OFFSET),
         ambiguous_if_unconfirmed=not setup.controller_is_known,
     )  # fmt: skip
 
@@ -191,6 +191,6 @@ def forward_selection(
         fit = wider
         if not choice.term.effect.of_base:  # else only the simpler base lacks the effect
             remaining -= 1
-            if choice.contenders[0].probe is not None:  # a grid trial has no probe
+            if choice.candidates[0].probe is not None:  # a grid trial has no probe
                 score = choice.score if score is None else max(score, choice.score)
     return steps, fit

@@ -133,7 +133,7 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
     power-up and data-acquisition cards round differently. The cause's size is that in ``fit``,
     which may differ from its size in the selection step.
     """
-    for c in choice.contenders:
+    for c in choice.candidates:
         axis, is_choice = c.term.axis, c.term.name == choice.term.name
         if axis is None or not (
             c.term.effect.name == OFFSET or (is_choice and c.term.effect.name == BACKLASH)
@@ -232,7 +232,7 @@ def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -
         tied = tuple(n for n in c.tied_with if n not in named)
         confidence = c.confidence
         if len(tied) < len(c.tied_with):
-            others = [x.score for x in c.contenders if x.term.name not in named]
+            others = [x.score for x in c.candidates if x.term.name not in named]
             confidence = max(confidence, certainty([c.score, max([0.0, *others])]))
         out.append(replace(c, tied_with=tied, confidence=confidence))
     return out

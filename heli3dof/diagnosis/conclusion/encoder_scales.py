@@ -38,7 +38,7 @@ SIGMAS = 2.0
 EFFECT = "encoder.scale"
 SCALE, WITH_MASS = "motor.thrust_gain", ("inertia.", "mass.imbalance")
 """The thrust gain, and base parameters that no flight separates from it"""
-LEVEL = "encoder.offset.roll"
+ROLL_OFFSET = "encoder.offset.roll"
 """The cause with which a scale error of roll is confounded"""
 
 

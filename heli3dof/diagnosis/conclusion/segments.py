@@ -48,7 +48,7 @@ def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
 
     The ``adopted`` causes are not compared with it.
     """
-    best, *others = choice.contenders
+    best, *others = choice.candidates
     if best.term.effect.of_base:
         return choice
     compared = [

@@ -136,7 +136,7 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
     base: Estimate = found.fitted.base
     try:
         for finding in found.findings:
-            best, *others = finding.choice.contenders
+            best, *others = finding.choice.candidates
             if names := separable_by_flight(finding.term.name, finding.tied_with):
                 tied = [c for c in others if c.term.name in names]
                 return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
@@ -155,7 +155,7 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
 
 def _dropped_cause(x: Dropped) -> Cause:
     """Return the dropped cause at its fitted size, or the typical one if it was not fitted."""
-    return Cause.typical(x.name) if x.choice is None else Cause.fitted(x.choice.contenders[0])
+    return Cause.typical(x.name) if x.choice is None else Cause.fitted(x.choice.candidates[0])
 
 
 def _why(best: Outlook, names: Sequence[str]) -> str:

@@ -8,9 +8,9 @@ the gain in log-likelihood ℓ is computed at a value w of the term's first para
 with the parameters θ and the noise intensities a of the base held. w ascends the term's grid while
 Δℓ(w) rises. A term is fitted in full if both conditions hold at the last of these values:
 
-1. Δℓ > `MIN_GAIN`.
-2. If the controller is known: Δℓ > max Δℓ_null + `MIN_GAIN` over nulls simulated from the base.
-   Δℓ varies widely for an axis with little motion.
+1. Δℓ > `MIN_TRIAL_GAIN`.
+2. If the controller is known: Δℓ > max Δℓ_null + `MIN_TRIAL_GAIN` over nulls simulated from the
+   base. Δℓ varies widely for an axis with little motion.
 
 A base may attribute an oscillating loop to noise, which hides all scores. So the terms of
 `LAST_RESORT` are tried if no other cause is found.
@@ -29,7 +29,7 @@ from heli3dof.model.effects import Term, effects, terms
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.parallel import parallel_map
 
-MIN_GAIN = 40.0
+MIN_TRIAL_GAIN = 40.0
 """Least Δℓ for a full fit. Chosen: Δℓ is hundreds with backlash, minus hundreds without."""
 LAST_RESORT = {"motor.lag": (0.02, 0.035, 0.06, 0.1, 0.17), "motor.delay": (0.01, 0.02, 0.04)}
 """Terms with a score that noise may hide, and their grids in s. Chosen; not derived."""
@@ -63,7 +63,7 @@ def is_last_resort(term: Term) -> bool:
     return term.name in LAST_RESORT
 
 
-def tried_terms(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
+def terms_without_score(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
     """Return the terms without a score on the measured ``axes``, except those named ``without``."""
     return [
         t
@@ -77,7 +77,7 @@ def tried_terms(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
 def trials(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, untested: Sequence[Term]
 ) -> list[GridTrial]:
-    """Return the trials of the terms ``untested`` with Δℓ > `MIN_GAIN`.
+    """Return the trials of the terms ``untested`` with Δℓ > `MIN_TRIAL_GAIN`.
 
     Δℓ is the gain over the base with ``theta`` (n,) and ``noise`` (4,).
     """
@@ -94,7 +94,7 @@ def trials(
             best = GridTrial(untested[k], value, gain)
         return best
 
-    return [t for t in parallel_map(one, len(untested), what="trials") if t.gain > MIN_GAIN]
+    return [t for t in parallel_map(one, len(untested), what="trials") if t.gain > MIN_TRIAL_GAIN]
 
 
 def exceeds_nulls(
@@ -104,7 +104,7 @@ def exceeds_nulls(
     noise: np.ndarray,
     nulls: Sequence[Data],
 ) -> bool:
-    """Return True if the trial's Δℓ exceeds Δℓ in every null flight by `MIN_GAIN`."""
+    """Return True if the trial's Δℓ exceeds Δℓ in every null flight by `MIN_TRIAL_GAIN`."""
     ext = widened(problem, trial.term)
     at = np.append(theta, ext.structure.free[-1].inward(trial.value))
 
@@ -114,7 +114,7 @@ def exceeds_nulls(
         return float(extended - base)
 
     gains = np.array(parallel_map(one, len(nulls), what="flights"))
-    return bool(trial.gain > gains.max() + MIN_GAIN)
+    return bool(trial.gain > gains.max() + MIN_TRIAL_GAIN)
 
 
 def widened(problem: Likelihood, term: Term) -> Likelihood:

@@ -58,8 +58,8 @@ def rivals(choice: Choice, nulls: Nulls) -> tuple[list[CandidateFit], bool]:
     The chosen cause is the first of them. If there are none, the scores decide. Terms without a
     score have no score bias and are not among them.
     """
-    best = choice.contenders[0]
-    others = [c for c in choice.contenders[1:] if c.probe is not None]
+    best = choice.candidates[0]
+    others = [c for c in choice.candidates[1:] if c.probe is not None]
     if best.probe is None or not others:
         return [], False
     top = max(c.Z2 for c in [best, *others])
@@ -72,9 +72,9 @@ def rivals(choice: Choice, nulls: Nulls) -> tuple[list[CandidateFit], bool]:
     return ([best, *by_score] if by_score and best.score < SUFFICIENT_SCORE else []), False
 
 
-def relative_bias(nulls: Nulls, contenders: Sequence[CandidateFit]) -> list[float]:
+def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[float]:
     """Return |z̄|/√κ, the bias of the score over its scatter, of each candidate with a score."""
-    at = [c.probe for c in contenders if c.probe is not None]
+    at = [c.probe for c in candidates if c.probe is not None]
     return [float(abs(nulls.mean[i]) / np.sqrt(nulls.inflation)) for i in at]
 
 
@@ -108,7 +108,7 @@ def compared_by_simulation(
         best = replace(best, score=best.Z2 - cost)
     elif k:
         best, probability = compared[0], 1.0
-    others = [c for c in choice.contenders if c.term.name != best.term.name]
+    others = [c for c in choice.candidates if c.term.name != best.term.name]
     probability = min(nulls.confidence(best.Z2), probability, 1.0 if decides else choice.confidence)
     tied = tuple(n for n in dict.fromkeys(confounded) if n != best.term.name)
     return Choice(

@@ -62,7 +62,7 @@ class Choice:
     Z2: float
     confidence: float
     tied_with: tuple[str, ...]
-    contenders: tuple[CandidateFit, ...]
+    candidates: tuple[CandidateFit, ...]
     """All fitted candidates: the chosen one, then the others, best first"""
     threshold: float = 0.0
     """Threshold of Z², from the nulls"""

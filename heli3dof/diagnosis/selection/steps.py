@@ -28,8 +28,8 @@ from heli3dof.diagnosis.screening.grid_trials import (
     GridTrial,
     exceeds_nulls,
     last_resort_terms,
+    terms_without_score,
     trials,
-    tried_terms,
     widened,
 )
 from heli3dof.diagnosis.screening.nulls import (
@@ -83,7 +83,7 @@ class Step(Screening):
         ``earlier_score``: largest score of the earlier causes (`selection.select`), or None.
         """
         present = [t.name for t in self.fit.problem.structure.terms]
-        tried = self.significant_trials(setup, tried_terms(present, setup.axes))
+        tried = self.significant_trials(setup, terms_without_score(present, setup.axes))
         choice = choose(self, earlier_score, tried)
         if (
             choice is None
@@ -120,12 +120,12 @@ def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
 
 def fit_with_cause(setup: Setup, choice: Choice) -> CorrectedFit:
     """Return the bias-corrected fit with the chosen term and further formal ones (`with_forms`)."""
-    best = choice.contenders[0]
+    best = choice.candidates[0]
     problem, optimum = best.problem, best.optimum
     if isinstance(problem, ProfileLikelihood):
         problem = replace(problem, doubt=1.0)
     if best.term.effect.formal:
-        also = [c for c in choice.contenders[1:] if is_significant_form(c, choice)]
+        also = [c for c in choice.candidates[1:] if is_significant_form(c, choice)]
         problem, optimum = with_forms(problem, optimum, also)
     return bias_corrected(setup, problem, optimum)
 

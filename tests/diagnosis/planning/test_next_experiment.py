@@ -111,8 +111,8 @@ def test_a_dropped_cause_is_planned_for_at_its_estimated_size(
     structure = Structure(base.structure.profile, (*base.structure.terms, lag))
     problem = replace(base.problem, structure=structure)
     theta = problem.coordinates(np.append(base.values, 0.013))
-    contender = CandidateFit(lag, problem, replace(base.optimum, theta=theta), 9.0, 20.0, None)
-    choice = Choice(lag, 9.0, 20.0, 0.9, (), (contender,))
+    candidate = CandidateFit(lag, problem, replace(base.optimum, theta=theta), 9.0, 20.0, None)
+    choice = Choice(lag, 9.0, 20.0, 0.9, (), (candidate,))
     next_experiment(diagnosed(base, Dropped("motor.lag", None, choice=choice)))  # type: ignore[arg-type]
     next_experiment(diagnosed(base, Dropped("motor.lag", None)))  # type: ignore[arg-type]
     next_experiment(diagnosed(base))

@@ -18,8 +18,8 @@ from heli3dof.diagnosis.screening import grid_trials
 from heli3dof.diagnosis.screening.grid_trials import (
     fit_start,
     last_resort_terms,
+    terms_without_score,
     trials,
-    tried_terms,
     widened,
 )
 from heli3dof.diagnosis.selection.steps import screening_step
@@ -41,11 +41,13 @@ def base(hide: str, seed: int) -> Estimate:
 
 def candidates(fitted: Estimate) -> list[str]:
     o = fitted.optimum
-    return [t.term.name for t in trials(fitted.problem, o.theta, o.noise, tried_terms((), AXES))]
+    return [
+        t.term.name for t in trials(fitted.problem, o.theta, o.noise, terms_without_score((), AXES))
+    ]
 
 
 def test_present_terms_and_unmeasured_axes_are_not_tried() -> None:
-    names = [t.name for t in tried_terms(["encoder.backlash.roll"], ("roll", "pitch"))]
+    names = [t.name for t in terms_without_score(["encoder.backlash.roll"], ("roll", "pitch"))]
     assert names == ["encoder.backlash.pitch"]
 
 
@@ -71,7 +73,7 @@ def test_the_grid_is_climbed_while_the_likelihood_rises(monkeypatch: pytest.Monk
     structure = SimpleNamespace(free=[SimpleNamespace(inward=lambda w: w)])
     problem = cast(Any, SimpleNamespace(run=run, structure=structure))
     monkeypatch.setattr(grid_trials, "widened", lambda problem, term: problem)
-    (trial,) = trials(problem, np.zeros(0), np.zeros(4), tried_terms((), ("yaw",)))
+    (trial,) = trials(problem, np.zeros(0), np.zeros(4), terms_without_score((), ("yaw",)))
     assert (trial.value, trial.gain) == (0.9, 191)
     assert tried == [0.0, 0.05, 0.09, 0.16, 0.28, 0.5, 0.9, 1.6]  # the base first
 
@@ -79,7 +81,7 @@ def test_the_grid_is_climbed_while_the_likelihood_rises(monkeypatch: pytest.Monk
 def test_a_fit_started_from_the_trial_finds_the_backlash_width() -> None:
     fitted = base("encoder.backlash.pitch:0.4", 1150)
     o = fitted.optimum
-    term = tried_terms((), ("pitch",))[0]
+    term = terms_without_score((), ("pitch",))[0]
     ext = widened(fitted.problem, term)
     start, noise = fit_start(ext, o.theta, o.noise, term)
     assert noise[1] < 0.3 * o.noise[1]  # the base attributed the backlash to random torques

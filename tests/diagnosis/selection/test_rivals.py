@@ -41,12 +41,12 @@ def test_a_larger_likelihood_decides_nothing_if_both_rivals_predict_it() -> None
     assert W[1, 0] == pytest.approx(0.0)
 
 
-def contender(name: str, Z2: float, probe: int | None) -> Any:
+def candidate(name: str, Z2: float, probe: int | None) -> Any:
     return SimpleNamespace(term=SimpleNamespace(name=name), Z2=Z2, probe=probe, score=10 * Z2)
 
 
-def choice(*contenders: Any) -> Choice:
-    return Choice(contenders[0].term, 100.0, contenders[0].Z2, 1.0, (), tuple(contenders))
+def choice(*candidates: Any) -> Choice:
+    return Choice(candidates[0].term, 100.0, candidates[0].Z2, 1.0, (), tuple(candidates))
 
 
 def nulls(*mean: float) -> Any:
@@ -54,8 +54,8 @@ def nulls(*mean: float) -> Any:
 
 
 def test_a_large_bias_lets_the_comparison_decide() -> None:
-    a, b, far = contender("a", 70.0, 0), contender("b", 60.0, 1), contender("far", 5.0, 2)
-    tried = contender("tried", 90.0, None)
+    a, b, far = candidate("a", 70.0, 0), candidate("b", 60.0, 1), candidate("far", 5.0, 2)
+    tried = candidate("tried", 90.0, None)
     compared, decides = rivals(choice(a, b, far, tried), nulls(-10.0, 1.0, 0.0))
     assert ([c.term.name for c in compared], decides) == (["a", "b"], True)
     assert rivals(choice(a, b, far), nulls(-1.0, 1.0, 20.0)) == ([], False)
@@ -63,7 +63,7 @@ def test_a_large_bias_lets_the_comparison_decide() -> None:
 
 
 def test_a_modest_score_requests_a_comparison_of_close_rivals() -> None:
-    a, b, far = contender("a", 40.0, 0), contender("b", 30.0, 1), contender("far", 5.0, 2)
+    a, b, far = candidate("a", 40.0, 0), candidate("b", 30.0, 1), candidate("far", 5.0, 2)
     compared, decides = rivals(choice(a, b, far), nulls(-1.0, 1.0, 0.0))
     assert ([c.term.name for c in compared], decides) == (["a", "b"], False)
     assert rivals(choice(a, far), nulls(-1.0, 1.0, 0.0)) == ([], False)

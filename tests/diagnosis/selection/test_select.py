@@ -86,12 +86,12 @@ def test_a_ground_effect_of_unknown_height_keeps_its_prior_height() -> None:
     Without its prior, h₀ moves to its bound of 1 m, and the fit is discarded."""
     _, step = step_of(load_plan("steps"), "aero.ground_effect:0.2@0.111", 1043)
     assert step.choice is not None
-    contenders = {c.term.name: c for c in step.choice.contenders}
-    fit = contenders["aero.ground_effect"]
+    candidates = {c.term.name: c for c in step.choice.candidates}
+    fit = candidates["aero.ground_effect"]
     share, height_m = fit.problem.values(fit.optimum.theta)[-2:]
     assert 0.05 < height_m < 0.3
     assert 0.1 < share < 0.5
-    assert fit.score > contenders["stiffness.pendulum.roll"].score
+    assert fit.score > candidates["stiffness.pendulum.roll"].score
 
 
 @pytest.mark.accuracy

@@ -97,7 +97,7 @@ def test_further_simplifications_are_candidates_only_without_couplings() -> None
     }
 
 
-def contender(name: str, score: float, Z2: float) -> CandidateFit:
+def candidate(name: str, score: float, Z2: float) -> CandidateFit:
     return CandidateFit(term(name), cast(Any, None), cast(Any, None), score, Z2, None)
 
 
@@ -108,9 +108,9 @@ def chosen_name(*fits: CandidateFit, earlier_score: float | None) -> str | None:
 
 
 def test_a_form_of_the_equations_needs_no_minimum_score_as_a_further_term() -> None:
-    couplings = contender("simplified.couplings", 60.0, 70.0)
+    couplings = candidate("simplified.couplings", 60.0, 70.0)
     assert chosen_name(couplings, earlier_score=5000.0) == "simplified.couplings"
-    drag = contender("drag.quadratic.yaw", 70.0, 80.0)
+    drag = candidate("drag.quadratic.yaw", 70.0, 80.0)
     assert chosen_name(drag, earlier_score=5000.0) is None
     assert chosen_name(drag, couplings, earlier_score=5000.0) == "simplified.couplings"
     assert chosen_name(drag, couplings, earlier_score=None) == "drag.quadratic.yaw"
@@ -122,13 +122,13 @@ def test_the_threshold_is_lower_than_for_a_cause() -> None:
     nulls = Nulls(np.zeros(1), np.ones(1), 1.0, 20.0, 23.0, 16, "simulated")
     assert nulls.least(term("simplified.couplings")) == pytest.approx(13.8, abs=0.05)
     assert nulls.least(term("drag.quadratic.yaw")) == 20.0
-    form = contender("simplified.couplings", 10.0, 15.0)
+    form = candidate("simplified.couplings", 10.0, 15.0)
     assert chosen_name(form, earlier_score=None) is not None
-    assert chosen_name(contender("drag.quadratic.yaw", 10.0, 15.0), earlier_score=None) is None
+    assert chosen_name(candidate("drag.quadratic.yaw", 10.0, 15.0), earlier_score=None) is None
 
 
 def test_the_other_simplification_is_added_if_equally_clear() -> None:
     choice = cast(Any, SimpleNamespace(threshold=20.0))
-    assert is_significant_form(contender("simplified.yaw_inertia", 25.0, 30.0), choice)
-    assert not is_significant_form(contender("simplified.yaw_inertia", 15.0, 30.0), choice)
-    assert not is_significant_form(contender("drag.quadratic.yaw", 250.0, 300.0), choice)
+    assert is_significant_form(candidate("simplified.yaw_inertia", 25.0, 30.0), choice)
+    assert not is_significant_form(candidate("simplified.yaw_inertia", 15.0, 30.0), choice)
+    assert not is_significant_form(candidate("drag.quadratic.yaw", 250.0, 300.0), choice)
