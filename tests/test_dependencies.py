@@ -36,13 +36,15 @@ MAY_IMPORT = {
     "comparison": {"errors", "results", "arrays", "axes", "rig", "recording", "model"},
     "fleet": {"errors", "results", "arrays", "batch"},
     "paper": {"errors", "axes", "rig", "recording", "model", "comparison"},
+    "integrity": {"errors", "axes", "plugins", "rig", "recording", "model", "identification"},
     "diagnosis": {
         "errors", "results", "arrays", "axes", "parallel", "stage_clock", "rig", "recording",
-        "model", "experiment", "identification", "comparison",
+        "model", "experiment", "identification", "comparison", "integrity",
     },
     "batch": {
         "errors", "results", "axes", "parallel", "plugins", "toml_file", "write_errors", "rig",
-        "recording", "model", "experiment", "identification", "comparison", "diagnosis", "paper",
+        "recording", "model", "experiment", "identification", "comparison", "integrity",
+        "diagnosis", "paper",
     },
     "report": {
         "errors", "axes", "rig", "recording", "model", "experiment", "identification",
@@ -50,8 +52,8 @@ MAY_IMPORT = {
     },
     "cli": {
         "errors", "axes", "write_errors", "rig", "recording", "model", "experiment", "exercise",
-        "identification", "comparison", "diagnosis", "fleet", "report", "toml_file", "paper",
-        "plugins", "batch", "effect_files",
+        "identification", "comparison", "integrity", "diagnosis", "fleet", "report", "toml_file",
+        "paper", "plugins", "batch", "effect_files",
     },
 }  # fmt: skip
 

@@ -28,8 +28,8 @@ from heli3dof.cli.output import Output, stages, verb
 from heli3dof.errors import RecordingError
 
 if TYPE_CHECKING:
-    from heli3dof.diagnosis.integrity import Fault
     from heli3dof.diagnosis.result import Diagnosis
+    from heli3dof.integrity import Fault
     from heli3dof.recording.recording import Recording
 
 
@@ -165,7 +165,7 @@ def _load(
     data. A missing file or a damaged recording raises RecordingError.
     """
     from heli3dof.cli.inputs import load_all
-    from heli3dof.diagnosis.integrity import Fault, Kind
+    from heli3dof.integrity import Fault, Kind
     from heli3dof.recording.atomic_write import stem
     from heli3dof.recording.logs.import_log import is_log
 
@@ -188,7 +188,7 @@ def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
     The log is imported without checks of its values. ``profile``: file of the rig's profile; None:
     the paper's rig.
     """
-    from heli3dof.diagnosis.integrity import integrity
+    from heli3dof.integrity import integrity
     from heli3dof.recording.logs.import_log import import_log
 
     used = rig_profile(profile)

@@ -34,9 +34,7 @@ from heli3dof.diagnosis.estimate.base_parameters import (
 )
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
-from heli3dof.diagnosis.estimate.voltage_replay import with_known_controller
 from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
-from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.diagnosis.selection.select import MAX_CAUSES
 from heli3dof.diagnosis.selection.steps import (
@@ -46,6 +44,8 @@ from heli3dof.diagnosis.selection.steps import (
     screening_step,
 )
 from heli3dof.errors import UsageError, did_you_mean
+from heli3dof.integrity import Kind, integrity
+from heli3dof.integrity.voltage_replay import with_known_controller
 from heli3dof.model.effects import term
 from heli3dof.parallel import report_progress
 from heli3dof.recording.logs.sampling_clock import sampling_times

@@ -14,7 +14,6 @@ from heli3dof.diagnosis.estimate.base_parameters import (
     base_parameters,
     finding_of,
 )
-from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning.free_run_plan import why_none
 from heli3dof.diagnosis.profile_update import Measured, profile_keys, ratios
@@ -28,6 +27,7 @@ from heli3dof.diagnosis.result import (
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
+from heli3dof.integrity import Fault
 
 
 def diagnosis_document(

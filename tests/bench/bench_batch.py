@@ -34,10 +34,10 @@ from heli3dof.batch.run_batch import Batch, run_batch, tasks_of
 from heli3dof.batch.sources import find
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
-from heli3dof.diagnosis.integrity import integrity
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.identify import identify
+from heli3dof.integrity import integrity
 from heli3dof.parallel import distribute
 from heli3dof.recording.load import load
 from tests.bench import Figure, at_least, at_most

@@ -13,7 +13,6 @@ import pytest
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
-from heli3dof.diagnosis.integrity import Fault, Kind
 from heli3dof.diagnosis.profile_update import Measured, ratios
 from heli3dof.diagnosis.result import (
     Diagnosis,
@@ -25,6 +24,7 @@ from heli3dof.diagnosis.result import (
 )
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.validation.gain import Gain, Interval
+from heli3dof.integrity import Fault, Kind
 from heli3dof.model.effects import terms
 from heli3dof.rig.profile import default_profile
 

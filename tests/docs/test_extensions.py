@@ -155,7 +155,7 @@ def test_the_table_of_stages_names_the_stages_of_both_sides() -> None:
 
 
 def test_the_page_names_every_kind_and_stage_of_an_integrity_check() -> None:
-    from heli3dof.diagnosis.integrity import Kind, Stage
+    from heli3dof.integrity import Kind, Stage
 
     names = {k for k, v in vars(Kind).items() if isinstance(v, str) and k.isupper()}
     for name in names | {stage.name for stage in Stage}:
@@ -231,9 +231,9 @@ def test_an_importer_reads_a_log(place, searched_again, tmp_path: Path) -> None:
 
 
 def test_an_integrity_check_reports_a_short_recording(place, searched_again) -> None:
-    from heli3dof.diagnosis import integrity
+    from heli3dof import integrity
 
-    place("integrity check", "heli3dof.diagnosis.integrity")
+    place("integrity check", "heli3dof.integrity")
     searched_again(integrity.checks)
     flown = h3.load(FLIGHT)
     result = [fault.check for fault in integrity.integrity(flown.rows(slice(0, 3000)))]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from heli3dof.diagnosis.integrity import checks
+from heli3dof.integrity import checks
 from tests.pages.page import Page, table
 
 

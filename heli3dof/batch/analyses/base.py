@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from heli3dof.diagnosis.integrity import Kind
+from heli3dof.integrity import Kind
 from heli3dof.recording.info import read_with_info
 from heli3dof.recording.load import load
 from heli3dof.recording.recording import Recording

@@ -22,7 +22,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.batch.analyses.base import Analysis, Document, Job, Row, bad_data, with_std
-from heli3dof.diagnosis.integrity import integrity
+from heli3dof.integrity import integrity
 
 INERTIAS = tuple(f"J_{axis}" for axis in AXES)
 FITS = ("one_step", "0.5_s", "1_s")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from heli3dof.batch.analyses.base import Analysis, Document, Job, Row, bad_data
-from heli3dof.diagnosis.integrity import integrity
+from heli3dof.integrity import integrity
 from heli3dof.recording.recording import Recording
 
 

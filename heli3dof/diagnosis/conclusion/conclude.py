@@ -11,7 +11,6 @@ from dataclasses import replace
 
 from heli3dof.diagnosis.conclusion.encoder_scales import undetectable_scales, with_scale_ties
 from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
-from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
@@ -20,6 +19,7 @@ from heli3dof.diagnosis.result import (
     remainders,
     verdict_of,
 )
+from heli3dof.integrity import Fault
 from heli3dof.rig.profile import Profile
 
 

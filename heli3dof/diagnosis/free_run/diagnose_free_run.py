@@ -56,7 +56,6 @@ from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
 from heli3dof.diagnosis.free_run.refits import folds_of, refit
 from heli3dof.diagnosis.free_run.residual_torques import residual_torques
 from heli3dof.diagnosis.free_run.unexplained import unexplained_effects
-from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import split_off_slow_noise
@@ -71,6 +70,7 @@ from heli3dof.identification.greybox.freeflight import (
 )
 from heli3dof.identification.greybox.multistep import MultiStepFit as Fit
 from heli3dof.identification.greybox.noise_check import likelihood_obstacle
+from heli3dof.integrity import Fault
 from heli3dof.model.effects import terms
 from heli3dof.model.greybox.model import nominal
 from heli3dof.parallel import parallel_map

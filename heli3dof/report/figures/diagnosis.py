@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.unmodelled.torque_curve import TorqueCurve
 from heli3dof.diagnosis.validation.gain import HORIZON_S, HeldOut, Worst
 from heli3dof.report.figures.labelled_curves import Curve, angle_figure, headline
 from heli3dof.report.figures.style import (
@@ -27,6 +26,7 @@ from heli3dof.report.figures.style import (
     Line,
     plain,
 )
+from heli3dof.report.figures.torque_curve import TorqueCurve
 from heli3dof.report.text.diagnosis_sentences import variable
 from heli3dof.report.text.number_format import fixed
 

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from heli3dof.diagnosis.result import Diagnosis
-from heli3dof.diagnosis.unmodelled.torque_curve import TorqueCurve, residual_evidence, torque_curve
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut
-from heli3dof.diagnosis.validation.replay import Replayed, replayed
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
 from heli3dof.identification.greybox.method import model_of
 from heli3dof.recording.recording import Recording
+from heli3dof.report.figures.replayed_flight import Replayed, replayed
+from heli3dof.report.figures.torque_curve import TorqueCurve, residual_evidence, torque_curve
 
 
 @dataclass(frozen=True, eq=False)

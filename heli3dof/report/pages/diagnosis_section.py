@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.cause_name import name_of
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
-from heli3dof.diagnosis.validation.replay import Replayed
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
 from heli3dof.report.figures.diagnosis import evidence_alt, evidence_figure, stretch_figure
 from heli3dof.report.figures.diagnosis_data import FigureData
+from heli3dof.report.figures.replayed_flight import Replayed
 from heli3dof.report.pages.html import Section, figure, key, paragraph, subheading, table, warning
 from heli3dof.report.text import diagnosis_sentences as words
 from heli3dof.report.text.diagnosis_sentences import Document

@@ -26,7 +26,6 @@ from heli3dof.diagnosis.validation.cross_validation import (
 )
 from heli3dof.diagnosis.validation.gain import HeldOut, Predictions, gain, pays
 from heli3dof.diagnosis.validation.prediction import covariance_floor_deg, floor_deg, model_errors
-from heli3dof.diagnosis.validation.replay import replayed
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
@@ -37,6 +36,7 @@ from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
+from heli3dof.report.figures.replayed_flight import replayed
 
 HIDDEN = "friction.viscous.yaw"
 

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from heli3dof.comparison.compare import compare
-from heli3dof.diagnosis.unmodelled.torque_curve import TorqueCurve
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.paper.reproduction import reproduce
 from heli3dof.report.figures.diagnosis_data import FigureData
+from heli3dof.report.figures.torque_curve import TorqueCurve
 from heli3dof.report.pages.flight_report import Diagnosed, flight_report
 from heli3dof.report.pages.html import write_page
 from heli3dof.rig.profile import default_profile

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from heli3dof.comparison.compare import compare
-from heli3dof.diagnosis.unmodelled.torque_curve import TorqueCurve
 from heli3dof.errors import OutputExists
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.paper.reproduction import reproduce
@@ -18,6 +17,7 @@ from heli3dof.report.figures.diagnosis_data import FigureData
 from heli3dof.report.figures.flight import flight_figure
 from heli3dof.report.figures.models import BodeCurve, bode_figure, residual_figure
 from heli3dof.report.figures.style import BLUE, SOFT
+from heli3dof.report.figures.torque_curve import TorqueCurve
 from heli3dof.report.figures.web import decimated, live_data
 from heli3dof.report.pages.answers import diagnosis_answers
 from heli3dof.report.pages.diagnosis_section import diagnosis_section

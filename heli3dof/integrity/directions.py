@@ -23,9 +23,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.response import Response
-from heli3dof.diagnosis.integrity.view import View
+from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.response import Response
+from heli3dof.integrity.view import View
 from heli3dof.model.physics.table import ON_TABLE_BELOW
 
 SURE, EXPLAINED, DRIVE = 6.0, 0.5, 0.02

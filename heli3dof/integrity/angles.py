@@ -12,10 +12,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from heli3dof.axes import AXES, MOTORS
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
-from heli3dof.diagnosis.integrity.jump import FEW, deviations
-from heli3dof.diagnosis.integrity.view import View
 from heli3dof.errors import RecordingError
+from heli3dof.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
+from heli3dof.integrity.jump import FEW, deviations
+from heli3dof.integrity.view import View
 from heli3dof.recording.logs import angle_units
 
 

@@ -33,10 +33,10 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.response import Response
-from heli3dof.diagnosis.integrity.view import View
-from heli3dof.diagnosis.integrity.voltage import ANOTHER_UNIT
+from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.response import Response
+from heli3dof.integrity.view import View
+from heli3dof.integrity.voltage import ANOTHER_UNIT
 from heli3dof.recording.logs.angle_units import counts_seen
 
 GOOD, PRECISE = 0.7, 0.08

@@ -1,8 +1,8 @@
 """Compute a cause's figure: residual torque against the variable on which the cause depends.
 
 The final fit *without* the cause is filtered, with the noise of the refit without it. This gives
-the residual torque τ̂ (N·m, `sensitivity.residual_torque`), averaged in bins of the variable z. A
-bin with T seconds has the standard error (samples within `WINDOW_S` count as one)
+the residual torque τ̂ (N·m, `diagnosis.sensitivity.residual_torque`), averaged in bins of the
+variable z. A bin with T seconds has the standard error (samples within `WINDOW_S` count as one)
 
     σ = std(τ̂)/√max(T/`WINDOW_S`, 1)
 

@@ -13,10 +13,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
-from heli3dof.diagnosis.integrity.directions import EXPLAINED, SURE
-from heli3dof.diagnosis.integrity.view import View
 from heli3dof.errors import RecordingError
+from heli3dof.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
+from heli3dof.integrity.directions import EXPLAINED, SURE
+from heli3dof.integrity.view import View
 from heli3dof.recording.logs.log_validation import long_enough, time_increases
 
 OFF, REPORTED_OFF = 0.02, 0.002

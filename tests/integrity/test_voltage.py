@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from heli3dof.axes import MOTORS
-from heli3dof.diagnosis.integrity import Kind
-from tests.diagnosis.integrity.flights import flight, names, only, with_voltage
+from heli3dof.integrity import Kind
+from tests.integrity.flights import flight, names, only, with_voltage
 
 PLANS = ("rich", "steps", "run-step")
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.integrity import Kind, integrity
-from heli3dof.diagnosis.integrity.base import Fault
 from heli3dof.diagnosis.result import Diagnosis
+from heli3dof.integrity import Kind, integrity
+from heli3dof.integrity.base import Fault
 from heli3dof.recording.recording import Recording
-from tests.diagnosis.integrity.flights import flight
+from tests.integrity.flights import flight
 
 
 def fault(recording: Recording) -> Fault:

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heli3dof.diagnosis.integrity import Kind
+from heli3dof.integrity import Kind
 from heli3dof.recording.logs.sampling_clock import ticks
 from heli3dof.recording.recording import Recording
-from tests.diagnosis.integrity.flights import flight, names, only, with_time
+from tests.integrity.flights import flight, names, only, with_time
 
 
 def test_lost_samples_are_counted_from_the_stamps() -> None:

@@ -13,13 +13,12 @@ to run. A check reports each fault as a `Fault` of one kind:
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Iterable
 from functools import cache
 
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.view import View
+from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.view import View
+from heli3dof.plugins import modules_of
 from heli3dof.recording.recording import Recording
 
 __all__ = ["Check", "Fault", "Kind", "Stage", "checks", "integrity"]
@@ -29,8 +28,8 @@ __all__ = ["Check", "Fault", "Kind", "Stage", "checks", "integrity"]
 def checks() -> tuple[Check, ...]:
     """Return all checks, ordered by stage, then by name."""
     result: list[Check] = []
-    for module in pkgutil.iter_modules(__path__):
-        result += getattr(importlib.import_module(f"{__name__}.{module.name}"), "CHECKS", ())
+    for module in modules_of(__name__):
+        result += getattr(module, "CHECKS", ())
     return tuple(sorted(result, key=lambda c: (c.stage, c.name)))
 
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 import heli3dof as h3
 from heli3dof.axes import AXES, MOTORS
-from heli3dof.diagnosis.integrity import Kind, checks, integrity
-from tests.diagnosis.integrity.flights import flight, names
+from heli3dof.integrity import Kind, checks, integrity
+from tests.integrity.flights import flight, names
 from tests.pace import timed
 from tests.paths import REAL_DATA, needs_real_data
 

@@ -9,13 +9,6 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail, trail_at
-from heli3dof.diagnosis.unmodelled import torque_curve as module
-from heli3dof.diagnosis.unmodelled.torque_curve import (
-    TorqueCurve,
-    residual_evidence,
-    torque_curve,
-    variable_of,
-)
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import on_blocks
 from heli3dof.diagnosis.validation.gain import gain
@@ -26,9 +19,16 @@ from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox, model_of
 from heli3dof.model.effects import effects, term
 from heli3dof.recording.recording import Recording
+from heli3dof.report.figures import torque_curve as module
 from heli3dof.report.figures.diagnosis import evidence_figure, stretch_figure
 from heli3dof.report.figures.diagnosis_data import FigureData
 from heli3dof.report.figures.style import to_svg
+from heli3dof.report.figures.torque_curve import (
+    TorqueCurve,
+    residual_evidence,
+    torque_curve,
+    variable_of,
+)
 from heli3dof.report.pages.diagnosis_section import diagnosis_section
 from heli3dof.report.pages.html import page
 from tests.report.text.test_diagnosis_tables import DOCUMENT

@@ -16,10 +16,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from heli3dof.axes import AXES, PITCH, ROLL
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.response import predicted_accelerations
-from heli3dof.diagnosis.integrity.view import View
 from heli3dof.identification.row_selection import STOP_BEYOND
+from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.response import predicted_accelerations
+from heli3dof.integrity.view import View
 from heli3dof.model.physics.table import ON_TABLE_BELOW
 
 LEAST_S = 2.5

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL
-from heli3dof.diagnosis.integrity.response import Response, responses
 from heli3dof.identification.row_selection import clipped, unusable
+from heli3dof.integrity.response import Response, responses
 from heli3dof.recording.logs.sampling_clock import Ticks, ticks
 from heli3dof.recording.recording import Recording
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from heli3dof.errors import RecordingError
 
 if TYPE_CHECKING:
-    from heli3dof.diagnosis.integrity.view import View
+    from heli3dof.integrity.view import View
 
 
 class Kind:

@@ -35,9 +35,9 @@ from itertools import combinations
 import numpy as np
 
 from heli3dof.axes import AXES, MOTORS
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.response import Response
-from heli3dof.diagnosis.integrity.view import View
+from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.response import Response
+from heli3dof.integrity.view import View
 from heli3dof.recording.logs.angle_units import on_grid
 from heli3dof.recording.recording import Recording
 

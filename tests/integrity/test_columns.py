@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import heli3dof as h3
-from heli3dof.diagnosis.integrity import Kind, integrity
-from heli3dof.diagnosis.integrity.columns import agreement, inconsistent, is_consistent
-from heli3dof.diagnosis.integrity.response import Response
+from heli3dof.integrity import Kind, integrity
+from heli3dof.integrity.columns import agreement, inconsistent, is_consistent
+from heli3dof.integrity.response import Response
 from heli3dof.recording.recording import Recording
-from tests.diagnosis.integrity.flights import flight, only
+from tests.integrity.flights import flight, only
 from tests.paths import REAL_DATA, needs_real_data
 
 NAMES = (

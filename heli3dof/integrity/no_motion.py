@@ -15,8 +15,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.view import View
+from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.view import View
 from heli3dof.model.physics.table import ON_TABLE_BELOW
 
 OFF = 0.02

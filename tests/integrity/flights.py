@@ -8,9 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from heli3dof.diagnosis.integrity import Fault, Kind, integrity
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
+from heli3dof.integrity import Fault, Kind, integrity
 from heli3dof.recording.recording import Recording
 
 Change = Callable[[Recording], Recording]

@@ -1,6 +1,6 @@
 """Check that the profile's controller flew the recording: whether it reproduces the voltages.
 
-The simulated nulls and the bias correction fly this controller (`estimate.voltage_replay`
+The simulated nulls and the bias correction fly this controller (`heli3dof.integrity.voltage_replay`
 states the comparison and its limits). If another controller flew the recording, the diagnosis
 continues as for an unknown controller.
 """
@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from heli3dof.diagnosis.estimate.voltage_replay import Match, voltage_replay
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.view import View
+from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.view import View
+from heli3dof.integrity.voltage_replay import Match, voltage_replay
 from heli3dof.recording.logs.sampling_clock import sampling_times
 
 KIND = {Match.LATE: Kind.NOTE, Match.EXCITED: Kind.NOTE, Match.OTHER: Kind.FINDING}

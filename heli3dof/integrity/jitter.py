@@ -13,8 +13,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.view import View
+from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.view import View
 from heli3dof.recording.logs.sampling_clock import sampling_times
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
 

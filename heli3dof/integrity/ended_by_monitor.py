@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.view import View
+from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.view import View
 
 
 def ended(view: View) -> Iterable[Fault]:

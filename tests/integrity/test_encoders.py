@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.integrity import Kind, integrity
-from heli3dof.diagnosis.integrity.response import with_step
-from heli3dof.diagnosis.integrity.scale import misfit
-from heli3dof.diagnosis.integrity.view import View
-from tests.diagnosis.integrity.flights import (
+from heli3dof.integrity import Kind, integrity
+from heli3dof.integrity.response import with_step
+from heli3dof.integrity.scale import misfit
+from heli3dof.integrity.view import View
+from tests.integrity.flights import (
     flight,
     names,
     only,

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.view import View
+from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.view import View
 
 SHARE, LEAST = 5e-4, 5
 """Least share and number of lost samples of a finding; fewer are a note. Chosen."""

@@ -16,8 +16,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.view import View
+from heli3dof.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.integrity.view import View
 
 COUNTS = 16
 ANGLE = np.radians(1.5)
