@@ -27,7 +27,7 @@ STOP_TRIES = 8
 
 
 class UsbDriver:
-    """Opens rigs on USB. ``backend`` is a function that returns pyusb's access to the bus."""
+    """Opens rigs on USB. ``backend`` returns the backend of pyusb, such as libusb."""
 
     scheme = "usb"
     options: Sequence[str] = ("stream", "watchdog_s", "signs", "timeout_s")

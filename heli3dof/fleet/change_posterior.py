@@ -103,8 +103,8 @@ class Scale:
 class ChangePosterior:
     """Posterior probability and size δ of each possible change in n flights.
 
-    Each possible change is a model: steps before flights 2 … n − 2, pairs of steps, one drift, n
-    deviating flights.
+    Each possible change is a model: a step before one of the flights 2 … n − 2, two such steps, one
+    drift through all flights, or one flight that deviates (n models).
     """
 
     places: Places

@@ -117,9 +117,9 @@ def device(view: View) -> Iterable[Fault]:
 def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if too many rows repeat the angles and voltages of the row before.
 
-    Rows count only if their voltage changes often, is not zero and is below the limit. The
-    experiment's extra voltage must repeat too: at rest the voltage alone may be constant for a few
-    rows.
+    A row counts only in a stretch where the voltage changes from row to row, is not zero and is
+    below its limit. The voltage that the experiment adds must repeat, too, because at rest the
+    motors' voltage can be constant for a few rows.
     """
     r = view.recording
     if len(r) < 2 * NEAR:

@@ -31,7 +31,7 @@ STOOD_S = 0.4
 
 
 def deviations(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the left side (N − 1,) rad of the module's condition, and the indices of jumps."""
+    """Return min(|d_k − d̄_k|, |d_k|) Δ_k (N − 1,) rad of axis ``i``, and the indices of jumps."""
     r = view.recording
     change = np.diff(r.angle[:, i])
     n = np.maximum(np.diff(view.ticks.number), 1)

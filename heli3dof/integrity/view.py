@@ -77,7 +77,10 @@ class View:
 
     @cached_property
     def responses(self) -> dict[str, Response]:
-        """Return {axis: response to the voltages} for measured axes that the voltages drive."""
+        """Return {axis: its response to the voltages, as a multiple of the profile's}.
+
+        The axes are the measured ones that the voltages drive.
+        """
         return responses(self.recording, self.airborne, self.ticks.number, self.ticks.period_s)
 
 

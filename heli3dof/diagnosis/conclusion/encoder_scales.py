@@ -46,9 +46,10 @@ def with_scale_ties(
     findings: Sequence[Finding], off: Sequence[OffNominal], numbers: Sequence[BaseParameter], *,
     rest_rad: float, tolerance: float,
 ) -> tuple[tuple[Finding, ...], tuple[OffNominal, ...]]:  # fmt: skip
-    """Return ``findings`` and ``off``, with confounded scale errors added to their ``tied_with``.
+    """Return the arguments with confounded encoder scale errors added to their ``tied_with``.
 
-    ``numbers``: estimates of the base parameters; ``rest_rad``: roll at rest on the table.
+    ``off``: base parameters off nominal; ``numbers``: estimates of all base parameters;
+    ``rest_rad``: roll at rest on the table; ``tolerance``: the profile's.
     """
     x = {c.name: (c.x, c.noise_std) for c in numbers}
     T_g = next((c.value for c in numbers if c.name == "T_g"), math.nan)

@@ -129,7 +129,11 @@ def off_nominal(
 
 
 def std_inflation(fit: CorrectedFit) -> float:
-    """Return the factor f of σ (module): 1 for a fit with edge rates, else `STD_INFLATION`."""
+    """Return the factor f by which the parameters' σ are multiplied (see the module).
+
+    It is 1 for a fit that used the rates of encoder edges (`estimate.edge_rates`), else
+    `STD_INFLATION`.
+    """
     return STD_INFLATION if fit.spread is None else 1.0
 
 

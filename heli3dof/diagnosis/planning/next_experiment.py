@@ -90,9 +90,10 @@ def recommend(
     plans: Sequence[str] | None = None,
     seed: int = 0,
 ) -> NextExperiment:
-    """Return the plan that separates the causes, which ``base`` lacks, in the shortest time.
+    """Return the plan that distinguishes the confounded causes in the shortest time.
 
-    ``plans``: names of the plans to compare; by default all. Raises UsageError if every plan leaves
+    ``base``: a fit without these causes. ``plans``: names of the plans to compare; by default all.
+    Raises UsageError if every plan leaves
     the safety envelope on at least one of the models.
     """
     causes = list(causes)[:MAX_CAUSES]
@@ -173,7 +174,9 @@ def _why(best: Outlook, names: Sequence[str]) -> str:
 
 
 def _flights_needed(margin: float) -> str:
-    """Return the number of flights that decide with `MIN_CERTAINTY`, as text; their margins add.
+    """Return, as text, how many flights decide between two causes with `MIN_CERTAINTY`.
+
+    ``margin``: expected log-likelihood ratio of one flight; those of several flights add.
 
     >>> _flights_needed(2.0)
     '3 such flights decide with a probability of 50 %'

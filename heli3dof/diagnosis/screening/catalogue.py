@@ -52,7 +52,10 @@ def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[
 
 
 def probes(term: Term, V: np.ndarray) -> list[Probe]:
-    """Return the probes of a term, simplest first; ``V`` (N, 2): recorded voltages."""
+    """Return the parameter values at which the score test evaluates a term, its probes.
+
+    ``V`` (N, 2): recorded voltages, which determine the values of a limit.
+    """
     effect, null = term.effect, tuple(p.null for p in term.effect.parameters)
     if effect.scan:
         return []

@@ -145,7 +145,10 @@ def certainty(scores: Sequence[float]) -> float:
 
 
 def missing_parts_first(s: Screening, fits: Sequence[CandidateFit]) -> list[CandidateFit]:
-    """Return the fits; parts of the body's equations confounded with the best fit come first."""
+    """Return the fits in another order: first what the base's equations omit (`Effect.missing`).
+
+    Only if it is confounded with the best fit; the other fits keep their order.
+    """
     confounded = [f for f in fits if fits[0].score - f.score < tie_margin(s, fits[0], f)]
     return sorted(fits, key=lambda f: not (f in confounded and f.term.effect.missing))
 

@@ -81,10 +81,10 @@ class Proposal:
 
 
 def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
-    """Return terms for ``torque``, best first: a formula and a curve.
+    """Return model terms for ``torque``, best first: at most a formula and a fitted curve.
 
-    The list contains the formula if it holds as well as the curve (module), and the curve if its
-    variable is a product of known quantities.
+    The formula is in the list if it explains the innovations as well as the curve does (see the
+    module's first equation). The curve is in it if its variable is one of `SINGLE` or `PRODUCTS`.
     """
     flown = filtered_fit(fit)
     axis = AXES.index(torque.axis)
@@ -186,7 +186,10 @@ def product_scores(flown: FilteredFit, axis: int) -> tuple[np.ndarray, np.ndarra
 
 
 def product_traces(flown: FilteredFit, axis: int, products: Sequence[str]) -> np.ndarray:
-    """Return (P, E): the change of the innovations per unit coefficient of each product."""
+    """Return an array (P, E): the changes of the E innovations by the torque 1 · φ on an axis.
+
+    ``axis``: index of the axis; ``products``: the formulas of φ, such as ``roll_rate*sin(pitch)``.
+    """
     p, flight = flown.path, flown.flight
     middle = (p.chunk[:, 0] + p.chunk[:, 1]) // 2
     phi = np.array([value(flight, product)[middle] for product in products])

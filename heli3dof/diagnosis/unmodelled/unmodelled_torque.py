@@ -117,10 +117,10 @@ def split_off_slow_noise(
 def significant_torques(
     evidence: Evidence, certain: Place | None = None
 ) -> tuple[ResidualTorque, ...]:
-    """Return the residual torques and slow noise.
+    """Return the significant torques: those of a measured variable, and those of time only.
 
-    ``certain``: where another test has shown a torque (`unmodelled.torque_formula`). The first
-    torque is then of this axis and variable, without a threshold.
+    ``certain``: axis and variable of a torque that another test has shown
+    (`unmodelled.torque_formula`). This torque is the first, and needs to reach no threshold.
     """
     fit, flight, library = evidence.fit, evidence.flight, evidence.library
     null, nuisance = evidence.null, evidence.nuisance

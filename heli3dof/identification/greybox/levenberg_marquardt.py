@@ -9,8 +9,8 @@ evaluation (Broyden), with d the step and w = diag(D Dᵀ + Λ) d:
 
     D ← D + w (r(z + d) − r(z) − Dᵀ d)ᵀ / (wᵀ d)
 
-`follow_on` recomputes D after two failed steps in a row. Before `follow_on` ends, it also
-recomputes D if a step lowered the cost by less than 0.5 or more than 1.5 times D's prediction.
+`follow_on` recomputes D after two failed steps in a row. At the minimum, it recomputes D once more
+if, since the last time, a step lowered Q by less than 0.5 or more than 1.5 of what D had predicted.
 """
 
 from __future__ import annotations

@@ -190,7 +190,11 @@ class MultiStep:
         return out
 
     def loglik(self, z: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """Return the filter's log-likelihood (3,) by axis, at coordinates z and ``noise`` (4,)."""
+        """Return the log-likelihood (3,) of the recordings by axis, by the filter `ekf_jitter`.
+
+        ``z`` (dim,): the unknowns, scaled; ``noise`` (4,): process noise on roll, pitch, yaw
+        (rad/s²/√Hz) and jitter (s).
+        """
         parts = [
             filter_jittered(self.structure, self.values(z, i), d, noise[:3], noise[3]).loglik
             for i, d in enumerate(self.data)

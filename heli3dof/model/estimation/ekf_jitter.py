@@ -59,10 +59,11 @@ def _filter(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Filter all blocks: write the states to X (N, 6 + B) and log-likelihoods to ``loglik`` (3,).
 
-    X has the states after each row's readings. ``s0``, ``first``, ``address``, ``par0``, ``mem0``:
-    the model (`Structure`); ``where`` (W, 3): from `positions`; ``b_std`` (B,): σ_b; ``blocks`` …
-    ``y``: from `Data`; ``a2`` (3,) (rad/s²)²/Hz: process noise; ``R2`` (3,) rad²: variance of the
-    readings; ``jitter`` (s): σ_t.
+    A row of X has the angles, rates and B unknown constants b after that row's readings; ``loglik``
+    is by axis. ``s0``, ``first``, ``address``, ``par0``, ``mem0``: the model (`Structure`);
+    ``where`` (W, 3): the parameters that a b changes (`positions`); ``b_std`` (B,): prior standard
+    deviations σ_b; ``blocks`` … ``y``: the fields of `Data`; ``a2`` (3,) (rad/s²)²/Hz: process
+    noise; ``R2`` (3,) rad²: variance of the readings; ``jitter`` (s): σ_t.
     """
     N, B = V.shape[0], b_std.shape[0]
     n = 6 + B

@@ -1,7 +1,9 @@
 """Initial states of a linear model: the state at rest, and the covariance of an uncertain state.
 
-The states of a black-box model have no physical meaning. So the state at rest and the covariance
-are defined by the outputs that a state causes without input: the free response during `WINDOW`.
+The states of a black-box model have no physical meaning, but the outputs that follow from a state
+have. The state at rest is the one that keeps the outputs at rest during `WINDOW`, with the constant
+voltage that fits best. The covariance is that of states whose outputs without input have a given
+spread during `WINDOW`.
 """
 
 from __future__ import annotations

@@ -4,12 +4,13 @@ A serial port may lead to any instrument, and bytes that stop a rig may start an
 *place* is the part of a device URL after the scheme, or the device's persistent name. A place is
 known to be a rig's if one of these applies:
 
-- The URL's driver lists only rigs (it is not a `RecognisesRigs`).
+- The search of the URL's driver returns only rigs. (A driver whose search also returns other
+  instruments has a method ``is_rig``: it is a `RecognisesRigs`.)
 - The driver's ``is_rig(url)`` returns True now.
 - A rig was opened there before.
 
-`remember` keeps ``persistent_name(url)``, the device URL and the serial number in <state>/places,
-one line each, separated by tabs.
+`remember` keeps ``persistent_name(url)``, the device URL and the serial number in the file
+places of the state folder (`session.paths.state_folder`), one line each, separated by tabs.
 """
 
 from __future__ import annotations
