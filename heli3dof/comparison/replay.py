@@ -40,6 +40,8 @@ class Replay:
     """(N,) s: the recording's times"""
     angle: np.ndarray
     """(N, 3) rad: the simulated angles; NaN once the model has diverged"""
+    voltage: np.ndarray
+    """(N, 2) V: the voltages after the limiter; NaN once the model has diverged"""
     diverged_at_s: float | None
     """s on the recording's clock when the model diverged; None if it did not"""
     unstable_poles: tuple[complex, ...]
@@ -61,11 +63,15 @@ def replay(model: Model, recording: Recording) -> Replay:
     lost = ~np.isfinite(result.angle).all(axis=1) | ~(away <= limit).all(axis=1)
     grid = control_instants(flown.t, task.dt)
     angle = np.column_stack([np.interp(flown.t, grid, a) for a in result.angle.T])
+    voltage = np.column_stack([np.interp(flown.t, grid, v) for v in result.voltage.T])
     diverged_at_s = None
     if lost.any():
         diverged_at_s = float(grid[int(np.argmax(lost))])
-        angle[flown.t >= diverged_at_s - task.dt] = np.nan
+        gone = flown.t >= diverged_at_s - task.dt
+        angle[gone], voltage[gone] = np.nan, np.nan
     poles = np.atleast_1d(model.loop_poles(task.controller, task.dt))
     unstable = poles[poles.real > 1e-6]
     order = np.argsort(-unstable.real)
-    return Replay(flown.t, angle, diverged_at_s, tuple(complex(p) for p in unstable[order]))
+    return Replay(
+        flown.t, angle, voltage, diverged_at_s, tuple(complex(p) for p in unstable[order])
+    )

@@ -15,6 +15,7 @@ def test_the_replay_of_the_true_model_is_the_flight_itself() -> None:
     flown = replay(FakeHover(), recording)
     assert flown.diverged_at_s is None
     np.testing.assert_allclose(flown.angle, recording.angle, atol=1e-9)
+    np.testing.assert_allclose(flown.voltage, recording.voltage, atol=1e-7)
 
 
 def test_the_reference_step_peaks_where_the_paper_s_model_does() -> None:

@@ -8,7 +8,7 @@ import re
 from heli3dof.cli.app import app
 from tests.paths import ROOT
 
-FOLDER = ROOT / "heli3dof" / "diagnosis" / "integrity"
+FOLDER = ROOT / "heli3dof" / "integrity"
 
 
 def advice() -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.bias_correction import PILOTS, CorrectedFit
+from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening.gumbel import EULER
 from heli3dof.diagnosis.selection.select import TIE
@@ -41,7 +41,7 @@ def flight(seed: int, hide: str = "") -> Recording:
 
 
 def corrected(recording: Recording) -> CorrectedFit:
-    return fit_base(Setup((recording,), 0, PILOTS))
+    return fit_base(Setup((recording,), 0, 8))
 
 
 def found(fit: CorrectedFit, recording: Recording) -> tuple[ResidualTorque, ...]:
