@@ -39,6 +39,7 @@ import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
 from hypothesis.internal.conjecture import providers  # noqa: E402
 
+from heli3dof.parallel import core_count  # noqa: E402
 from heli3dof.rig.session.stop_stamp import start_command  # noqa: E402
 from tests.clock import Clock, installed  # noqa: E402
 
@@ -57,9 +58,7 @@ providers._get_local_constants = lambda: providers._local_constants
 
 def pytest_xdist_auto_num_workers() -> int:
     """Return three workers for two cores: many tests wait for real time or another process."""
-    affinity = getattr(os, "sched_getaffinity", None)
-    cores = len(affinity(0)) if affinity else os.cpu_count() or 1
-    return (3 * cores + 1) // 2
+    return (3 * core_count() + 1) // 2
 
 
 @pytest.fixture(autouse=True)

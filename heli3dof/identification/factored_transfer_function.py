@@ -8,7 +8,7 @@ The unit of k is rad/V/s^m, with m the number of poles minus the number of zeros
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -86,13 +86,17 @@ class FactoredTransferFunction:
         bottom = below[0] if len(below) == 1 else f"[{' '.join(below)}]"
         return f"{' '.join(parts)} / {bottom}"
 
-    def at(self, s: np.ndarray) -> np.ndarray:
-        """Return the response in rad/V at ``s`` (F,) 1/s."""
+    def at(self, s: np.ndarray, values: Callable[[Factor], np.ndarray] | None = None) -> np.ndarray:
+        """Return the response in rad/V at ``s`` (F,) 1/s.
+
+        ``values``: returns the values (F,) of a factor at ``s``; by default, they are computed.
+        """
+        value = values or (lambda f: f.at(s))
         G = np.full(np.shape(s), self.gain, dtype=complex)
         for f in self.numerator:
-            G = G * f.at(s)
+            G = G * value(f)
         for f in self.denominator:
-            G = G / f.at(s)
+            G = G / value(f)
         return G
 
     def to_control(self) -> control.TransferFunction:

@@ -148,19 +148,8 @@ class _Channel:
                 roots = double
         return tuple(_factor(r) for r in roots if np.imag(r) >= 0)
 
-    def shape(self, H: FactoredTransferFunction) -> np.ndarray:
-        """Return the values (F,) of H with the gain 1, as `FactoredTransferFunction.at` does.
-
-        Hundreds of candidates consist of the same few factors, whose values are kept.
-        """
-        out = np.ones(len(self.s), dtype=complex)
-        for f in H.numerator:
-            out *= self._values(f)
-        for f in H.denominator:
-            out /= self._values(f)
-        return out
-
     def _values(self, f: Factor) -> np.ndarray:
+        """Return a factor's values (F,), kept: hundreds of candidates have the same few factors."""
         if f.coefficients not in self._factors:
             self._factors[f.coefficients] = f.at(self.s)
         return self._factors[f.coefficients]
@@ -171,7 +160,7 @@ class _Channel:
         The fit is by least squares with the weights 1/`limit`². H is accepted if the largest ratio
         is at most 1.
         """
-        shape = self.shape(H)
+        shape = replace(H, gain=1.0).at(self.s, self._values)
         w = 1 / self.limit**2
         gain = float(np.sum(w * np.conj(shape) * self.G).real / np.sum(w * np.abs(shape) ** 2))
         deviation = float(np.max(np.abs(gain * shape - self.G) / self.limit))
@@ -191,7 +180,7 @@ class _Channel:
         """Return H with the standard deviations of gain and coefficients."""
         if self.covariance is None:
             return H
-        response = H.gain * self.shape(H)
+        response = H.at(self.s, self._values)
         columns = [response / H.gain]
         for sign, factors in ((1, H.numerator), (-1, H.denominator)):
             for f in factors:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -25,7 +26,6 @@ from heli3dof.diagnosis.estimate.base_parameters import OffNominal
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.screening.grid_trials import is_last_resort
-from heli3dof.diagnosis.selection.inertia_alternatives import MAX_FITS, MIN_Z2
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.recording.recording import Recording
@@ -94,9 +94,7 @@ RULES = (
     Rule(
         "undetectable effects do not replace an inertia",
         "selection.inertia_alternatives:possible_alternatives",
-        lambda rule, s: [r for r in s.ranked if r[1] > MIN_Z2 and not r[0].effect.formal][
-            :MAX_FITS
-        ],
+        lambda rule, s: rule(SimpleNamespace(ranked=s.ranked, not_identifiable=())),
     ),
     Rule(
         "rivals are compared by their flights",

@@ -9,7 +9,6 @@ import numpy as np
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import score_and_information
 from heli3dof.model.effects import Term
-from heli3dof.model.physics.parametrisation import Structure
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ def score_test(found: Estimate, term: Term) -> ScoreTestResult:
     parameter has no such value, so its starting value is used. The score means little for an
     effect that changes nothing to first order at this point (`motor.saturation`).
     """
-    wider = Structure(found.structure.profile, (*found.structure.terms, term))
+    wider = found.structure.with_terms(term)
     problem = replace(found.problem, structure=wider)
     o = found.optimum
     old = len(o.theta)

@@ -29,15 +29,15 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
+from heli3dof.diagnosis.estimate.base_parameters import THRUST_GAIN, BaseParameter, OffNominal
 from heli3dof.diagnosis.result import Finding
 from heli3dof.model.effects import term
 
 SIGMAS = 2.0
 """Standard deviations of x by which the inequalities are wider. Chosen; not derived."""
 EFFECT = "encoder.scale"
-SCALE, WITH_MASS = "motor.thrust_gain", ("inertia.", "mass.imbalance")
-"""The thrust gain, and base parameters that no flight separates from it"""
+WITH_MASS = ("inertia.", "mass.imbalance")
+"""Base parameters that no flight separates from the thrust gain"""
 ROLL_OFFSET = "encoder.offset.roll"
 """The cause with which a scale error of roll is confounded"""
 
@@ -90,16 +90,16 @@ def undetectable_scales(
 def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
     """Return the causes in ``tied_with`` that a flight can separate from the cause ``of``.
 
-    >>> separable_by_flight("inertia.roll", [SCALE, "encoder.scale.yaw"])
+    >>> separable_by_flight("inertia.roll", [THRUST_GAIN, "encoder.scale.yaw"])
     ()
-    >>> separable_by_flight("motor.dead_zone", [SCALE])
+    >>> separable_by_flight("motor.dead_zone", [THRUST_GAIN])
     ('motor.thrust_gain',)
-    >>> separable_by_flight(SCALE, ["inertia.roll"])
+    >>> separable_by_flight(THRUST_GAIN, ["inertia.roll"])
     ()
     """
 
     def is_scale_of_mass(a: str, b: str) -> bool:
-        return a == SCALE and b.startswith(WITH_MASS)
+        return a == THRUST_GAIN and b.startswith(WITH_MASS)
 
     return tuple(
         n
@@ -114,13 +114,14 @@ def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
     Without simulated nulls, only the profile's nominal values separate a wrong K_f from inertias
     that are all wrong by the inverse factor (`greybox.thrust_scale`).
     """
-    if not any(o.term.name == SCALE for o in off):
+    if not any(o.term.name == THRUST_GAIN for o in off):
         return tuple(off)
     inertias = tuple(f"inertia.{axis}" for axis in AXES)
-    return tuple(
-        replace(o, tied_with=_joined(o.tied_with, inertias if o.term.name == SCALE else (SCALE,)))
-        for o in off
-    )
+
+    def others(o: OffNominal) -> tuple[str, ...]:
+        return inertias if o.term.name == THRUST_GAIN else (THRUST_GAIN,)
+
+    return tuple(replace(o, tied_with=_joined(o.tied_with, others(o))) for o in off)
 
 
 def _inertia_ties(

@@ -28,6 +28,7 @@ from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, correct
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening.grid_trials import widened
+from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
 from heli3dof.diagnosis.selection.rivals import ROUNDS, likelihoods, odds
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.selection.steps import without
@@ -106,12 +107,11 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
     for name in causes:
         less = without(less, name)
     parameters = sum(f.term in causes for f in fit.free)
-    readings = max(len(fit.optimum.at.row), 2)
     formula = with_best_product(less)
     ln_formula = formula.optimum.loglik
     gain = 2 * (ln_formula - ln_causes) / max(fit.inflation, 1.0)
     formulas = len(AXES) * len(PRODUCTS)
-    penalty = (parameters - 1) * float(np.log(readings)) - 2 * float(np.log(formulas))
+    penalty = bic_penalty(parameters - 1, fit.optimum.at) - 2 * float(np.log(formulas))
     return Contest(causes, formula, float(gain + penalty) if np.isfinite(ln_formula) else -np.inf)
 
 

@@ -29,7 +29,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.base_parameters import OffNominal
+from heli3dof.diagnosis.estimate.base_parameters import THRUST_GAIN, OffNominal
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.screening.screening import LARGE, one_sided
 from heli3dof.diagnosis.selection.steps import Step
@@ -45,7 +45,7 @@ PARAMETERS = ("mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw")
 
 def with_confounded_causes(off: OffNominal, step: Step) -> OffNominal:
     """Return the finding with the effects that are confounded with it in ``tied_with``."""
-    if off.term.name == "motor.thrust_gain":
+    if off.term.name == THRUST_GAIN:
         return replace(off, tied_with=confounded_with_thrust_gain(step))
     if off.term.name not in PARAMETERS:
         return off

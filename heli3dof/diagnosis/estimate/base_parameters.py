@@ -36,6 +36,8 @@ from heli3dof.identification.greybox.thrust_scale import (
 )
 from heli3dof.model.effects import Term, term
 
+THRUST_GAIN = "motor.thrust_gain"
+"""Finding that K_f is off nominal, which changes T_g and all inertias alike"""
 FAMILY = 5  # tested parameters: K_f, T_g and three inertias
 STD_INFLATION = 3.0  # f of fits without edge rates, chosen
 
@@ -143,7 +145,7 @@ def finding_of(parameter: str) -> str:
     >>> [finding_of(n) for n in ("K_f", "T_g", "J_yaw")]
     ['motor.thrust_gain', 'mass.imbalance', 'inertia.yaw']
     """
-    named = {"K_f": "motor.thrust_gain", "T_g": "mass.imbalance"}
+    named = {"K_f": THRUST_GAIN, "T_g": "mass.imbalance"}
     return named.get(parameter, f"inertia.{parameter.removeprefix('J_')}")
 
 

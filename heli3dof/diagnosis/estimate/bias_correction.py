@@ -42,7 +42,8 @@ from heli3dof.recording.recording import Recording
 
 ROUNDS = 10
 CONVERGED = 0.35
-"""Standard deviations: a smaller step of θ is the last; about 1/√`PILOTS`, the error by ḡ."""
+"""Standard deviations: a smaller step of θ is the last; about 1/√8, the error of ḡ from
+eight simulated flights."""
 NOISE_CONVERGED = 0.1  # the same for a step of ln a, chosen
 REUSED_WITHIN = 0.3, 3.0
 """Largest change of ln a, and of θ in standard deviations, at which s̄ is not computed again, to

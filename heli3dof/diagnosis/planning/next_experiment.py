@@ -41,7 +41,6 @@ from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.effects import Term, term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.parallel import parallel_map
 
 COMPLETED_AT_ONCE = 2
@@ -93,8 +92,7 @@ def recommend(
     """Return the plan that distinguishes the confounded causes in the shortest time.
 
     ``base``: a fit without these causes. ``plans``: names of the plans to compare; by default all.
-    Raises UsageError if every plan leaves
-    the safety envelope on at least one of the models.
+    Raises UsageError if every plan leaves the safety envelope on at least one of the models.
     """
     causes = list(causes)[:MAX_CAUSES]
     names = [c.term.name for c in causes]
@@ -292,7 +290,7 @@ def _margin(z: np.ndarray, i: int, probe_groups: Sequence[Sequence[Probe]]) -> f
 def _model_with(base: Estimate, cause: Cause | None) -> GreyBoxModel:
     """Return the base model with the cause, or without any cause for None."""
     new = () if cause is None else (cause.term,)
-    structure = Structure(base.structure.profile, (*base.structure.terms, *new))
+    structure = base.structure.with_terms(*new)
     values = np.concatenate([base.values, () if cause is None else cause.values])
     return GreyBoxModel(
         "world", structure.profile, tuple(t.name for t in structure.terms), values,

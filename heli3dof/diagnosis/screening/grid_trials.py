@@ -119,8 +119,7 @@ def exceeds_nulls(
 
 def widened(problem: Likelihood, term: Term) -> Likelihood:
     """Return the likelihood of the structure with one more term."""
-    structure = replace(problem.structure, terms=(*problem.structure.terms, term))
-    return replace(problem, structure=structure)
+    return replace(problem, structure=problem.structure.with_terms(term))
 
 
 def fit_start(

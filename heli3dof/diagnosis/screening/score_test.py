@@ -20,7 +20,7 @@ is approximate, so z is biased; `screening.nulls` standardises it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -186,6 +186,6 @@ class Screen:
 
 def with_term(structure: Structure, values: np.ndarray, t: Term) -> tuple[Structure, np.ndarray]:
     """Return the structure with one more term, and its values with that term absent."""
-    wide = replace(structure, terms=(*structure.terms, t))
+    wide = structure.with_terms(t)
     # Absent is the null value (a lag of zero), not the lower bound.
     return wide, np.concatenate([values, [f.null for f in wide.free[len(values) :]]])

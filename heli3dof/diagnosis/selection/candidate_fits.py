@@ -27,7 +27,7 @@ from heli3dof.diagnosis.screening.grid_trials import (
 )
 from heli3dof.diagnosis.screening.score_test import ScreenResult
 from heli3dof.diagnosis.screening.screening import Screening
-from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.likelihood import Likelihood, Pass
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
 from heli3dof.parallel import parallel_map
@@ -68,15 +68,14 @@ def fit_candidates(
     level = maximise_corrected(problem, o.theta, o.noise, ScoreBias(bias, none, o.theta, o.noise))
     backlash = {t.name for t in problem.structure.terms if t.effect.starts}
 
-    def scored(
-        term: Term, ext: Likelihood, fit: Optimum, kappa: float = nulls.inflation
-    ) -> float | None:
+    def scored(term: Term, fit: Optimum, kappa: float = nulls.inflation) -> float | None:
         """Return the score; None for a fit that diverged or ended at a bound."""
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
         won = 2 * (fit.loglik - level.loglik) / kappa
         # A part of the body's equations costs nothing: its share has a tight prior.
-        return float(won - (0.0 if term.effect.of_base else penalty(ext, fit, term.name)))
+        m = 0 if term.effect.of_base else len(fit.theta) - len(o.theta)
+        return float(won - bic_penalty(m, fit.at))
 
     def one(k: int) -> CandidateFit | None:
         term, Z2, i = ranked[k]
@@ -113,7 +112,7 @@ def fit_candidates(
             absent = new[0].inward(new[0].null)
             again[at] = absent + SECOND_START * (again[at] - absent)
             fit = maximise_corrected(ext, again, level.noise, score_bias, rounds=28, hold=jagged)
-        score = scored(term, ext, fit)
+        score = scored(term, fit)
         return None if score is None else CandidateFit(term, ext, fit, score, Z2, i)
 
     def trial(k: int) -> CandidateFit | None:
@@ -127,7 +126,6 @@ def fit_candidates(
         # If noise hides an oscillating loop, the nulls' κ does not describe the likelihood.
         score = scored(
             term,
-            ext,
             fit,
             max(current.inflation, 1.0) if is_last_resort(term) else nulls.inflation,
         )
@@ -140,10 +138,9 @@ def fit_candidates(
     return sorted(fits, key=lambda f: -f.score)
 
 
-def penalty(problem: Likelihood, fit: Optimum, name: str) -> float:
-    """Return BIC's penalty m ln N of the term ``name``: m parameters, N encoder events."""
-    m = sum(f.term == name for f in problem.structure.free)
-    return m * float(np.log(max(len(fit.at.row), 2)))
+def bic_penalty(m: int, at: Pass) -> float:
+    """Return BIC's penalty m ln N of ``m`` parameters; N: encoder events of the filter run."""
+    return m * float(np.log(max(len(at.row), 2)))
 
 
 def start_at_probe(

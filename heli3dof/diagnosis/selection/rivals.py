@@ -31,7 +31,7 @@ from heli3dof.diagnosis.estimate.bias_correction import (
     simulate_again,
 )
 from heli3dof.diagnosis.screening.nulls import Nulls
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, penalty
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, bic_penalty
 from heli3dof.diagnosis.selection.select import TIE, Choice, certainty
 from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
@@ -104,8 +104,8 @@ def compared_by_simulation(
     refuted = [W[k, j] for j, c in enumerate(compared) if c.term.name not in confounded]
     probability = certainty([float(min(refuted)), 0.0]) if refuted else 1.0
     if decides:
-        cost = penalty(best.problem, best.optimum, best.term.name)
-        best = replace(best, score=best.Z2 - cost)
+        m = sum(f.term == best.term.name for f in best.problem.structure.free)
+        best = replace(best, score=best.Z2 - bic_penalty(m, best.optimum.at))
     elif k:
         best, probability = compared[0], 1.0
     others = [c for c in choice.candidates if c.term.name != best.term.name]

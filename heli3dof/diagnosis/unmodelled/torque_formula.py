@@ -36,6 +36,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.coloured_noise import MEMORY_S, freedom, long_run
+from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, hats, sums_along
 from heli3dof.diagnosis.sensitivity.perturbation import Path, path
@@ -83,8 +84,8 @@ class Proposal:
 def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     """Return model terms for ``torque``, best first: at most a formula and a fitted curve.
 
-    The formula is in the list if it explains the innovations as well as the curve does (see the
-    module's first equation). The curve is in it if its variable is one of `SINGLE` or `PRODUCTS`.
+    The formula is in the list if S_spline − S is below the module's bound. The curve is in the list
+    if its variable is a product of at most two of `heli3dof.model.effects.empirical.QUANTITIES`.
     """
     flown = filtered_fit(fit)
     axis = AXES.index(torque.axis)
@@ -95,9 +96,9 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     near.sort(key=lambda k: len(factors(PRODUCTS[k])))
     first, *others = near
     spline, rank = spline_score(flown, axis, torque.depends_on)
-    price = kappa * (rank - 1) * float(np.log(max(len(flown.flight.at.row), 2)))
+    penalty = kappa * bic_penalty(rank - 1, flown.flight.at)
     out = []
-    if spline - S[first] < price:
+    if spline - S[first] < penalty:
         product = PRODUCTS[first]
         alternatives = tuple(PRODUCTS[k] for k in others)
         name = f"{PREFIX}{product}.{torque.axis}"

@@ -146,7 +146,7 @@ def significant_torques(
         best, new, D = next(accepted, (-1, None, np.zeros(0)))
         if new is None:
             break
-        columns = np.arange(KNOTS) + KNOTS * best
+        columns = np.r_[library.columns(best)]
         trace = np.array([torque for _, torque in new.table]) @ D
         if named is None:
             named = named_traces(fit)
@@ -181,7 +181,7 @@ def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list
 def _with_traces(
     evidence: Evidence, nuisance: Nuisance, q: int, new: ResidualTorque
 ) -> tuple[int, ResidualTorque, np.ndarray]:
-    columns = np.arange(KNOTS) + KNOTS * q
+    columns = np.r_[evidence.library.columns(q)]
     return q, new, sums_along(evidence.library, evidence.flight, nuisance.tangents, columns).traces
 
 

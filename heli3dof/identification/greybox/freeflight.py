@@ -15,7 +15,7 @@ up).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -42,6 +42,7 @@ from heli3dof.model.greybox.multistep import Flight
 from heli3dof.model.greybox.prediction import table_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
+from heli3dof.stage_clock import Progress
 
 REAL_TERMS = (
     "stiffness.pendulum.roll",
@@ -131,7 +132,7 @@ def fit_freeflight(
     recordings: Sequence[Recording],
     names: Sequence[str] = REAL_TERMS,
     *,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> MultiStepFit:
     """Return a multi-step fit of the effects ``names`` to recordings of one rig with all angles.
 

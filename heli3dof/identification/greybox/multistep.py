@@ -26,7 +26,7 @@ value, ``varying``²).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -40,6 +40,7 @@ from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.greybox.multistep import Flight, errors
 from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.stage_clock import Progress
 
 STAGES_S = ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0))
 """s: prediction horizons of the two successive minimisations (stages), short horizons first"""
@@ -290,7 +291,7 @@ def search(
     stages_s: Sequence[Sequence[float]] = STAGES_S,
     rounds: int = ROUNDS,
     fixed: np.ndarray | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> MultiStepFit:
     """Return the fit that minimises the prediction errors, from the coordinates ``start`` (dim,).
 

@@ -23,7 +23,6 @@ import numpy as np
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.likelihood import score_and_information
 from heli3dof.model.effects import terms
-from heli3dof.model.physics.parametrisation import Structure
 
 SIMPLIFICATIONS = ("simplified.couplings", "simplified.yaw_inertia")
 COMBINATIONS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.array([1.0, 1.0]))
@@ -40,8 +39,7 @@ def with_simplifications(found: Estimate) -> Estimate:
     if not worth[best] > SURE * found.inflation:
         return found
     names = [n for n, a in zip(SIMPLIFICATIONS, COMBINATIONS[best], strict=True) if a]
-    own = found.structure
-    simpler = replace(found.problem, structure=Structure(own.profile, (*own.terms, *terms(names))))
+    simpler = replace(found.problem, structure=found.structure.with_terms(*terms(names)))
     start = np.append(found.theta, simpler.prior_mean[len(found.theta) :])
     second = estimate(simpler, start=start, noise=found.optimum.noise)
     won = second.optimum.loglik - found.optimum.loglik
@@ -53,10 +51,8 @@ def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
 
     a (2,) are the omitted shares of the two parts (see the module), zero in the fit ``found``.
     """
-    o, n, own = found.optimum, len(found.theta), found.structure
-    wide = replace(
-        found.problem, structure=Structure(own.profile, (*own.terms, *terms(SIMPLIFICATIONS)))
-    )
+    o, n = found.optimum, len(found.theta)
+    wide = replace(found.problem, structure=found.structure.with_terms(*terms(SIMPLIFICATIONS)))
     theta = np.append(o.theta, np.zeros(len(SIMPLIFICATIONS)))
     new = wide.structure.free[n:]
     C = wide.tangents(theta, o.at, np.arange(n, n + len(SIMPLIFICATIONS)))

@@ -20,7 +20,7 @@ diverges. Noise in q and q̇ biases the result slightly, so it is only the multi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +33,7 @@ from heli3dof.model.greybox.prediction import impulse
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.integrator import readings, setup
 from heli3dof.model.physics.rigid_body import accelerations
+from heli3dof.stage_clock import Progress
 
 R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
 SPANS_S = (0.4, 1.2)
@@ -188,7 +189,7 @@ def scales(e: np.ndarray) -> np.ndarray:
 
 def weak_start(
     problem: MultiStep, start: np.ndarray | None = None, rounds: int = ROUNDS, *,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:  # fmt: skip
     """Return the coordinates (dim,) from which the multi-step fit should start.
 

@@ -118,6 +118,10 @@ class Structure:
     def names(self) -> tuple[str, ...]:
         return tuple(f.name for f in self.free)
 
+    def with_terms(self, *terms: Term) -> Structure:
+        """Return the structure with further ``terms``; their parameters are the last of `free`."""
+        return Structure(self.profile, (*self.terms, *terms))
+
     @property
     def formal(self) -> tuple[Term, ...]:
         """Return the effects that select another form of the body's equations (`Effect.formal`)."""

@@ -93,10 +93,8 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
     monkeypatch.setattr(stand_ins, "replaced_by_formula", lambda *a: None)
     monkeypatch.setattr(stand_ins, "significant_torques", lambda *a: ())
     monkeypatch.setattr(stand_ins, "marked_unconfirmed", lambda findings, fit: findings)
-    fit, setup = (
-        SimpleNamespace(scatter=None, problem=None, optimum=None),
-        SimpleNamespace(recordings=(), seed=0),
-    )
+    fit = SimpleNamespace(scatter=None, problem=None, optimum=None)
+    setup = SimpleNamespace(recordings=(), seed=0)
     start = stand_ins.TorqueSearchResult(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
     last = stand_ins.settle_unmodelled(cast(Any, setup), start, [], flights=8)
     assert [f.term.name for f in last.findings] == named

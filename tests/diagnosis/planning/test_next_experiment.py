@@ -24,7 +24,6 @@ from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects import term
-from heli3dof.model.physics.parametrisation import Structure
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +107,7 @@ def test_a_dropped_cause_is_planned_for_at_its_estimated_size(
 
     monkeypatch.setattr(module, "recommend", recommend)
     lag = term("motor.lag")
-    structure = Structure(base.structure.profile, (*base.structure.terms, lag))
+    structure = base.structure.with_terms(lag)
     problem = replace(base.problem, structure=structure)
     theta = problem.coordinates(np.append(base.values, 0.013))
     candidate = CandidateFit(lag, problem, replace(base.optimum, theta=theta), 9.0, 20.0, None)
