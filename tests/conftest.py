@@ -56,6 +56,7 @@ settings.load_profile("heli3dof")
 providers._get_local_constants = lambda: providers._local_constants
 
 
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
     """Return three workers for two cores: many tests wait for real time or another process."""
     return (3 * core_count() + 1) // 2

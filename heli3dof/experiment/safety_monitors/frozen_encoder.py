@@ -25,6 +25,9 @@ estimated from the axis's own motion:
 * s is the angle by which the model turns while the count stays constant before the axis turns back
   (backlash, delay). C is at least twice the largest such s.
 
+A flight may begin while the arm still falls after the last one, at an unknown rate. Until the
+observer has found this rate (`SETTLING`), no axis is judged.
+
 On the table friction may hold pitch and yaw, so they are not judged. Roll is judged there only
 under a thrust that lifts every known rig. An axis at a mechanical stop is reported as such, and is
 not judged during the ramp to zero.
@@ -76,6 +79,9 @@ BIAS_S = 2.0
 """s over which the unmodelled acceleration is averaged"""
 PEAK_S = 3.0
 """s in which the largest unmodelled acceleration decays to 1/e: longer than a step lasts"""
+SETTLING = 8.0
+"""1/Ω after which the observer has forgotten an error of its rate at the start: three equal poles
+leave (Ωt)² exp(−Ωt) of it, here 2 %"""
 LIVE_S = 0.3
 """s: a count that stays constant for longer shows nothing of the unmodelled acceleration"""
 BLOCK_S = 0.05
@@ -111,6 +117,7 @@ class FrozenEncoder(SafetyMonitor):
         self._low = profile.encoder.rest_rad.tolist()[0] + ON_TABLE
         self._lifts = LIFTS * expected.hover_V
         self._t: float | None = None
+        self._settled_t = 0.0
         self._airborne = False
 
     def __call__(self, now: Period) -> str | None:
@@ -119,6 +126,7 @@ class FrozenEncoder(SafetyMonitor):
         h = 0.0 if self._t is None else t - self._t
         self._t = t
         if not 0.0 < h < LONGEST_GAP_S:
+            self._settled_t = t + SETTLING / min(BANDWIDTH) if angle[0] > self._low else t
             for i in range(3):
                 axes[i].restart(counts[i], angle[i])
             return None
@@ -130,6 +138,9 @@ class FrozenEncoder(SafetyMonitor):
             axes[0].on_table(h, counts[0], angle[0], lift)
             axes[1].restart(counts[1], angle[1])
             axes[2].restart(counts[2], angle[2])
+        elif t < self._settled_t:
+            for i in range(3):
+                axes[i].settle(h, alpha[i], counts[i], angle[i])
         else:
             for i in range(3):
                 axes[i].step(h, alpha[i], counts[i], angle[i])
@@ -203,6 +214,12 @@ class _Axis:
         self._low, self._high = inf, -inf
         self._sum = self._sum_s = 0.0
         self._swing = 0.0
+        self._begin_standstill()
+
+    def settle(self, h: float, alpha: float, count: int, angle: float) -> None:
+        """Advance the observer by ``h`` (s), without a judgement; arguments as in `step`."""
+        self._observer.step(h, alpha, angle)
+        self.count = self._extreme = count
         self._begin_standstill()
 
     def _begin_standstill(self) -> None:

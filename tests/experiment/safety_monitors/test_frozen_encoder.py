@@ -92,6 +92,25 @@ def test_a_live_axis_that_rocks_is_not_reported(axis: int) -> None:
     assert first(FrozenEncoder(PROFILE), rocking(axis, 1e9, 20.0, 5.0))[1] == ""
 
 
+@pytest.mark.parametrize("cut_s", [0.335, 0.34, 0.345, 0.35, 0.355])
+def test_an_arm_that_is_caught_in_its_fall_is_not_reported(cut_s: float) -> None:
+    """A flight begins while the arm falls at 44°/s, catches it, and ends at ``cut_s``.
+
+    The arm then stands for 0.1 s where it turns back. The observer takes it to fall still.
+    """
+
+    def caught() -> Iterator[Period]:
+        angle, rate = radians(-10.0), radians(-44.0)
+        for k in range(400):
+            volts = 2.8 * HOVER if k * DT < cut_s else 0.0
+            counts = (LEVEL + round(angle / Q[0]), 0, 0)
+            yield period(k, counts=counts, v_applied=(volts, volts))
+            rate += EXPECTED((angle, 0.0, 0.0), volts, volts)[0] * DT
+            angle += rate * DT
+
+    assert first(FrozenEncoder(PROFILE), caught()) == (float("inf"), "")
+
+
 def test_constant_voltages_are_no_evidence_whatever_the_profile() -> None:
     steady = (period(k, v_applied=(2 * HOVER, 0.5 * HOVER)) for k in range(5000))
     assert first(FrozenEncoder(PROFILE), steady)[1] == ""
