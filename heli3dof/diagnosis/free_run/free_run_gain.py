@@ -110,4 +110,4 @@ def free_run_gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
     drawn = np.random.default_rng([seed, 5]).integers(0, m, (DRAWS, m))
     decreases = rmse_decreases(b, a, counts, drawn)
     rmse = [dict(zip(AXES, x.rmse_deg(HORIZON_S).tolist(), strict=True)) for x in (before, after)]
-    return Gain(on, rmse[0], rmse[1], decreases, None, None)
+    return Gain(on, rmse[0], rmse[1], decreases, None)

@@ -90,8 +90,6 @@ class Gain:
     """before − after, in degrees: positive is better"""
     log_likelihood: Interval | None
     """Δℓ; None if the likelihood is not reliable (`free_run.diagnose_free_run`)"""
-    worst: Worst | None
-    """The cell with the largest relative error of ``before``, see the function `worst`"""
 
     @property
     def of_calibration(self) -> bool:
@@ -108,18 +106,6 @@ class Gain:
         )
 
 
-@dataclass(frozen=True)
-class Worst:
-    """RMSE of one axis in one cell, before and after; start and end on the recording's clock."""
-
-    source: int
-    start_s: float
-    stop_s: float
-    axis: str
-    before_deg: float
-    after_deg: float
-
-
 def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
     """Return the gain of one model (after) over another (before), from results on the same rows.
 
@@ -133,7 +119,7 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
     return Gain(
         before.on, before.rmse_deg, after.rmse_deg,
         rmse_decreases(before.squares, after.squares, before.counts, drawn),
-        Interval(float(delta.sum()), float(low), float(high)), worst(before, after),
+        Interval(float(delta.sum()), float(low), float(high)),
     )  # fmt: skip
 
 
@@ -166,34 +152,6 @@ def rmse_decreases(
 def pays(g: Gain) -> bool:
     """Return True if held-out data are significantly more likely under the extended model."""
     return g.log_likelihood is not None and g.log_likelihood.low > 0
-
-
-def worst(before: HeldOut, after: HeldOut) -> Worst | None:
-    """Return the axis and cell with the largest relative error of ``before``, if any is known.
-
-    Relative error: RMSE of ``before`` in a cell over the median RMSE of ``after`` on that axis.
-    """
-    if not after.counts.any():
-        return None
-    with np.errstate(invalid="ignore", divide="ignore"):
-        rmse_before = _rmse_deg(before.squares, before.counts)
-        rmse_after = _rmse_deg(after.squares, after.counts)
-        known = after.counts > 0
-        median = np.array(
-            [
-                np.median(rmse[has]) if has.any() else np.nan
-                for rmse, has in zip(rmse_after.T, known.T, strict=True)
-            ]
-        )
-        ratio = np.where(before.counts > 0, rmse_before / median, np.nan)
-    if not np.isfinite(ratio).any():
-        return None
-    cell, i = np.unravel_index(int(np.nanargmax(ratio)), ratio.shape)
-    start = float(before.start_s[cell])
-    return Worst(
-        int(before.source[cell]), start, start + CELL_S, AXES[int(i)],
-        float(rmse_before[cell, i]), float(rmse_after[cell, i]),
-    )  # fmt: skip
 
 
 def _rmse_deg(squares: np.ndarray, counts: np.ndarray) -> np.ndarray:

@@ -119,8 +119,8 @@ def _midpoint_without_dry_friction(  # type: ignore[no-untyped-def]
     """Advance the state x = (q, q̇) as `_step_without_dry_friction` does, but by the midpoint rule.
 
     cache[3:6] holds the acceleration of the previous step. It gives the rate in the middle of this
-    step, which the effects get. With the rate at the start, viscous friction c q̇ would act as if
-    the inertia J were J + c h/2.
+    step, which the effects get. With the rate at the start, an axis of inertia J and viscous
+    friction c q̇ would accelerate as if its inertia were J − c h/2.
     """
     if cache[0] < 0.0:
         cache[3] = cache[4] = cache[5] = 0.0

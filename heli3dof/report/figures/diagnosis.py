@@ -1,40 +1,21 @@
-"""Draw figures of a diagnosis: a cause in the residual torque, and predictions before and after.
+"""Draw a cause of a diagnosis in the residual torque.
 
-"Before" is the refitted model without the causes, "after" the model with the causes. Points are
-measured residual torques, with error bars of one standard error. The line is the cause's torque as
-fitted to the innovations of the Kalman filter, not to the points.
+Points are measured residual torques, with error bars of one standard error. The line is the cause's
+torque as fitted to the innovations of the Kalman filter, not to the points.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from heli3dof.axes import AXES
-from heli3dof.diagnosis.validation.gain import HORIZON_S, HeldOut, Worst
-from heli3dof.report.figures.labelled_curves import Curve, angle_figure, headline
-from heli3dof.report.figures.style import (
-    BLUE,
-    GRID,
-    INK,
-    MEASURED,
-    RC,
-    SOFT,
-    SYMBOLS,
-    VERMILION,
-    Line,
-    plain,
-)
+from heli3dof.report.figures.labelled_curves import headline
+from heli3dof.report.figures.style import EXTENDED, GRID, INK, RC, SOFT, plain
 from heli3dof.report.figures.torque_curve import TorqueCurve
 from heli3dof.report.text.diagnosis_sentences import variable
-from heli3dof.report.text.number_format import fixed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-BEFORE = Line(VERMILION, 1.5, (6, 1.5), 5)
-AFTER = Line(BLUE, 1.6, (), 6)
 ROOM = 1.35
 """Ratio of a figure's vertical range to the range of the measured points in it (a convention)"""
 
@@ -53,7 +34,7 @@ def evidence_figure(e: TorqueCurve) -> Figure:
             e.z, e.torque, yerr=e.std, fmt="o", color=INK, markersize=4.2, elinewidth=1.1,
             capsize=2.5, zorder=4, label="measured",
         )  # fmt: skip
-        axes.plot(e.curve_z, e.curve, label="fitted cause", **AFTER.kwargs())
+        axes.plot(e.curve_z, e.curve, label="fitted cause", **EXTENDED.kwargs())
         low = float(min(0.0, (e.torque - e.std).min()))
         high = float(max(0.0, (e.torque + e.std).max()))
         middle, half = 0.5 * (low + high), 0.5 * ROOM * max(high - low, 1e-9)
@@ -70,37 +51,3 @@ def evidence_figure(e: TorqueCurve) -> Figure:
 def evidence_alt(e: TorqueCurve) -> str:
     """Return the alternative text of `evidence_figure`."""
     return f"Residual {e.axis} torque against {e.depends_on}, with {e.name} as fitted"
-
-
-def stretch_figure(before: HeldOut, after: HeldOut, worst: Worst, recording: str = "") -> Figure:
-    """Draw 1 s predictions without and with the causes over the stretch of largest error.
-
-    ``before``, ``after``: predictions without and with the causes; ``worst``: axis and times (s) of
-    the stretch; ``recording``: name of the recording, for the title.
-    """
-    i = AXES.index(worst.axis)
-    c = before.course
-    margin = 0.5 * (worst.stop_s - worst.start_s)
-    rows = c.source == worst.source
-    rows &= (c.t >= worst.start_s - margin) & (c.t <= worst.stop_s + margin)
-    order = np.argsort(c.t[rows])
-
-    def drawn(label: str, y: np.ndarray, line: Line) -> Curve:
-        return Curve(label, c.t[rows][order], np.degrees(y[rows][order, i]), line)
-
-    unseen = "held-out recording" if before.on == "holdout" else "left-out block"
-    curves = [
-        drawn("measured", c.measured, MEASURED),
-        drawn("before", c.predicted, BEFORE),
-        drawn("after", after.course.predicted, AFTER),
-    ]
-    name = f" · {recording}" if recording else ""
-    return angle_figure(
-        curves,
-        title=f"Worst stretch of {worst.axis}, before and after{name}",
-        subtitle=f"{HORIZON_S:g} s predictions, {unseen}; RMSE from {worst.start_s:.1f} to "
-        f"{worst.stop_s:.1f} s: before {fixed(worst.before_deg, 2, '°')}, "
-        f"after {fixed(worst.after_deg, 2, '°')}",
-        ylabel=f"{worst.axis} {SYMBOLS[worst.axis]} (°)",
-        frame=("measured",),
-    )

@@ -84,6 +84,8 @@ REFERENCE = Line(SOFT, 1.1, (4, 2), 2)
 # A broad dark experiment under thin models: both remain visible where they agree.
 EXPERIMENT = Line(INK, 2.5, (), 3)
 MEASURED = Line(INK, 1.5, (), 3)
+EXTENDED = Line(BLUE, 1.6, (), 6)
+"""Line of a model extended by the causes of a diagnosis"""
 HOVER = Line(VERMILION, 1.6, (6, 1.5), 5)
 HOVER_PRINTED = Line(ORANGE, 1.6, (1.5, 1.5), 5)
 IDENTIFIED = (

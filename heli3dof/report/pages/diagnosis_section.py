@@ -14,9 +14,10 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.cause_name import name_of
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
-from heli3dof.report.figures.diagnosis import evidence_alt, evidence_figure, stretch_figure
+from heli3dof.report.figures.diagnosis import evidence_alt, evidence_figure
 from heli3dof.report.figures.diagnosis_data import FigureData
 from heli3dof.report.figures.replayed_flight import Replayed
+from heli3dof.report.figures.worst_stretch import stretch_figure, worst_stretch
 from heli3dof.report.pages.html import Section, figure, key, paragraph, subheading, table, warning
 from heli3dof.report.text import diagnosis_sentences as words
 from heli3dof.report.text.diagnosis_sentences import Document
@@ -53,9 +54,10 @@ def diagnosis_section(
 
 
 def _stretch(p: FigureData) -> list[str]:
-    if p.gain is None or p.before is None or p.after is None or p.gain.worst is None:
+    if p.gain is None or p.before is None or p.after is None:
         return []
-    w = p.gain.worst
+    if (w := worst_stretch(p.before, p.after)) is None:
+        return []
     name = p.names[w.source] if w.source < len(p.names) else ""
     drawn = stretch_figure(p.before, p.after, w, name)
     return [figure(drawn, f"The worst stretch of {w.axis}, before and after")]

@@ -80,8 +80,6 @@ def test_the_gain_is_the_difference_and_lies_in_its_interval() -> None:
     assert g.rmse_deg["roll"] is not None
     assert g.rmse_deg["roll"].value == pytest.approx(1.516 - 1.146, abs=1e-3)
     assert pays(g)
-    assert g.worst is not None
-    assert g.worst.start_s == 2.0
 
 
 def test_a_gain_in_one_cell_with_losses_in_others_does_not_pay() -> None:
@@ -237,9 +235,6 @@ def test_the_right_extension_pays_on_a_second_flight(base: Estimate, right: Esti
     g = gain(on_holdout(base, second), on_holdout(right, second))
     assert g.on == "holdout"
     assert pays(g)
-    assert g.worst is not None
-    assert g.worst.axis == "yaw"
-    assert g.worst.after_deg < g.worst.before_deg
 
 
 def test_prediction_errors_are_those_of_the_model_s_own_predictions(
