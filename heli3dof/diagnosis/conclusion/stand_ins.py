@@ -86,10 +86,10 @@ def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
 def _undecided(
     start: TorqueSearchResult, left: tuple[ResidualTorque, ...], removed: Sequence[str]
 ) -> TorqueSearchResult:
-    """Return ``start`` with the residual torques ``left`` of the first search.
+    """Return ``start`` as undecided, with ``left``, the residual torques of the first search.
 
-    Called if no residual torque is significant without the stand-ins ``removed``. Then neither the
-    torques nor the causes are certain: the causes are marked "…-like".
+    Called if no residual torque is significant in the model without the stand-ins ``removed``.
+    Then neither causes nor torques are certain, so the causes are marked "…-like".
     """
     findings = tuple(replace(f, unconfirmed=True) for f in start.findings)
     return replace(

@@ -72,10 +72,10 @@ def matched_noise(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, axes: np.ndarray,
     recordings: Sequence[Recording], *, seed: int,
 ) -> np.ndarray:  # fmt: skip
-    """Return the noise (4,) at which simulated flights agree best with the recorded limit cycle.
+    """Return ``noise`` (4,), re-estimated on the limit-cycling ``axes`` (3,) bool.
 
-    They are compared by c and r (module) and have the coordinates ``theta`` (n,). The noise of
-    ``axes`` (3,) bool is replaced by one of `NOISE_STEPS` times ``noise``.
+    Flights are simulated at the coordinates ``theta`` (n,) with each of `NOISE_STEPS` times the
+    axis' noise. The one whose c and r (module) agree best with the recording's is taken.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):

@@ -275,7 +275,10 @@ def without_term(
 
 
 def training_cost(current: FitWithFolds, trial: Trial) -> float:
-    """Return the increase of Q on training blocks in a trial; 0 if it left out recordings."""
+    """Return the increase of the cost Q on the training blocks without the trial's term.
+
+    It is 0 if the trial left out whole recordings: such a trial stores no fits.
+    """
     each = zip(trial.fits_without, current.folds, strict=False)
     return sum(less.cost - fit.cost for less, (fit, _) in each)
 
