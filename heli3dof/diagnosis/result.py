@@ -188,11 +188,11 @@ def verdict_of(
     *,
     ambiguous: bool = False,
 ) -> str:
-    """Return the verdict, such as "explained", on the ``findings`` in the order of `in_order`.
+    """Return the verdict, such as "explained", on the ``findings``, which `in_order` has ordered.
 
     ``left``: the residual torques, and the errors that the causes leave (`remainders`).
     ``refit``: the gain of refitting the profile's numbers. ``ambiguous``: the first physical cause
-    is uncertain. Faults of a recording are causes too, but do not hide an ambiguous physical one.
+    is uncertain. Faults of a recording affect the verdict only if there is no physical cause.
     """
     if left:
         return "unexplained"

@@ -179,7 +179,10 @@ def _names(*columns: int) -> set[str]:
 
 
 def _by_encoder(view: View) -> tuple[int, int, str] | None:
-    """Return (angle column, reference column, evidence) if their grids show a swap."""
+    """Return (angle column, reference column, evidence) of a swap; None if there is none.
+
+    They are swapped if the reference is on the encoder's grid, but the angle is not.
+    """
     r, rows = view.recording, view.read
     if rows.sum() < 100:
         return None

@@ -2,10 +2,11 @@
 
 Causes may imitate a torque outside the catalogue, alone or together. On pitch, a torque k V_f V_b
 (front and back voltage) is, to first order about hover, a thrust mismatch and a constant torque. So
-each cause, each pair and all of them compete with the product of measured quantities that explains
-most without them, on any axis (`unmodelled.torque_formula`). Let ℓ_s be the log-likelihood with the
-causes (n_s parameters, N readings) and ℓ_φ that with the formula in their place. With K formulas
-and the fit's variance inflation κ (`Estimate.inflation`), the formula replaces the causes if
+each cause, each pair and all causes together are compared with a formula in their place: a torque
+c φ on one axis. The axis and the product φ of measured quantities are those that explain most
+(`unmodelled.torque_formula`). Let ℓ_s be the log-likelihood with the causes (n_s parameters, N
+readings) and ℓ_φ that with the formula. With K formulas and the fit's variance inflation κ
+(`Estimate.inflation`), the formula replaces the causes if
 
     2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `selection.select.TIE`
 

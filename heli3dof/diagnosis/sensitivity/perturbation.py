@@ -61,7 +61,10 @@ class Path:
 
 
 def path(structure: Structure, values: np.ndarray, data: Data, at: Pass) -> Path:
-    """Return the path of the filter run ``at``, which must contain its states (``keep`` = 2)."""
+    """Return the states and derivatives along the filter run ``at``, in chunks of `CHUNK_S`.
+
+    ``at`` must contain the run's states (``keep`` = 2).
+    """
     assert at.X is not None
     size = max(1, round(CHUNK_S / float(np.median(data.h))))
     rows = [np.empty((0, 3), dtype=np.int64)]
