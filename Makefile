@@ -41,10 +41,10 @@ demo: $(STAMP)
 	$(BIN)/heli3dof demo
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n $(JOBS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 
 test-accuracy: $(STAMP)
-	$(BIN)/python -m pytest -n $(JOBS) -m accuracy
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m accuracy
 
 test-browser: $(STAMP)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[browser]'

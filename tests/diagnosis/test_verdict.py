@@ -72,7 +72,7 @@ def test_a_refit_that_removes_most_of_the_error_is_off_calibration(
     none = dict.fromkeys(("pitch", "yaw"))
     won = Interval(before - after, low, before)
     refit = Gain("", {"roll": before, **none}, {"roll": after, **none}, {"roll": won, **none},
-                 None, None)  # fmt: skip
+                 None)  # fmt: skip
     assert verdict_of([], [], refit) == verdict
 
 
