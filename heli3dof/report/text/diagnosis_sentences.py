@@ -30,6 +30,7 @@ VERDICTS = {
     "not_identifiable": "These recordings carry too little information to name a cause.",
     "bad_data": "The recording itself is faulty: correct it before looking for physical causes.",
 }
+WITH_REFIT = "The causes below and refitted parameters explain the simulation error."
 NOISE_UNKNOWN = "No effect was found; how much of the simulation error is noise is unknown here."
 UNCONFIRMED = "A further effect would fit better, but held-out data do not confirm it."
 LISTED = 6
@@ -70,7 +71,7 @@ def summary_of(name: str) -> str:
 def verdict(document: Document) -> str:
     """Return a diagnosis' verdict and what it means, in one to three sentences."""
     word = str(document["verdict"])
-    meaning = VERDICTS[word]
+    meaning = WITH_REFIT if word == "explained" and refit_explains(document) else VERDICTS[word]
     if word == "nothing_found":
         if noise_is_unknown(document):
             meaning = NOISE_UNKNOWN
@@ -102,14 +103,31 @@ def before_and_after(gain: Document) -> str:
     )
 
 
+def refit_explains(document: Document) -> bool:
+    """Return True if a refit of the profile's numbers removes more error on an axis than remains.
+
+    The decrease is also significant, see `heli3dof.diagnosis.validation.gain.Gain.of_calibration`.
+    """
+    if document["verdict"] == "off_calibration":
+        return True
+    gain = document.get("calibration_gain", {})
+    error = gain.get("holdout_rmse_deg")
+    return any(
+        won is not None
+        and won["interval"][0] > 0
+        and number(error["before"][axis]) ** 2 > 2 * number(error["after"][axis]) ** 2
+        for axis, won in gain.get("rmse_reduction_deg", {}).items()
+    )
+
+
 def calibration_change(document: Document) -> Iterator[str]:
     """Yield sentences on a refit: RMSE before and after, and ratios that differ from the profile.
 
-    Yields nothing unless the verdict is ``off_calibration``, or ``nothing_found`` while the noise
-    floor is unknown.
+    Yields nothing unless the refit explains most of an axis' error, or the verdict is
+    ``nothing_found`` while the noise floor is unknown.
     """
     unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
-    if document["verdict"] != "off_calibration" and not unknown:
+    if not (unknown or refit_explains(document)):
         return
     falls = before_and_after(document["calibration_gain"])
     yield f"With refitted parameters, the RMSE of 1 s predictions changes: {falls}."
@@ -425,7 +443,7 @@ def next_steps(document: Document) -> Iterator[str]:
             "To turn the formula of the unmodelled torque into an effect: heli3dof effect new "
             f"--from {document['model']}"
         )
-    off = document["verdict"] == "off_calibration" or any(
+    off = refit_explains(document) or any(
         c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]
     )
     if document["model"] and off:

@@ -7,6 +7,8 @@ import doctest
 import re
 from typing import Any
 
+import pytest
+
 from heli3dof.report.text import diagnosis_sentences
 from heli3dof.report.text import diagnosis_tables as diagnosis_tables_module
 from heli3dof.report.text.diagnosis_sentences import VERDICTS, slow_noise
@@ -129,6 +131,21 @@ def test_an_error_without_an_explanation_is_stated_in_degrees() -> None:
     assert "most of the simulation error remains, pitch 6.20° of 7.00° (RMSE of 1 s" in text
     assert "How much of it is noise is unknown." in text
     assert "study its figure" not in text  # it has none
+
+
+@pytest.mark.parametrize(("after", "low", "stated"), [(0.22, 3.5, True), (3.5, 0.3, False)])
+def test_a_refit_that_explains_most_of_an_error_is_stated_beside_the_causes(
+    after: float, low: float, stated: bool
+) -> None:
+    """Refitting lowers roll from 4.13° to 0.22°: the causes alone do not explain the error."""
+    won = {"roll": {"value": 4.13 - after, "interval": [low, 4.0]}, "pitch": None}
+    error = {"before": {"roll": 4.13, "pitch": None}, "after": {"roll": after, "pitch": None}}
+    gain = {"holdout_rmse_deg": error, "rmse_reduction_deg": won}
+    ratios = [{"ratio": "V_o", "nominal": 7.456, "value": 8.222, "std": 0.005}]
+    text = text_of(changed(verdict="explained", calibration_gain=gain, ratios=ratios))
+    assert ("and refitted parameters explain" in text) is stated
+    assert ("changes: roll 4.13° → 0.22°." in text) is stated
+    assert ("V_o = 8.2220 ± 0.0050 (profile: 7.4560)" in text) is stated
 
 
 def test_without_a_noise_floor_no_cause_is_not_no_error() -> None:
