@@ -110,7 +110,7 @@ def _diagnosed(
             train, held, faults, why=why, base=base, quick=quick, seed=seed, progress=clock.progress
         )
     flights = QUICK_FLIGHTS if quick else FLIGHTS
-    setup = Setup(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
+    setup = Setup(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base)
     clock.start("base", "Fitting the base simulation and simulating its bias …")
     base_fit = fit_base(setup)
     steps, fit = forward_selection(setup, base_fit, flights, clock)

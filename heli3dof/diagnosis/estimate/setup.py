@@ -24,8 +24,6 @@ class Setup:
     """Flights simulated per iteration of the bias correction"""
     base: str = "rigid"
     """Name of the base simulation, a key of `estimate.base_fit.BASES`"""
-    compare_small_scores: bool = True
-    """Whether candidates with low scores are also compared by simulation (`selection.rivals`)"""
 
     @property
     def controller_is_known(self) -> bool:

@@ -8,13 +8,10 @@ and standard deviation s_k. With Student's density t of B − 1 degrees of freed
 
     f_k(d) = t_{B−1}((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
-1. **Large score bias** (|z̄|/√κ > `LARGE_BIAS`, with the nulls' mean score z̄ and inflation κ): the
-   rival k with the largest min_j W_kj is the cause. Rivals j with W_kj < `TIE` are confounded with
-   it. Its probability is `certainty` of the smallest W_kj of the remaining rivals.
-2. **Small score bias, score below `SUFFICIENT_SCORE`**: the scores choose the cause. The rival that
-   this test prefers is confounded with that cause. So are the rivals that the test does not
-   separate from the preferred one (W < `TIE`).
-3. **Otherwise** the scores decide and nothing is simulated.
+If the score bias is large (|z̄|/√κ > `LARGE_BIAS`, with the nulls' mean score z̄ and inflation κ),
+the rival k with the largest min_j W_kj is the cause. Rivals j with W_kj < `TIE` are confounded with
+it. Its probability is `certainty` of the smallest W_kj of the remaining rivals. Otherwise the
+scores decide, and nothing is simulated.
 """
 
 from __future__ import annotations
@@ -39,11 +36,7 @@ from heli3dof.recording.recording import Recording
 LARGE_BIAS = 3.0
 """|z̄|/√κ above which the linear bias correction is not trusted. Chosen; not derived."""
 MIN_RELATIVE_Z2 = 0.3
-"""Least Z² of a rival, relative to the largest, if the bias is large. Chosen; not derived."""
-SUFFICIENT_SCORE = 500.0
-"""Score from which on a small bias needs no comparison. Chosen; not derived."""
-MIN_RELATIVE_SCORE = 0.25
-"""Least score of a rival, relative to the best, if the bias is small. Chosen; not derived."""
+"""Least Z² of a rival, relative to the largest. Chosen; not derived."""
 MAX_RIVALS = 3
 """Rivals compared, the chosen cause included. Chosen; not derived."""
 FLIGHTS, ROUNDS = 12, 6
@@ -52,24 +45,19 @@ MIN_STD = 1.0
 """Least s_k. Chosen; not derived."""
 
 
-def rivals(choice: Choice, nulls: Nulls) -> tuple[list[CandidateFit], bool]:
-    """Return the candidates that scores cannot rank, and whether their score bias is large.
+def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
+    """Return the candidates that scores cannot rank, the chosen cause first; empty if they can.
 
-    The chosen cause is the first of them. If there are none, the scores decide. Terms without a
-    score have no score bias and are not among them.
+    Terms without a score have no score bias and are not among them.
     """
     best = choice.candidates[0]
     others = [c for c in choice.candidates[1:] if c.probe is not None]
     if best.probe is None or not others:
-        return [], False
-    top = max(c.Z2 for c in [best, *others])
-    by_Z2 = sorted((c for c in others if MIN_RELATIVE_Z2 * top < c.Z2), key=lambda c: -c.Z2)[
-        : MAX_RIVALS - 1
-    ]
-    if by_Z2 and max(relative_bias(nulls, [best, *by_Z2])) > LARGE_BIAS:
-        return [best, *by_Z2], True
-    by_score = [c for c in others if c.score > MIN_RELATIVE_SCORE * best.score][: MAX_RIVALS - 1]
-    return ([best, *by_score] if by_score and best.score < SUFFICIENT_SCORE else []), False
+        return []
+    least = MIN_RELATIVE_Z2 * max(c.Z2 for c in [best, *others])
+    close = sorted((c for c in others if least < c.Z2), key=lambda c: -c.Z2)
+    compared = [best, *close[: MAX_RIVALS - 1]]
+    return compared if close and max(relative_bias(nulls, compared)) > LARGE_BIAS else []
 
 
 def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[float]:
@@ -79,15 +67,13 @@ def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[floa
 
 
 def compared_by_simulation(
-    choice: Choice, nulls: Nulls, recordings: Sequence[Recording], *, seed: int, pilots: int,
-    test_small_bias: bool = True,
-) -> Choice:  # fmt: skip
-    """Return the choice, revised by flights simulated from each rival (module, rules 1 and 2).
+    choice: Choice, nulls: Nulls, recordings: Sequence[Recording], *, seed: int, pilots: int
+) -> Choice:
+    """Return the choice, revised by flights simulated from each rival if there are rivals.
 
-    ``pilots``: simulated flights of a bias correction. ``test_small_bias``: also apply rule 2.
+    ``pilots``: simulated flights of a bias correction.
     """
-    compared, decides = rivals(choice, nulls)
-    if not compared or not (decides or test_small_bias):
+    if not (compared := rivals(choice, nulls)):
         return choice
     fits = [
         correct(c.problem, c.optimum.theta, c.optimum.noise, recordings, seed=seed, pilots=pilots,
@@ -96,24 +82,19 @@ def compared_by_simulation(
     ]  # fmt: skip
     W = odds(*likelihoods(fits, recordings, seed=seed))
     k = int(np.argmax(least_odds(W)))
-    names = {c.term.name for c in compared}
-    confounded = [c.term.name for j, c in enumerate(compared) if j == k or W[k, j] < TIE]
-    if k == 0 or not decides:  # causes that were confounded with it but not compared still are
-        confounded += [n for n in choice.tied_with if n not in names or not decides]
     best = replace(compared[k], optimum=fits[k].optimum)
-    refuted = [W[k, j] for j, c in enumerate(compared) if c.term.name not in confounded]
-    probability = certainty([float(min(refuted)), 0.0]) if refuted else 1.0
-    if decides:
-        m = sum(f.term == best.term.name for f in best.problem.structure.free)
-        best = replace(best, score=best.Z2 - bic_penalty(m, best.optimum.at))
-    elif k:
-        best, probability = compared[0], 1.0
+    m = sum(f.term == best.term.name for f in best.problem.structure.free)
+    best = replace(best, score=best.Z2 - bic_penalty(m, best.optimum.at))
+    refuted = [j for j in range(len(compared)) if j != k and W[k, j] >= TIE]
+    certain = certainty([float(W[k, refuted].min()), 0.0]) if refuted else 1.0
+    names = [c.term.name for c in compared]
+    tied = [n for j, n in enumerate(names) if j not in (k, *refuted)]
+    if k == 0:  # causes that were confounded with it but not compared still are
+        tied += [n for n in choice.tied_with if n not in names]
     others = [c for c in choice.candidates if c.term.name != best.term.name]
-    probability = min(nulls.confidence(best.Z2), probability, 1.0 if decides else choice.confidence)
-    tied = tuple(n for n in dict.fromkeys(confounded) if n != best.term.name)
     return Choice(
-        best.term, best.score, best.Z2, probability, tied, (best, *others),
-        choice.threshold, decides,
+        best.term, best.score, best.Z2, min(nulls.confidence(best.Z2), certain), tuple(tied),
+        (best, *others), choice.threshold, by_flights=True,
     )  # fmt: skip
 
 

@@ -93,10 +93,8 @@ class Step(Screening):
             choice = choose(self, earlier_score, tried)
         if choice is not None and setup.controller_is_known:
             choice = compared_by_simulation(
-                choice, self.nulls, setup.recordings, seed=setup.seed, pilots=setup.pilots,
-                # The report does not state what a formal effect is confounded with.
-                test_small_bias=setup.compare_small_scores and not choice.term.effect.formal,
-            )  # fmt: skip
+                choice, self.nulls, setup.recordings, seed=setup.seed, pilots=setup.pilots
+            )
         return replace(self, choice=choice)
 
 

@@ -76,7 +76,7 @@ def test_segments_that_agree_rank_with_certainty() -> None:
 
 def test_the_cells_add_up_to_the_whole_likelihood() -> None:
     flown = fly_plan(step_plan((5.0, None, None)), device="mock:?speed=max&seed=1209", seed=1)
-    base = fit_base(Setup((flown.recording,), 1, 4, compare_small_scores=False))
+    base = fit_base(Setup((flown.recording,), 1, 4))
     one = CandidateFit(term(NAMES[0]), base.problem, base.optimum, 0.0, 0.0, None)
     by_cell = log_likelihood_cells(one)
     assert by_cell.sum() == pytest.approx(float(base.optimum.at.loglik.sum()), rel=1e-9)

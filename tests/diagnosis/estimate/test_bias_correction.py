@@ -120,7 +120,7 @@ def test_a_constant_pitch_torque_is_not_fitted_as_a_large_inertia() -> None:
     problem = ProfileLikelihood(
         data_of([recording], usable_runs(recording, 0)), Structure(profile, ())
     )
-    setup = Setup((recording,), seed=0, pilots=6, compare_small_scores=False)
+    setup = Setup((recording,), seed=0, pilots=6)
     assert inertia_is_implausible(corrected_base(setup, problem))
     held = fit_base(setup)
     np.testing.assert_allclose(held.theta[1:4], held.problem.prior_mean[1:4], atol=0.1)

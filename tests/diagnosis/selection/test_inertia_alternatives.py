@@ -24,7 +24,7 @@ def first_step(hide: str, seed: int) -> tuple[Setup, Step]:
     """Return the screen of a 10° step in roll."""
     device = f"mock:?speed=max&seed={seed}&hide={hide}"
     flown = fly_plan(step_plan((10.0, None, None)), device=device, seed=seed).recording
-    setup = Setup((flown,), seed, 6, compare_small_scores=False)
+    setup = Setup((flown,), seed, 6)
     return setup, screening_step(setup, fit_base(setup), 16)
 
 
