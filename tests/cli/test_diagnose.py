@@ -12,12 +12,13 @@ import pytest
 
 from heli3dof.diagnosis import diagnose as module
 from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan, step_plan
+from heli3dof.experiment.plan import step_plan
 from heli3dof.paper.models import load_model
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.write import write_recording
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import Result, heli3dof
+from tests.flown import flown
 
 RIG = Path(__file__).parents[2] / "recordings" / "rig.toml"
 KEYS = {
@@ -31,9 +32,9 @@ AXES = {"roll", "pitch", "yaw"}
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Forty seconds of the rich plan on a rig with a cable, which each half of them shows."""
     device = "mock:?speed=max&start=level&hide=stiffness.cable.yaw:0.1"
-    flown = fly_plan(load_plan("rich"), device=device, seed=1201).recording
+    cut = flown("rich", 40.0, device=device, seed=1201)
     path = tmp_path_factory.mktemp("diagnose") / "cable.mcap"
-    write_recording(replace(flown.between(0.0, 40.0), meta={**flown.meta, "name": "cable"}), path)
+    write_recording(replace(cut, meta={**cut.meta, "name": "cable"}), path)
     return path
 
 

@@ -13,6 +13,7 @@ from heli3dof.cli.demo import FOLDER
 from heli3dof.diagnosis import diagnose as diagnosing
 from heli3dof.recording.atomic_write import unused
 from tests.cli.running import heli3dof
+from tests.flown import first_part
 
 TRAIN = [r.path for r in references() if r.use == "identify"]
 TEST = [r.path for r in references() if r.use == "compare"]
@@ -24,7 +25,7 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     page = path.with_name("identification.html")
     result = heli3dof(
         "identify",
-        *TRAIN,
+        TRAIN[0],
         "--report",
         page,
         "--holdout",
@@ -169,6 +170,8 @@ def test_the_demo_does_the_whole_chain_and_keeps_an_earlier_one(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(diagnosing, "QUICK_FLIGHTS", 6)
     monkeypatch.setattr(diagnosing, "QUICK_PILOTS", 3)
+    monkeypatch.setattr(diagnosing, "QUICK_TORQUE_FLIGHTS", 4)
+    monkeypatch.setattr("heli3dof.experiment.plan.load_plan", lambda name: first_part(name, 30.0))
     result = heli3dof("demo", "--json")
     assert result.code == 0, result.err
     document = json.loads(result.out)

@@ -9,8 +9,9 @@ import pytest
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document as to_document
 from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import Plan, load_plan, step_plan
+from heli3dof.experiment.plan import Plan, step_plan
 from heli3dof.recording.recording import Recording
+from tests.flown import first_part
 
 
 def flight(plan: Plan, hide: str, seed: int) -> Recording:
@@ -19,7 +20,7 @@ def flight(plan: Plan, hide: str, seed: int) -> Recording:
 
 
 def test_a_cable_stiffness_in_yaw_is_named_with_its_size() -> None:
-    recording = flight(load_plan("rich"), "stiffness.cable.yaw:0.1", 1101).between(0.0, 30.0)
+    recording = flight(first_part("rich", 30.0), "stiffness.cable.yaw:0.1", 1101).between(0.0, 30.0)
     result = diagnose(recording, quick=True)
     assert [f.term.name for f in result.findings] == ["stiffness.cable.yaw"]
     value, std = result.findings[0].values["stiffness_Nm_per_rad"]

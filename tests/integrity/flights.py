@@ -12,15 +12,23 @@ from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.integrity import Fault, Kind, integrity
 from heli3dof.recording.recording import Recording
+from tests.flown import first_part
 
 Change = Callable[[Recording], Recording]
 STOPPING = (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE)
 
 
 @lru_cache(maxsize=40)
-def flight(plan: str = "rich", hide: str = "", seed: int = 1201) -> Recording:
-    """Return a flight from the table and back; ``run-step`` is a 10° step in roll."""
+def flight(
+    plan: str = "rich", hide: str = "", seed: int = 1201, until_s: float | None = None
+) -> Recording:
+    """Return a flight from the table and back; ``run-step`` is a 10° step in roll.
+
+    ``until_s``: the plan ends there, and the rig lands from there.
+    """
     chosen = step_plan((10.0, None, None)) if plan == "run-step" else load_plan(plan)
+    if until_s is not None:
+        chosen = first_part(chosen, until_s)
     device = "mock:?speed=max" + (f"&hide={hide}" if hide else "")
     return fly_plan(chosen, device=device, seed=seed).recording
 

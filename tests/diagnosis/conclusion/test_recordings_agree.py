@@ -26,7 +26,7 @@ def test_the_share_is_zero_between_lines_and_for_a_constant_signal() -> None:
 
 
 def test_without_a_logged_reference_the_angles_give_the_commanded_motion() -> None:
-    r = fly(1022).recording.between(0, 30)
+    r = fly(1022, until_s=40.0).recording.between(0, 30)
     t = r.t - r.t[0]
     swings = np.stack([0.0 * t, 0.2 * np.sin(2 * np.pi * 0.2 * t), 0.0 * t], axis=1)
     nothing = np.full_like(swings, np.nan)

@@ -10,11 +10,12 @@ from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.diagnosis.screening.catalogue import candidates
 from heli3dof.errors import UsageError
 from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan, step_plan
+from heli3dof.experiment.plan import step_plan
 from heli3dof.model.base import Model
 from heli3dof.model.model_file import save_model
 from heli3dof.paper.models import load_model
 from heli3dof.recording.recording import Recording
+from tests.flown import flown
 
 
 def names(result: Diagnosis) -> list[str]:
@@ -24,7 +25,7 @@ def names(result: Diagnosis) -> list[str]:
 @pytest.fixture(scope="module")
 def flight() -> Recording:
     device = "mock:?speed=max&seed=1301&spread=0.07"
-    return fly_plan(load_plan("rich"), device=device, seed=1301).recording.between(0.0, 30.0)
+    return flown("rich", 30.0, device=device, seed=1301)
 
 
 @pytest.fixture(scope="module")

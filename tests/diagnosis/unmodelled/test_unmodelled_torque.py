@@ -33,11 +33,12 @@ from heli3dof.experiment.plan import load_plan
 from heli3dof.model.effects import term
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
+from tests.flown import flown
 
 
 def flight(seed: int, hide: str = "") -> Recording:
     device = "mock:?speed=max" + (f"&hide={hide}" if hide else "")
-    return fly_plan(load_plan("rich"), device=device, seed=seed).recording.between(0.0, 40.0)
+    return flown("rich", 40.0, device=device, seed=seed)
 
 
 def corrected(recording: Recording) -> CorrectedFit:
@@ -104,7 +105,7 @@ def test_an_unmodified_rig_has_no_residual_torque() -> None:
 def test_a_draught_is_slow_noise_and_no_effect() -> None:
     """On roll 0.014 N·m RMS: 4 · 0.035 N·m · √(0.01 s/1 s), the emulator's law (its `noise`)."""
     device = "mock:?speed=max&noise_s=1&noise=4"
-    recording = fly_plan(load_plan("rich"), device=device, seed=1203).recording.between(0.0, 40.0)
+    recording = flown("rich", 40.0, device=device, seed=1203)
     effects, slow_noise = split_off_slow_noise(found(corrected(recording), recording))
     assert effects == ()
     (roll,) = (torque for torque in slow_noise if torque.axis == "roll")
@@ -122,9 +123,9 @@ def test_time_comes_first_if_another_variable_explains_hardly_more() -> None:
 def test_the_residual_torque_lies_on_the_hidden_line(
     coupled: tuple[Recording, CorrectedFit],
 ) -> None:
-    flown = trail(coupled[1])
-    rows = flown.in_runs
-    slope = np.polyfit(flown.variable("pitch_rate")[rows], flown.torque[rows, 2], 1)[0]
+    path = trail(coupled[1])
+    rows = path.in_runs
+    slope = np.polyfit(path.variable("pitch_rate")[rows], path.torque[rows, 2], 1)[0]
     assert slope == pytest.approx(-0.1, rel=0.1)
 
 
