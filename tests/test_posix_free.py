@@ -87,7 +87,7 @@ def test_a_rig_is_zeroed_and_examined(env: Mapping[str, str]) -> None:
 
 def test_a_flight_is_identified_and_diagnosed(env: Mapping[str, str], tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
-    words = ("--roll", 10, "--settle", 5, "--duration", 10, "--device", "mock:?speed=max")
+    words = ("--roll", 10, "--settle", 4, "--duration", 6, "--device", "mock:?speed=max")
     assert document(env, "run-step", *words, "-o", path)["outcome"] == "completed"
     assert document(env, "identify", path, "-o", tmp_path / "model.json")["models"]
     result = document(env, "diagnose", "--quick", path, "-o", tmp_path / "extended.json")

@@ -30,9 +30,9 @@ AXES = {"roll", "pitch", "yaw"}
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Forty seconds of the rich plan on a rig with a cable, which each half of them shows."""
-    device = "mock:?speed=max&start=level&hide=stiffness.cable.yaw:0.1"
-    cut = flown("rich", 40.0, device=device, seed=1201)
+    """Forty seconds of the rich plan on a rig with a cable, up to 7 % off its profile."""
+    device = "mock:?speed=max&hide=stiffness.cable.yaw:0.1&seed=1101&spread=0.07"
+    cut = flown("rich", 40.0, device=device, seed=1101)
     path = tmp_path_factory.mktemp("diagnose") / "cable.mcap"
     write_recording(replace(cut, meta={**cut.meta, "name": "cable"}), path)
     return path
@@ -72,6 +72,7 @@ def test_the_document_holds_every_key_of_the_contract(result: Result) -> None:
     assert set(rmse) >= {"before", "after", "noise_floor"}
     assert all(set(side) == AXES for side in rmse.values())
     assert all(math.isfinite(n) for n in numbers(d))
+    assert set(d["about"]["seconds"]) >= {"base", "screen 1", "fits 1", "gain"}
 
 
 def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(result: Result) -> None:
@@ -82,6 +83,8 @@ def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(result: Resul
     assert set(finding) >= {"score", "confidence", "tied_with", "gain"}
     gain = finding["gain"]["holdout_rmse_deg"]
     assert gain["after"]["yaw"] < 0.25 * gain["before"]["yaw"]
+    assert finding["gain"]["holdout_log_likelihood_interval"][0] > 50
+    assert result.document["verdict"] == "explained"
     for words in ("Simulation error", "Cause 1: stiffness.cable.yaw", "RMSE after refitting"):
         assert words in result.err
     assert "Screening against 8 simulated nulls …\n" in result.err
@@ -136,6 +139,7 @@ def test_base_hover_diagnoses_the_linear_model(
 ) -> None:
     monkeypatch.setattr(module, "QUICK_FLIGHTS", 8)
     monkeypatch.setattr(module, "QUICK_PILOTS", 4)
+    monkeypatch.setattr(module, "QUICK_TORQUE_FLIGHTS", 4)
     out = tmp_path / "m.json"
     result = heli3dof("diagnose", flight, "--base", "hover", "--quick", "-o", out, "--json")
     assert result.code == 0, result.err
@@ -153,8 +157,9 @@ def test_a_bad_recording_is_printed_and_exits_with_5(
     monkeypatch.setattr(module, "QUICK_FLIGHTS", 2)
     whole = module.diagnose
 
-    def at_fault(*args: Any, **options: Any) -> module.Diagnosis:
-        return replace(whole(*args, **options), verdict="bad_data")
+    def at_fault(*args: Any, holdout: Any = None, **options: Any) -> module.Diagnosis:
+        (given,) = args[0]
+        return replace(whole(given.between(0.0, 14.0), **options), verdict="bad_data")
 
     monkeypatch.setattr(module, "diagnose", at_fault)
     bad = heli3dof("diagnose", flight, "--quick", "-o", tmp_path / "m.json", "--json")
