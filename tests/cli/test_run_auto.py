@@ -44,11 +44,11 @@ def plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture(scope="module")
 def whole() -> diagnosing.Diagnosis:
     """A real diagnosis, whose verdict the tests replace."""
-    part = flown("steps", 22.0, device=LEVEL, seed=1250)
+    part = flown("rich", 18.0, device=LEVEL, seed=1250)
     with pytest.MonkeyPatch.context() as few:
         few.setattr(diagnosing, "QUICK_FLIGHTS", 4)
         few.setattr(diagnosing, "QUICK_PILOTS", 2)
-        return diagnosing.diagnose(part.between(8.0, 22.0), quick=True)
+        return diagnosing.diagnose(part.between(6.0, 18.0), quick=True)
 
 
 def answering(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -23,9 +24,14 @@ from tests.flown import flown as flight
 ALWAYS = ("motor.lag",)
 
 
+@cache
+def mock_flight() -> Recording:
+    return flight("rich", 40.0, device="mock:?speed=max&seed=1821", seed=1821)
+
+
 def flown(*simplified: str) -> Recording:
     """The plan rich, simulated with our equations and a quiet rig's noise; lag 50 ms."""
-    mock = flight("rich", 40.0, device="mock:?speed=max&seed=1821", seed=1821)
+    mock = mock_flight()
     model = nominal(mock.profile, (*ALWAYS, *simplified), **{"motor.lag.time_constant_s": 0.05})
     model = replace(model, noise=np.array([0.004, 0.01, 0.003]))
     return simulated_flight(model, mock, np.random.default_rng(1821))

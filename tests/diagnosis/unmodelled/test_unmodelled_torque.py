@@ -56,11 +56,23 @@ def coupled() -> tuple[Recording, CorrectedFit]:
     return recording, corrected(recording)
 
 
-def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
-    coupled: tuple[Recording, CorrectedFit],
-) -> None:
+@pytest.fixture(scope="module")
+def coupling(coupled: tuple[Recording, CorrectedFit]) -> ResidualTorque:
+    """The most significant residual torque of that flight."""
     recording, fit = coupled
-    first, *_ = found(fit, recording)
+    return found(fit, recording)[0]
+
+
+@pytest.fixture(scope="module")
+def unmodified() -> tuple[Recording, CorrectedFit]:
+    recording = flight(1202)
+    return recording, corrected(recording)
+
+
+def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
+    coupled: tuple[Recording, CorrectedFit], coupling: ResidualTorque
+) -> None:
+    fit, first = coupled[1], coupling
     assert (first.axis, first.depends_on) == ("yaw", "pitch_rate")
     assert first.share > 0.5
     assert first.confidence > 0.99
@@ -81,15 +93,18 @@ def test_a_formula_shows_a_torque_where_nothing_can_be_simulated() -> None:
     assert significant_formula(corrected(recording)) == ("yaw", "pitch_rate")
 
 
-def test_an_unmodified_rig_has_no_significant_formula() -> None:
-    assert significant_formula(corrected(flight(1202))) is None
+def test_an_unmodified_rig_has_no_significant_formula(
+    unmodified: tuple[Recording, CorrectedFit],
+) -> None:
+    assert significant_formula(unmodified[1]) is None
 
 
 def test_without_a_formula_that_fits_as_well_the_curve_is_proposed(
-    coupled: tuple[Recording, CorrectedFit], monkeypatch: pytest.MonkeyPatch
+    coupled: tuple[Recording, CorrectedFit],
+    coupling: ResidualTorque,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    recording, fit = coupled
-    first, *_ = found(fit, recording)
+    fit, first = coupled[1], coupling
     monkeypatch.setattr(torque_formula, "PRODUCTS", ("sin(roll)", "voltage_sum"))
     (curve,) = proposals(fit, first)
     assert not curve.is_formula
@@ -97,9 +112,11 @@ def test_without_a_formula_that_fits_as_well_the_curve_is_proposed(
     assert curve.start == tuple(torque for _, torque in first.table)
 
 
-def test_an_unmodified_rig_has_no_residual_torque() -> None:
-    recording = flight(1202)
-    assert found(corrected(recording), recording) == ()
+def test_an_unmodified_rig_has_no_residual_torque(
+    unmodified: tuple[Recording, CorrectedFit],
+) -> None:
+    recording, fit = unmodified
+    assert found(fit, recording) == ()
 
 
 def test_a_draught_is_slow_noise_and_no_effect() -> None:
