@@ -134,23 +134,6 @@ def test_the_extended_model_is_a_model_file_and_is_never_overwritten(
     assert path.read_bytes() == before
 
 
-def test_base_hover_diagnoses_the_linear_model(
-    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(module, "QUICK_FLIGHTS", 8)
-    monkeypatch.setattr(module, "QUICK_PILOTS", 4)
-    monkeypatch.setattr(module, "QUICK_TORQUE_FLIGHTS", 4)
-    out = tmp_path / "m.json"
-    result = heli3dof("diagnose", flight, "--base", "hover", "--quick", "-o", out, "--json")
-    assert result.code == 0, result.err
-    # Yaw twists the cable in the last seconds only; a fit without them cannot predict it.
-    (body,) = (f for f in result.document["findings"] if f["effect"] == "geometry")
-    assert body["parameters"]["share"]["value"] == pytest.approx(1.0, abs=0.2)
-    assert result.document["about"]["base"] == "hover"
-    model = load_model(out, default_profile())
-    assert model.terms[0] == "base.hover"  # type: ignore[attr-defined]
-
-
 def test_a_bad_recording_is_printed_and_exits_with_5(
     flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
