@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import shutil
 import signal
@@ -60,6 +61,17 @@ providers._get_local_constants = lambda: providers._local_constants
 def pytest_xdist_auto_num_workers() -> int:
     """Return three workers for two cores: many tests wait for real time or another process."""
     return (3 * core_count() + 1) // 2
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_finish() -> None:
+    """Exempt what the collection made from garbage collections.
+
+    Each worker holds 5,600 tests and their modules until it ends. Visiting them cost 6 % of the
+    CPU time of the tests.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)

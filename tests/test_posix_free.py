@@ -22,6 +22,16 @@ from tests.profiles import END_S, PATIENT, START_S, write_profile
 
 RUN = [sys.executable, str(ROOT / "tests" / "posix_free.py"), "heli3dof"]
 MOCK = "mock:?watchdog_s=1&start=level"
+PLAN = """
+name = "short"
+[[segment]]
+kind = "hold"
+duration_s = 6.0
+[[segment]]
+kind = "multisine"
+yaw_deg = 20.0
+duration_s = 10.0
+"""
 
 
 @pytest.fixture
@@ -86,9 +96,10 @@ def test_a_rig_is_zeroed_and_examined(env: Mapping[str, str]) -> None:
 
 
 def test_a_flight_is_identified_and_diagnosed(env: Mapping[str, str], tmp_path: Path) -> None:
-    path = tmp_path / "flight.mcap"
-    words = ("--roll", 10, "--settle", 5, "--duration", 10, "--device", "mock:?speed=max")
-    assert document(env, "run-step", *words, "-o", path)["outcome"] == "completed"
+    path, plan = tmp_path / "flight.mcap", tmp_path / "plan.toml"
+    plan.write_text(PLAN, encoding="utf-8")
+    words = (plan, "--device", "mock:?speed=max")
+    assert document(env, "run", *words, "-o", path)["outcome"] == "completed"
     assert document(env, "identify", path, "-o", tmp_path / "model.json")["models"]
     result = document(env, "diagnose", "--quick", path, "-o", tmp_path / "extended.json")
     assert result["schema"] == "heli3dof.diagnosis/1"

@@ -11,11 +11,19 @@ from heli3dof_recordings import references
 
 from heli3dof.cli.demo import FOLDER
 from heli3dof.diagnosis import diagnose as diagnosing
+from heli3dof.identification.black_box import state_space
 from heli3dof.recording.atomic_write import unused
 from tests.cli.running import heli3dof
+from tests.flown import first_part
 
 TRAIN = [r.path for r in references() if r.use == "identify"]
 TEST = [r.path for r in references() if r.use == "compare"]
+
+
+@pytest.fixture
+def one_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The order search of a black box has one candidate, at two sampling intervals."""
+    monkeypatch.setattr(state_space, "ORDERS", (8,))
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +32,7 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     page = path.with_name("identification.html")
     result = heli3dof(
         "identify",
-        *TRAIN,
+        TRAIN[0],
         "--report",
         page,
         "--holdout",
@@ -127,6 +135,7 @@ def test_compare_gives_every_metric_and_its_difference(identified: tuple, tmp_pa
     assert all((tmp_path / "out" / name).stat().st_size > 2000 for name in written)
 
 
+@pytest.mark.usefixtures("one_order")
 def test_compare_without_arguments_uses_the_supplied_recordings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -163,12 +172,15 @@ def test_a_report_is_one_self_contained_file(identified: tuple, tmp_path: Path) 
     assert heli3dof("report", TEST[1], "-o", page).code == 2
 
 
+@pytest.mark.usefixtures("one_order")
 def test_the_demo_does_the_whole_chain_and_keeps_an_earlier_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(diagnosing, "QUICK_FLIGHTS", 6)
     monkeypatch.setattr(diagnosing, "QUICK_PILOTS", 3)
+    monkeypatch.setattr(diagnosing, "QUICK_TORQUE_FLIGHTS", 4)
+    monkeypatch.setattr("heli3dof.experiment.plan.load_plan", lambda name: first_part(name, 30.0))
     result = heli3dof("demo", "--json")
     assert result.code == 0, result.err
     document = json.loads(result.out)

@@ -15,6 +15,7 @@ from heli3dof.experiment.plan import named_plans
 from heli3dof.rig.profile import TABLE_I, default_profile, load_profile
 from heli3dof.rig.profile_file import merged, new_text
 from tests.cli.running import Result, heli3dof
+from tests.flown import first_part
 
 NUMBERS = {
     f"{section}.{key}": value
@@ -234,6 +235,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result, Resul
     with pytest.MonkeyPatch.context() as few:
         few.setattr(diagnose, "QUICK_FLIGHTS", 8, raising=False)
         few.setattr(diagnose, "QUICK_PILOTS", 4, raising=False)
+        few.setattr("heli3dof.experiment.plan.load_plan", lambda name: first_part(name, 32.0))
         before = diagnosed(believed, "before", 1250)
         (folder / "diagnosis.json").write_text(before.out)
         updated = heli3dof(

@@ -14,10 +14,9 @@ import pytest
 from heli3dof.diagnosis import diagnose as diagnosing
 from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning import next_experiment as asking
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.recording.mcap_files.reader import read_recording
 from tests.cli.running import heli3dof
+from tests.flown import flown
 
 LEVEL = "mock:?speed=max&start=level"
 SHORT = """
@@ -45,11 +44,11 @@ def plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture(scope="module")
 def whole() -> diagnosing.Diagnosis:
     """A real diagnosis, whose verdict the tests replace."""
-    flown = fly_plan(load_plan("steps"), device=LEVEL, seed=1250).recording
+    part = flown("rich", 18.0, device=LEVEL, seed=1250)
     with pytest.MonkeyPatch.context() as few:
         few.setattr(diagnosing, "QUICK_FLIGHTS", 4)
         few.setattr(diagnosing, "QUICK_PILOTS", 2)
-        return diagnosing.diagnose(flown.between(8.0, 22.0), quick=True)
+        return diagnosing.diagnose(part.between(6.0, 18.0), quick=True)
 
 
 def answering(

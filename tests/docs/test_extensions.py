@@ -17,6 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 import heli3dof as h3
+from tests.flown import first_part
 from tests.paths import ROOT
 
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -192,7 +193,7 @@ def test_an_effect_of_the_emulated_rig_slows_the_arm(place, searched_again) -> N
 
     def fastest(hide: str) -> float:
         device = f"mock:?speed=max&noise=0&start=level{hide}"
-        flown = h3.fly_plan(h3.load_plan("doublets"), device=device).recording
+        flown = h3.fly_plan(first_part("doublets", 25.0), device=device).recording
         return float(np.abs(flown.angle[25:, 1] - flown.angle[:-25, 1]).max())  # rad in 50 ms
 
     assert fastest("&hide=drag.cubic.pitch:5") < 0.9 * fastest("")

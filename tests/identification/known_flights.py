@@ -16,6 +16,7 @@ from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, load_plan, plan_from_dict
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import default_profile
+from tests.flown import first_part
 
 PARAMETERS = {
     "motor.lag.time_constant_s": 0.1,
@@ -48,10 +49,12 @@ def fly(
     spread: float = 0.1,
     hide: str = HIDDEN,
     start: str = "rest",
+    until_s: float | None = None,
 ) -> Flight:
-    """One flight; the seed determines all noise."""
+    """One flight; the seed determines all noise. ``until_s``: only the first part of the plan."""
     from heli3dof_drivers import mock
 
+    wanted = load_plan(plan) if isinstance(plan, str) else plan
     opened: list[Any] = []
 
     class Remembered(mock.MockRig):
@@ -62,7 +65,7 @@ def fly(
     original, mock.MockRig = mock.MockRig, Remembered  # type: ignore[misc]
     try:
         flight = fly_plan(
-            load_plan(plan) if isinstance(plan, str) else plan,
+            wanted if until_s is None else first_part(wanted, until_s),
             device=f"mock:?hide={hide}&seed={seed}&speed=max&noise={noise}&spread={spread}"
             f"&start={start}",
             seed=seed,
@@ -77,7 +80,8 @@ def fly(
     for name, value in PARAMETERS.items():
         truth[name] = value if name.startswith("motor.") else value / gain
     truth |= {f"bias.torque.{a}.torque_Nm": 0.0 for a in ("pitch", "yaw")}
-    return Flight(flight.recording, truth, np.append(noise * TORQUE_NOISE / J, 0.0))
+    recording = flight.recording if until_s is None else flight.recording.between(0.0, until_s)
+    return Flight(recording, truth, np.append(noise * TORQUE_NOISE / J, 0.0))
 
 
 def long_plan(seconds: float = 90.0) -> Plan:

@@ -55,7 +55,7 @@ def test_the_scale_of_errors_is_their_rms() -> None:
 
 
 def test_the_prior_is_loose_on_common_inertia_and_tight_on_ratios() -> None:
-    problem = problem_of([fly(1022).recording.between(0, 25)], DEFAULT_TERMS)
+    problem = problem_of([fly(1022, until_s=40.0).recording.between(0, 25)], DEFAULT_TERMS)
     names = problem.structure.names
     together, apart = np.zeros(problem.dim), np.zeros(problem.dim)
     for a in ("roll", "pitch", "yaw"):
@@ -66,8 +66,8 @@ def test_the_prior_is_loose_on_common_inertia_and_tight_on_ratios() -> None:
 
 
 def test_parameters_are_right_under_sampling_jitter() -> None:
-    flight = fly(1023, spread=0.0)
-    result = fit_freeflight([blurred(flight.recording.between(0, 30), 0.003, 1023)], DEFAULT_TERMS)
+    flight = fly(1023, spread=0.0, until_s=30.0)
+    result = fit_freeflight([blurred(flight.recording, 0.003, 1023)], DEFAULT_TERMS)
     truth, at = flight.truth, dict(zip(result.structure.names, result.values, strict=True))
     assert result.noise[3] >= 0.002
     assert at["T_g"] == pytest.approx(truth["T_g"], rel=0.03)
@@ -77,7 +77,7 @@ def test_parameters_are_right_under_sampling_jitter() -> None:
 
 def test_recordings_without_enough_windows_are_rejected() -> None:
     with pytest.raises(RecordingError, match="windows of 3 s"):
-        problem_of([fly(1022).recording.between(0, 4)], DEFAULT_TERMS)
+        problem_of([fly(1022, until_s=40.0).recording.between(0, 4)], DEFAULT_TERMS)
 
 
 def test_a_real_take_off_is_usable_from_the_end_of_its_climb(real: Recording) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.method import fit_greybox
 from heli3dof.identification.greybox.structure_test import (
     SIMPLIFICATIONS,
@@ -20,16 +19,22 @@ from heli3dof.identification.identify import Identification, identify
 from heli3dof.model.effects import terms
 from heli3dof.model.greybox.model import nominal
 from heli3dof.recording.recording import Recording
+from tests.flown import flown as flight
 
 ALWAYS = ("motor.lag",)
 
 
+@cache
+def mock_flight() -> Recording:
+    return flight("rich", 40.0, device="mock:?speed=max&seed=1821", seed=1821)
+
+
 def flown(*simplified: str) -> Recording:
     """The plan rich, simulated with our equations and a quiet rig's noise; lag 50 ms."""
-    mock = fly_plan(load_plan("rich"), device="mock:?speed=max&seed=1821", seed=1821).recording
+    mock = mock_flight()
     model = nominal(mock.profile, (*ALWAYS, *simplified), **{"motor.lag.time_constant_s": 0.05})
     model = replace(model, noise=np.array([0.004, 0.01, 0.003]))
-    return simulated_flight(model, mock.between(0.0, 40.0), np.random.default_rng(1821))
+    return simulated_flight(model, mock, np.random.default_rng(1821))
 
 
 @pytest.fixture(scope="module")

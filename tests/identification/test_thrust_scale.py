@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.method import fit_greybox
 from heli3dof.identification.greybox.thrust_scale import (
     ThrustScale,
     of_ratios,
     thrust_gain_warning,
 )
+from tests.flown import flown
 
 SMALL_STD = np.full(4, 0.003)
 
@@ -74,6 +73,6 @@ def test_a_thrust_gain_is_off_beyond_the_tolerance_by_two_standard_deviations(
 @pytest.mark.parametrize(("gain", "stated"), [("0.7", True), ("1.05", False)])
 def test_identify_states_another_thrust_gain(gain: str, stated: bool) -> None:
     device = f"mock:?speed=max&seed=5&hide=motor.thrust_gain:{gain}"
-    flight = fly_plan(load_plan("multisine"), device=device, seed=5).recording
+    flight = flown("multisine", 40.0, device=device, seed=5)
     warning = thrust_gain_warning(fit_greybox(flight))
     assert [w.startswith("Trim torque and inertias deviate") for w in warning] == [True] * stated

@@ -12,15 +12,26 @@ from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.integrity import Fault, Kind, integrity
 from heli3dof.recording.recording import Recording
+from tests.flown import first_part
 
 Change = Callable[[Recording], Recording]
 STOPPING = (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE)
 
 
+def flight(
+    plan: str = "rich", hide: str = "", seed: int = 1201, until_s: float = 45.0
+) -> Recording:
+    """Return a flight from the table and back; ``run-step`` is a 10° step in roll.
+
+    ``until_s``: a longer plan ends there, and the rig lands from there.
+    """
+    return _flown(plan, hide, seed, until_s)  # one form of the arguments for the cache
+
+
 @lru_cache(maxsize=40)
-def flight(plan: str = "rich", hide: str = "", seed: int = 1201) -> Recording:
-    """Return a flight from the table and back; ``run-step`` is a 10° step in roll."""
-    chosen = step_plan((10.0, None, None)) if plan == "run-step" else load_plan(plan)
+def _flown(plan: str, hide: str, seed: int, until_s: float) -> Recording:
+    whole = step_plan((10.0, None, None)) if plan == "run-step" else load_plan(plan)
+    chosen = first_part(whole, until_s)
     device = "mock:?speed=max" + (f"&hide={hide}" if hide else "")
     return fly_plan(chosen, device=device, seed=seed).recording
 

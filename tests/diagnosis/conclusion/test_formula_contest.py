@@ -18,9 +18,8 @@ from heli3dof.diagnosis.conclusion.formula_contest import (
 from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import Place
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.method import fit_greybox
+from tests.flown import flown
 
 TWO = ("motor.thrust_mismatch", "bias.torque.pitch")
 
@@ -31,7 +30,7 @@ SETUP = Setup((), seed=0, pilots=6)
 @cache
 def fitted(hide: str, causes: tuple[str, ...], seed: int) -> CorrectedFit:
     device = f"mock:?speed=max&hide={hide}"
-    recording = fly_plan(load_plan("rich"), device=device, seed=seed).recording.between(0.0, 40.0)
+    recording = flown("rich", 40.0, device=device, seed=seed)
     fit = fit_greybox(recording, causes)
     return CorrectedFit(fit.problem, fit.optimum)
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.conclusion.recordings_agree import is_in_motion, line_share
-from tests.identification.known_flights import fly
+from heli3dof.recording.recording import make_recording
+from heli3dof.rig.profile import default_profile
 
 T = np.arange(0, 60, 0.002)
 SQUARE = np.where(np.floor(T / 5) % 2 == 0, 10.0, -10.0)
@@ -26,8 +27,8 @@ def test_the_share_is_zero_between_lines_and_for_a_constant_signal() -> None:
 
 
 def test_without_a_logged_reference_the_angles_give_the_commanded_motion() -> None:
-    r = fly(1022).recording.between(0, 30)
-    t = r.t - r.t[0]
+    t = np.arange(15_000) * 0.002
+    r = make_recording(t, np.zeros((len(t), 2)), np.zeros((len(t), 3)), default_profile())
     swings = np.stack([0.0 * t, 0.2 * np.sin(2 * np.pi * 0.2 * t), 0.0 * t], axis=1)
     nothing = np.full_like(swings, np.nan)
     assert is_in_motion(replace(r, reference=nothing, angle=swings), 0.2)

@@ -18,9 +18,8 @@ from heli3dof.diagnosis.estimate.base_fit import fit_base
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import Choice
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import step_plan
 from heli3dof.model.effects import term, terms
+from tests.flown import flown
 
 NAMES = ("motor.supply_sag", "motor.thrust_curve", "motor.saturation")
 NONE = cast(Any, None)
@@ -75,8 +74,8 @@ def test_segments_that_agree_rank_with_certainty() -> None:
 
 
 def test_the_cells_add_up_to_the_whole_likelihood() -> None:
-    flown = fly_plan(step_plan((5.0, None, None)), device="mock:?speed=max&seed=1209", seed=1)
-    base = fit_base(Setup((flown.recording,), 1, 4))
+    recording = flown("rich", 14.0, device="mock:?speed=max&seed=1209", seed=1)
+    base = fit_base(Setup((recording,), 1, 4))
     one = CandidateFit(term(NAMES[0]), base.problem, base.optimum, 0.0, 0.0, None)
     by_cell = log_likelihood_cells(one)
     assert by_cell.sum() == pytest.approx(float(base.optimum.at.loglik.sum()), rel=1e-9)

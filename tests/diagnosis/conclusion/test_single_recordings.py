@@ -28,24 +28,24 @@ def test_two_different_sizes_are_not_one_cause() -> None:
 
 
 def test_a_single_recording_has_no_comparison_and_one_time_events_are_skipped() -> None:
-    r = without_controller(fly(1022).recording.between(0, 10))
+    r = without_controller(fly(1022, until_s=40.0).recording.between(0, 10))
     assert not_confirmed([PENDULUM], [r]) == set()
     assert not_confirmed(["mass.change"], [r, r]) == set()
 
 
 def test_recordings_confirm_a_present_cause_and_not_an_absent_one() -> None:
-    r = without_controller(fly(1022).recording)
+    r = without_controller(fly(1022, until_s=40.0).recording)
     parts = [r.between(0, 20), r.between(20, 40)]
     assert not_confirmed([PENDULUM, CABLE], parts) == {CABLE}
 
 
 def test_the_size_and_its_deviation_come_from_the_fit() -> None:
-    fit = fit_greybox(fly(1022).recording.between(0, 20), [PENDULUM])
+    fit = fit_greybox(fly(1022, until_s=40.0).recording.between(0, 20), [PENDULUM])
     value, std = size(fit, PENDULUM)
     assert std > 0
     assert value == fit.values[fit.structure.names.index(f"{PENDULUM}.torque_Nm")]
 
 
 def test_recordings_that_cannot_be_fitted_are_ignored() -> None:
-    r = without_controller(fly(1022).recording)
+    r = without_controller(fly(1022, until_s=40.0).recording)
     assert not_confirmed([PENDULUM], [r.between(0, 20), r.between(20, 20.1)]) == set()

@@ -15,24 +15,23 @@ from heli3dof.diagnosis.estimate.base_fit import corrected_base, fit_base, inert
 from heli3dof.diagnosis.estimate.bias_correction import ProfileLikelihood
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.selection.steps import screening_step
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
+from tests.flown import flown
 
 BACKLASH = "encoder.backlash.roll"
 
 
-def product(plan: str, seed: int) -> Recording:
+def product(plan: str, seed: int, until_s: float = 90.0) -> Recording:
     """k V_f V_b on pitch: about hover a thrust mismatch and a constant torque."""
     device = "mock:?speed=max&hide=other.pitch_torque_from_voltage_product:0.0006"
-    return fly_plan(load_plan(plan), device=device, seed=seed).recording
+    return flown(plan, until_s, device=device, seed=seed)
 
 
 def test_an_unmodelled_torque_gets_no_asserted_name() -> None:
-    result = diagnose(product("rich", 1303).between(0.0, 30.0), quick=True)
+    result = diagnose(product("rich", 1303, 30.0), quick=True)
     assert result.verdict == "unexplained"
     assert result.residual_torques[0].axis == "pitch"
     # Its stand-in about hover is either dropped or reported as "-like".

@@ -15,14 +15,13 @@ from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, ProfileLik
 from heli3dof.diagnosis.result import WITHIN_ROUNDING
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import Interval
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import estimate
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.rig.profile import default_profile
+from tests.flown import flown
 
 PROFILE = default_profile()
 """4096 counts in roll and pitch, 8192 in yaw: Δ/√12 is 0.0254° and 0.0127°"""
@@ -64,7 +63,7 @@ def test_a_base_parameter_must_predict_better_than_the_profile_s_value(
     hide: str, names: list[str]
 ) -> None:
     url = f"mock:?speed=max&seed=1160&hide={hide}"
-    r = fly_plan(load_plan("rich"), device=url, seed=1160).recording.between(0.0, 30.0)
+    r = flown("rich", 30.0, device=url, seed=1160)
     problem = ProfileLikelihood(data_of([r], usable_runs(r, 0)), Structure(r.profile, ()))
     fit = CorrectedFit(problem, estimate(problem).optimum)
     found = [OffNominal(term("inertia.pitch"), 1.4, 0.05, 64.0)]

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import pytest
 
+from heli3dof.diagnosis import diagnose as module
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.diagnosis.screening.catalogue import candidates
 from heli3dof.errors import UsageError
 from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan, step_plan
+from heli3dof.experiment.plan import step_plan
 from heli3dof.model.base import Model
 from heli3dof.model.model_file import save_model
 from heli3dof.paper.models import load_model
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.write import write_recording
+from heli3dof.rig.profile import default_profile
+from tests.cli.running import Result, heli3dof
+from tests.flown import flown
 
 
 def names(result: Diagnosis) -> list[str]:
@@ -24,12 +32,33 @@ def names(result: Diagnosis) -> list[str]:
 @pytest.fixture(scope="module")
 def flight() -> Recording:
     device = "mock:?speed=max&seed=1301&spread=0.07"
-    return fly_plan(load_plan("rich"), device=device, seed=1301).recording.between(0.0, 30.0)
+    return flown("rich", 30.0, device=device, seed=1301)
 
 
 @pytest.fixture(scope="module")
-def result(flight: Recording) -> Diagnosis:
-    return diagnose(flight, quick=True, base="hover")
+def command(
+    flight: Recording, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Result, Diagnosis]:
+    """``diagnose --base hover``, and the diagnosis that it printed."""
+    folder = tmp_path_factory.mktemp("hover")
+    path = folder / "flight.mcap"
+    write_recording(flight, path)
+    made: list[Diagnosis] = []
+
+    def kept(*args: Any, **options: Any) -> Diagnosis:
+        made.append(diagnose(*args, **options))
+        return made[-1]
+
+    words = ("--base", "hover", "--quick", "-o", folder / "m.json", "--json")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(module, "diagnose", kept)
+        printed = heli3dof("diagnose", path, *words)
+    return printed, made[0]
+
+
+@pytest.fixture(scope="module")
+def result(command: tuple[Result, Diagnosis]) -> Diagnosis:
+    return command[1]
 
 
 def test_geometry_is_a_candidate_only_for_the_hover_base() -> None:
@@ -61,6 +90,16 @@ def test_the_gain_of_geometry_is_relative_to_the_refitted_hover_model(result: Di
     assert after < 0.5 * before
     # Calibration is not part of the gain: the hover model with the profile's values is worse.
     assert whole.wrong.at(1.0, "roll")[0] > before
+
+
+def test_the_command_diagnoses_the_linear_model(command: tuple[Result, Diagnosis]) -> None:
+    printed, _ = command
+    assert printed.code == 0, printed.err
+    (body,) = (f for f in printed.document["findings"] if f["effect"] == "geometry")
+    assert body["parameters"]["share"]["value"] == pytest.approx(1.0, abs=0.2)
+    assert printed.document["about"]["base"] == "hover"
+    model = load_model(Path(printed.document["model"]), default_profile())
+    assert model.terms[0] == "base.hover"  # type: ignore[attr-defined]
 
 
 def test_the_document_states_the_base(result: Diagnosis) -> None:

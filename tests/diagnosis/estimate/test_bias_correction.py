@@ -14,20 +14,21 @@ from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.selection.steps import fit_with_cause, screening_step
 from heli3dof.diagnosis.sensitivity.perturbation import path
 from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan, step_plan
+from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.greybox.method import fit_greybox, usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile, profile_from_dict
+from tests.flown import flown
 
 DEVICE = "mock:?speed=max&spread=0.07&seed=1002"
 
 
 @cache
-def steps() -> Recording:
-    return fly_plan(load_plan("steps"), device=DEVICE, seed=1002).recording
+def steps(until_s: float = 24.0) -> Recording:
+    return flown("steps", until_s, device=DEVICE, seed=1002)
 
 
 def true_roll_inertia() -> float:
@@ -40,7 +41,7 @@ def true_roll_inertia() -> float:
 
 @pytest.mark.accuracy
 def test_on_steps_the_corrected_roll_inertia_is_right_and_the_plain_one_is_not() -> None:
-    recording, truth = steps(), true_roll_inertia()
+    recording, truth = steps(90.0), true_roll_inertia()
     plain = fit_greybox(recording, ())
     corrected = fit_base(Setup((recording,), seed=0, pilots=6))
     assert abs(plain.values[1] - truth) > 3 * plain.std[1]

@@ -12,9 +12,8 @@ from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, model_at
 from heli3dof.diagnosis.estimate.coloured_noise import freedom, long_run, significant_ratio
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.recording.recording import Recording
+from tests.flown import flown
 
 DEVICE = "mock:?speed=max&start=level&spread=0.07&seed=1411"
 TIMES = 15.0
@@ -73,8 +72,8 @@ def test_only_significant_ratios_count_as_colour() -> None:
 
 @pytest.fixture(scope="module")
 def white() -> tuple[Recording, CorrectedFit]:
-    flown = fly_plan(load_plan("steps"), device=DEVICE, seed=1411).recording.between(8.0, 48.0)
-    return flown, fit_base(Setup((flown,), seed=0, pilots=6))
+    flight = flown("steps", 48.0, device=DEVICE, seed=1411).between(8.0, 48.0)
+    return flight, fit_base(Setup((flight,), seed=0, pilots=6))
 
 
 @pytest.mark.accuracy

@@ -19,10 +19,11 @@ from heli3dof.diagnosis.estimate.evaluation import evaluate
 from heli3dof.diagnosis.estimate.limit_cycle import edge_rates
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan, step_plan
+from heli3dof.experiment.plan import step_plan
 from heli3dof.model.estimation.filter_data import Stretch, data_of
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile
+from tests.flown import flown
 
 MODULE = "heli3dof.diagnosis.estimate.edge_rates"
 DEVICE = "mock:?speed=max&spread=0.07&seed=1022"
@@ -118,8 +119,8 @@ def test_if_the_search_ends_where_the_filter_diverges_the_fit_is_unchanged(
 
 
 def test_without_a_limit_cycle_edge_rates_are_not_used() -> None:
-    flown = fly_plan(load_plan("rich"), device=DEVICE, seed=1022).recording.between(6.0, 22.0)
-    assert fit_base(Setup((flown,), seed=0, pilots=4)).spread is None
+    flight = flown("rich", 22.0, device=DEVICE, seed=1022).between(6.0, 22.0)
+    assert fit_base(Setup((flight,), seed=0, pilots=4)).spread is None
 
 
 def test_the_three_moments_of_each_axis_are_weighted_by_their_covariance() -> None:

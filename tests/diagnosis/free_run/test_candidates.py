@@ -25,7 +25,7 @@ CABLE, NAMES = "stiffness.cable.yaw", ("stiffness.pendulum.roll", "friction.visc
 @pytest.fixture(scope="module")
 def lacking() -> MultiStepFit:
     """A fit without the cable that acts in this flight; no list of usual effects has a cable."""
-    problem = problem_of([fly(1022, "rich", hide=f"{CABLE}:0.5").recording], NAMES)
+    problem = problem_of([fly(1022, "rich", hide=f"{CABLE}:0.5", until_s=45.0).recording], NAMES)
     return search(problem, weak_start(problem), stages_s=(STAGE_S,))
 
 

@@ -29,7 +29,7 @@ YAW, PITCH = "friction.coulomb.yaw", "friction.coulomb.pitch"
 @pytest.fixture(scope="module")
 def flat() -> MultiStepFit:
     """Return a fit to data without information: every parameter has its prior mean and σ."""
-    p = problem_of([fly(1022).recording.between(0, 25)], REAL_TERMS)
+    p = problem_of([fly(1022, until_s=40.0).recording.between(0, 25)], REAL_TERMS)
     return MultiStepFit(
         p, p.start.copy(), np.ones(4), np.ones((7, 3)), 0.0, np.zeros((p.dim, 1)), 0, True
     )

@@ -26,7 +26,12 @@ from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.identification.greybox.multistep import search
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.model.greybox.multistep import Flight
+from heli3dof.recording.recording import Recording
 from tests.identification.known_flights import fly
+
+
+def recorded() -> Recording:
+    return fly(1022, until_s=40.0).recording.between(0, 25)
 
 
 def flight(seconds: float, dt: float = 0.01) -> Flight:
@@ -61,13 +66,13 @@ def test_a_term_is_kept_if_all_cells_agree_and_removed_if_they_disagree() -> Non
 
 
 def test_the_rotor_curve_is_known_in_advance_and_friction_is_not() -> None:
-    known = known_beforehand(problem_of([fly(1022).recording.between(0, 25)], REAL_TERMS))
+    known = known_beforehand(problem_of([recorded()], REAL_TERMS))
     assert "motor.rotor_curve" in known
     assert not any(k.startswith("friction") for k in known)
 
 
 def test_the_filter_restarts_at_the_end_of_the_climb() -> None:
-    recording = fly(1022).recording.between(0, 25)
+    recording = recorded()
     data = problem_of([recording], REAL_TERMS).data[0]
     lead, start, stop = data.blocks[0]
     split = split_at_climb_end(data, int(start) + 100)
@@ -81,7 +86,7 @@ def test_blocks_decide_the_causes_and_the_model_keeps_all_terms(
 ) -> None:
     """The blocks do not need the yaw torque, but the model keeps it."""
     names = ("stiffness.pendulum.roll", "bias.torque.yaw", "motor.lag")
-    problem = problem_of([fly(1022).recording.between(0, 25)], names)
+    problem = problem_of([recorded()], names)
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=1)
     intervals = {n: bootstrap(np.full(9, 1.0), 1) for n in names}
     intervals["bias.torque.yaw"] = bootstrap(np.linspace(-1, 1, 9), 1)
@@ -102,7 +107,7 @@ def test_blocks_decide_the_causes_and_the_model_keeps_all_terms(
 def test_a_cause_is_confounded_with_what_replaces_it_without_loss(
     monkeypatch: pytest.MonkeyPatch, low: float, tied: tuple[str, ...]
 ) -> None:
-    problem = problem_of([fly(1022).recording.between(0, 25)], ("motor.lag",))
+    problem = problem_of([recorded()], ("motor.lag",))
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=1)
     increase = module.LossIncrease(0.1, low, 0.3, 0.1, 0.9)
     monkeypatch.setattr(module, "score_tests", lambda fit: [])
@@ -114,7 +119,7 @@ def test_a_cause_is_confounded_with_what_replaces_it_without_loss(
 
 
 def test_a_refit_without_a_term_keeps_the_scale_and_reaches_the_optimum() -> None:
-    problem = problem_of([fly(1022).recording.between(0, 25)], ("motor.lag", "bias.torque.yaw"))
+    problem = problem_of([recorded()], ("motor.lag", "bias.torque.yaw"))
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,))
     less = refit(full, "bias.torque.yaw")
     assert (less.scale == full.scale).all()
@@ -123,7 +128,7 @@ def test_a_refit_without_a_term_keeps_the_scale_and_reaches_the_optimum() -> Non
 
 
 def test_without_elimination_terms_are_kept_by_size_and_there_are_no_halves() -> None:
-    problem = problem_of([fly(1022).recording.between(0, 25)], ("motor.lag", "bias.torque.yaw"))
+    problem = problem_of([recorded()], ("motor.lag", "bias.torque.yaw"))
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,))
     result = without_elimination(full)
     assert [r.term for r in result.kept] == ["motor.lag"]

@@ -19,7 +19,7 @@ WEIGHT = "mass.imbalance.torque_Nm"
 @pytest.fixture(scope="module")
 def known() -> MultiStepFit:
     """A fit at the prior means, with σ = 0.02 in each coordinate."""
-    p = problem_of([fly(1022).recording.between(0, 25)], REAL_TERMS)
+    p = problem_of([fly(1022, until_s=40.0).recording.between(0, 25)], REAL_TERMS)
     D = np.eye(p.dim) / 0.02
     return MultiStepFit(p, p.start.copy(), np.ones(4), np.ones((7, 3)), 0.0, D, 0, True)
 

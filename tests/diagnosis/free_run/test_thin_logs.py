@@ -8,17 +8,16 @@ import numpy as np
 
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.model.greybox.model import nominal
 from heli3dof.recording.recording import Recording
+from tests.flown import flown
 
 
 def decimated(hide: str, every: int) -> Recording:
-    """Return a flight of the rich plan at 500 Hz with every ``every``-th row."""
+    """Return 40 s of the rich plan at 500 Hz with every ``every``-th row."""
     device = f"mock:?speed=max&hide={hide}&seed=1140&spread=0.07"
-    flown = fly_plan(load_plan("rich"), device=device, seed=1140).recording
-    return replace(flown.rows(slice(None, None, every)), channels={})
+    flight = flown("rich", 40.0, device=device, seed=1140)
+    return replace(flight.rows(slice(None, None, every)), channels={})
 
 
 def test_at_100_hz_nothing_is_found_and_the_rate_is_reported() -> None:
@@ -40,7 +39,7 @@ def test_at_100_hz_a_delay_of_15_ms_is_found() -> None:
 
 def test_a_null_of_a_decimated_log_is_simulated_at_the_loop_rate_and_decimated() -> None:
     log = decimated("", 10)
-    flown = simulated_flight(nominal(log.profile), log, np.random.default_rng(3))
-    assert np.array_equal(flown.t, log.t)
+    again = simulated_flight(nominal(log.profile), log, np.random.default_rng(3))
+    assert np.array_equal(again.t, log.t)
     # At 50 Hz this controller would not stabilise the rig.
-    assert np.abs(flown.angle[:, :2]).max() < np.radians(40)
+    assert np.abs(again.angle[:, :2]).max() < np.radians(40)

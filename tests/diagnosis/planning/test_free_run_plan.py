@@ -28,7 +28,7 @@ NAMES = ("friction.viscous.yaw", "motor.lag", "encoder.offset.pitch")
 @pytest.fixture(scope="module")
 def open_() -> OpenTerms:
     """A flight with little yaw motion; yaw's viscous friction is left open."""
-    recording = fly(1022).recording.between(0, 25)
+    recording = fly(1022, until_s=40.0).recording.between(0, 25)
     problem = problem_of([recording], NAMES)
     fit = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=2)
     return OpenTerms(fit, model_of(fit, [recording], "rig"), ("friction.viscous.yaw",))

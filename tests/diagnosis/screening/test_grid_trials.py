@@ -23,19 +23,18 @@ from heli3dof.diagnosis.screening.grid_trials import (
     widened,
 )
 from heli3dof.diagnosis.selection.steps import screening_step
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
+from tests.flown import flown
 
 
 @cache
 def base(hide: str, seed: int) -> Estimate:
     """The base model, without backlash, fitted to 30 s."""
     url = f"mock:?speed=max&seed={seed}&hide={hide}"
-    r = fly_plan(load_plan("rich"), device=url, seed=seed).recording.between(0.0, 30.0)
+    r = flown("rich", 30.0, device=url, seed=seed)
     return estimate(ProfileLikelihood(data_of([r], usable_runs(r, 0)), Structure(r.profile, ())))
 
 
@@ -95,7 +94,7 @@ def test_a_loop_oscillating_with_a_lag_is_not_attributed_to_noise() -> None:
     """With an additional torque, the base fit doubles J_pitch and quadruples the noise. The lag's
     score may then be insignificant; its trial against the nulls is not."""
     device = "mock:?speed=max&seed=1043&hide=motor.lag:0.08,bias.torque.pitch:0.025"
-    flight = fly_plan(load_plan("rich"), device=device, seed=1043).recording.between(0.0, 40.0)
+    flight = flown("rich", 40.0, device=device, seed=1043)
     setup = Setup((flight,), 0, 4)
     step = screening_step(setup, fit_base(setup), 10)
     trial = max(step.significant_trials(setup, last_resort_terms(())), key=lambda t: t.gain)

@@ -10,20 +10,18 @@ from heli3dof.diagnosis.estimate.evaluation import Evaluation, evaluate
 from heli3dof.diagnosis.screening.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.screening.score_test import Screen, with_term
 from heli3dof.diagnosis.sensitivity.perturbation import backward, forcing, forward
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
+from tests.flown import flown
 
 
 def rich(seed: int, hide: str = "") -> Recording:
     device = f"mock:?speed=max&seed={seed}" + (f"&hide={hide}" if hide else "")
-    flown = fly_plan(load_plan("rich"), device=device, seed=seed).recording
-    return flown.between(0.0, 40.0)
+    return flown("rich", 40.0, device=device, seed=seed)
 
 
 def fitted(recording: Recording) -> tuple[Estimate, Evaluation]:

@@ -23,19 +23,19 @@ from heli3dof.diagnosis.selection.steps import (
     screening_step,
     without,
 )
-from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
+from tests.flown import flown
 
 NONE = cast(Any, None)
 
 
 def step_of(plan: Plan, hide: str, seed: int) -> tuple[Setup, Step]:
     device = f"mock:?speed=max&seed={seed}&hide={hide}"
-    setup = Setup((fly_plan(plan, device=device, seed=seed).recording.between(0.0, 40.0),), 0, 4)
+    setup = Setup((flown(plan, 40.0, device=device, seed=seed),), 0, 4)
     return setup, screening_step(setup, fit_base(setup), 10).chosen(setup, None)
 
 
@@ -68,9 +68,9 @@ def test_backlash_in_roll_is_not_compensated_by_its_score_bias() -> None:
     there: it would move T_g to −8 N·m and remove the backlash."""
     backlash = term("encoder.backlash.roll")
     device = "mock:?speed=max&seed=1031&hide=encoder.backlash.roll:1.0"
-    flown = fly_plan(load_plan("rich"), device=device, seed=1031).recording.between(0.0, 20.0)
-    structure = Structure(flown.profile, (backlash,))
-    problem = ProfileLikelihood(data_of([flown], usable_runs(flown, 0)), structure)
+    flight = flown("rich", 20.0, device=device, seed=1031)
+    structure = Structure(flight.profile, (backlash,))
+    problem = ProfileLikelihood(data_of([flight], usable_runs(flight, 0)), structure)
     start = problem.coordinates(np.array([f.start for f in structure.free[:-1]] + [1.0]))
     fit = maximise_corrected(problem, start, np.array([0.003, 0.014, 0.0025, 0.0]), None)
     bias = np.array([1235.0, -92.0, -148.0, -79.0, -14.0])  # of hidden case rich-pair-40020

@@ -33,11 +33,12 @@ from heli3dof.experiment.plan import load_plan
 from heli3dof.model.effects import term
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
+from tests.flown import flown
 
 
 def flight(seed: int, hide: str = "") -> Recording:
     device = "mock:?speed=max" + (f"&hide={hide}" if hide else "")
-    return fly_plan(load_plan("rich"), device=device, seed=seed).recording.between(0.0, 40.0)
+    return flown("rich", 40.0, device=device, seed=seed)
 
 
 def corrected(recording: Recording) -> CorrectedFit:
@@ -55,11 +56,23 @@ def coupled() -> tuple[Recording, CorrectedFit]:
     return recording, corrected(recording)
 
 
-def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
-    coupled: tuple[Recording, CorrectedFit],
-) -> None:
+@pytest.fixture(scope="module")
+def coupling(coupled: tuple[Recording, CorrectedFit]) -> ResidualTorque:
+    """The most significant residual torque of that flight."""
     recording, fit = coupled
-    first, *_ = found(fit, recording)
+    return found(fit, recording)[0]
+
+
+@pytest.fixture(scope="module")
+def unmodified() -> tuple[Recording, CorrectedFit]:
+    recording = flight(1202)
+    return recording, corrected(recording)
+
+
+def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
+    coupled: tuple[Recording, CorrectedFit], coupling: ResidualTorque
+) -> None:
+    fit, first = coupled[1], coupling
     assert (first.axis, first.depends_on) == ("yaw", "pitch_rate")
     assert first.share > 0.5
     assert first.confidence > 0.99
@@ -80,15 +93,18 @@ def test_a_formula_shows_a_torque_where_nothing_can_be_simulated() -> None:
     assert significant_formula(corrected(recording)) == ("yaw", "pitch_rate")
 
 
-def test_an_unmodified_rig_has_no_significant_formula() -> None:
-    assert significant_formula(corrected(flight(1202))) is None
+def test_an_unmodified_rig_has_no_significant_formula(
+    unmodified: tuple[Recording, CorrectedFit],
+) -> None:
+    assert significant_formula(unmodified[1]) is None
 
 
 def test_without_a_formula_that_fits_as_well_the_curve_is_proposed(
-    coupled: tuple[Recording, CorrectedFit], monkeypatch: pytest.MonkeyPatch
+    coupled: tuple[Recording, CorrectedFit],
+    coupling: ResidualTorque,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    recording, fit = coupled
-    first, *_ = found(fit, recording)
+    fit, first = coupled[1], coupling
     monkeypatch.setattr(torque_formula, "PRODUCTS", ("sin(roll)", "voltage_sum"))
     (curve,) = proposals(fit, first)
     assert not curve.is_formula
@@ -96,15 +112,17 @@ def test_without_a_formula_that_fits_as_well_the_curve_is_proposed(
     assert curve.start == tuple(torque for _, torque in first.table)
 
 
-def test_an_unmodified_rig_has_no_residual_torque() -> None:
-    recording = flight(1202)
-    assert found(corrected(recording), recording) == ()
+def test_an_unmodified_rig_has_no_residual_torque(
+    unmodified: tuple[Recording, CorrectedFit],
+) -> None:
+    recording, fit = unmodified
+    assert found(fit, recording) == ()
 
 
 def test_a_draught_is_slow_noise_and_no_effect() -> None:
     """On roll 0.014 N·m RMS: 4 · 0.035 N·m · √(0.01 s/1 s), the emulator's law (its `noise`)."""
     device = "mock:?speed=max&noise_s=1&noise=4"
-    recording = fly_plan(load_plan("rich"), device=device, seed=1203).recording.between(0.0, 40.0)
+    recording = flown("rich", 40.0, device=device, seed=1203)
     effects, slow_noise = split_off_slow_noise(found(corrected(recording), recording))
     assert effects == ()
     (roll,) = (torque for torque in slow_noise if torque.axis == "roll")
@@ -122,9 +140,9 @@ def test_time_comes_first_if_another_variable_explains_hardly_more() -> None:
 def test_the_residual_torque_lies_on_the_hidden_line(
     coupled: tuple[Recording, CorrectedFit],
 ) -> None:
-    flown = trail(coupled[1])
-    rows = flown.in_runs
-    slope = np.polyfit(flown.variable("pitch_rate")[rows], flown.torque[rows, 2], 1)[0]
+    path = trail(coupled[1])
+    rows = path.in_runs
+    slope = np.polyfit(path.variable("pitch_rate")[rows], path.torque[rows, 2], 1)[0]
     assert slope == pytest.approx(-0.1, rel=0.1)
 
 

@@ -28,7 +28,7 @@ from heli3dof.diagnosis.validation.gain import HeldOut, Predictions, gain, pays
 from heli3dof.diagnosis.validation.prediction import covariance_floor_deg, floor_deg, model_errors
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan, step_plan
+from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.method import fit_greybox, model_of, usable_runs
 from heli3dof.model.effects import terms
@@ -37,13 +37,14 @@ from heli3dof.model.greybox.model import nominal
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 from heli3dof.report.figures.replayed_flight import replayed
+from tests.flown import flown
 
 HIDDEN = "friction.viscous.yaw"
 
 
-def flight(seed: int, plan: str = "rich") -> Recording:
+def flight(seed: int, plan: str = "rich", until_s: float = 90.0) -> Recording:
     device = f"mock:?speed=max&hide={HIDDEN}:0.05"
-    return fly_plan(load_plan(plan), device=device, seed=seed).recording
+    return flown(plan, until_s, device=device, seed=seed)
 
 
 @pytest.fixture(scope="module")
@@ -182,9 +183,7 @@ def test_without_the_only_step_an_inertia_stays_near_its_prior(
 def changed() -> Estimate:
     """Fit of a flight with backlash in roll's encoder and 20 g added at 30 s."""
     hide = "encoder.backlash.roll:0.5,mass.change:0.02@30"
-    recording = fly_plan(
-        load_plan("rich"), device=f"mock:?speed=max&hide={hide}", seed=1214
-    ).recording
+    recording = flown("rich", 50.0, device=f"mock:?speed=max&hide={hide}", seed=1214)
     problem = ProfileLikelihood(
         data_of([recording], usable_runs(recording, 0)),
         Structure(recording.profile, terms(["encoder.backlash.roll", "mass.change"])),
@@ -231,7 +230,7 @@ def test_with_backlash_a_filter_settles_as_if_run_from_the_start(
 
 
 def test_the_right_extension_pays_on_a_second_flight(base: Estimate, right: Estimate) -> None:
-    second = [flight(1212)]
+    second = [flight(1212, until_s=40.0)]
     g = gain(on_holdout(base, second), on_holdout(right, second))
     assert g.on == "holdout"
     assert pays(g)
@@ -299,7 +298,7 @@ def test_a_model_that_cannot_be_simulated_gets_its_noise_floor_from_the_covarian
 
 
 def test_table_ii_before_and_after_is_listed_with_the_flight_s_own_values() -> None:
-    steps = flight(1213, "steps")
+    steps = flight(1213, "steps", 40.0)
     base = fit_greybox(steps, ())
     model = model_of(base, [steps], "base")
     same = replayed(model, model, [steps])

@@ -20,7 +20,7 @@ OFFSET = "encoder.offset.pitch.angle_deg"
 
 @pytest.fixture(scope="module")
 def recording() -> Recording:
-    return fly(1021, "multisine").recording.between(0, 30)
+    return fly(1021, "multisine", until_s=30.0).recording
 
 
 def data(recording: Recording, start: int = 2500):  # type: ignore[no-untyped-def]

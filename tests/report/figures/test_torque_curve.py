@@ -13,8 +13,6 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import on_blocks
 from heli3dof.diagnosis.validation.gain import gain
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox, model_of
 from heli3dof.model.effects import effects, term
@@ -31,6 +29,7 @@ from heli3dof.report.figures.torque_curve import (
 )
 from heli3dof.report.pages.diagnosis_section import diagnosis_section
 from heli3dof.report.pages.html import page
+from tests.flown import flown
 from tests.report.text.test_diagnosis_tables import DOCUMENT
 
 DAMPING = 0.1
@@ -39,7 +38,7 @@ DAMPING = 0.1
 @pytest.fixture(scope="module")
 def recording() -> Recording:
     device = f"mock:?speed=max&hide=friction.viscous.yaw:{DAMPING}"
-    return fly_plan(load_plan("rich"), device=device, seed=1221).recording.between(0.0, 40.0)
+    return flown("rich", 40.0, device=device, seed=1221)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +70,7 @@ def test_viscous_friction_is_a_line_with_its_own_slope(seen: TorqueCurve) -> Non
 def test_a_pitch_offset_appears_as_a_yaw_torque_proportional_to_thrust() -> None:
     """Thrust tilted by the offset: τ = L_a K_f S sin(offset), 0.0041 N·m per volt at 3°."""
     device = "mock:?speed=max&hide=encoder.offset.pitch:3"
-    flight = fly_plan(load_plan("rich"), device=device, seed=1222).recording.between(0.0, 40.0)
+    flight = flown("rich", 40.0, device=device, seed=1222)
     without_offset, with_offset = (fit_greybox(flight, n) for n in ((), ("encoder.offset.pitch",)))
     e = torque_curve(with_offset, term("encoder.offset.pitch"), without_offset.optimum.noise)
     assert e is not None
