@@ -1,18 +1,19 @@
 """Correct the bias of a fit by simulated flights: the efficient method of moments.
 
 The filter's likelihood assumes Gaussian distributions, but encoders quantise. So its expected score
-at the true parameters is not zero and its maximum is biased: on steps, the roll inertia by 5 to
-10 %. With a known controller, B flights of the estimate are simulated
-(`estimate.simulated_flight`). Let g (n,) be the score of the recordings and g_b that of flight b,
-both at θ (n,). H (n, n) is the information, θ_0 and Λ are the prior's mean and information:
+at the true parameters is not zero and its maximum is biased: on steps, the roll inertia by 5 to 10
+%. With a known controller, B flights of the estimate are simulated
+(`bias_correction.simulated_flight`). Let g (n,) be the score of the recordings and g_b that of
+flight b, both at θ (n,). H (n, n) is the information, θ_0 and Λ are the prior's mean and
+information:
 
     g(θ) − ḡ(θ) − Λ(θ − θ_0) = 0,      ḡ = mean g_b                     (estimating equation)
     θ ← θ + (H + Λ)⁻¹ (g − ḡ − Λ(θ − θ_0))
     cov θ = (H + Λ)⁻¹ ((1 + 1/B) C + Λ) (H + Λ)⁻¹,      C = cov g_b by `scatter_of`
 
 The log-likelihood's derivative s by each axis' log noise intensity is corrected alike; its bias is
-s̄ = mean s_b. Coloured noise multiplies cov θ by √(ρ_i ρ_j) (`estimate.coloured_noise`). Sources:
-Gallant and Tauchen (1996); Gouriéroux, Monfort and Renault (1993).
+s̄ = mean s_b. Coloured noise multiplies cov θ by √(ρ_i ρ_j) (`bias_correction.coloured_noise`).
+Sources: Gallant and Tauchen (1996); Gouriéroux, Monfort and Renault (1993).
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.coloured_noise import colour
-from heli3dof.diagnosis.estimate.evaluation import evaluate, fixed_parameters
-from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
+from heli3dof.identification.bias_correction.coloured_noise import colour
+from heli3dof.identification.bias_correction.evaluation import evaluate, fixed_parameters
+from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import (
     Likelihood,
