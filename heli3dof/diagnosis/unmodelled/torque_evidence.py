@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.setup import controller_is_known
 from heli3dof.diagnosis.sensitivity.hat_functions import Hats, hats
 from heli3dof.diagnosis.sensitivity.projection import project_out
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
@@ -32,6 +31,7 @@ from heli3dof.identification.bias_correction.coloured_noise import (
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
 from heli3dof.identification.greybox.likelihood import score_and_information
+from heli3dof.model.control.voltage_replay import controller_is_known
 from heli3dof.recording.recording import Recording
 
 RANK_TOLERANCE = 1e-4

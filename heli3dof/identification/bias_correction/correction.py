@@ -27,7 +27,7 @@ import numpy as np
 from heli3dof.identification.bias_correction.coloured_noise import colour
 from heli3dof.identification.bias_correction.evaluation import evaluate, fixed_parameters
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
-from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.estimate import Estimate, cramer_rao
 from heli3dof.identification.greybox.likelihood import (
     Likelihood,
 )
@@ -112,6 +112,18 @@ class CorrectedFit(Estimate):
         middle = (1 + 1 / self.flights) * self.scatter + L
         return np.asarray(inverse @ middle @ inverse * np.outer(scale, scale))
 
+    @cached_property
+    def bound(self) -> np.ndarray:
+        """Return the Cramér–Rao bound (n,); without κ, as simulated flights explain the scatter."""
+        if self.scatter is None:
+            return np.asarray(Estimate.bound.func(self))  # type: ignore[attr-defined]
+        return np.asarray(cramer_rao(self.problem, self.theta, self.optimum.noise) * self.slopes)
+
+    @cached_property
+    def unexplained_scatter(self) -> float:
+        """Return the mean ρ, by which motion that is not simulated increases the variances."""
+        return self.inflation if self.scatter is None else float(self.colour.mean())
+
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
     """Return the model at θ = ``theta`` (n,) and a = ``noise`` (4,); its covariance is NaN."""
@@ -181,7 +193,8 @@ def correct(
         H = 0.5 * (recorded.H + np.mean([f.H for f in flights], axis=0))
         A = H + np.diag(precision)
         step = np.zeros(n)
-        free = ~fixed_parameters(problem)
+        free = ~(((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0)))
+        free &= ~fixed_parameters(problem)
         step[free] = np.linalg.solve(A[np.ix_(free, free)], g[free])
         sd = np.sqrt(np.diag(np.linalg.inv(A)))
         if update:
