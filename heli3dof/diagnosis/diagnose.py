@@ -4,7 +4,7 @@ The gain of a cause is the decrease of the prediction error if the model contain
 
 1. Integrity checks: a faulty recording is not diagnosed.
 2. Base fit: the trim torque T_g and the inertias of the rigid body (or of the paper's hover model)
-   are estimated and bias-corrected (`estimate.bias_correction`).
+   are estimated and bias-corrected (`bias_correction.correction`).
 3. Forward selection (`selection.select`): a score test against simulated nulls, then full fits of
    the best candidates; both are repeated after each cause.
 4. Gain: causes that do not improve the prediction of held-out data are dropped.
@@ -32,7 +32,6 @@ from heli3dof.diagnosis.estimate.base_parameters import (
     off_nominal,
     std_inflation,
 )
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
 from heli3dof.diagnosis.result import Diagnosis
@@ -44,8 +43,9 @@ from heli3dof.diagnosis.selection.steps import (
     screening_step,
 )
 from heli3dof.errors import UsageError, did_you_mean
+from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.integrity import Kind, integrity
-from heli3dof.integrity.voltage_replay import with_known_controller
+from heli3dof.model.control.voltage_replay import with_known_controller
 from heli3dof.model.effects import term
 from heli3dof.parallel import report_progress
 from heli3dof.recording.logs.sampling_clock import sampling_times

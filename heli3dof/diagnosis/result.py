@@ -10,13 +10,13 @@ from typing import Any
 from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.outlook import OpenTerms
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain, HeldOut
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
+from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.integrity import Fault
 from heli3dof.model.effects import Term
 from heli3dof.model.greybox.model import GreyBoxModel

@@ -1,8 +1,8 @@
 """Check that the profile's controller flew the recording: whether it reproduces the voltages.
 
-The simulated nulls and the bias correction fly this controller (`heli3dof.integrity.voltage_replay`
-states the comparison and its limits). If another controller flew the recording, the diagnosis
-continues as for an unknown controller.
+The simulated nulls and the bias correction fly this controller
+(`heli3dof.model.control.voltage_replay` states the comparison and its limits). If another
+controller flew the recording, the diagnosis continues as for an unknown controller.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
-from heli3dof.integrity.voltage_replay import Match, voltage_replay
+from heli3dof.model.control.voltage_replay import Match, voltage_replay
 from heli3dof.recording.logs.sampling_clock import sampling_times
 
 KIND = {Match.LATE: Kind.NOTE, Match.EXCITED: Kind.NOTE, Match.OTHER: Kind.FINDING}

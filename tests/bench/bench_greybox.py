@@ -32,7 +32,8 @@ friction.viscous.yaw:0.1` and `spread=0.1` (thrust gain, gravity torque and iner
 those six and two constant torques whose true value is zero. CRB is the Cramér–Rao bound at the true
 parameters, with the true process noise and encoder rounding as white noise; an estimator that uses
 the times of the encoder edges may be below it. Coverage: share of the 95 % intervals that contain
-the true value.
+the true value. *10° step*: `run-step --roll 10` of the same rigs without hidden effects, whose
+encoders are on a limit cycle.
 """
 
 
@@ -96,6 +97,23 @@ def one_replay(seed: int) -> np.ndarray:
         [100 * (1 - np.sqrt(((y - z[:n]) ** 2).sum(axis=0)) / spread)
          for z in (replayed, still.angle)]
     )  # fmt: skip
+
+
+def one_step(seed: int) -> np.ndarray:
+    """Returns (2, 4): errors of T_g and the inertias in standard deviations, plain and corrected.
+
+    The rig has no friction, so its encoders are on a limit cycle for most of the flight.
+    """
+    from heli3dof.experiment.plan import step_plan
+    from heli3dof.identification.bias_correction.closed_loop_fit import without_bias
+    from heli3dof.identification.greybox.method import fit_greybox
+    from tests.identification.known_flights import fly
+
+    flight = fly(seed, step_plan((10.0, None, None)), hide="")
+    plain = fit_greybox(flight.recording)
+    truth = np.array([flight.truth[f.name] for f in plain.free[:4]])
+    fits = (plain, without_bias(plain, [flight.recording]))
+    return np.array([(f.values[:4] - truth) / f.std[:4] for f in fits])
 
 
 def one_start(seed: int) -> float:
@@ -169,6 +187,16 @@ def measure() -> list[Figure]:
                         float(fit[1, i] - fit[0, i]), 0.5, "points",
                         how=f"{fit[0, i]:.2f} % against {fit[1, i]:.2f} %, held-out flights, "
                         f"seeds {REPLAY_SEEDS[0] + 100} to {REPLAY_SEEDS[-1] + 100}")
+            )  # fmt: skip
+        steps = np.array(all_of(one_step, list(SEEDS)))
+        for name, z in zip(("without", "with"), steps.transpose(1, 0, 2), strict=True):
+            inside = (np.abs(z) < 1.96).mean(axis=0)
+            figures.append(
+                Figure(f"10° step: coverage of 95 % intervals, {name} bias correction",
+                       f"{inside.mean():.3g}",
+                       how="T_g, roll, pitch, yaw inertia "
+                       + ", ".join(f"{x:.2g}" for x in inside)
+                       + f"; largest error {np.abs(z).max():.1f} standard deviations")
             )  # fmt: skip
         away = max(all_of(one_start, list(START_SEEDS)))
     figures.append(

@@ -23,11 +23,11 @@ import numpy as np
 from heli3dof.diagnosis.diagnose import diagnose  # with every module that uses a rule
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.estimate.base_parameters import OffNominal
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.screening.grid_trials import is_last_resort
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.recording.recording import Recording
 
 Function = Callable[..., Any]

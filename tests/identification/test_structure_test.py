@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
+from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.method import fit_greybox
 from heli3dof.identification.greybox.structure_test import (
     SIMPLIFICATIONS,

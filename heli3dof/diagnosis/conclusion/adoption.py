@@ -16,7 +16,8 @@ If no flights could be simulated, predictions must also confirm the cause
 (`conclusion.unknown_controller`). In any case, a cause is dropped if
 
 - Z²/ρ is below the threshold of simulated nulls (`screening.nulls`). Z is the standardised score
-  and ρ the factor by which coloured noise increases its variance (`estimate.coloured_noise`);
+  and ρ the factor by which coloured noise increases its variance
+  (`bias_correction.coloured_noise`);
 - an encoder error of at most one count explains the data as well.
 
 These causes are dropped first, then those with the smallest Δℓ. After each, the Δℓ of the remaining
@@ -32,7 +33,6 @@ from typing import Any
 
 from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding
 from heli3dof.diagnosis.estimate.base_parameters import in_SI
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, model_at
 from heli3dof.diagnosis.result import (
     COLOURED,
     DOES_NOT_PAY,
@@ -47,6 +47,7 @@ from heli3dof.diagnosis.selection.steps import without
 from heli3dof.diagnosis.validation.cross_validation import held_out, uncalibrated
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
+from heli3dof.identification.bias_correction.correction import CorrectedFit, model_at
 from heli3dof.identification.greybox.method import model_of
 from heli3dof.identification.greybox.thrust_scale import thrust_scale
 from heli3dof.model.greybox.model import nominal

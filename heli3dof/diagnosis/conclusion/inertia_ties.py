@@ -30,9 +30,9 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.diagnosis.estimate.base_parameters import THRUST_GAIN, OffNominal
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.screening.screening import LARGE, one_sided
 from heli3dof.diagnosis.selection.steps import Step
+from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust_scale
 
 MAX_DEVIATION = 3.0

@@ -1,1 +1,1 @@
-"""Fits of the base simulation: likelihood, bias correction, limit cycles, base parameters."""
+"""Fits of the base simulation: limit cycles, base parameters, corrected maximum likelihood."""

@@ -1,6 +1,6 @@
 """Fit the base simulation, the first step of a diagnosis.
 
-The bias-corrected fit (`estimate.bias_correction`) has two special cases:
+The bias-corrected fit (`bias_correction.correction`) has two special cases:
 
 - Limit cycle: the likelihood hardly distinguishes a smaller inertia with more noise from the true
   rig. The fit then starts at a matched noise (`estimate.limit_cycle`) and uses edge rates as
@@ -14,10 +14,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, ProfileLikelihood, correct
 from heli3dof.diagnosis.estimate.edge_rates import fit_with_edge_rates
 from heli3dof.diagnosis.estimate.limit_cycle import matched_noise, on_limit_cycle
 from heli3dof.diagnosis.estimate.setup import Setup
+from heli3dof.identification.bias_correction.correction import (
+    CorrectedFit,
+    ProfileLikelihood,
+    correct,
+)
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.method import compile_first, usable_runs
 from heli3dof.model.effects import terms as named

@@ -1,7 +1,7 @@
 """Maximise the bias-corrected likelihood: the likelihood minus the expected score's linear term.
 
 At the true parameters, the score of the filter's likelihood ℓ has a mean: ḡ for the base parameters
-θ and s̄ for the log noise intensities ln a (`estimate.bias_correction`). For a candidate's
+θ and s̄ for the log noise intensities ln a (`bias_correction.correction`). For a candidate's
 parameters φ the mean is b, from the nulls. To first order, the score of the corrected likelihood
 ℓ_c has zero mean:
 
@@ -17,7 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.evaluation import Evaluation, evaluate, fixed_parameters
+from heli3dof.identification.bias_correction.evaluation import (
+    Evaluation,
+    evaluate,
+    fixed_parameters,
+)
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW, Optimum
 

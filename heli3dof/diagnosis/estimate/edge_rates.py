@@ -27,7 +27,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.bias_correction import (
+from heli3dof.diagnosis.estimate.limit_cycle import edge_rates
+from heli3dof.identification.bias_correction.correction import (
     CONVERGED,
     CorrectedFit,
     model_at,
@@ -35,8 +36,7 @@ from heli3dof.diagnosis.estimate.bias_correction import (
     scatter_of,
     simulate_again,
 )
-from heli3dof.diagnosis.estimate.evaluation import evaluate
-from heli3dof.diagnosis.estimate.limit_cycle import edge_rates
+from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW
 from heli3dof.parallel import replicate

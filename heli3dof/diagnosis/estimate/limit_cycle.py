@@ -22,7 +22,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.bias_correction import model_at, simulate_again
+from heli3dof.identification.bias_correction.correction import model_at, simulate_again
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.parallel import parallel_map

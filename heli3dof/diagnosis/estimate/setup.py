@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 from heli3dof.axes import AXES
 from heli3dof.identification.row_selection import unusable
+from heli3dof.model.control.voltage_replay import controller_is_known
 from heli3dof.recording.recording import Recording
 
 FALSE_ALARMS = 0.003
@@ -37,13 +37,3 @@ class Setup:
     @property
     def axes(self) -> list[str]:
         return [a for a in AXES if any(a in r.axes for r in self.recordings)]
-
-
-def controller_is_known(recordings: Sequence[Recording]) -> bool:
-    """Return whether each recording has a known controller, three axes and a reference."""
-    return all(
-        r.profile.controller_is_known
-        and len(r.axes) == 3
-        and any(r.has_reference(a) for a in r.axes)
-        for r in recordings
-    )

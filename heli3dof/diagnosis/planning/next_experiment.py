@@ -25,7 +25,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
-from heli3dof.diagnosis.estimate.evaluation import evaluate
 from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, Outlook, percent
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
 from heli3dof.diagnosis.planning.plan_flights import Task, fly_task, is_stable, task_of
@@ -36,6 +35,7 @@ from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan, named_plans
+from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.effects import Term, term

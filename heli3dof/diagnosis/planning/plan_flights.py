@@ -1,8 +1,8 @@
 """Simulate plans on a model in closed loop, to compute what the flights would show.
 
 A plan is rendered and checked once for all models. A flight is one compiled pass with the model's
-noise and encoders (`estimate.simulated_flight`). A plan that opens loops is first simulated without
-noise, because its references depend on the motion (`heli3dof.model.control.loop_opening`).
+noise and encoders (`bias_correction.simulated_flight`). A plan that opens loops is first simulated
+without noise, because its references depend on the motion (`heli3dof.model.control.loop_opening`).
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
 from heli3dof.errors import CheckFailed, UsageError
 from heli3dof.experiment.plan import Plan, Signals, check_plan
 from heli3dof.experiment.simulate import simulate
+from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.model.control.stability import check_loop
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.recording.recording import Recording, make_recording

@@ -30,11 +30,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, model_at, simulate_again
-from heli3dof.diagnosis.estimate.evaluation import evaluate
 from heli3dof.diagnosis.estimate.setup import FALSE_ALARMS
 from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
 from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
+from heli3dof.identification.bias_correction.correction import (
+    CorrectedFit,
+    model_at,
+    simulate_again,
+)
+from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.model.effects import Term
 from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording

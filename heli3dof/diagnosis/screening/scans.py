@@ -16,8 +16,8 @@ from typing import Protocol
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.evaluation import Evaluation
-from heli3dof.diagnosis.sensitivity.perturbation import forward
+from heli3dof.identification.bias_correction.evaluation import Evaluation
+from heli3dof.identification.bias_correction.perturbation import forward
 from heli3dof.model.effects import Term
 
 LOWEST_HZ, HIGHEST_HZ = 0.08, 8.0

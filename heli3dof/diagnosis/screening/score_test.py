@@ -11,7 +11,7 @@ A = T W Tᵀ + Λ. Then
     u/v                                                estimated size, in units of the probe
 
 The terms with A⁻¹ project out the base parameters, so no refit of the base is necessary. Sums over
-events use the adjoint L: Σ q δc = Σ L·δa for an acceleration δa (`sensitivity.perturbation`).
+events use the adjoint L: Σ q δc = Σ L·δa for an acceleration δa (`bias_correction.perturbation`).
 
 v of the recordings is also used for their nulls, so that both have the same scale. The likelihood
 is approximate, so z is biased; `screening.nulls` standardises it.
@@ -25,10 +25,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.evaluation import Evaluation
 from heli3dof.diagnosis.screening.catalogue import Probe
 from heli3dof.diagnosis.screening.scans import Scan
-from heli3dof.diagnosis.sensitivity.perturbation import (
+from heli3dof.identification.bias_correction.evaluation import Evaluation
+from heli3dof.identification.bias_correction.perturbation import (
     MOVES_THRUST,
     backward,
     forcing,

@@ -11,10 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.screening.catalogue import Probe
 from heli3dof.diagnosis.screening.nulls import Nulls
 from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
+from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.model.effects import Term
 
 ONE_SIDED = 0.25

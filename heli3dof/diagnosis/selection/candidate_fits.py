@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.diagnosis.screening.grid_trials import (
     GridTrial,
@@ -27,6 +26,7 @@ from heli3dof.diagnosis.screening.grid_trials import (
 )
 from heli3dof.diagnosis.screening.score_test import ScreenResult
 from heli3dof.diagnosis.screening.screening import Screening
+from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.likelihood import Likelihood, Pass
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term

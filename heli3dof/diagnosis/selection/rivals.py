@@ -2,7 +2,7 @@
 
 Encoders on a limit cycle make the score bias large, and its linear correction
 (`estimate.corrected_maximum`) too inaccurate to rank causes. This test needs no such correction.
-Each rival k is fitted (`estimate.bias_correction`). The recordings, and B flights simulated from
+Each rival k is fitted (`bias_correction.correction`). The recordings, and B flights simulated from
 each rival, give differences of log-likelihoods d_jk = ℓ_j − ℓ_k. Under rival k they have mean m_k
 and standard deviation s_k. With Student's density t of B − 1 degrees of freedom,
 
@@ -21,15 +21,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.bias_correction import (
+from heli3dof.diagnosis.screening.nulls import Nulls
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, bic_penalty
+from heli3dof.diagnosis.selection.select import TIE, Choice, certainty
+from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
     correct,
     model_at,
     simulate_again,
 )
-from heli3dof.diagnosis.screening.nulls import Nulls
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, bic_penalty
-from heli3dof.diagnosis.selection.select import TIE, Choice, certainty
 from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 

@@ -1,1 +1,1 @@
-"""First-order changes of the filter's predictions by small changes of the model or its torques."""
+"""First-order changes of the filter's predictions by torques, and projections of them."""

@@ -14,10 +14,10 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.evaluation import evaluate
 from heli3dof.diagnosis.screening.catalogue import candidates, probes
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.sensitivity.projection import project_out
+from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Pass
 

@@ -18,20 +18,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
-from heli3dof.diagnosis.estimate.coloured_noise import (
+from heli3dof.diagnosis.sensitivity.hat_functions import Hats, hats
+from heli3dof.diagnosis.sensitivity.projection import project_out
+from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
+from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, simulated_scores
+from heli3dof.identification.bias_correction.coloured_noise import (
     MEMORY_S,
     freedom,
     long_run,
     significant_ratio,
 )
-from heli3dof.diagnosis.estimate.setup import controller_is_known
-from heli3dof.diagnosis.sensitivity.hat_functions import Hats, hats
-from heli3dof.diagnosis.sensitivity.projection import project_out
-from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
-from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, simulated_scores
+from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
 from heli3dof.identification.greybox.likelihood import score_and_information
+from heli3dof.model.control.voltage_replay import controller_is_known
 from heli3dof.recording.recording import Recording
 
 RANK_TOLERANCE = 1e-4
@@ -134,10 +134,10 @@ def coloured_noise_ratio(
 
     ``torque`` τ (K,) has traces D (K, E), informative in the directions P (K, k). With ``nuisance``
     projected out of D, the readings' scores are g − w Dᵀ τ. Their block sums have a long-run
-    covariance S (`estimate.coloured_noise`). ρ is the larger significant tr(V⁺ S)/(k ``white``):
-    along P with `MEMORY_S`, or along a constant torque with `CONSTANT_MEMORY_S`. A fitted function
-    of time removes slow noise along P. ``white`` is tr(V⁺ S)/k in null simulations. White noise
-    exceeds a significant ratio with the probability ``chance``.
+    covariance S (`bias_correction.coloured_noise`). ρ is the larger significant tr(V⁺ S)/(k
+    ``white``): along P with `MEMORY_S`, or along a constant torque with `CONSTANT_MEMORY_S`. A
+    fitted function of time removes slow noise along P. ``white`` is tr(V⁺ S)/k in null simulations.
+    White noise exceeds a significant ratio with the probability ``chance``.
     """
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]

@@ -34,13 +34,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
-from heli3dof.diagnosis.estimate.coloured_noise import MEMORY_S, freedom, long_run
 from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, hats, sums_along
-from heli3dof.diagnosis.sensitivity.perturbation import Path, path
-from heli3dof.diagnosis.sensitivity.perturbation import forward as traces_of
 from heli3dof.diagnosis.sensitivity.projection import project_out
 from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail, trail
 from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, informative_directions
@@ -49,6 +45,10 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     Place,
     ResidualTorque,
 )
+from heli3dof.identification.bias_correction.coloured_noise import MEMORY_S, freedom, long_run
+from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.bias_correction.perturbation import Path, path
+from heli3dof.identification.bias_correction.perturbation import forward as traces_of
 from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
 from heli3dof.model.effects.empirical import PREFIX, factors
 

@@ -1,9 +1,10 @@
 """Scores of the free-form torques in flights without a residual torque, or in blocks of a flight.
 
-If the controller is known, B flights of the fitted rig are simulated (`estimate.simulated_flight`).
-The same filter gives the flights' scores of the J hat functions and of the fit's coordinates. The
-latter are without the prior: their mean is the filter's bias, as in `estimate.bias_correction`. If
-the controller is unknown, half-second blocks of the recorded flight take the flights' place.
+If the controller is known, B flights of the fitted rig are simulated
+(`bias_correction.simulated_flight`). The same filter gives the flights' scores of the J hat
+functions and of the fit's coordinates. The latter are without the prior: their mean is the filter's
+bias, as in `bias_correction.correction`. If the controller is unknown, half-second blocks of the
+recorded flight take the flights' place.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.bias_correction import model_at, simulate_again
 from heli3dof.diagnosis.sensitivity.hat_functions import Hats
 from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail_at
+from heli3dof.identification.bias_correction.correction import model_at, simulate_again
 from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate, block_numbers
 from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording

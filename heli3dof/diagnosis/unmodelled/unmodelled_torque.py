@@ -34,7 +34,6 @@ from typing import NamedTuple
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.coloured_noise import CHANCE
 from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, Sums, sums_along
@@ -48,6 +47,7 @@ from heli3dof.diagnosis.unmodelled.torque_evidence import (
     informative_directions,
 )
 from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, scores_in_blocks
+from heli3dof.identification.bias_correction.coloured_noise import CHANCE
 from heli3dof.identification.greybox.estimate import Estimate
 
 MAX_TORQUES = 3

@@ -7,14 +7,15 @@ Without hold-out recordings, this is cross-validation: each block b of the train
 
     g, H, g_b, H_b   score and information at θ̂: of all rows, and of those left out
     s                share of the filter's measurement updates that are left out
-    ḡ                bias of the score (`estimate.bias_correction`), or zero
+    ḡ                bias of the score (`bias_correction.correction`), or zero
     θ_0, Λ           mean and precision of the prior
 
 1. A step longer than `LONG_STEP` is only the start of a Gauss-Newton search.
 2. If simulated flights give the score's covariance C, Λ_jj ← Λ_jj max(1, C_jj/H_jj), with C and H
    of the remaining rows. Otherwise an inertia could diverge if the left-out block contains the
    only step.
-3. Event times (`estimate.evaluation.HELD`) stay fixed: no other block contains information on them.
+3. Event times (`bias_correction.evaluation.HELD`) stay fixed: no other block contains information
+on them.
 4. The process noise is re-estimated on the evaluated rows, for base and extended model alike, so
    that a rougher held-out flight favours neither.
 5. The filter starts `SETTLE_S` before a block. With backlash it starts `BACKLASH_SETTLE_S` before,
@@ -30,9 +31,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.estimate.corrected_maximum import ScoreBias, maximise_corrected
-from heli3dof.diagnosis.estimate.evaluation import fixed_parameters
 from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, HeldOut, Predictions
 from heli3dof.diagnosis.validation.prediction import prediction_errors, starts_of, with_blocks
+from heli3dof.identification.bias_correction.evaluation import fixed_parameters
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Likelihood, Pass, score_and_information
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_SETTLED

@@ -72,6 +72,11 @@ class Estimate(PhysicalFit):
         trace = float(np.trace(np.linalg.solve(A, scores.T @ scores)))
         return max(trace / n * m / (m - n), 1.0)
 
+    @property
+    def unexplained_scatter(self) -> float:
+        """Return κ; `bias_correction.correction` has a stricter value for corrected fits."""
+        return self.inflation
+
     @cached_property
     def covariance(self) -> np.ndarray:
         """Return the covariance (n, n) of the parameters in their units."""

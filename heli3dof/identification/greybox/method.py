@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.errors import UsageError, did_you_mean
+from heli3dof.identification.bias_correction.closed_loop_fit import without_bias
 from heli3dof.identification.fit_result import FitResult, Parameter, Request
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -64,6 +65,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     found = estimate(problem)
     if request.terms is None:
         found = with_simplifications(found)
+    found = without_bias(found, several)
     sources = sorted({r.source for r in runs})
     model = model_of(found, [several[i] for i in sources], request.name)
     return fit_result(
@@ -201,10 +203,10 @@ def warnings(found: Estimate) -> tuple[str, ...]:
         for f, v, stuck in zip(found.free, found.values, o.at_bound, strict=True)
         if stuck
     ]
-    if found.inflation > 2:
+    if found.unexplained_scatter > 2:
         out.append(
-            f"The scores scatter {found.inflation:.1f} times as much as the noise model allows: "
-            "no term explains some of the motion. Standard deviations account for it, but biases "
-            "remain. Try other terms: heli3dof identify … --terms +NAME"
+            f"The scores scatter {found.unexplained_scatter:.1f} times as much as the noise model "
+            "allows: no term explains some of the motion. Standard deviations account for it, but "
+            "biases remain. Try other terms: heli3dof identify … --terms +NAME"
         )
     return tuple(out)

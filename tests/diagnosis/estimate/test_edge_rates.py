@@ -8,18 +8,22 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, model_at, simulate_again
 from heli3dof.diagnosis.estimate.edge_rates import (
     fit_with_edge_rates,
     jacobian,
     moments_of_axis,
     weights,
 )
-from heli3dof.diagnosis.estimate.evaluation import evaluate
 from heli3dof.diagnosis.estimate.limit_cycle import edge_rates
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
+from heli3dof.identification.bias_correction.correction import (
+    CorrectedFit,
+    model_at,
+    simulate_again,
+)
+from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.model.estimation.filter_data import Stretch, data_of
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile

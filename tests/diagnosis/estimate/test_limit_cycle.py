@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.bias_correction import ProfileLikelihood, model_at
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.estimate.limit_cycle import (
     cycling_shares,
@@ -16,7 +15,8 @@ from heli3dof.diagnosis.estimate.limit_cycle import (
     on_limit_cycle,
 )
 from heli3dof.diagnosis.estimate.setup import Setup
-from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
+from heli3dof.identification.bias_correction.correction import ProfileLikelihood, model_at
+from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure

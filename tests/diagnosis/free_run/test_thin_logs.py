@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.diagnosis.diagnose import diagnose
-from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
+from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.model.greybox.model import nominal
 from heli3dof.recording.recording import Recording
 from tests.flown import flown

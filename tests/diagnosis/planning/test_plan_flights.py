@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
 from heli3dof.diagnosis.planning.plan_flights import fly_task, inside_envelope, is_stable, task_of
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.experiment.simulate import simulate
+from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.rig.profile import default_profile

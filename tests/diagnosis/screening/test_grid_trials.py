@@ -11,7 +11,6 @@ import pytest
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.bias_correction import ProfileLikelihood
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening import grid_trials
@@ -23,6 +22,7 @@ from heli3dof.diagnosis.screening.grid_trials import (
     widened,
 )
 from heli3dof.diagnosis.selection.steps import screening_step
+from heli3dof.identification.bias_correction.correction import ProfileLikelihood
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.estimation.filter_data import data_of

@@ -11,7 +11,6 @@ import pytest
 
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
-from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.diagnosis.screening.catalogue import candidates
 from heli3dof.diagnosis.screening.nulls import Nulls
@@ -20,6 +19,7 @@ from heli3dof.diagnosis.selection.select import best_choice
 from heli3dof.diagnosis.selection.steps import is_significant_form
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.model.effects import term
 from heli3dof.model.greybox.model import nominal
 from heli3dof.recording.recording import Recording

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening.gumbel import EULER
 from heli3dof.diagnosis.selection.select import TIE
@@ -30,6 +29,7 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
 )
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.model.effects import term
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording

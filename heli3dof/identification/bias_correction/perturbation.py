@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.sensitivity import perturbation_passes as passes
+from heli3dof.identification.bias_correction import perturbation_passes as passes
 from heli3dof.identification.greybox.likelihood import Pass
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics import state_layout as _s

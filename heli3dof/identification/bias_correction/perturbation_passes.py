@@ -1,4 +1,4 @@
-"""The compiled loops of `sensitivity.perturbation`, which explains the equations and symbols.
+"""The compiled loops of `bias_correction.perturbation`, which explains the equations and symbols.
 
 A, X and ``chunk`` are as in `Path`, h (N,) s. ``row``, ``state``, W (E,) and K (E, 6) are the
 events' row, state, information and filter gain. ``state``: what the event reads; 0–2 an angle, 3–5

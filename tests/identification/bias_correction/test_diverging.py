@@ -9,9 +9,9 @@ import pytest
 
 from heli3dof.diagnosis.estimate import corrected_maximum
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
-from heli3dof.diagnosis.estimate.evaluation import Evaluation, evaluate
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
+from heli3dof.identification.bias_correction.evaluation import Evaluation, evaluate
 from heli3dof.identification.greybox.likelihood import Likelihood, diverged
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_START
 from heli3dof.identification.greybox.method import usable_runs

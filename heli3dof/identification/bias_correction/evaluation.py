@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.diagnosis.sensitivity.perturbation import Path, forcing, forward, path
+from heli3dof.identification.bias_correction.perturbation import Path, forcing, forward, path
 from heli3dof.identification.greybox.likelihood import (
     DIFFERENCE,
     Likelihood,
@@ -100,8 +100,8 @@ def fixed_parameters(problem: Likelihood) -> np.ndarray:
 def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
     """Return the derivatives ∂c/∂θ (n, E) of the E predicted readings c on the filter's path.
 
-    They are taken at θ = ``theta`` (n,), by `sensitivity.perturbation`. For parameters that change
-    the encoder readings, and where the perturbation diverges (negative dry friction),
+    They are taken at θ = ``theta`` (n,), by `bias_correction.perturbation`. For parameters that
+    change the encoder readings, and where the perturbation diverges (negative dry friction),
     `Likelihood.tangents` computes them by simulation instead.
     """
     s = problem.structure

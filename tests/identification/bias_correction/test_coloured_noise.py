@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.bias_correction import CorrectedFit, model_at
-from heli3dof.diagnosis.estimate.coloured_noise import freedom, long_run, significant_ratio
 from heli3dof.diagnosis.estimate.setup import Setup
-from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
+from heli3dof.identification.bias_correction.coloured_noise import (
+    freedom,
+    long_run,
+    significant_ratio,
+)
+from heli3dof.identification.bias_correction.correction import CorrectedFit, model_at
+from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.recording.recording import Recording
 from tests.flown import flown
 

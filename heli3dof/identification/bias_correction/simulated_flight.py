@@ -1,7 +1,7 @@
 """Simulate a recording's closed-loop flight on a fitted model with its process noise.
 
 The simulation has the recording's references, extra voltages, controller (and its delay, see
-`heli3dof.integrity.voltage_replay`), sample times and encoder steps. In each step h (s) it adds
+`heli3dof.model.control.voltage_replay`), sample times and encoder steps. In each step h (s) it adds
 random changes of the rates q̇ and angles q:
 
     Δq̇ = a √h ξ,     Δq = h/2 Δq̇,     ξ ~ N(0, 1),     a: the fitted noise, rad/s²/√Hz
@@ -16,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.integrity.voltage_replay import is_late
 from heli3dof.model.compiled import compiled
 from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
+from heli3dof.model.control.voltage_replay import is_late
 from heli3dof.model.estimation.decimated_log import with_loop_rows
 from heli3dof.model.greybox.linearisation import balance, true_angles
 from heli3dof.model.greybox.model import GreyBoxModel

@@ -19,6 +19,7 @@ If the share exceeds `REPRODUCED`, d shows the cause:
 from __future__ import annotations
 
 import enum
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -129,6 +130,16 @@ def with_known_controller(recording: Recording) -> Recording:
     if result.match is Match.EXCITED:
         return replace(recording, voltage_extra=result.difference)
     return replace(recording, profile=recording.profile.model_copy(update={"controller": None}))
+
+
+def controller_is_known(recordings: Sequence[Recording]) -> bool:
+    """Return whether each recording has a known controller, three axes and a reference."""
+    return all(
+        r.profile.controller_is_known
+        and len(r.axes) == 3
+        and any(r.has_reference(a) for a in r.axes)
+        for r in recordings
+    )
 
 
 def is_late(recording: Recording) -> bool:

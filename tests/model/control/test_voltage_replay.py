@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.integrity.voltage_replay import (
+from heli3dof.model.control.voltage_replay import (
     Match,
     VoltageReplay,
     is_late,

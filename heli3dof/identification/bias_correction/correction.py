@@ -1,18 +1,19 @@
 """Correct the bias of a fit by simulated flights: the efficient method of moments.
 
 The filter's likelihood assumes Gaussian distributions, but encoders quantise. So its expected score
-at the true parameters is not zero and its maximum is biased: on steps, the roll inertia by 5 to
-10 %. With a known controller, B flights of the estimate are simulated
-(`estimate.simulated_flight`). Let g (n,) be the score of the recordings and g_b that of flight b,
-both at θ (n,). H (n, n) is the information, θ_0 and Λ are the prior's mean and information:
+at the true parameters is not zero and its maximum is biased: on steps, the roll inertia by 5 to 10
+%. With a known controller, B flights of the estimate are simulated
+(`bias_correction.simulated_flight`). Let g (n,) be the score of the recordings and g_b that of
+flight b, both at θ (n,). H (n, n) is the information, θ_0 and Λ are the prior's mean and
+information:
 
     g(θ) − ḡ(θ) − Λ(θ − θ_0) = 0,      ḡ = mean g_b                     (estimating equation)
     θ ← θ + (H + Λ)⁻¹ (g − ḡ − Λ(θ − θ_0))
     cov θ = (H + Λ)⁻¹ ((1 + 1/B) C + Λ) (H + Λ)⁻¹,      C = cov g_b by `scatter_of`
 
 The log-likelihood's derivative s by each axis' log noise intensity is corrected alike; its bias is
-s̄ = mean s_b. Coloured noise multiplies cov θ by √(ρ_i ρ_j) (`estimate.coloured_noise`). Sources:
-Gallant and Tauchen (1996); Gouriéroux, Monfort and Renault (1993).
+s̄ = mean s_b. Coloured noise multiplies cov θ by √(ρ_i ρ_j) (`bias_correction.coloured_noise`).
+Sources: Gallant and Tauchen (1996); Gouriéroux, Monfort and Renault (1993).
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.coloured_noise import colour
-from heli3dof.diagnosis.estimate.evaluation import evaluate, fixed_parameters
-from heli3dof.diagnosis.estimate.simulated_flight import simulated_flight
-from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.bias_correction.coloured_noise import colour
+from heli3dof.identification.bias_correction.evaluation import evaluate, fixed_parameters
+from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
+from heli3dof.identification.greybox.estimate import Estimate, cramer_rao
 from heli3dof.identification.greybox.likelihood import (
     Likelihood,
 )
@@ -111,6 +112,18 @@ class CorrectedFit(Estimate):
         middle = (1 + 1 / self.flights) * self.scatter + L
         return np.asarray(inverse @ middle @ inverse * np.outer(scale, scale))
 
+    @cached_property
+    def bound(self) -> np.ndarray:
+        """Return the Cramér–Rao bound (n,); without κ, as simulated flights explain the scatter."""
+        if self.scatter is None:
+            return np.asarray(Estimate.bound.func(self))  # type: ignore[attr-defined]
+        return np.asarray(cramer_rao(self.problem, self.theta, self.optimum.noise) * self.slopes)
+
+    @cached_property
+    def unexplained_scatter(self) -> float:
+        """Return the mean ρ, by which motion that is not simulated increases the variances."""
+        return self.inflation if self.scatter is None else float(self.colour.mean())
+
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
     """Return the model at θ = ``theta`` (n,) and a = ``noise`` (4,); its covariance is NaN."""
@@ -180,7 +193,8 @@ def correct(
         H = 0.5 * (recorded.H + np.mean([f.H for f in flights], axis=0))
         A = H + np.diag(precision)
         step = np.zeros(n)
-        free = ~fixed_parameters(problem)
+        free = ~(((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0)))
+        free &= ~fixed_parameters(problem)
         step[free] = np.linalg.solve(A[np.ix_(free, free)], g[free])
         sd = np.sqrt(np.diag(np.linalg.inv(A)))
         if update:

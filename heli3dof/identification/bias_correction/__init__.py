@@ -1,0 +1,1 @@
+"""Bias-corrected fits, for recordings whose controller is known: simulated moments."""
