@@ -5,12 +5,13 @@ A simplification H of the fitted transfer function G is accepted if on all frequ
     |H(jω) − G(jω)| ≤ 2 σ(ω),        σ² = var Re G + var Im G
 
 that is, if the recordings do not distinguish H from G. Where no covariance is known, 2σ is the
-rounding `ROUNDING`·|G|. There are four simplifications:
+rounding `ROUNDING`·|G|. There are five simplifications:
 
 * the transfer function is zero,
 * a zero moves to infinity (its factor of the numerator is omitted),
+* a real pole beyond the grid moves to infinity, such as that of a lag shorter than a sample,
 * a pole and a zero cancel,
-* a real root within two standard deviations of the origin moves to the origin.
+* a factor whose coefficients are zero within two standard deviations moves to the origin.
 
 After each simplification the gain k is fitted again. Of several possible ones, the one whose H is
 nearest to G is applied. `heli3dof.identification.factored_transfer_function` defines k and the
@@ -113,7 +114,7 @@ class _Channel:
         lead = np.flatnonzero(np.abs(self.num) > 1e-9 * np.abs(self.num).max())[0]
         numerator, denominator = self.rounded(self.num[lead:]), self.rounded(self.den)
         H, _ = self.refitted(replace(H, numerator=numerator, denominator=denominator))
-        while (nearest := self.nearest(_shorter(H))) is not None:
+        while (nearest := self.nearest(_shorter(H, abs(self.s[-1])))) is not None:
             H = nearest
         H = self.with_std(H)
         while (nearest := self.nearest(_at_origin(H))) is not None:
@@ -230,12 +231,15 @@ def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> Factor
     return replace(H, denominator=tuple(map(known, H.denominator)))
 
 
-def _shorter(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
+def _shorter(H: FactoredTransferFunction, highest: float) -> Iterator[FactoredTransferFunction]:
     """Yield H without one numerator factor, and H without this and one denominator factor.
 
     A factor has one real root, or a pair of roots. Two factors cancel only if they have the same
-    number of roots.
+    number of roots. Also yield H without a real pole beyond ``highest`` (rad/s).
     """
+    for j, pole in enumerate(H.denominator):
+        if len(pole.coefficients) == 1 and pole.coefficients[0] > highest:
+            yield replace(H, denominator=H.denominator[:j] + H.denominator[j + 1 :])
     for i, zero in enumerate(H.numerator):
         fewer = replace(H, numerator=H.numerator[:i] + H.numerator[i + 1 :])
         yield fewer
@@ -245,11 +249,13 @@ def _shorter(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
 
 
 def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
-    """Yield H with one real root moved to 0, for each root that is within `SIGMAS` σ of 0."""
+    """Yield H with the roots of one factor moved to 0, if it is within `SIGMAS` σ of that."""
+    zero = Factor((0.0,), (0.0,))
     for factors in (H.numerator, H.denominator):
         for i, f in enumerate(factors):
-            if len(f.coefficients) == 1 and 0 < abs(f.coefficients[0]) <= SIGMAS * f.std[0]:
-                moved = (*factors[:i], Factor((0.0,), (0.0,)), *factors[i + 1 :])
+            near = (abs(c) <= SIGMAS * s for c, s in zip(f.coefficients, f.std, strict=True))
+            if any(f.coefficients) and all(near):
+                moved = (*factors[:i], *[zero] * len(f.coefficients), *factors[i + 1 :])
                 yield (
                     replace(H, numerator=moved)
                     if factors is H.numerator

@@ -92,3 +92,33 @@ def test_the_python_control_object_has_the_same_response() -> None:
     found = roll_from_sum(transfer([1.0, 1.0], list(np.poly([-2.0, -3 + 1j, -3 - 1j])), None))
     s = 1j * np.array([0.3, 1.0, 5.0])
     assert found.to_control()(s) == pytest.approx(found.at(s))
+
+
+def uncertain(den: list[float], gain: float, gain_std: float, den_std: float) -> TransferFunctions:
+    """``gain``/den from the sum of the motors to roll; standard deviations of both."""
+    k = len(den)
+    num = np.zeros((3, 2, k))
+    num[0, :, -1] = gain / 2
+    cov = np.zeros((k - 1 + num.size,) * 2)
+    cov[: k - 1, : k - 1] = den_std**2 * np.eye(k - 1)
+    for motor in range(2):
+        constant = k - 1 + motor * k + k - 1
+        cov[constant, constant] = gain_std**2 / 2
+    return TransferFunctions(num, np.array(den), cov)
+
+
+def test_a_lag_shorter_than_a_sample_is_no_factor() -> None:
+    """Its pole of 1000 rad/s changes the response at 100 rad/s by 10 %, within 2 σ = 20 %."""
+    den = [1.0, 1000.0, 0.0, 0.0]
+    found = roll_from_sum(uncertain(den, 5000.0, 500.0, 0.0))
+    assert str(found).endswith(" / s²")
+    assert found.gain == pytest.approx(5.0, rel=0.05)
+    exact = roll_from_sum(uncertain(den, 5000.0, 0.5, 0.0))
+    assert exact.denominator[-1].coefficients == pytest.approx((1000.0,))
+
+
+def test_a_pair_within_two_standard_deviations_of_the_origin_is_a_double_integrator() -> None:
+    found = roll_from_sum(uncertain([1.0, 0.01, 0.002], 5.0, 0.5, 0.02))
+    assert str(found).endswith(" / s²")
+    exact = roll_from_sum(uncertain([1.0, 0.01, 0.002], 5.0, 0.5, 1e-6))
+    assert [len(f.coefficients) for f in exact.denominator] == [2]
