@@ -40,3 +40,13 @@ def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
         found.problem, o.theta, o.noise, flown, seed=0, pilots=FLIGHTS, rounds=ROUNDS
     )
     return found if corrected.scatter is None else corrected
+
+
+def correction_note(found: Estimate) -> list[str]:
+    """Return a sentence that the fit was corrected; an empty list for any other fit."""
+    if not isinstance(found, CorrectedFit):
+        return []
+    return [
+        "The encoders were on a limit cycle, which biases a fit. "
+        f"{found.flights} simulated flights of the fitted rig corrected the bias."
+    ]

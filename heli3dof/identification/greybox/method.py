@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.errors import UsageError, did_you_mean
-from heli3dof.identification.bias_correction.closed_loop_fit import without_bias
+from heli3dof.identification.bias_correction.closed_loop_fit import correction_note, without_bias
 from heli3dof.identification.fit_result import FitResult, Parameter, Request
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -74,7 +74,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         prepared.dt,
         parameters=parameters(found),
         warnings=warnings(found),
-        notes=tuple(t.effect.summary for t in found.structure.formal),
+        notes=(*(t.effect.summary for t in found.structure.formal), *correction_note(found)),
     )
 
 

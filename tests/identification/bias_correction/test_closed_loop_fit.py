@@ -8,7 +8,11 @@ import pytest
 
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
-from heli3dof.identification.bias_correction.closed_loop_fit import MAX_INFLATION, without_bias
+from heli3dof.identification.bias_correction.closed_loop_fit import (
+    MAX_INFLATION,
+    correction_note,
+    without_bias,
+)
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
@@ -43,6 +47,8 @@ def test_the_roll_inertia_of_a_step_is_no_longer_far_too_small(
     assert isinstance(corrected, CorrectedFit)
     assert error(plain) < -5
     assert abs(error(corrected)) < 3
+    assert "8 simulated flights of the fitted rig" in correction_note(corrected)[0]
+    assert correction_note(plain) == []
 
 
 def test_without_a_known_controller_a_fit_stays_as_it_is(step: Recording, plain: Estimate) -> None:
