@@ -20,6 +20,7 @@ from heli3dof.identification.identify import identify
 from heli3dof.model.effects import term
 from heli3dof.recording.recording import Recording
 from tests.bench.bench_greybox import one_start
+from tests.flown import flown
 from tests.identification.greybox_score_test import score_test
 from tests.identification.known_flights import HIDDEN, Flight, fly
 
@@ -183,3 +184,12 @@ def test_the_model_replays_held_out_data(flight: Flight, found: Estimate) -> Non
     assert table.loc["motor.lag.time_constant_s", "std"] == lag["std"]
     assert "motor.lag.time_constant_s = " in result.summary()
     assert result.residuals[0].passed
+
+
+def test_a_lag_at_its_least_value_is_no_compensation_of_another_effect() -> None:
+    """The emulated rig has no lag. An inertia at its bound does compensate something."""
+    fit = fit_greybox(flown("rich", 15.0, device="mock:?speed=max", seed=5), ("motor.lag",))
+    assert fit.optimum.at_bound[-1]
+    assert not [w for w in warnings(fit) if "at its bound" in w]
+    stuck = replace(fit, optimum=replace(fit.optimum, at_bound=np.ones(5, dtype=bool)))
+    assert [w.partition(" ")[0] for w in warnings(stuck)][-4:] == [f.name for f in fit.free[:4]]

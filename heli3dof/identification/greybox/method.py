@@ -201,7 +201,8 @@ def warnings(found: Estimate) -> tuple[str, ...]:
     out += [
         f"{f.name} is at its bound, {v:.4g} {f.unit}: it probably compensates another effect."
         for f, v, stuck in zip(found.free, found.values, o.at_bound, strict=True)
-        if stuck
+        # A lag at its least value only means that the rig shows no lag.
+        if stuck and not (f.null <= f.low and v - f.low < f.high - v)
     ]
     if found.unexplained_scatter > 2:
         out.append(
