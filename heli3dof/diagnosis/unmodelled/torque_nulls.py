@@ -1,10 +1,10 @@
 """Scores of the free-form torques in flights without a residual torque, or in blocks of a flight.
 
-If the controller is known, B flights of the fitted rig are simulated
-(`bias_correction.simulated_flight`). The same filter gives the flights' scores of the J hat
-functions and of the fit's coordinates. The latter are without the prior: their mean is the filter's
-bias, as in `bias_correction.correction`. If the controller is unknown, half-second blocks of the
-recorded flight take the flights' place.
+The scores are those of the J hat functions (the torques' shapes) and of the fit's coordinates θ. If
+the controller is known, the filter computes them on B simulated flights of the fitted rig
+(`bias_correction.simulated_flight`). The scores of θ omit the prior's term −Λ(θ − θ_0), so their
+mean is the filter's bias ḡ (`bias_correction.correction`). If the controller is unknown, the scores
+are computed for half-second blocks of the recorded flight instead.
 """
 
 from __future__ import annotations

@@ -156,8 +156,8 @@ class EstopResult:
     def raise_if_not_stopped(self, device: str | None = None) -> None:
         """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
 
-        ``device``: the URL to stop; None: all. A device without a session may not be a rig. So
-        when all are to be stopped, such a device need not confirm if another device was stopped.
+        ``device``: the URL to stop; None: all. A device that no session held is perhaps no rig.
+        With None, its failure to confirm raises no error if another device was stopped.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:
