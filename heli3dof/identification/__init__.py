@@ -1,4 +1,4 @@
-"""Identify models from recordings: preprocessing, feedback test, fit, validation.
+"""Identify models from recordings: preprocessing, feedback test, fit, bias correction, validation.
 
 `identify.identify` runs all steps. Each identification method is one file in `methods`.
 docs/explanation/identification.md explains the choices. This ``__init__`` imports nothing, so that

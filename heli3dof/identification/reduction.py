@@ -9,7 +9,8 @@ rounding `ROUNDING`·|G|. There are five simplifications:
 
 * the transfer function is zero,
 * a zero moves to infinity (its factor of the numerator is omitted),
-* a real pole beyond the grid moves to infinity, such as that of a lag shorter than a sample,
+* a real pole beyond the grid moves to infinity: a lag shorter than 10 ms, or than 0.4 sampling
+  intervals if that is longer,
 * a pole and a zero cancel,
 * a factor whose coefficients are zero within two standard deviations moves to the origin.
 

@@ -1,6 +1,6 @@
 """Check that the profile's controller flew the recording: whether it reproduces the voltages.
 
-The simulated nulls and the bias correction fly this controller
+The simulated flights of nulls and bias correction have this controller
 (`heli3dof.model.control.voltage_replay` states the comparison and its limits). If another
 controller flew the recording, the diagnosis continues as for an unknown controller.
 """

@@ -8,10 +8,10 @@ and standard deviation s_k. With Student's density t of B − 1 degrees of freed
 
     f_k(d) = t_{B−1}((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
-If the score bias is large (|z̄|/√κ > `LARGE_BIAS`, with the nulls' mean score z̄ and inflation κ),
-the rival k with the largest min_j W_kj is the cause. Rivals j with W_kj < `TIE` are confounded with
-it. Its probability is `certainty` of the smallest W_kj of the remaining rivals. Otherwise the
-scores decide, and nothing is simulated.
+If the score bias of a rival is large (|z̄|/√κ > `LARGE_BIAS`, with the nulls' mean score z̄ and
+inflation κ), the rival k with the largest min_j W_kj is the cause. Rivals j with W_kj < `TIE` are
+confounded with it. Its confidence is at most `certainty` of the smallest W_kj of the remaining
+rivals. If no score bias is large, the scores decide, and nothing is simulated.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""First-order changes of the filter's predictions by torques, and projections of them."""
+"""The residual torque, first-order changes of predictions by torques, and their projections."""

@@ -93,7 +93,7 @@ class Gain:
 
     @property
     def of_calibration(self) -> bool:
-        """Return True if refitting removes significantly more error on an axis than remains.
+        """Return True if refitting removes most of an axis' mean square error, significantly.
 
         ``before`` has the profile's numbers, ``after`` refitted ones: e_before² − e_after² >
         e_after², and the interval of e_before − e_after lies above zero.

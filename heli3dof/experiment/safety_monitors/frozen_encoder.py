@@ -25,8 +25,9 @@ estimated from the axis's own motion:
 * s is the angle by which the model turns while the count stays constant before the axis turns back
   (backlash, delay). C is at least twice the largest such s.
 
-A flight may begin while the arm still falls after the last one, at an unknown rate. Until the
-observer has found this rate (`SETTLING`), no axis is judged.
+A flight may begin while the arm still falls after the last one, at an unknown rate. The rate is
+also unknown after a gap of samples. Until the observer has found it (`SETTLING`), no axis in the
+air is judged.
 
 On the table friction may hold pitch and yaw, so they are not judged. Roll is judged there only
 under a thrust that lifts every known rig. An axis at a mechanical stop is reported as such, and is
@@ -80,8 +81,8 @@ BIAS_S = 2.0
 PEAK_S = 3.0
 """s in which the largest unmodelled acceleration decays to 1/e: longer than a step lasts"""
 SETTLING = 8.0
-"""1/Ω after which the observer has forgotten an error of its rate at the start: three equal poles
-leave (Ωt)² exp(−Ωt) of it, here 2 %"""
+"""Ωt at which the observer has forgotten an error of its initial rate: three equal poles leave
+about (Ωt)² exp(−Ωt) of it, here 2 %. t is 0.53 s for the smallest Ω."""
 LIVE_S = 0.3
 """s: a count that stays constant for longer shows nothing of the unmodelled acceleration"""
 BLOCK_S = 0.05
@@ -151,7 +152,7 @@ class FrozenEncoder(SafetyMonitor):
         return None
 
     def must_still_fall(self) -> bool:
-        """Return True if the arm is above the table, but its roll count is constant."""
+        """Return True if the arm is above the table, but roll's count was constant for `LIVE_S`."""
         return self._airborne and self._axes[0].still_s > LIVE_S
 
     def _report(self, i: int, now: Period) -> Trip | None:
@@ -217,7 +218,7 @@ class _Axis:
         self._begin_standstill()
 
     def settle(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Advance the observer by ``h`` (s), without a judgement; arguments as in `step`."""
+        """Advance only the observer by ``h`` (s); do not judge the axis. Arguments as in `step`."""
         self._observer.step(h, alpha, angle)
         self.count = self._extreme = count
         self._begin_standstill()

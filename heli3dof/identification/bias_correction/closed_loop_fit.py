@@ -1,10 +1,12 @@
-"""Correct the bias of a fit to closed-loop recordings on which the scores scatter too much.
+"""Correct the bias of ``identify``'s fits to closed-loop recordings whose scores scatter too much.
 
 At rest a controller keeps the encoders on a limit cycle of a count or two. There the likelihood's
-maximum is biased: on a 10° step, the roll inertia was estimated 6 to 8 standard deviations too
-small. The scores then scatter more than the noise model allows (κ, see
-`heli3dof.identification.greybox.estimate`). Such a fit is corrected by simulated flights of the
-fitted rig (`bias_correction.correction`), for which the controller must be known.
+maximum is biased: on 10° steps of 24 rigs, no 95 % interval of the roll or pitch inertia contained
+the true value (`make bench TOPIC=greybox`). The scores then scatter more than the noise model
+allows: κ exceeds `MAX_INFLATION` (`heli3dof.identification.greybox.estimate`). `without_bias`
+corrects every fit with such a κ, also if its cause is unmodelled motion, not a limit cycle. The
+correction simulates flights of the fitted rig (`bias_correction.correction`), so the controller
+must be known.
 """
 
 from __future__ import annotations
@@ -17,18 +19,20 @@ from heli3dof.model.control.voltage_replay import controller_is_known, with_know
 from heli3dof.recording.recording import Recording
 
 MAX_INFLATION = 1.2
-"""κ above which a fit is corrected. For a valid likelihood κ is 1, with a standard deviation of
-√(2/(n m)) = 0.04 for n = 12 parameters and m = 120 blocks (a minute); 1.2 is five of them."""
+"""κ above which a fit is corrected. For a valid likelihood κ is near 1. Its standard deviation is
+√(2/(n m)) = 0.04 for n = 12 parameters and m = 120 blocks (a minute); 1.2 is 1 plus five of these.
+"""
 FLIGHTS, ROUNDS = 8, 20
-"""Simulated flights per round of the correction, and most rounds. Chosen: with 8 flights, the
-error of their mean score is 1/√8 of a standard deviation."""
+"""Simulated flights per round of the correction, and its largest number of rounds. Chosen: with 8
+flights, the standard error of their mean score is 1/√8 of one score's standard deviation."""
 
 
 def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
     """Return the corrected fit, or ``found`` if it needs no correction or none is possible.
 
     ``recordings``: those of ``found``, in the order of its data. The correction is impossible if a
-    controller is unknown (`model.control.voltage_replay`) or does not stabilise the fitted rig.
+    recording lacks a known controller (`model.control.voltage_replay`), an angle or all references.
+    It is also impossible if its search diverges: the controller may not stabilise the fitted rig.
     """
     if found.inflation <= MAX_INFLATION:
         return found
@@ -43,7 +47,7 @@ def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
 
 
 def correction_note(found: Estimate) -> list[str]:
-    """Return a sentence that the fit was corrected; an empty list for any other fit."""
+    """Return a list with a sentence on the correction; an empty list for an uncorrected fit."""
     if not isinstance(found, CorrectedFit):
         return []
     return [

@@ -13,7 +13,8 @@ that of the prior. Coloured noise multiplies the variance of parameter j by
     ρ_j = (A⁻¹ S A⁻¹)_jj / (A⁻¹ C A⁻¹)_jj,         A = H + Λ
 
 S has about ν = 3 m/(2 (L + 1)) degrees of freedom. ρ is set to 1 unless it exceeds χ²_ν/ν, which
-white noise does with the probability `CHANCE`. A cause needs Z²/ρ above the nulls' threshold.
+white noise does with the probability `CHANCE`. The diagnosis adopts a cause only if Z²/ρ exceeds
+the nulls' threshold (`heli3dof.diagnosis.conclusion.adoption`).
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Correct the bias of a fit by simulated flights: the efficient method of moments.
 
 The filter's likelihood assumes Gaussian distributions, but encoders quantise. So its expected score
-at the true parameters is not zero and its maximum is biased: on steps, the roll inertia by 5 to 10
-%. With a known controller, B flights of the estimate are simulated
+at the true parameters is not zero and its maximum is biased: on steps, the roll inertia by 5 to
+10 %. With a known controller, B flights of the estimate are simulated
 (`bias_correction.simulated_flight`). Let g (n,) be the score of the recordings and g_b that of
-flight b, both at θ (n,). H (n, n) is the information, θ_0 and Λ are the prior's mean and
-information:
+flight b, both at θ (n,). H (n, n) is the information (in the step: the mean of the recordings'
+and the flights'), θ_0 and Λ are the prior's mean and information:
 
     g(θ) − ḡ(θ) − Λ(θ − θ_0) = 0,      ḡ = mean g_b                     (estimating equation)
     θ ← θ + (H + Λ)⁻¹ (g − ḡ − Λ(θ − θ_0))
@@ -42,6 +42,7 @@ from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
 ROUNDS = 10
+"""Largest number of rounds, unless the caller gives another. Chosen."""
 CONVERGED = 0.35
 """Standard deviations: a smaller step of θ is the last; about 1/√8, the error of ḡ from
 eight simulated flights."""
@@ -89,6 +90,7 @@ class CorrectedFit(Estimate):
     noise_bias: np.ndarray | None = None
     """(3,) s̄, the mean derivative by the log noise intensities; None: zero"""
     flights: int = 0
+    """B, the simulated flights of a round; 0: none"""
     spread: np.ndarray | None = None
     """(n, n) covariance of θ of a fit with edge rates (`estimate.edge_rates`), else None"""
 
@@ -121,7 +123,7 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def unexplained_scatter(self) -> float:
-        """Return the mean ρ, by which motion that is not simulated increases the variances."""
+        """Return the mean ρ, by which unsimulated motion increases variances; κ without flights."""
         return self.inflation if self.scatter is None else float(self.colour.mean())
 
 
@@ -137,7 +139,10 @@ def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyB
 def simulate_again(
     model: GreyBoxModel, recordings: Sequence[Recording], data: Data, seed: Sequence[int]
 ) -> Data:
-    """Return ``data`` with its recordings replaced by flights simulated on ``model``."""
+    """Return ``data`` with its recordings replaced by flights simulated on ``model``.
+
+    Equal ``seed`` gives equal noise.
+    """
     last_rows = [
         max((r.stop for r in data.runs if r.source == i), default=0) for i in range(len(recordings))
     ]

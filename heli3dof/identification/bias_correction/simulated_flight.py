@@ -7,7 +7,8 @@ random changes of the rates q̇ and angles q:
     Δq̇ = a √h ξ,     Δq = h/2 Δq̇,     ξ ~ N(0, 1),     a: the fitted noise, rad/s²/√Hz
 
 The omitted part of Δq, a√(h³/12), is a thousandth of an encoder step. The flight starts at rest at
-the recording's first angles. For a decimated log, every control period is simulated.
+the recording's first angles. For a decimated log, every control period is simulated. Sampling
+jitter is not simulated, nor are mechanical stops other than the table.
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ class Estimate(PhysicalFit):
 
     @property
     def unexplained_scatter(self) -> float:
-        """Return κ; `bias_correction.correction` has a stricter value for corrected fits."""
+        """Return κ; for a corrected fit, the mean ρ instead (`bias_correction.correction`)."""
         return self.inflation
 
     @cached_property

@@ -52,7 +52,9 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     """Return a maximum-likelihood fit to the training runs and to recordings lacking an angle.
 
     ``prepared`` holds the recordings with all angles and their training runs. ``request.partial``
-    contains the recordings that lack an angle, ``request.terms`` names the effects to fit.
+    contains the recordings that lack an angle, ``request.terms`` names the effects to fit. If the
+    scores scatter too much and the controller is known, simulated flights correct the fit's bias
+    (`bias_correction.closed_loop_fit`).
     """
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]
@@ -127,7 +129,8 @@ def fit_greybox(
 
     `model_of` makes a model of the result. A recording may hold a single angle (the other axes
     count as fixed) and needs no known controller. `heli3dof.identification.row_selection` selects
-    the rows.
+    the rows. Unlike ``identify``, the function does not correct the bias of a limit cycle
+    (`bias_correction.closed_loop_fit`) and does not simplify the equations.
 
     Args:
         recordings: one or several.

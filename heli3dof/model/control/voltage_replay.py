@@ -14,6 +14,9 @@ If the share exceeds `REPRODUCED`, d shows the cause:
 * The log has no extra voltage, and d does not depend on the controller's signals (errors, rates,
   integrals): an excitation was added and not logged. d is this excitation.
 * Otherwise another controller flew the recording.
+
+`with_known_controller` prepares a recording for simulated flights (bias correction, nulls). The
+check `heli3dof.integrity.controller` reports the comparison.
 """
 
 from __future__ import annotations
@@ -53,6 +56,7 @@ AT_LIMIT = 0.98
 """Share of v_max from which a voltage counts as limited. Chosen."""
 
 DELAY_KEY = "controller_delay_periods"
+"""Key of `Recording.meta`: periods by which the controller is late"""
 
 
 class Match(enum.Enum):

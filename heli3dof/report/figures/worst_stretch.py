@@ -1,4 +1,4 @@
-"""Draw predictions over the stretch of a flight with the largest error, before and after.
+"""Draw predictions over the stretch with the largest relative error, before and after.
 
 "Before" is the refitted model without the causes, "after" the model with the causes. Both are
 evaluated on held-out rows, in cells of `CELL_S` (`heli3dof.diagnosis.validation.gain`). With E the
@@ -39,7 +39,7 @@ class Stretch:
 
 
 def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
-    """Return the stretch with the largest error (see the module); None without predictions."""
+    """Return the stretch with the largest relative error (module); None without predictions."""
     with np.errstate(invalid="ignore", divide="ignore"):
         e_before, e_after = (
             np.ma.masked_invalid(np.degrees(np.sqrt(x.squares / x.counts))) for x in (before, after)
@@ -56,7 +56,7 @@ def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
 
 
 def stretch_figure(before: HeldOut, after: HeldOut, worst: Stretch, recording: str = "") -> Figure:
-    """Draw 1 s predictions without and with the causes over the stretch of largest error.
+    """Draw 1 s predictions without and with the causes over the worst stretch (module).
 
     ``before``, ``after``: predictions without and with the causes; ``worst``: axis and times (s) of
     the stretch; ``recording``: name of the recording, for the title.

@@ -104,9 +104,10 @@ def before_and_after(gain: Document) -> str:
 
 
 def refit_explains(document: Document) -> bool:
-    """Return True if a refit of the profile's numbers removes more error on an axis than remains.
+    """Return True if a refit of the profile's numbers removes most of an axis' mean square error.
 
-    The decrease is also significant, see `heli3dof.diagnosis.validation.gain.Gain.of_calibration`.
+    The decrease must be significant (`heli3dof.diagnosis.validation.gain.Gain.of_calibration`).
+    Also True for the verdict ``off_calibration``.
     """
     if document["verdict"] == "off_calibration":
         return True
@@ -123,8 +124,8 @@ def refit_explains(document: Document) -> bool:
 def calibration_change(document: Document) -> Iterator[str]:
     """Yield sentences on a refit: RMSE before and after, and ratios that differ from the profile.
 
-    Yields nothing unless the refit explains most of an axis' error, or the verdict is
-    ``nothing_found`` while the noise floor is unknown.
+    Yields nothing unless `refit_explains`, or the verdict is ``nothing_found`` and the noise floor
+    is unknown.
     """
     unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
     if not (unknown or refit_explains(document)):
