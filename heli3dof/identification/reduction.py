@@ -238,8 +238,9 @@ def _shorter(H: FactoredTransferFunction, highest: float) -> Iterator[FactoredTr
     A factor has one real root, or a pair of roots. Two factors cancel only if they have the same
     number of roots. Also yield H without a real pole beyond ``highest`` (rad/s).
     """
+    excess = _degree(H.denominator) - _degree(H.numerator)
     for j, pole in enumerate(H.denominator):
-        if len(pole.coefficients) == 1 and pole.coefficients[0] > highest:
+        if excess > 1 and len(pole.coefficients) == 1 and pole.coefficients[0] > highest:
             yield replace(H, denominator=H.denominator[:j] + H.denominator[j + 1 :])
     for i, zero in enumerate(H.numerator):
         fewer = replace(H, numerator=H.numerator[:i] + H.numerator[i + 1 :])
@@ -247,6 +248,10 @@ def _shorter(H: FactoredTransferFunction, highest: float) -> Iterator[FactoredTr
         for j, pole in enumerate(H.denominator):
             if len(pole.coefficients) == len(zero.coefficients):
                 yield replace(fewer, denominator=H.denominator[:j] + H.denominator[j + 1 :])
+
+
+def _degree(factors: Sequence[Factor]) -> int:
+    return sum(len(f.coefficients) for f in factors)
 
 
 def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:

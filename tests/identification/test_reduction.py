@@ -122,3 +122,15 @@ def test_a_pair_within_two_standard_deviations_of_the_origin_is_a_double_integra
     assert str(found).endswith(" / s²")
     exact = roll_from_sum(uncertain([1.0, 0.01, 0.002], 5.0, 0.5, 1e-6))
     assert [len(f.coefficients) for f in exact.denominator] == [2]
+
+
+def test_a_reduced_transfer_function_stays_strictly_proper() -> None:
+    """Both poles beyond the grid, 4000 and 5000 rad/s, could go; two zeros remain."""
+    tf = transfer(list(2e7 * np.poly([-2.0, -3.0])), list(np.poly([-1.0, -4e3, -5e3])), None)
+    spread = 0.05 * np.abs(np.concatenate([tf.den[1:], tf.num.ravel()]))
+    found = roll_from_sum(TransferFunctions(tf.num, tf.den, np.diag(spread**2)))
+    zeros, poles = (
+        sum(len(f.coefficients) for f in factors)
+        for factors in (found.numerator, found.denominator)
+    )
+    assert zeros < poles

@@ -10,7 +10,8 @@ The bias-corrected fit (`bias_correction.correction`) has two special cases:
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -19,10 +20,10 @@ from heli3dof.diagnosis.estimate.limit_cycle import matched_noise, on_limit_cycl
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
-    ProfileLikelihood,
     correct,
 )
 from heli3dof.identification.greybox.estimate import Estimate, estimate
+from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.method import compile_first, usable_runs
 from heli3dof.model.effects import terms as named
 from heli3dof.model.estimation.filter_data import data_of
@@ -32,9 +33,33 @@ MAX_INERTIA_RATIO = 2.5
 """Largest plausible ratio of an inertia to nominal, or its inverse. Chosen; not derived."""
 TIGHT_PRIOR = 0.1
 """Prior standard deviation of ln J in units of the tolerance, until a cause is found. Chosen."""
+HELD_STD = 1e-4
+"""Prior standard deviation of a coordinate that keeps its value. Far below any estimate's."""
 
 BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
 """Effects that each base simulation adds to the rigid body, by the base's name"""
+
+
+@dataclass(frozen=True, eq=False)
+class ProfileLikelihood(Likelihood):
+    """The likelihood with the profile's ``tolerance`` as prior standard deviation of ln J.
+
+    The weaker prior of `Likelihood` would allow implausible inertias J in a short recording.
+    """
+
+    doubt: float = 1.0
+    """Factor by which the tolerance is multiplied"""
+    at_nominal: tuple[int, ...] = ()
+    """Indices of the coordinates that keep the profile's value"""
+
+    @cached_property
+    def prior_precision(self) -> np.ndarray:
+        """Return the prior's precision (n,): 1/variance of each parameter coordinate."""
+        free = self.structure.free
+        std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
+        std[1:4] = self.doubt * self.structure.profile.tolerance
+        std[list(self.at_nominal)] = HELD_STD
+        return np.asarray(1.0 / std**2)
 
 
 def fit_base(setup: Setup) -> CorrectedFit:

@@ -13,6 +13,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood
 from heli3dof.diagnosis.estimate.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening.catalogue import candidates, probes, scans
@@ -36,7 +37,6 @@ from heli3dof.diagnosis.selection.rivals import compared_by_simulation
 from heli3dof.diagnosis.selection.select import Choice, choose
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
-    ProfileLikelihood,
     correct,
     model_at,
     simulate_again,

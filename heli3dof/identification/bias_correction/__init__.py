@@ -1,6 +1,6 @@
 """Bias-corrected fits to recordings with a known controller, by simulated flights.
 
-- `closed_loop_fit`: decides for ``identify`` whether a fit is corrected
+- `identify_correction`: decides for ``identify`` whether a fit is corrected
 - `correction`: the correction, also of the diagnosis, and the covariance of the corrected fit
 - `simulated_flight`: one closed-loop flight of a fitted model with noise
 - `evaluation`: the likelihood's score and information, from the traces of `perturbation` (its

@@ -1,8 +1,8 @@
 """Correct the bias of a fit by simulated flights: the efficient method of moments.
 
 The filter's likelihood assumes Gaussian distributions, but encoders quantise. So its expected score
-at the true parameters is not zero and its maximum is biased: on steps, the roll inertia by 5 to
-10 %. With a known controller, B flights of the estimate are simulated
+at the true parameters is not zero and its maximum is biased, most of all the inertias on an encoder
+limit cycle. With a known controller, B flights of the estimate are simulated
 (`bias_correction.simulated_flight`). Let g (n,) be the score of the recordings and g_b that of
 flight b, both at θ (n,). H (n, n) is the information (in the step: the mean of the recordings'
 and the flights'), θ_0 and Λ are the prior's mean and information:
@@ -28,14 +28,8 @@ from heli3dof.identification.bias_correction.coloured_noise import colour
 from heli3dof.identification.bias_correction.evaluation import evaluate, fixed_parameters
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.estimate import Estimate, cramer_rao
-from heli3dof.identification.greybox.likelihood import (
-    Likelihood,
-)
-from heli3dof.identification.greybox.maximum_likelihood import (
-    NOISE_HIGH,
-    NOISE_LOW,
-    Optimum,
-)
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW, Optimum
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import replicate
@@ -50,33 +44,9 @@ NOISE_CONVERGED = 0.1  # the same for a step of ln a, chosen
 REUSED_WITHIN = 0.3, 3.0
 """Largest change of ln a, and of θ in standard deviations, at which s̄ is not computed again, to
 save two filter runs per flight. Chosen."""
-HELD_STD = 1e-4
-"""Prior standard deviation of a coordinate that keeps its value. Far below any estimate's."""
 DIVERGED, DIVERGED_AFTER = 30.0, 3
 """Standard deviations, iteration: a longer step, then or later, ends the search. The controller may
 not stabilise the fitted rig. Chosen."""
-
-
-@dataclass(frozen=True, eq=False)
-class ProfileLikelihood(Likelihood):
-    """The likelihood with the profile's ``tolerance`` as prior standard deviation of ln J.
-
-    The weaker prior of `Likelihood` would allow implausible inertias J in a short recording.
-    """
-
-    doubt: float = 1.0
-    """Factor by which the tolerance is multiplied"""
-    at_nominal: tuple[int, ...] = ()
-    """Indices of the coordinates that keep the profile's value"""
-
-    @cached_property
-    def prior_precision(self) -> np.ndarray:
-        """Return the prior's precision (n,): 1/variance of each parameter coordinate."""
-        free = self.structure.free
-        std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
-        std[1:4] = self.doubt * self.structure.profile.tolerance
-        std[list(self.at_nominal)] = HELD_STD
-        return np.asarray(1.0 / std**2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.identification.bias_correction.perturbation import Path, forcing, forward, path
+from heli3dof.identification.bias_correction.perturbation import (
+    MOVES_THRUST,
+    Path,
+    forcing,
+    forward,
+    path,
+)
 from heli3dof.identification.greybox.likelihood import (
     DIFFERENCE,
     Likelihood,
@@ -110,8 +116,7 @@ def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
         [f.term is not None and Stage.MEASURE in by_name[f.term].effect.hooks for f in s.free]
     )
     changes_thrust = [
-        f.term is not None
-        and bool({Stage.SETUP, Stage.VOLTAGE} & set(by_name[f.term].effect.hooks))
+        f.term is not None and bool(MOVES_THRUST & set(by_name[f.term].effect.hooks))
         for f in s.free
     ]
     out = np.zeros((len(theta), len(p.at.row)))

@@ -77,7 +77,7 @@ def simulated_flight(
     """
     profile = recording.profile
     if profile.controller is None or len(recording.axes) < 3:
-        raise ValueError("the loop of this recording is unknown")
+        raise ValueError("the controller of this recording is unknown, or an angle is missing")
     n = len(recording) if rows is None else min(rows, len(recording))
     logged = recording.rows(slice(0, n))
     part, at = with_loop_rows(logged)

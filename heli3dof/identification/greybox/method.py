@@ -14,7 +14,10 @@ from typing import Any
 import numpy as np
 
 from heli3dof.errors import UsageError, did_you_mean
-from heli3dof.identification.bias_correction.closed_loop_fit import correction_note, without_bias
+from heli3dof.identification.bias_correction.identify_correction import (
+    correction_note,
+    without_bias,
+)
 from heli3dof.identification.fit_result import FitResult, Parameter, Request
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -54,7 +57,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     ``prepared`` holds the recordings with all angles and their training runs. ``request.partial``
     contains the recordings that lack an angle, ``request.terms`` names the effects to fit. If the
     scores scatter too much and the controller is known, simulated flights correct the fit's bias
-    (`bias_correction.closed_loop_fit`).
+    (`bias_correction.identify_correction`).
     """
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]
@@ -130,7 +133,7 @@ def fit_greybox(
     `model_of` makes a model of the result. A recording may hold a single angle (the other axes
     count as fixed) and needs no known controller. `heli3dof.identification.row_selection` selects
     the rows. Unlike ``identify``, the function does not correct the bias of a limit cycle
-    (`bias_correction.closed_loop_fit`) and does not simplify the equations.
+    (`bias_correction.identify_correction`) and does not simplify the equations.
 
     Args:
         recordings: one or several.

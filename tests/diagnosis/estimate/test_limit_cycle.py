@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.base_fit import fit_base
+from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood, fit_base
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.estimate.limit_cycle import (
     cycling_shares,
@@ -15,7 +15,7 @@ from heli3dof.diagnosis.estimate.limit_cycle import (
     on_limit_cycle,
 )
 from heli3dof.diagnosis.estimate.setup import Setup
-from heli3dof.identification.bias_correction.correction import ProfileLikelihood, model_at
+from heli3dof.identification.bias_correction.correction import model_at
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.estimation.filter_data import data_of

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.base_fit import fit_base
+from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood, fit_base
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening import grid_trials
@@ -22,7 +22,6 @@ from heli3dof.diagnosis.screening.grid_trials import (
     widened,
 )
 from heli3dof.diagnosis.selection.steps import screening_step
-from heli3dof.identification.bias_correction.correction import ProfileLikelihood
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.estimation.filter_data import data_of

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.conclusion.adoption import with_positive_torque
-from heli3dof.diagnosis.estimate.base_fit import fit_base
+from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood, fit_base
 from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.selection import select
@@ -23,7 +23,7 @@ from heli3dof.diagnosis.selection.steps import (
     without,
 )
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
-from heli3dof.identification.bias_correction.correction import CorrectedFit, ProfileLikelihood
+from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import data_of

@@ -51,6 +51,6 @@ def correction_note(found: Estimate) -> list[str]:
     if not isinstance(found, CorrectedFit):
         return []
     return [
-        "The encoders were on a limit cycle, which biases a fit. "
-        f"{found.flights} simulated flights of the fitted rig corrected the bias."
+        "The scores scattered more than the noise model allows, as on an encoder limit cycle, "
+        f"which biases a fit. {found.flights} simulated flights of the fitted rig corrected it."
     ]

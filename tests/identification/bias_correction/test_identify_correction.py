@@ -8,12 +8,12 @@ import pytest
 
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
-from heli3dof.identification.bias_correction.closed_loop_fit import (
+from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.bias_correction.identify_correction import (
     MAX_INFLATION,
     correction_note,
     without_bias,
 )
-from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
 from heli3dof.recording.recording import Recording
