@@ -77,7 +77,7 @@ def test_the_matched_noise_is_that_of_the_simulated_rig() -> None:
 def test_a_step_on_a_limit_cycle_has_the_rigs_inertias() -> None:
     """Plant 2's inertias are the profile's; the likelihood alone gives 0.14 of roll's."""
     recording, _ = plant_2("st-c002")
-    fit = fit_base(Setup((recording,), 0, 6, "rigid", False))
+    fit = fit_base(Setup((recording,), 0, 6))
     nominal = np.array([f.start for f in fit.structure.free[1:4]])
     assert fit.values[1:4] / nominal == pytest.approx(np.ones(3), abs=0.15)
     assert fit.optimum.noise[0] < 0.006
