@@ -18,10 +18,7 @@ import numpy as np
 from heli3dof.diagnosis.estimate.edge_rates import fit_with_edge_rates
 from heli3dof.diagnosis.estimate.limit_cycle import matched_noise, on_limit_cycle
 from heli3dof.diagnosis.estimate.setup import Setup
-from heli3dof.identification.bias_correction.correction import (
-    CorrectedFit,
-    correct,
-)
+from heli3dof.identification.bias_correction.correction import CorrectedFit, correct
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.method import compile_first, usable_runs

@@ -79,8 +79,7 @@ def maximise_corrected(
         value = corrected(current.at.loglik, theta, a)
         g = current.g - bias.theta - precision * (theta - problem.prior_mean)
         A = current.H + np.diag(precision)
-        free = ~(((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0)))
-        free &= ~fixed
+        free = problem.movable(theta, g) & ~fixed
         gain, accepted = 0.0, False
         for _ in range(10):
             damped = A[np.ix_(free, free)] + lam * np.diag(np.diag(A)[free])

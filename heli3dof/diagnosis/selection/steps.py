@@ -25,10 +25,7 @@ from heli3dof.diagnosis.screening.grid_trials import (
     trials,
     widened,
 )
-from heli3dof.diagnosis.screening.nulls import (
-    formula_nulls,
-    simulated_nulls,
-)
+from heli3dof.diagnosis.screening.nulls import formula_nulls, simulated_nulls
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit

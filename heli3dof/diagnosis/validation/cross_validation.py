@@ -15,7 +15,7 @@ Without hold-out recordings, this is cross-validation: each block b of the train
    of the remaining rows. Otherwise an inertia could diverge if the left-out block contains the
    only step.
 3. Event times (`bias_correction.evaluation.HELD`) stay fixed: no other block contains information
-on them.
+   on them.
 4. The process noise is re-estimated on the evaluated rows, for base and extended model alike, so
    that a rougher held-out flight favours neither.
 5. The filter starts `SETTLE_S` before a block. With backlash it starts `BACKLASH_SETTLE_S` before,

@@ -74,7 +74,7 @@ class HeldOut:
     @property
     def rmse_deg(self) -> dict[str, float | None]:
         """Return the RMSE by axis in degrees; None for an axis that was not measured."""
-        return _by_axis(_rmse_deg(self.squares.sum(axis=0), self.counts.sum(axis=0)))
+        return _by_axis(rms_deg(self.squares.sum(axis=0), self.counts.sum(axis=0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,14 +95,11 @@ class Gain:
     def of_calibration(self) -> bool:
         """Return True if refitting removes most of an axis' mean square error, significantly.
 
-        ``before`` has the profile's numbers, ``after`` refitted ones: e_before² − e_after² >
-        e_after², and the interval of e_before − e_after lies above zero.
+        ``before`` has the profile's numbers, ``after`` refitted ones (`removes_most`).
         """
         return any(
-            won is not None and won.low > 0 and before**2 > 2 * after**2
-            for won, before, after in (
-                (self.rmse_deg[a], self.before[a] or 0.0, self.after[a] or 0.0) for a in AXES
-            )
+            won is not None and removes_most(self.before[a] or 0.0, self.after[a] or 0.0, won.low)
+            for a, won in self.rmse_deg.items()
         )
 
 
@@ -141,7 +138,7 @@ def rmse_decreases(
 
         def decrease(cells: np.ndarray, i: int = i, n: np.ndarray = n) -> np.ndarray:
             count = n[cells].sum(axis=-1)
-            b, a = (_rmse_deg(x[cells, i].sum(axis=-1), count) for x in (before, after))
+            b, a = (rms_deg(x[cells, i].sum(axis=-1), count) for x in (before, after))
             return np.asarray(b - a)
 
         ends = np.nanpercentile(decrease(drawn), [tail, 100 - tail])
@@ -149,12 +146,22 @@ def rmse_decreases(
     return out
 
 
+def removes_most(before: float, after: float, low: float) -> bool:
+    """Return True if most of a mean square error is removed, significantly.
+
+    That is, e_before² − e_after² > e_after² for the RMSE ``before`` and ``after``, and the interval
+    of e_before − e_after, from ``low`` on, lies above zero.
+    """
+    return low > 0 and before**2 > 2 * after**2
+
+
 def pays(g: Gain) -> bool:
     """Return True if held-out data are significantly more likely under the extended model."""
     return g.log_likelihood is not None and g.log_likelihood.low > 0
 
 
-def _rmse_deg(squares: np.ndarray, counts: np.ndarray) -> np.ndarray:
+def rms_deg(squares: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Return the RMSE in degrees of ``squares`` = Σ e² (rad²) over ``counts``; NaN without any."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.degrees(np.sqrt(squares / counts)))
 

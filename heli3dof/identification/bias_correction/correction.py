@@ -75,7 +75,7 @@ class CorrectedFit(Estimate):
     def covariance(self) -> np.ndarray:
         """Return the covariance (n, n) of the parameters in their units."""
         if self.scatter is None:
-            return np.asarray(Estimate.covariance.func(self))  # type: ignore[attr-defined]
+            return super().covariance
         scale = self.slopes * np.sqrt(self.colour)
         if self.spread is not None:
             return np.asarray(self.spread * np.outer(scale, scale))
@@ -88,7 +88,7 @@ class CorrectedFit(Estimate):
     def bound(self) -> np.ndarray:
         """Return the Cramér–Rao bound (n,); without κ, as simulated flights explain the scatter."""
         if self.scatter is None:
-            return np.asarray(Estimate.bound.func(self))  # type: ignore[attr-defined]
+            return super().bound
         return np.asarray(cramer_rao(self.problem, self.theta, self.optimum.noise) * self.slopes)
 
     @cached_property
@@ -168,8 +168,7 @@ def correct(
         H = 0.5 * (recorded.H + np.mean([f.H for f in flights], axis=0))
         A = H + np.diag(precision)
         step = np.zeros(n)
-        free = ~(((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0)))
-        free &= ~fixed_parameters(problem)
+        free = problem.movable(theta, g) & ~fixed_parameters(problem)
         step[free] = np.linalg.solve(A[np.ix_(free, free)], g[free])
         sd = np.sqrt(np.diag(np.linalg.inv(A)))
         if update:

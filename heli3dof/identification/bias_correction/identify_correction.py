@@ -40,7 +40,7 @@ def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
     if not controller_is_known(flown):
         return found
     o = found.optimum
-    corrected: CorrectedFit = correct(
+    corrected = correct(
         found.problem, o.theta, o.noise, flown, seed=0, pilots=FLIGHTS, rounds=ROUNDS
     )
     return found if corrected.scatter is None else corrected

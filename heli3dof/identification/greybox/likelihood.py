@@ -86,6 +86,14 @@ class Likelihood:
         low = np.array([f.inward(f.low) for f in free])
         return low, np.array([f.inward(f.high) for f in free])
 
+    def movable(self, theta: np.ndarray, g: np.ndarray) -> np.ndarray:
+        """Return (n,) bool: the coordinates ``theta`` that a step along the score g can move.
+
+        The others are at a bound, and g (n,) points beyond it.
+        """
+        low, high = self.bounds
+        return np.asarray(~(((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0))))
+
     @cached_property
     def encoder_noise(self) -> np.ndarray:
         """Return the variance (3,) rad² of the encoder readings' white noise, by axis."""

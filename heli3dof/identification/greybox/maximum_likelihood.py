@@ -109,8 +109,7 @@ def maximise(
         g, H = score_and_information(at, D)
         g = g - precision * (theta - problem.prior_mean)
         A = H + np.diag(precision)
-        stuck = ((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0))
-        go = ~stuck
+        go = problem.movable(theta, g)
         gain, part = 0.0, 1.0
         accepted = False
         for tried in range(12):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, HeldOut
+from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, HeldOut, rms_deg
 from heli3dof.report.figures.labelled_curves import Curve, angle_figure
 from heli3dof.report.figures.style import EXTENDED, MEASURED, SYMBOLS, VERMILION, Line
 from heli3dof.report.text.number_format import fixed
@@ -40,11 +40,10 @@ class Stretch:
 
 def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
     """Return the stretch with the largest relative error (module); None without predictions."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        e_before, e_after = (
-            np.ma.masked_invalid(np.degrees(np.sqrt(x.squares / x.counts))) for x in (before, after)
-        )
-        ratio = e_before / np.ma.median(e_after, axis=0)  # type: ignore[no-untyped-call]
+    e_before, e_after = (
+        np.ma.masked_invalid(rms_deg(x.squares, x.counts)) for x in (before, after)
+    )
+    ratio = e_before / np.ma.median(e_after, axis=0)  # type: ignore[no-untyped-call]
     if not ratio.count():
         return None
     cell, i = np.unravel_index(int(ratio.argmax()), ratio.shape)

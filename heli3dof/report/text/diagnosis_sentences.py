@@ -15,6 +15,7 @@ from typing import Any
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.cause_name import name_of
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
+from heli3dof.diagnosis.validation.gain import removes_most
 from heli3dof.errors import UsageError
 from heli3dof.model.effects import term
 from heli3dof.report.text.number_format import NONE, fixed, significant
@@ -106,8 +107,8 @@ def before_and_after(gain: Document) -> str:
 def refit_explains(document: Document) -> bool:
     """Return True if a refit of the profile's numbers removes most of an axis' mean square error.
 
-    The decrease must be significant (`heli3dof.diagnosis.validation.gain.Gain.of_calibration`).
-    Also True for the verdict ``off_calibration``.
+    The decrease must be significant (`heli3dof.diagnosis.validation.gain.removes_most`). Also True
+    for the verdict ``off_calibration``.
     """
     if document["verdict"] == "off_calibration":
         return True
@@ -115,8 +116,9 @@ def refit_explains(document: Document) -> bool:
     error = gain.get("holdout_rmse_deg")
     return any(
         won is not None
-        and won["interval"][0] > 0
-        and number(error["before"][axis]) ** 2 > 2 * number(error["after"][axis]) ** 2
+        and removes_most(
+            number(error["before"][axis]), number(error["after"][axis]), won["interval"][0]
+        )
         for axis, won in gain.get("rmse_reduction_deg", {}).items()
     )
 
