@@ -38,6 +38,7 @@ from heli3dof.model.greybox.model import nominal
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 from heli3dof.report.figures.replayed_flight import replayed
+from heli3dof.report.figures.worst_stretch import worst_stretch
 from tests.flown import flown
 
 HIDDEN = "friction.viscous.yaw"
@@ -232,9 +233,14 @@ def test_with_backlash_a_filter_settles_as_if_run_from_the_start(
 
 def test_the_right_extension_pays_on_a_second_flight(base: Estimate, right: Estimate) -> None:
     second = [flight(1212, until_s=40.0)]
-    g = gain(on_holdout(base, second), on_holdout(right, second))
+    before, after = on_holdout(base, second), on_holdout(right, second)
+    g = gain(before, after)
     assert g.on == "holdout"
     assert pays(g)
+    worst = worst_stretch(before, after)
+    assert worst is not None
+    assert worst.axis == "yaw"
+    assert worst.after_deg < worst.before_deg
 
 
 def test_prediction_errors_are_those_of_the_model_s_own_predictions(
