@@ -28,7 +28,7 @@ from heli3dof.rig.url import parse_url
 from tests.drivers.emulated_rigs import RigProcess, emulated_rig
 from tests.drivers.emulator.still import still_endpoint
 from tests.paths import ROOT
-from tests.profiles import END_S
+from tests.profiles import END_S, STALL_S
 
 PROFILE = default_profile()
 DRIVER = load_driver("serial")
@@ -41,9 +41,10 @@ def emulated() -> Iterator[RigProcess]:
 
 
 def fly(rig, periods: int = 20):
+    """The last sample. Each exchange waits for its sample as long as a stalled machine may need."""
     rig.arm()
     for k in range(1, periods + 1):
-        sample = rig.exchange(Command(k, 2.0, 2.0), time.monotonic() + PROFILE.dt)
+        sample = rig.exchange(Command(k, 2.0, 2.0), time.monotonic() + STALL_S)
     return sample
 
 
