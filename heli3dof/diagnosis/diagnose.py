@@ -17,6 +17,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from heli3dof.diagnosis.base_parameters import (
+    base_parameters,
+    off_nominal,
+    std_inflation,
+)
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
 from heli3dof.diagnosis.conclusion.conclude import conclude
 from heli3dof.diagnosis.conclusion.encoder_scales import ROLL_OFFSET
@@ -26,13 +31,6 @@ from heli3dof.diagnosis.conclusion.segments import with_segment_ties
 from heli3dof.diagnosis.conclusion.stand_ins import TorqueSearchResult, settle_unmodelled
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed
-from heli3dof.diagnosis.estimate.base_fit import BASES, fit_base
-from heli3dof.diagnosis.estimate.base_parameters import (
-    base_parameters,
-    off_nominal,
-    std_inflation,
-)
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.diagnosis.selection.select import MAX_CAUSES
@@ -44,6 +42,8 @@ from heli3dof.diagnosis.selection.steps import (
 )
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.closed_loop_fit.base_fit import BASES, fit_base
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.integrity import Kind, integrity
 from heli3dof.model.control.voltage_replay import with_known_controller
 from heli3dof.model.effects import term

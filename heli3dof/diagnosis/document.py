@@ -7,13 +7,13 @@ import math
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
-from heli3dof.diagnosis.estimate.base_parameters import (
+from heli3dof.diagnosis.base_parameters import (
     BaseParameter,
     OffNominal,
     base_parameters,
     finding_of,
 )
+from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning.free_run_plan import why_none
 from heli3dof.diagnosis.profile_update import Measured, profile_keys, ratios

@@ -9,7 +9,7 @@ from typing import Any
 
 from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
+from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.outlook import OpenTerms
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal

@@ -105,7 +105,7 @@ def one_step(seed: int) -> np.ndarray:
     The rig has no friction, so its encoders are on a limit cycle for most of the flight.
     """
     from heli3dof.experiment.plan import step_plan
-    from heli3dof.identification.bias_correction.identify_correction import without_bias
+    from heli3dof.identification.closed_loop_fit.identify_correction import without_bias
     from heli3dof.identification.greybox.method import fit_greybox
     from tests.identification.known_flights import fly
 

@@ -21,8 +21,8 @@ from heli3dof.identification.greybox.freeflight import (
     free_rows,
     model_of,
 )
-from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.identification.greybox.multistep import search
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.report.text.comparison_tables import prediction_table
 from heli3dof.report.text.diagnosis_tables import diagnosis_tables

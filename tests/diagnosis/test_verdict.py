@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.document import diagnosis_document
-from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.profile_update import Measured, ratios
 from heli3dof.diagnosis.result import (
     Diagnosis,

@@ -15,10 +15,10 @@ import numpy as np
 
 from heli3dof.diagnosis.conclusion.torque_terms import fit_with
 from heli3dof.diagnosis.diagnose import PILOTS
-from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal
 from heli3dof.diagnosis.validation.cross_validation import held_out
+from heli3dof.identification.closed_loop_fit.base_fit import fit_base
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.model.control.voltage_replay import with_known_controller
 from heli3dof.recording.logs.sampling_clock import sampling_times
 from heli3dof.recording.recording import Recording

@@ -20,9 +20,9 @@ from typing import Any, cast
 
 import numpy as np
 
+from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.diagnose import diagnose  # with every module that uses a rule
 from heli3dof.diagnosis.document import diagnosis_document
-from heli3dof.diagnosis.estimate.base_parameters import OffNominal
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.screening.grid_trials import is_last_resort
 from heli3dof.diagnosis.selection.select import Choice
@@ -31,7 +31,8 @@ from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.recording.recording import Recording
 
 Function = Callable[..., Any]
-PACKAGE = "heli3dof.diagnosis."
+DIAGNOSIS = "heli3dof.diagnosis."
+FIT = "heli3dof.identification.closed_loop_fit."
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Rule:
     @property
     def function(self) -> Function:
         module, name = self.where.split(":")
-        return cast(Function, getattr(importlib.import_module(PACKAGE + module), name))
+        return cast(Function, getattr(importlib.import_module(module), name))
 
 
 def _argument(k: int) -> Function:
@@ -62,100 +63,112 @@ def _always(value: Any) -> Function:
 RULES = (
     Rule(
         "an inertia that runs away is held",
-        "estimate.base_fit:inertia_is_implausible",
+        FIT + "base_fit:inertia_is_implausible",
         _always(False),
     ),
-    Rule(
-        "the noise of a limit cycle is matched", "estimate.limit_cycle:matched_noise", _argument(2)
-    ),
-    Rule(
-        "edge rates weigh in a limit cycle", "estimate.edge_rates:fit_with_edge_rates", _argument(1)
-    ),
+    Rule("the noise of a limit cycle is matched", FIT + "limit_cycle:matched_noise", _argument(2)),
+    Rule("edge rates weigh in a limit cycle", FIT + "edge_rates:fit_with_edge_rates", _argument(1)),
     Rule(
         "effects without a slope are tried",
-        "screening.grid_trials:trials",
+        DIAGNOSIS + "screening.grid_trials:trials",
         lambda rule, *args: [t for t in rule(*args) if is_last_resort(t.term)],
     ),
     Rule(
         "ringing effects are tried last",
-        "screening.grid_trials:trials",
+        DIAGNOSIS + "screening.grid_trials:trials",
         lambda rule, *args: [t for t in rule(*args) if not is_last_resort(t.term)],
     ),
     Rule(
         "every rig's own effects come first",
-        "selection.select:missing_parts_first",
+        DIAGNOSIS + "selection.select:missing_parts_first",
         lambda rule, s, fits: list(fits),
     ),
     Rule(
         "a weak further cause is refused",
-        "selection.select:best_choice",
+        DIAGNOSIS + "selection.select:best_choice",
         lambda rule, s, fits, first: rule(s, fits, None),
     ),
     Rule(
         "undetectable effects do not replace an inertia",
-        "selection.inertia_alternatives:possible_alternatives",
+        DIAGNOSIS + "selection.inertia_alternatives:possible_alternatives",
         lambda rule, s: rule(SimpleNamespace(ranked=s.ranked, not_identifiable=())),
     ),
     Rule(
         "rivals are compared by their flights",
-        "selection.rivals:compared_by_simulation",
+        DIAGNOSIS + "selection.rivals:compared_by_simulation",
         _argument(0),
     ),
-    Rule("a cause must gain on held-out data", "conclusion.adoption:pays_enough", _always(True)),
+    Rule(
+        "a cause must gain on held-out data",
+        DIAGNOSIS + "conclusion.adoption:pays_enough",
+        _always(True),
+    ),
     Rule(
         "… and stand out of coloured noise",
-        "conclusion.adoption:coloured_noise_margin",
+        DIAGNOSIS + "conclusion.adoption:coloured_noise_margin",
         _always(float("inf")),
     ),
-    Rule("… and exceed one count", "conclusion.adoption:within_a_count", _always(False)),
+    Rule(
+        "… and exceed one count", DIAGNOSIS + "conclusion.adoption:within_a_count", _always(False)
+    ),
     Rule(
         "… and exceed rounding in predictions (controller unknown)",
-        "conclusion.adoption:exceeds_rounding",
+        DIAGNOSIS + "conclusion.adoption:exceeds_rounding",
         _always(True),
     ),
     Rule(
         "a formula competes with causes",
-        "conclusion.formula_contest:replaced_by_formula",
+        DIAGNOSIS + "conclusion.formula_contest:replaced_by_formula",
         _always(None),
     ),
     Rule(
         "unconfirmed causes are marked as …-like",
-        "conclusion.unconfirmed:marked_unconfirmed",
+        DIAGNOSIS + "conclusion.unconfirmed:marked_unconfirmed",
         _argument(0),
     ),
     Rule(
         "a residual torque is like a name",
-        "conclusion.unconfirmed:with_resemblance",
+        DIAGNOSIS + "conclusion.unconfirmed:with_resemblance",
         lambda rule, left, names: tuple(left),
     ),
-    Rule("pieces of the flight must agree", "conclusion.segments:with_segment_ties", _argument(0)),
+    Rule(
+        "pieces of the flight must agree",
+        DIAGNOSIS + "conclusion.segments:with_segment_ties",
+        _argument(0),
+    ),
     Rule(
         "recordings must agree",
-        "conclusion.recordings_agree:marked_if_recordings_disagree",
+        DIAGNOSIS + "conclusion.recordings_agree:marked_if_recordings_disagree",
         _argument(0),
     ),
     Rule(
         "causes confounded with an inertia",
-        "conclusion.inertia_ties:with_confounded_causes",
+        DIAGNOSIS + "conclusion.inertia_ties:with_confounded_causes",
         _argument(0),
     ),
     Rule(
         "encoder scales confounded with causes",
-        "conclusion.encoder_scales:with_scale_ties",
+        DIAGNOSIS + "conclusion.encoder_scales:with_scale_ties",
         lambda rule, findings, off, *_, **__: (tuple(findings), tuple(off)),
     ),
     Rule(
         "the noise may bias base parameters",
-        "estimate.base_parameters:std_inflation",
+        DIAGNOSIS + "base_parameters:std_inflation",
         _always(0.0),
     ),
     Rule(
-        "free run: both halves must show it", "free_run.cause_selection:contradicted", _always("")
+        "free run: both halves must show it",
+        DIAGNOSIS + "free_run.cause_selection:contradicted",
+        _always(""),
     ),
-    Rule("free run: confounded causes", "free_run.elimination:with_confounded_terms", _argument(1)),
+    Rule(
+        "free run: confounded causes",
+        DIAGNOSIS + "free_run.elimination:with_confounded_terms",
+        _argument(1),
+    ),
     Rule(
         "free run: the size must be significant",
-        "free_run.cause_selection:probability_nonzero",
+        DIAGNOSIS + "free_run.cause_selection:probability_nonzero",
         _always(1.0),
     ),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from tests.identification.test_preprocessing import flying
 

@@ -31,8 +31,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from heli3dof.diagnosis.base_parameters import in_SI
 from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding
-from heli3dof.diagnosis.estimate.base_parameters import in_SI
 from heli3dof.diagnosis.result import (
     COLOURED,
     DOES_NOT_PAY,

@@ -9,8 +9,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.conclusion.encoder_scales import undetectable_scales, with_scale_ties
-from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,

@@ -29,7 +29,7 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.base_parameters import THRUST_GAIN, BaseParameter, OffNominal
+from heli3dof.diagnosis.base_parameters import THRUST_GAIN, BaseParameter, OffNominal
 from heli3dof.diagnosis.result import Finding
 from heli3dof.model.effects import term
 

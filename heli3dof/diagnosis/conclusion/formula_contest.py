@@ -25,8 +25,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening.grid_trials import widened
 from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
 from heli3dof.diagnosis.selection.rivals import ROUNDS, likelihoods, odds
@@ -39,7 +37,9 @@ from heli3dof.diagnosis.unmodelled.torque_formula import (
     variable_of,
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import Place
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit, correct
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import term

@@ -29,7 +29,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.base_parameters import THRUST_GAIN, OffNominal
+from heli3dof.diagnosis.base_parameters import THRUST_GAIN, OffNominal
 from heli3dof.diagnosis.screening.screening import LARGE, one_sided
 from heli3dof.diagnosis.selection.steps import Step
 from heli3dof.identification.bias_correction.correction import CorrectedFit

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from heli3dof.diagnosis.conclusion.adoption import adopted
 from heli3dof.diagnosis.conclusion.formula_contest import replaced_by_formula
 from heli3dof.diagnosis.conclusion.unconfirmed import marked_unconfirmed, with_resemblance
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
 from heli3dof.diagnosis.selection.steps import bias_corrected, without
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence
@@ -25,6 +24,7 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
 )
 from heli3dof.diagnosis.validation.gain import HeldOut
 from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.recording.recording import Recording
 
 

@@ -12,9 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.base_parameters import in_SI
-from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
-from heli3dof.diagnosis.estimate.setup import Setup
+from heli3dof.diagnosis.base_parameters import in_SI
 from heli3dof.diagnosis.result import TorqueTerm
 from heli3dof.diagnosis.screening.grid_trials import widened
 from heli3dof.diagnosis.selection.steps import bias_corrected
@@ -22,7 +20,9 @@ from heli3dof.diagnosis.unmodelled.torque_formula import Proposal, proposals
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.thrust_scale import ThrustScale, thrust_scale
 from heli3dof.model.effects import term
 from heli3dof.recording.recording import Recording

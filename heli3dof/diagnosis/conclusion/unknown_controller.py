@@ -18,13 +18,13 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.base_parameters import THRUST_GAIN, OffNominal
 from heli3dof.diagnosis.conclusion.inertia_ties import PARAMETERS
-from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood
-from heli3dof.diagnosis.estimate.base_parameters import THRUST_GAIN, OffNominal
-from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
 

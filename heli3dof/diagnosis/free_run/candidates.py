@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.setup import FALSE_ALARMS
+from heli3dof.diagnosis.base_parameters import FALSE_ALARMS
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
     carried_over,

@@ -21,11 +21,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.base_parameters import base_parameters, off_nominal
 from heli3dof.diagnosis.conclusion.conclude import conclude
 from heli3dof.diagnosis.conclusion.encoder_scales import with_thrust_gain_ties
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_like
-from heli3dof.diagnosis.estimate.base_fit import BASES
-from heli3dof.diagnosis.estimate.base_parameters import base_parameters, off_nominal
 from heli3dof.diagnosis.free_run.candidates import with_further_effects
 from heli3dof.diagnosis.free_run.cause_selection import (
     confidence,
@@ -62,6 +61,7 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import split_off_slow_noise
 from heli3dof.diagnosis.validation.gain import Gain
 from heli3dof.diagnosis.validation.prediction import HORIZONS_S
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
+from heli3dof.identification.closed_loop_fit.base_fit import BASES
 from heli3dof.identification.greybox.freeflight import (
     LEAST_STARTS,
     fit_freeflight,

@@ -30,7 +30,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.setup import FALSE_ALARMS
+from heli3dof.diagnosis.base_parameters import FALSE_ALARMS
 from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
 from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
 from heli3dof.identification.bias_correction.correction import (

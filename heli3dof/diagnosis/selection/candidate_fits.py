@@ -1,7 +1,7 @@
 """Fit the candidates of a step in full, each added to the current fit.
 
-The fits maximise the bias-corrected log-likelihood ℓ_c (`estimate.corrected_maximum`). With the
-nulls' variance inflation κ and N encoder events, the score of a term with m parameters is BIC's
+The fits maximise the bias-corrected log-likelihood ℓ_c (`bias_correction.corrected_maximum`). With
+the nulls' variance inflation κ and N encoder events, the score of a term with m parameters is BIC's
 
     score = 2 Δℓ_c/κ − m ln N
 
@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.diagnosis.screening.grid_trials import (
     GridTrial,
     fit_start,
@@ -26,6 +25,7 @@ from heli3dof.diagnosis.screening.grid_trials import (
 )
 from heli3dof.diagnosis.screening.score_test import ScreenResult
 from heli3dof.diagnosis.screening.screening import Screening
+from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.likelihood import Likelihood, Pass
 from heli3dof.identification.greybox.maximum_likelihood import Optimum

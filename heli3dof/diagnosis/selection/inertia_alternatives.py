@@ -2,7 +2,7 @@
 
 In a short step flight, a slow torque has nearly the effect of a wrong inertia. The base absorbs the
 torque in the inertia J_j; a full fit with it returns J_j to nominal. If an inertia is significantly
-off nominal (`estimate.base_parameters`), terms with Z² > `MIN_Z2` are fitted in full, at most
+off nominal (`diagnosis.base_parameters`), terms with Z² > `MIN_Z2` are fitted in full, at most
 `MAX_FITS`. A term is confounded with the inertias if its score exceeds −`TIE` and its fit puts all
 of them within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal) ≤ ln(1 + ε).
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from heli3dof.diagnosis.estimate.base_parameters import (
+from heli3dof.diagnosis.base_parameters import (
     base_parameters,
     finding_of,
     off_nominal,

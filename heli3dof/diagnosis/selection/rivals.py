@@ -1,7 +1,8 @@
 """Compare two causes by flights simulated from each: Cox's test of separate hypotheses (1961).
 
 Encoders on a limit cycle make the score bias large, and its linear correction
-(`estimate.corrected_maximum`) too inaccurate to rank causes. This test needs no such correction.
+(`bias_correction.corrected_maximum`) too inaccurate to rank causes. This test needs no such
+correction.
 Each rival k is fitted (`bias_correction.correction`). The recordings, and B flights simulated from
 each rival, give differences of log-likelihoods d_jk = ℓ_j − ℓ_k. Under rival k they have mean m_k
 and standard deviation s_k. With Student's density t of B − 1 degrees of freedom,

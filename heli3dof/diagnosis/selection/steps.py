@@ -13,9 +13,6 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood
-from heli3dof.diagnosis.estimate.corrected_maximum import ScoreBias, maximise_corrected
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.screening.grid_trials import (
     GridTrial,
@@ -32,6 +29,7 @@ from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia
 from heli3dof.diagnosis.selection.rivals import compared_by_simulation
 from heli3dof.diagnosis.selection.select import Choice, choose
+from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
     correct,
@@ -39,6 +37,8 @@ from heli3dof.identification.bias_correction.correction import (
     simulate_again,
 )
 from heli3dof.identification.bias_correction.evaluation import evaluate
+from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term

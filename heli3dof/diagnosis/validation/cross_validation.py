@@ -30,14 +30,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, HeldOut, Predictions
 from heli3dof.diagnosis.validation.prediction import prediction_errors, starts_of, with_blocks
+from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.evaluation import fixed_parameters
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Likelihood, Pass, score_and_information
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_SETTLED
-from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.estimation.filter_data import LEAD_S, Data, data_of
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording

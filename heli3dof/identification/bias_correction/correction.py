@@ -62,7 +62,7 @@ class CorrectedFit(Estimate):
     flights: int = 0
     """B, the simulated flights of a round; 0: none"""
     spread: np.ndarray | None = None
-    """(n, n) covariance of θ of a fit with edge rates (`estimate.edge_rates`), else None"""
+    """(n, n) covariance of θ of a fit with edge rates (`closed_loop_fit.edge_rates`), else None"""
 
     @cached_property
     def colour(self) -> np.ndarray:

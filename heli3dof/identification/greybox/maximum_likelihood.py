@@ -24,6 +24,7 @@ from heli3dof.identification.greybox.likelihood import (
     Pass,
     score_and_information,
 )
+from heli3dof.model.compiled import announced
 from heli3dof.parallel import parallel_map
 
 TOLERANCE = 2e-3
@@ -74,6 +75,17 @@ class Optimum:
     """(n,) bool: the coordinates that are at their lowest or highest value"""
     rounds: int
     converged: bool
+
+
+def compile_first(problem: Likelihood) -> None:
+    """Compile the likelihood's code once per process; log a message if this takes long."""
+    from heli3dof.model.estimation.ekf_quantised import filter_blocks
+
+    if filter_blocks.signatures:
+        return
+    with announced("Compiling the grey-box estimator; this happens once and takes a while …"):
+        theta = problem.prior_mean
+        problem.tangents(theta, problem.run(theta, np.array(NOISE_START)), np.arange(1))
 
 
 def maximise(

@@ -11,10 +11,8 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
-import numpy as np
-
 from heli3dof.errors import UsageError, did_you_mean
-from heli3dof.identification.bias_correction.identify_correction import (
+from heli3dof.identification.closed_loop_fit.identify_correction import (
     correction_note,
     without_bias,
 )
@@ -22,13 +20,12 @@ from heli3dof.identification.fit_result import FitResult, Parameter, Request
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.linear_uncertainty import fit_result
-from heli3dof.identification.greybox.maximum_likelihood import NOISE_START
+from heli3dof.identification.greybox.maximum_likelihood import compile_first
 from heli3dof.identification.greybox.structure_test import with_simplifications
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.identification.preprocessing import Prepared
-from heli3dof.identification.row_selection import stretches, unusable
-from heli3dof.model.compiled import announced
 from heli3dof.model.effects import terms
-from heli3dof.model.estimation.filter_data import LOST, Run, Stretch, data_of
+from heli3dof.model.estimation.filter_data import Run, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
@@ -44,8 +41,6 @@ DEFAULT_TERMS = (
     "bias.torque.pitch",
     "bias.torque.yaw",
 )
-LEAST_RUN_S = 0.5
-"""s: shortest run of usable rows that is fitted. Chosen; not derived."""
 JITTER_SHARE = 0.2
 """Sampling jitter as a share of the sample period. Below it the likelihood, whose filter models
 jitter, gives better estimates than the multi-step fit."""
@@ -57,7 +52,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     ``prepared`` holds the recordings with all angles and their training runs. ``request.partial``
     contains the recordings that lack an angle, ``request.terms`` names the effects to fit. If the
     scores scatter too much and the controller is known, simulated flights correct the fit's bias
-    (`bias_correction.identify_correction`).
+    (`closed_loop_fit.identify_correction`).
     """
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]
@@ -88,17 +83,6 @@ def has_jitter(recording: Recording) -> bool:
     r = recording
     m = motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count)
     return m.found and m.sigma_s > JITTER_SHARE * r.dt
-
-
-def compile_first(problem: Likelihood) -> None:
-    """Compile the likelihood's code once per process; log a message if this takes long."""
-    from heli3dof.model.estimation.ekf_quantised import filter_blocks
-
-    if filter_blocks.signatures:
-        return
-    with announced("Compiling the grey-box estimator; this happens once and takes a while …"):
-        theta = problem.prior_mean
-        problem.tangents(theta, problem.run(theta, np.array(NOISE_START)), np.arange(1))
 
 
 def chosen_terms(words: str) -> tuple[str, ...]:
@@ -133,7 +117,7 @@ def fit_greybox(
     `model_of` makes a model of the result. A recording may hold a single angle (the other axes
     count as fixed) and needs no known controller. `heli3dof.identification.row_selection` selects
     the rows. Unlike ``identify``, the function does not correct the bias of a limit cycle
-    (`bias_correction.identify_correction`) and does not simplify the equations.
+    (`closed_loop_fit.identify_correction`) and does not simplify the equations.
 
     Args:
         recordings: one or several.
@@ -145,17 +129,6 @@ def fit_greybox(
     runs = [run for i, r in enumerate(several) for run in usable_runs(r, i)]
     structure = Structure(several[0].profile, terms(names))
     return estimate(Likelihood(data_of(several, runs), structure))
-
-
-def usable_runs(recording: Recording, source: int) -> list[Stretch]:
-    """Return the stretches of usable rows of a recording, each at least `LEAST_RUN_S` s long.
-
-    A stretch ends at a gap of more than `LOST` periods. ``source`` is the recording's index.
-    """
-    bad = np.logical_or.reduce(list(unusable(recording).values()))
-    breaks = np.flatnonzero(np.diff(recording.t) > LOST * recording.dt) + 1
-    least = LEAST_RUN_S / recording.dt
-    return [Stretch(source, a, b) for a, b in stretches(~bad, breaks) if b - a >= least]
 
 
 def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> GreyBoxModel:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, cast
 
+from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.conclusion.conclude import without_causes
-from heli3dof.diagnosis.estimate.base_parameters import OffNominal
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.model.effects import term

@@ -8,13 +8,13 @@ from typing import Any, cast
 
 import pytest
 
+from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.conclusion.encoder_scales import (
     separable_by_flight,
     undetectable_scales,
     with_scale_ties,
     with_thrust_gain_ties,
 )
-from heli3dof.diagnosis.estimate.base_parameters import BaseParameter, OffNominal
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.model.effects import term

@@ -15,9 +15,9 @@ from heli3dof.diagnosis.conclusion.formula_contest import (
     replaced_by_formula,
     simulations_agree,
 )
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import Place
 from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.method import fit_greybox
 from tests.flown import flown
 

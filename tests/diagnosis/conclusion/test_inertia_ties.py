@@ -8,12 +8,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.conclusion.inertia_ties import (
     confounded_causes,
     last_step_with_causes,
     with_confounded_causes,
 )
-from heli3dof.diagnosis.estimate.base_parameters import OffNominal
 from heli3dof.model.effects import term
 from heli3dof.rig.profile import default_profile
 

@@ -14,10 +14,10 @@ from heli3dof.diagnosis.conclusion.segments import (
     ranking_std,
     tied_by_segments,
 )
-from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.identification.closed_loop_fit.base_fit import fit_base
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.model.effects import term, terms
 from tests.flown import flown
 

@@ -11,15 +11,15 @@ import pytest
 from heli3dof.diagnosis.conclusion import stand_ins
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
-from heli3dof.diagnosis.estimate.base_fit import (
+from heli3dof.diagnosis.selection.steps import screening_step
+from heli3dof.identification.closed_loop_fit.base_fit import (
     ProfileLikelihood,
     corrected_base,
     fit_base,
     inertia_is_implausible,
 )
-from heli3dof.diagnosis.estimate.setup import Setup
-from heli3dof.diagnosis.selection.steps import screening_step
-from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.identification.closed_loop_fit.setup import Setup
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording

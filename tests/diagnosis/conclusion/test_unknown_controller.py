@@ -8,16 +8,16 @@ from typing import Any, cast
 import pytest
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.conclusion.adoption import objection
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed, exceeds_rounding
-from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood
-from heli3dof.diagnosis.estimate.base_parameters import OffNominal
 from heli3dof.diagnosis.result import WITHIN_ROUNDING
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
 from heli3dof.identification.greybox.estimate import estimate
-from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.base_parameters import base_parameters, off_nominal
+from heli3dof.diagnosis.base_parameters import base_parameters, off_nominal
 from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.identification.greybox.multistep import MultiStepFit

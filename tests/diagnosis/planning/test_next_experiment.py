@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning import next_experiment as module
 from heli3dof.diagnosis.planning.next_experiment import Cause, next_experiment, recommend
@@ -22,6 +20,8 @@ from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.errors import UsageError
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.closed_loop_fit.base_fit import fit_base
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects import term
 

@@ -10,9 +10,6 @@ import numpy as np
 import pytest
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood, fit_base
-from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening import grid_trials
 from heli3dof.diagnosis.screening.grid_trials import (
     fit_start,
@@ -22,8 +19,11 @@ from heli3dof.diagnosis.screening.grid_trials import (
     widened,
 )
 from heli3dof.diagnosis.selection.steps import screening_step
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
+from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood, fit_base
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate, estimate
-from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from tests.flown import flown

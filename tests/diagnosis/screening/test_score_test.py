@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood
 from heli3dof.diagnosis.screening.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.screening.score_test import Screen, with_term
 from heli3dof.identification.bias_correction.evaluation import Evaluation, evaluate
 from heli3dof.identification.bias_correction.perturbation import backward, forcing, forward
+from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
 from heli3dof.identification.greybox.estimate import Estimate, estimate
-from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure

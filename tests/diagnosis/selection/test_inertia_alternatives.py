@@ -6,14 +6,14 @@ from functools import cache
 
 import pytest
 
+from heli3dof.diagnosis.base_parameters import off_nominal, std_inflation
 from heli3dof.diagnosis.conclusion.inertia_ties import with_confounded_causes
-from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.base_parameters import off_nominal, std_inflation
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.selection.inertia_alternatives import within
 from heli3dof.diagnosis.selection.steps import Step, screening_step
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
+from heli3dof.identification.closed_loop_fit.base_fit import fit_base
+from heli3dof.identification.closed_loop_fit.setup import Setup
 
 SLOW = "disturbance.periodic.roll:0.12@0.366"
 HEAVY = "inertia.roll:1.6"

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.selection.rivals import least_odds, odds, rivals
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.selection.steps import screening_step
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
+from heli3dof.identification.closed_loop_fit.base_fit import fit_base
+from heli3dof.identification.closed_loop_fit.setup import Setup
 
 
 def flown(m0: float, m1: float, s: float) -> np.ndarray:

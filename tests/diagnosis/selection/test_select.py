@@ -10,9 +10,6 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.conclusion.adoption import with_positive_torque
-from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood, fit_base
-from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.selection import select
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import TIE, Choice, certainty
@@ -23,8 +20,11 @@ from heli3dof.diagnosis.selection.steps import (
     without,
 )
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
-from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood, fit_base
+from heli3dof.identification.closed_loop_fit.setup import Setup
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure

@@ -9,8 +9,6 @@ from typing import cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.diagnosis.screening.gumbel import EULER
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, hats, sums_along
@@ -30,6 +28,8 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.closed_loop_fit.base_fit import fit_base
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.model.effects import term
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording

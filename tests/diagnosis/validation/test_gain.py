@@ -9,8 +9,6 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood
-from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.diagnosis.validation.cross_validation import (
     BACKLASH_SETTLE_S,
     PURGE_S,
@@ -29,9 +27,12 @@ from heli3dof.diagnosis.validation.prediction import covariance_floor_deg, floor
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
 from heli3dof.identification.greybox.estimate import Estimate, estimate
-from heli3dof.identification.greybox.method import fit_greybox, model_of, usable_runs
+from heli3dof.identification.greybox.method import fit_greybox, model_of
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import nominal

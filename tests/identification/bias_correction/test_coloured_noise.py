@@ -7,8 +7,6 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.identification.bias_correction.coloured_noise import (
     freedom,
     long_run,
@@ -16,6 +14,8 @@ from heli3dof.identification.bias_correction.coloured_noise import (
 )
 from heli3dof.identification.bias_correction.correction import CorrectedFit, model_at
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
+from heli3dof.identification.closed_loop_fit.base_fit import fit_base
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.recording.recording import Recording
 from tests.flown import flown
 

@@ -7,20 +7,21 @@ from functools import cache
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.base_fit import (
+from heli3dof.diagnosis.selection.steps import fit_with_cause, screening_step
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
+from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
+from heli3dof.identification.bias_correction.correction import scatter_of
+from heli3dof.identification.bias_correction.perturbation import path
+from heli3dof.identification.closed_loop_fit.base_fit import (
     ProfileLikelihood,
     corrected_base,
     fit_base,
     inertia_is_implausible,
 )
-from heli3dof.diagnosis.estimate.corrected_maximum import ScoreBias, maximise_corrected
-from heli3dof.diagnosis.estimate.setup import Setup
-from heli3dof.diagnosis.selection.steps import fit_with_cause, screening_step
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import step_plan
-from heli3dof.identification.bias_correction.correction import scatter_of
-from heli3dof.identification.bias_correction.perturbation import path
-from heli3dof.identification.greybox.method import fit_greybox, usable_runs
+from heli3dof.identification.closed_loop_fit.setup import Setup
+from heli3dof.identification.greybox.method import fit_greybox
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate import corrected_maximum
-from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
+from heli3dof.identification.bias_correction import corrected_maximum
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.evaluation import Evaluation, evaluate
 from heli3dof.identification.greybox.likelihood import Likelihood, diverged
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_START
-from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.greybox.linearisation import balance

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.correction import NoiseScoreBias
 from heli3dof.identification.bias_correction.evaluation import evaluate
-from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 

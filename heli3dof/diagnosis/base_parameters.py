@@ -15,8 +15,8 @@ X is a finding if x exceeds e by a significant amount:
 - σ_k: standard deviation of ln K_f, the same in every flight of a rig
 - σ: standard deviation of x by the flights' noise
 - q: normal quantile, with Bonferroni's correction, of the false-alarm probability `FALSE_ALARMS`
-- f: 1 for a fit with edge rates (`estimate.edge_rates`), else `STD_INFLATION`. On a limit cycle
-  such fits scatter up to f times as much as σ.
+- f: 1 for a fit with edge rates (`closed_loop_fit.edge_rates`), else `STD_INFLATION`. On a limit
+  cycle such fits scatter up to f times as much as σ.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.setup import FALSE_ALARMS
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.identification.greybox.thrust_scale import (
@@ -36,6 +35,8 @@ from heli3dof.identification.greybox.thrust_scale import (
 )
 from heli3dof.model.effects import Term, term
 
+FALSE_ALARMS = 0.003
+"""Probability of a false finding in a recording of a rig without any effect. Chosen."""
 THRUST_GAIN = "motor.thrust_gain"
 """Finding that K_f is off nominal, which changes T_g and all inertias alike"""
 FAMILY = 5  # tested parameters: K_f, T_g and three inertias
@@ -133,7 +134,7 @@ def off_nominal(
 def std_inflation(fit: CorrectedFit) -> float:
     """Return the factor f by which the parameters' σ are multiplied (see the module).
 
-    It is 1 for a fit that used the rates of encoder edges (`estimate.edge_rates`), else
+    It is 1 for a fit that used the rates of encoder edges (`closed_loop_fit.edge_rates`), else
     `STD_INFLATION`.
     """
     return STD_INFLATION if fit.spread is None else 1.0

@@ -1,10 +1,11 @@
-"""Fit the base simulation, the first step of a diagnosis.
+"""Fit the base simulation: the first step of a diagnosis, and of `identify` on a limit cycle.
 
 The bias-corrected fit (`bias_correction.correction`) has two special cases:
 
 - Limit cycle: the likelihood hardly distinguishes a smaller inertia with more noise from the true
-  rig. The fit then starts at a matched noise (`estimate.limit_cycle`) and uses edge rates as
-  further moments (`estimate.edge_rates`).
+  rig. The correction then starts at a matched noise (`closed_loop_fit.limit_cycle`) and, if its
+  search diverges, at the likelihood's maximum. The fit is repeated with edge rates as further
+  moments (`closed_loop_fit.edge_rates`).
 - Implausible inertia: the fit is repeated with a narrow prior of the inertias.
 """
 
@@ -15,13 +16,14 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.edge_rates import fit_with_edge_rates
-from heli3dof.diagnosis.estimate.limit_cycle import matched_noise, on_limit_cycle
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.identification.bias_correction.correction import CorrectedFit, correct
+from heli3dof.identification.closed_loop_fit.edge_rates import fit_with_edge_rates
+from heli3dof.identification.closed_loop_fit.limit_cycle import matched_noise, on_limit_cycle
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.method import compile_first, usable_runs
+from heli3dof.identification.greybox.maximum_likelihood import compile_first
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.effects import terms as named
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
@@ -88,18 +90,33 @@ def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:
     plain = estimate(problem)
     if not setup.controller_is_known:
         return CorrectedFit(problem, plain.optimum)
-    theta, noise = plain.optimum.theta, plain.optimum.noise
+    starts = [(plain.optimum.theta, plain.optimum.noise)]
     cycling = on_limit_cycle(problem.data)
     if cycling.any():
-        theta = theta.copy()
-        theta[1:4] = problem.prior_mean[1:4]
-        noise = matched_noise(problem, theta, noise, cycling, setup.recordings, seed=setup.seed)
-    fit = correct(problem, theta, noise, setup.recordings, seed=setup.seed, pilots=setup.pilots)
-    if fit.scatter is None:
+        starts.insert(0, start_on_limit_cycle(setup, plain, cycling))
+    for theta, noise in starts:
+        fit = correct(problem, theta, noise, setup.recordings, seed=setup.seed, pilots=setup.pilots)
+        if fit.scatter is not None:
+            break
+    else:
         return CorrectedFit(problem, plain.optimum)
     if not cycling.any():
         return fit
     fit = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)
-    # A later fit with a further effect by likelihood alone would increase the noise again.
+    # A later fit with further terms by likelihood alone would increase the noise again.
     roll, pitch, yaw = (bool(axis) for axis in cycling)
     return replace(fit, problem=replace(problem, known_noise=(roll, pitch, yaw)))
+
+
+def start_on_limit_cycle(
+    setup: Setup, plain: Estimate, cycling: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return θ (n,) with the profile's inertias, and the noise (4,) matched to it.
+
+    ``cycling`` (3,) bool: the axes on a limit cycle.
+    """
+    theta, noise = plain.theta.copy(), plain.optimum.noise
+    theta[1:4] = plain.problem.prior_mean[1:4]
+    return theta, matched_noise(
+        plain.problem, theta, noise, cycling, setup.recordings, seed=setup.seed
+    )

@@ -1,4 +1,4 @@
-"""The settings of a diagnosis: recordings, random seed, number of simulated flights, base."""
+"""The settings of a fit with simulated flights: recordings, random seed, their number, base."""
 
 from __future__ import annotations
 
@@ -10,20 +10,17 @@ from heli3dof.identification.row_selection import unusable
 from heli3dof.model.control.voltage_replay import controller_is_known
 from heli3dof.recording.recording import Recording
 
-FALSE_ALARMS = 0.003
-"""Probability of a false finding in a recording of a rig without any effect. Chosen."""
-
 
 @dataclass(frozen=True)
 class Setup:
-    """The settings of a diagnosis."""
+    """The settings of a fit with simulated flights, or of a diagnosis."""
 
     recordings: tuple[Recording, ...]
     seed: int
     pilots: int
     """Flights simulated per iteration of the bias correction"""
     base: str = "rigid"
-    """Name of the base simulation, a key of `estimate.base_fit.BASES`"""
+    """Name of the base simulation, a key of `closed_loop_fit.base_fit.BASES`"""
 
     @property
     def controller_is_known(self) -> bool:

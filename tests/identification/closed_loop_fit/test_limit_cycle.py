@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.base_fit import ProfileLikelihood, fit_base
-from heli3dof.diagnosis.estimate.corrected_maximum import maximise_corrected
-from heli3dof.diagnosis.estimate.limit_cycle import (
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
+from heli3dof.identification.bias_correction.correction import model_at
+from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
+from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood, fit_base
+from heli3dof.identification.closed_loop_fit.limit_cycle import (
     cycling_shares,
     matched_noise,
     on_limit_cycle,
 )
-from heli3dof.diagnosis.estimate.setup import Setup
-from heli3dof.identification.bias_correction.correction import model_at
-from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
-from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.identification.closed_loop_fit.setup import Setup
+from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.load import load

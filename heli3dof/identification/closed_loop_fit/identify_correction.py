@@ -4,16 +4,26 @@ At rest a controller keeps the encoders on a limit cycle of a count or two. Ther
 maximum is biased: on 10° steps of 24 rigs, no 95 % interval of the roll or pitch inertia contained
 the true value (`make bench TOPIC=greybox`). The scores then scatter more than the noise model
 allows: κ exceeds `MAX_INFLATION` (`heli3dof.identification.greybox.estimate`). `without_bias`
-corrects every fit with such a κ, also if its cause is unmodelled motion, not a limit cycle. The
-correction simulates flights of the fitted rig (`bias_correction.correction`), so the controller
-must be known.
+corrects every fit with such a κ, also if its cause is unmodelled motion, not a limit cycle:
+
+- On a limit cycle, the process noise of its axes is that of the diagnosis' base fit
+  (`closed_loop_fit.base_fit`). The full model, with this noise held, is fitted from there.
+- The fit is corrected by simulated flights of the fitted rig (`bias_correction.correction`), so the
+  controller must be known.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
+
+from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit, correct
+from heli3dof.identification.closed_loop_fit.base_fit import fit_base
+from heli3dof.identification.closed_loop_fit.limit_cycle import on_limit_cycle
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.control.voltage_replay import controller_is_known, with_known_controller
 from heli3dof.recording.recording import Recording
@@ -39,11 +49,25 @@ def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
     flown = [with_known_controller(r) for r in recordings]
     if not controller_is_known(flown):
         return found
-    o = found.optimum
+    start = found
+    if on_limit_cycle(found.problem.data).any():
+        start = with_noise_of_base(found, Setup(tuple(flown), seed=0, pilots=FLIGHTS))
+    o = start.optimum
     corrected = correct(
-        found.problem, o.theta, o.noise, flown, seed=0, pilots=FLIGHTS, rounds=ROUNDS
+        start.problem, o.theta, o.noise, flown, seed=0, pilots=FLIGHTS, rounds=ROUNDS
     )
     return found if corrected.scatter is None else corrected
+
+
+def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:
+    """Return the fit of the same terms with the base fit's noise on the axes of a limit cycle.
+
+    T_g and the inertias start at the base fit's values, the other parameters at their prior's.
+    """
+    base = fit_base(setup)
+    problem = replace(found.problem, known_noise=base.problem.known_noise)
+    theta = np.append(base.theta, problem.prior_mean[len(base.theta) :])
+    return Estimate(problem, maximise_corrected(problem, theta, base.optimum.noise, None))
 
 
 def correction_note(found: Estimate) -> list[str]:

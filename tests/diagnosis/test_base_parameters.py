@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.base_parameters import (
+from heli3dof.diagnosis.base_parameters import (
     OffNominal,
     base_parameters,
     off_nominal,

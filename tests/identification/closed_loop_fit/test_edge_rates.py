@@ -7,15 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.estimate.base_fit import fit_base
-from heli3dof.diagnosis.estimate.edge_rates import (
-    fit_with_edge_rates,
-    jacobian,
-    moments_of_axis,
-    weights,
-)
-from heli3dof.diagnosis.estimate.limit_cycle import edge_rates
-from heli3dof.diagnosis.estimate.setup import Setup
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.correction import (
@@ -24,12 +15,21 @@ from heli3dof.identification.bias_correction.correction import (
     simulate_again,
 )
 from heli3dof.identification.bias_correction.evaluation import evaluate
+from heli3dof.identification.closed_loop_fit.base_fit import fit_base
+from heli3dof.identification.closed_loop_fit.edge_rates import (
+    fit_with_edge_rates,
+    jacobian,
+    moments_of_axis,
+    weights,
+)
+from heli3dof.identification.closed_loop_fit.limit_cycle import edge_rates
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.model.estimation.filter_data import Stretch, data_of
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile
 from tests.flown import flown
 
-MODULE = "heli3dof.diagnosis.estimate.edge_rates"
+MODULE = "heli3dof.identification.closed_loop_fit.edge_rates"
 DEVICE = "mock:?speed=max&spread=0.07&seed=1022"
 
 

@@ -27,7 +27,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.estimate.limit_cycle import edge_rates
 from heli3dof.identification.bias_correction.correction import (
     CONVERGED,
     CorrectedFit,
@@ -37,6 +36,7 @@ from heli3dof.identification.bias_correction.correction import (
     simulate_again,
 )
 from heli3dof.identification.bias_correction.evaluation import evaluate
+from heli3dof.identification.closed_loop_fit.limit_cycle import edge_rates
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW
 from heli3dof.parallel import replicate

@@ -1,1 +1,0 @@
-"""Fits of the base simulation: limit cycles, base parameters, corrected maximum likelihood."""
