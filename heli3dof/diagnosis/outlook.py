@@ -42,7 +42,11 @@ class NextExperiment:
 
 @dataclass(frozen=True, eq=False)
 class OpenTerms:
-    """Terms that a fit leaves open: needed but without a significant size, or not identifiable."""
+    """Terms on which a fit does not decide.
+
+    Without such a term the fit is worse, but the term's size is not significant; or the term is not
+    identifiable.
+    """
 
     fit: MultiStepFit
     model: GreyBoxModel

@@ -7,13 +7,13 @@ if its `Response.drive` exceeds `DRIVEN`. An axis is
 * *inconsistent* if it is driven, and |g| is outside `RANGE` or R² < `UNEXPLAINED`.
 
 If an axis is inconsistent or a voltage is constant, the check swaps each pair of columns that may
-explain it. A swap must make such an axis consistent and no other axis inconsistent. The swap with
-the largest agreement over the driven axes
+explain it. A swap must make inconsistent axes consistent and no other axis inconsistent. The swap
+with the largest agreement over the driven axes
 
     M = Σ R² exp(−½ (ln |g| / `USUAL`)²)
 
-is reported if its M exceeds that of the unchanged log by `BETTER`, and no reversed voltage gives a
-larger M.
+is reported if its M exceeds that of the unchanged log by `BETTER`, and no change of a voltage's
+sign gives a larger M.
 
 **Grid.** Otherwise, an angle that is not on its encoder's grid and a reference that is on this grid
 are reported as swapped.

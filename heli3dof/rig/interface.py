@@ -237,7 +237,7 @@ class Driver(Protocol):
 class PrivateToProcess(Protocol):
     """Optional interface of a driver of emulated rigs, which exist in the opening process only.
 
-    Other processes cannot reach such a rig, so its device gets no lock. The rig is not listed as
+    Other processes cannot open such a rig, so its device gets no lock. The rig is not listed as
     present, and its rest angles are not stored.
     """
 

@@ -209,9 +209,10 @@ def _findings(
 
 
 def size_confidence(fit: CorrectedFit, name: str) -> float:
-    """Return the probability Φ(|v − v_0|/σ) that a term's first parameter v has the sign found.
+    """Return the probability Φ(|v − v_0|/σ) that a term's v − v_0 has the sign of its estimate.
 
-    v_0 is the value of v in a rig without the effect. A term without v_0, such as a limit, gives 1.
+    v is the term's first parameter, v_0 its value in a rig without the effect. A term without v_0,
+    such as a limit, gives 1.
     """
     from scipy.stats import norm
 

@@ -68,9 +68,9 @@ class Contest:
 
 
 def replaced_by_formula(setup: Setup, fit: CorrectedFit, causes: Sequence[str]) -> Contest | None:
-    """Return the contest that the formula wins by the largest margin; None if it wins none.
+    """Compare each of the ``causes``, each pair and all of them with a torque's formula.
 
-    Each of the ``causes``, each pair and all of them are compared with a formula.
+    Return the comparison that the formula wins by the largest margin; None if it wins none.
     """
     if not causes:
         return None

@@ -51,7 +51,7 @@ def confirmed(
     parameters: Sequence[OffNominal], fit: CorrectedFit, after: HeldOut,
     holdout: Sequence[Recording], *, seed: int,
 ) -> tuple[OffNominal, ...]:  # fmt: skip
-    """Return those base ``parameters`` off nominal that predictions of the fit confirm (module).
+    """Return the ``parameters`` that predictions of held-out data confirm (see the module).
 
     ``after``: results of the fit on held-out data.
     """

@@ -154,7 +154,10 @@ def eliminate(
 
 
 def without_elimination(full: MultiStepFit) -> Elimination:
-    """Return a result without cross-validation: Δ is replaced by √Σ(θ − θ_0)²/σ² of each term."""
+    """Return the full fit as a result without elimination.
+
+    In place of the cross-validated Δ, each term has √Σ((θ − θ_0)/σ)², over its parameters θ.
+    """
     each = [
         TermResult(
             t, LossIncrease(u, u - QUANTILE, u + QUANTILE, 1.0, 0.5 * (1 + erf(u / sqrt(2))))

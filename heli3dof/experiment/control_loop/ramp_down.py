@@ -14,11 +14,11 @@ bench TOPIC=ramp_down` compares this law with others.
 * Periods that the host misses or the connection loses are skipped, so the ramp takes no longer.
 * If the device does not answer, or a second Ctrl-C arrives, the loop stops the device at once.
 * If the device stops on its own, the loop goes on recording its samples for the time of the ramp.
-* After a completed plan the ramp is slow (``landing_s``) and has a `Supervision`. A report of a
-  safety monitor, a failure of the recorder or a request to end shortens the rest to
-  ``ramp_down_s``. Without such an event, if the roll count stays constant above the table after the
-  ramp, the loop holds zero volts for `FALL_S` at most. In this time a live encoder must show the
-  arm fall.
+* After a completed plan the ramp is slow (``landing_s``), and the safety monitors stay active
+  (`Supervision`). A report of a monitor, a failure of the recorder or a request to end shortens the
+  rest to at most ``ramp_down_s``. Without such an event, a roll encoder that still reads a constant
+  angle above the table may be dead. The loop then holds zero volts until the reading changes,
+  because a working encoder shows the arm fall, but no longer than `FALL_S`.
 """
 
 from __future__ import annotations

@@ -223,7 +223,10 @@ class NoiseScoreBias:
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return whether θ or the noise is more than `REUSED_WITHIN` from that of the flights."""
+        """Return whether flights must be simulated again, as θ or the noise moved too far.
+
+        ``theta``, ``noise``: the new values. `REUSED_WITHIN` is the largest distance.
+        """
         noise_range, theta_range = REUSED_WITHIN
         noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()
         theta_distance = np.abs((theta - self.theta) / self.sd).max()

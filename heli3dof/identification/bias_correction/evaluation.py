@@ -53,7 +53,10 @@ class Derivatives:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation(Derivatives):
-    """The derivatives, and the filter run over E readings that gives them (much memory)."""
+    """The derivatives, and the filter run that gives them.
+
+    The run has E readings and needs much memory.
+    """
 
     at: Pass
     path: Path

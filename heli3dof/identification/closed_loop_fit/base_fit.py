@@ -111,7 +111,11 @@ def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:
 def start_on_limit_cycle(
     setup: Setup, plain: Estimate, cycling: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return θ (n,) with the profile's inertias, and the noise (4,) matched to it.
+    """Return the start of a correction: θ (n,) and noise (4,).
+
+    θ has the profile's inertias. The noise is that at which simulated flights with this θ have the
+    recording's limit cycle (`closed_loop_fit.limit_cycle`).
+
 
     ``cycling`` (3,) bool: the axes on a limit cycle.
     """

@@ -5,8 +5,8 @@ next row, v_m. With linear interpolation, v_j = v_0 + (j/m) (v_m − v_0), the m
 
     v̄ = v_0 + (m − 1)/(2m) (v_m − v_0)
 
-Using v_0 alone would advance the voltages by (m − 1)/2 periods on average. A fit would explain this
-by a delay that the rig does not have, or in closed loop by friction.
+Using v_0 alone would delay the voltages by (m − 1)/2 periods on average. A fit would explain this
+by too small a rotor lag, or in closed loop by friction that the rig does not have.
 """
 
 from __future__ import annotations
