@@ -16,7 +16,7 @@ X is a finding if x exceeds e by a significant amount:
 - σ: standard deviation of x by the flights' noise
 - q: normal quantile, with Bonferroni's correction, of the false-alarm probability `FALSE_ALARMS`
 - f: 1 for a fit with edge rates (`closed_loop_fit.edge_rates`), else `STD_INFLATION`. On a limit
-  cycle such fits scatter up to f times as much as σ.
+  cycle, or with an unmodelled torque, such fits deviate by up to f times as much as σ.
 """
 
 from __future__ import annotations

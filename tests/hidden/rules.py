@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -24,7 +23,6 @@ from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.diagnose import diagnose  # with every module that uses a rule
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import Finding
-from heli3dof.diagnosis.screening.grid_trials import is_last_resort
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.identification.bias_correction.correction import CorrectedFit
@@ -71,27 +69,12 @@ RULES = (
     Rule(
         "effects without a slope are tried",
         DIAGNOSIS + "screening.grid_trials:trials",
-        lambda rule, *args: [t for t in rule(*args) if is_last_resort(t.term)],
-    ),
-    Rule(
-        "ringing effects are tried last",
-        DIAGNOSIS + "screening.grid_trials:trials",
-        lambda rule, *args: [t for t in rule(*args) if not is_last_resort(t.term)],
-    ),
-    Rule(
-        "every rig's own effects come first",
-        DIAGNOSIS + "selection.select:missing_parts_first",
-        lambda rule, s, fits: list(fits),
+        _always([]),
     ),
     Rule(
         "a weak further cause is refused",
         DIAGNOSIS + "selection.select:best_choice",
         lambda rule, s, fits, first: rule(s, fits, None),
-    ),
-    Rule(
-        "undetectable effects do not replace an inertia",
-        DIAGNOSIS + "selection.inertia_alternatives:possible_alternatives",
-        lambda rule, s: rule(SimpleNamespace(ranked=s.ranked, not_identifiable=())),
     ),
     Rule(
         "rivals are compared by their flights",
@@ -107,9 +90,6 @@ RULES = (
         "… and stand out of coloured noise",
         DIAGNOSIS + "conclusion.adoption:coloured_noise_margin",
         _always(float("inf")),
-    ),
-    Rule(
-        "… and exceed one count", DIAGNOSIS + "conclusion.adoption:within_a_count", _always(False)
     ),
     Rule(
         "… and exceed rounding in predictions (controller unknown)",
@@ -152,9 +132,9 @@ RULES = (
         lambda rule, findings, off, *_, **__: (tuple(findings), tuple(off)),
     ),
     Rule(
-        "the noise may bias base parameters",
+        "model errors may bias base parameters",
         DIAGNOSIS + "base_parameters:std_inflation",
-        _always(0.0),
+        _always(1.0),
     ),
     Rule(
         "free run: both halves must show it",

@@ -11,9 +11,6 @@ with the parameters θ and the noise intensities a of the base held. w ascends t
 1. Δℓ > `MIN_TRIAL_GAIN`.
 2. If the controller is known: Δℓ > max Δℓ_null + `MIN_TRIAL_GAIN` over nulls simulated from the
    base. Δℓ varies widely for an axis with little motion.
-
-A base may attribute an oscillating loop to noise, which hides all scores. So the terms of
-`LAST_RESORT` are tried if no other cause is found.
 """
 
 from __future__ import annotations
@@ -25,14 +22,12 @@ import numpy as np
 
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import better_noise
-from heli3dof.model.effects import Term, effects, terms
+from heli3dof.model.effects import Term, effects
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.parallel import parallel_map
 
 MIN_TRIAL_GAIN = 40.0
 """Least Δℓ for a full fit. Chosen: Δℓ is hundreds with backlash, minus hundreds without."""
-LAST_RESORT = {"motor.lag": (0.02, 0.035, 0.06, 0.1, 0.17), "motor.delay": (0.01, 0.02, 0.04)}
-"""Terms with a score that noise may hide, and their grids in s. Chosen; not derived."""
 NOISE_ROUNDS, NOISE_TOLERANCE = 4, 0.1
 """Most updates of the noise at one value; change of ln a that ends them. Chosen; not derived."""
 NEIGHBOURS = 3
@@ -47,20 +42,6 @@ class GridTrial:
     value: float
     gain: float
     """Δℓ"""
-
-
-def starts(term: Term) -> tuple[float, ...]:
-    """Return the grid of a term's first parameter, ascending."""
-    return term.effect.starts or LAST_RESORT[term.name]
-
-
-def last_resort_terms(without: Sequence[str]) -> list[Term]:
-    """Return the terms of `LAST_RESORT` except those named ``without``."""
-    return [t for t in terms(list(LAST_RESORT)) if t.name not in without]
-
-
-def is_last_resort(term: Term) -> bool:
-    return term.name in LAST_RESORT
 
 
 def terms_without_score(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
@@ -86,7 +67,7 @@ def trials(
     def one(k: int) -> GridTrial:
         ext = widened(problem, untested[k])
         best = GridTrial(untested[k], 0.0, -np.inf)
-        for value in starts(untested[k]):
+        for value in untested[k].effect.starts:
             at = np.append(theta, ext.structure.free[-1].inward(value))
             gain = float(ext.run(at, noise, keep=0).loglik.sum()) - base
             if not gain > best.gain:
@@ -133,7 +114,7 @@ def fit_start(
     new = ext.structure.free[len(theta) :]
     full = np.concatenate([theta, [f.inward(f.start) for f in new]])
     j, a = len(theta), noise.copy()
-    values = [new[0].inward(v) for v in starts(term)]
+    values = [new[0].inward(v) for v in term.effect.starts]
     best, indices = 0, range(0, len(values), 2)
     for _ in range(2):
         loglik = {}

@@ -20,7 +20,6 @@ import numpy as np
 from heli3dof.diagnosis.screening.grid_trials import (
     GridTrial,
     fit_start,
-    is_last_resort,
     widened,
 )
 from heli3dof.diagnosis.screening.score_test import ScreenResult
@@ -68,11 +67,11 @@ def fit_candidates(
     level = maximise_corrected(problem, o.theta, o.noise, ScoreBias(bias, none, o.theta, o.noise))
     backlash = {t.name for t in problem.structure.terms if t.effect.starts}
 
-    def scored(term: Term, fit: Optimum, kappa: float = nulls.inflation) -> float | None:
+    def scored(term: Term, fit: Optimum) -> float | None:
         """Return the score; None for a fit that diverged or ended at a bound."""
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
-        won = 2 * (fit.loglik - level.loglik) / kappa
+        won = 2 * (fit.loglik - level.loglik) / nulls.inflation
         # A part of the body's equations costs nothing: its share has a tight prior.
         m = 0 if term.effect.of_base else len(fit.theta) - len(o.theta)
         return float(won - bic_penalty(m, fit.at))
@@ -123,12 +122,7 @@ def fit_candidates(
         no_slope = np.append(bias, np.zeros(len(new)))
         score_bias = ScoreBias(no_slope, none, np.append(o.theta, start[len(o.theta) :]), o.noise)
         fit = maximise_corrected(ext, start, noise, score_bias)
-        # If noise hides an oscillating loop, the nulls' κ does not describe the likelihood.
-        score = scored(
-            term,
-            fit,
-            max(current.inflation, 1.0) if is_last_resort(term) else nulls.inflation,
-        )
+        score = scored(term, fit)
         return None if score is None else CandidateFit(term, ext, fit, score, score, None)
 
     fits = [f for f in parallel_map(trial, len(tried), what="fits") if f is not None]

@@ -99,7 +99,7 @@ def best_choice(
     ``earlier_score``: largest score of the earlier causes, None without one.
     """
     nulls = s.nulls
-    fits = missing_parts_first(s, sorted(fits, key=lambda f: -f.score))
+    fits = sorted(fits, key=lambda f: -f.score)
     if not fits or fits[0].score < TIE:
         return None
 
@@ -142,15 +142,6 @@ def certainty(scores: Sequence[float]) -> float:
     if len(scores) < 2:
         return 1.0
     return float(1 / (1 + np.exp(-min(scores[0] - max(scores[1:]), 200.0) / 2)))
-
-
-def missing_parts_first(s: Screening, fits: Sequence[CandidateFit]) -> list[CandidateFit]:
-    """Return the fits in another order: first what the base's equations omit (`Effect.missing`).
-
-    Only if it is confounded with the best fit; the other fits keep their order.
-    """
-    confounded = [f for f in fits if fits[0].score - f.score < tie_margin(s, fits[0], f)]
-    return sorted(fits, key=lambda f: not (f in confounded and f.term.effect.missing))
 
 
 def tie_margin(s: Screening, best: CandidateFit, other: CandidateFit) -> float:

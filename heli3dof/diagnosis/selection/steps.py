@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from heli3dof.diagnosis.screening.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.screening.grid_trials import (
     GridTrial,
     exceeds_nulls,
-    last_resort_terms,
     terms_without_score,
     trials,
     widened,
@@ -26,7 +25,6 @@ from heli3dof.diagnosis.screening.nulls import formula_nulls, simulated_nulls
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia
 from heli3dof.diagnosis.selection.rivals import compared_by_simulation
 from heli3dof.diagnosis.selection.select import Choice, choose
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
@@ -69,25 +67,14 @@ class Step(Screening):
         ]
         return [t for t in tried if exceeds_nulls(t, problem, o.theta, o.noise, flown)]
 
-    @cached_property
-    def instead_of_inertia(self) -> list[CandidateFit]:
-        """Return the candidates that an inertia may have absorbed."""
-        return instead_of_inertia(self)
-
     def chosen(self, setup: Setup, earlier_score: float | None) -> Step:
-        """Return the step with its choice; without one from scores, try the terms of last resort.
+        """Return the step with its choice.
 
         ``earlier_score``: largest score of the earlier causes (`selection.select`), or None.
         """
         present = [t.name for t in self.fit.problem.structure.terms]
         tried = self.significant_trials(setup, terms_without_score(present, setup.axes))
         choice = choose(self, earlier_score, tried)
-        if (
-            choice is None
-            and setup.controller_is_known
-            and (tried := self.significant_trials(setup, last_resort_terms(present)))
-        ):
-            choice = choose(self, earlier_score, tried)
         if choice is not None and setup.controller_is_known:
             choice = compared_by_simulation(
                 choice, self.nulls, setup.recordings, seed=setup.seed, pilots=setup.pilots

@@ -13,15 +13,12 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.screening import grid_trials
 from heli3dof.diagnosis.screening.grid_trials import (
     fit_start,
-    last_resort_terms,
     terms_without_score,
     trials,
     widened,
 )
-from heli3dof.diagnosis.selection.steps import screening_step
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
-from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood, fit_base
-from heli3dof.identification.closed_loop_fit.setup import Setup
+from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
@@ -86,25 +83,3 @@ def test_a_fit_started_from_the_trial_finds_the_backlash_width() -> None:
     fit = maximise_corrected(ext, start, noise, None)
     assert ext.values(fit.theta)[-1] == pytest.approx(0.4, abs=0.03)
     assert np.isfinite(fit.loglik)
-
-
-@pytest.mark.accuracy
-def test_a_loop_oscillating_with_a_lag_is_not_attributed_to_noise() -> None:
-    """With an additional torque, the base fit doubles J_pitch and quadruples the noise. The lag's
-    score may then be insignificant; its trial against the nulls is not."""
-    device = "mock:?speed=max&seed=1043&hide=motor.lag:0.08,bias.torque.pitch:0.025"
-    flight = flown("rich", 40.0, device=device, seed=1043)
-    setup = Setup((flight,), 0, 4)
-    step = screening_step(setup, fit_base(setup), 10)
-    trial = max(step.significant_trials(setup, last_resort_terms(())), key=lambda t: t.gain)
-    assert trial.term.name == "motor.lag"
-    problem, o = step.fit.problem, step.fit.optimum
-    ext = widened(problem, trial.term)
-    fit = maximise_corrected(ext, *fit_start(ext, o.theta, o.noise, trial.term), None)
-    assert ext.values(fit.theta)[-1] == pytest.approx(0.08, rel=0.1)
-
-
-def test_without_a_lag_no_trial_wins() -> None:
-    fitted = base("", 1151)
-    o = fitted.optimum
-    assert trials(fitted.problem, o.theta, o.noise, last_resort_terms(())) == []

@@ -111,7 +111,6 @@ def test_a_cause_below_the_screen_threshold_is_not_named(
         CandidateFit(screened, NONE, NONE, 8.0, 34.7, 1),
     ]
     monkeypatch.setattr(select, "fit_candidates", lambda *a: fits)
-    monkeypatch.setattr(select, "missing_parts_first", lambda s, fits: fits)
     monkeypatch.setattr(select, "tie_margin", lambda *a: TIE)
     nulls = cast(
         Any, SimpleNamespace(threshold=28.2, least=lambda t: 28.2, confidence=lambda z: 1.0)
