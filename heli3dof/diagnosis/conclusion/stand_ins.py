@@ -54,7 +54,7 @@ def settle_unmodelled(
     if start.fit.scatter is None:  # without a dropped cause, simulation may work
         again = bias_corrected(setup, start.fit.problem, start.fit.optimum)
         start = start if again.scatter is None else _adopted_again(setup, start, again, (), holdout)
-    now, removed, certain = start, list[str](), None
+    now, removed, certain = start, list[Finding](), None
     first: tuple[ResidualTorque, ...] | None = None
     while True:
         scores = evidence(now.fit, setup.recordings, flights=flights, seed=setup.seed)
@@ -66,7 +66,7 @@ def settle_unmodelled(
             break
         names, certain = contest.causes, contest.formula.place
         first = left if first is None else first
-        removed += names
+        removed += [f for f in now.findings if f.term.name in names]
         now = _without_stand_ins(setup, now, names, holdout)
     if first is not None and not left:
         return _undecided(start, first, removed)
@@ -84,7 +84,7 @@ def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
 
 
 def _undecided(
-    start: TorqueSearchResult, left: tuple[ResidualTorque, ...], removed: Sequence[str]
+    start: TorqueSearchResult, left: tuple[ResidualTorque, ...], removed: Sequence[Finding]
 ) -> TorqueSearchResult:
     """Return ``start`` as undecided, with ``left``, the residual torques of the first search.
 

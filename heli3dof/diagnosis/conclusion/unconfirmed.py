@@ -38,9 +38,14 @@ def insignificant(fit: Estimate) -> set[str]:
 
 
 def with_resemblance(
-    residuals: Sequence[ResidualTorque], names: Sequence[str]
+    residuals: Sequence[ResidualTorque], causes: Sequence[Finding]
 ) -> tuple[ResidualTorque, ...]:
-    """Return the residual torques; the first is marked ``names[0]``-like unless it has a mark."""
-    if not residuals or residuals[0].resembles is not None or not names:
+    """Return the residual torques; the first is marked "…-like" unless it has a mark.
+
+    It is like the first of the ``causes`` and those confounded with it.
+    """
+    if not residuals or residuals[0].resembles is not None or not causes:
         return tuple(residuals)
-    return (replace(residuals[0], resembles=f"{names[0]}-like"), *residuals[1:])
+    names = (causes[0].term.name, *causes[0].tied_with)
+    resembles = " or ".join(f"{name}-like" for name in names)
+    return (replace(residuals[0], resembles=resembles), *residuals[1:])

@@ -29,6 +29,7 @@ from heli3dof.diagnosis.selection.rivals import compared_by_simulation
 from heli3dof.diagnosis.selection.select import Choice, choose
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import (
+    MAX_INFLATION,
     CorrectedFit,
     correct,
     model_at,
@@ -36,6 +37,8 @@ from heli3dof.identification.bias_correction.correction import (
 )
 from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
+from heli3dof.identification.closed_loop_fit.edge_rates import fit_with_edge_rates
+from heli3dof.identification.closed_loop_fit.limit_cycle import on_limit_cycle
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
@@ -134,10 +137,13 @@ def with_forms(
 
 
 def bias_corrected(setup: Setup, problem: Likelihood, optimum: Optimum) -> CorrectedFit:
-    """Return the bias-corrected fit near an optimum; the optimum if the controller is unknown."""
+    """Return the bias-corrected fit near an optimum; the optimum if the controller is unknown.
+
+    On a limit cycle, the fit uses edge rates if its scores then scatter less.
+    """
     if not setup.controller_is_known:
         return CorrectedFit(problem, optimum)
-    return correct(
+    fit = correct(
         problem,
         optimum.theta,
         optimum.noise,
@@ -146,6 +152,15 @@ def bias_corrected(setup: Setup, problem: Likelihood, optimum: Optimum) -> Corre
         pilots=setup.pilots,
         rounds=4,
     )
+    if (
+        fit.scatter is None
+        or fit.unexplained_scatter <= MAX_INFLATION
+        or not on_limit_cycle(problem.data).any()
+    ):
+        return fit
+    # The held noise is that of a model without the last cause, so it may be too large.
+    again = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)
+    return min(fit, again, key=lambda f: f.unexplained_scatter)
 
 
 @lru_cache(maxsize=8)

@@ -35,6 +35,10 @@ from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
+MAX_INFLATION = 1.2
+"""κ above which the scores scatter more than the noise model allows. For a valid likelihood κ is
+near 1. Its standard deviation is √(2/(n m)) = 0.04 for n = 12 parameters and m = 120 blocks (a
+minute); 1.2 is 1 plus five of these."""
 ROUNDS = 10
 """Largest number of rounds, unless the caller gives another. Chosen."""
 CONVERGED = 0.35

@@ -4,12 +4,13 @@ At rest a controller keeps the encoders on a limit cycle of a count or two. Ther
 maximum is biased: on 10° steps of 24 rigs, no 95 % interval of the roll or pitch inertia contained
 the true value (`make bench TOPIC=greybox`). The scores then scatter more than the noise model
 allows: κ exceeds `MAX_INFLATION` (`heli3dof.identification.greybox.estimate`). `without_bias`
-corrects every fit with such a κ, also if its cause is unmodelled motion, not a limit cycle:
+corrects every fit with such a κ, also if its cause is unmodelled motion, not a limit cycle. Flights
+of the fitted rig are simulated (`bias_correction.correction`), so the controller must be known.
 
-- On a limit cycle, the process noise of its axes is that of the diagnosis' base fit
-  (`closed_loop_fit.base_fit`). The full model, with this noise held, is fitted from there.
-- The fit is corrected by simulated flights of the fitted rig (`bias_correction.correction`), so the
-  controller must be known.
+On an extreme limit cycle the correction may end at an inertia that is several times too small. Then
+the scores still scatter more than those of the simulated flights, and a second fit is made, with
+the process noise of the diagnosis' base fit (`closed_loop_fit.base_fit`). The fit whose scores
+scatter less is returned.
 """
 
 from __future__ import annotations
@@ -20,7 +21,11 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
-from heli3dof.identification.bias_correction.correction import CorrectedFit, correct
+from heli3dof.identification.bias_correction.correction import (
+    MAX_INFLATION,
+    CorrectedFit,
+    correct,
+)
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
 from heli3dof.identification.closed_loop_fit.limit_cycle import on_limit_cycle
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -28,10 +33,6 @@ from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.control.voltage_replay import controller_is_known, with_known_controller
 from heli3dof.recording.recording import Recording
 
-MAX_INFLATION = 1.2
-"""κ above which a fit is corrected. For a valid likelihood κ is near 1. Its standard deviation is
-√(2/(n m)) = 0.04 for n = 12 parameters and m = 120 blocks (a minute); 1.2 is 1 plus five of these.
-"""
 FLIGHTS, ROUNDS = 8, 20
 """Simulated flights per round of the correction, and its largest number of rounds. Chosen: with 8
 flights, the standard error of their mean score is 1/√8 of one score's standard deviation."""
@@ -49,14 +50,17 @@ def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
     flown = [with_known_controller(r) for r in recordings]
     if not controller_is_known(flown):
         return found
-    start = found
-    if on_limit_cycle(found.problem.data).any():
-        start = with_noise_of_base(found, Setup(tuple(flown), seed=0, pilots=FLIGHTS))
-    o = start.optimum
-    corrected = correct(
-        start.problem, o.theta, o.noise, flown, seed=0, pilots=FLIGHTS, rounds=ROUNDS
-    )
-    return found if corrected.scatter is None else corrected
+    fits = [_corrected(found, flown)]
+    if fits[0].unexplained_scatter > MAX_INFLATION and on_limit_cycle(found.problem.data).any():
+        setup = Setup(tuple(flown), seed=0, pilots=FLIGHTS)
+        fits.append(_corrected(with_noise_of_base(found, setup), flown))
+    fits = [f for f in fits if f.scatter is not None]
+    return min(fits, key=lambda f: f.unexplained_scatter, default=found)
+
+
+def _corrected(fit: Estimate, recordings: Sequence[Recording]) -> CorrectedFit:
+    o = fit.optimum
+    return correct(fit.problem, o.theta, o.noise, recordings, seed=0, pilots=FLIGHTS, rounds=ROUNDS)
 
 
 def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:

@@ -309,7 +309,7 @@ def unmodelled_effects(document: Document) -> Iterator[str]:
             also = listed([variable(str(v)) for v in rest["also"]], "or")
             text += f" (or on {also}: this flight hardly separates them)"
         if rest.get("like"):
-            text += f"; it is {rest['like']}, but that cause is not confirmed"
+            text += f"; it is {rest['like']} (not confirmed)"
         yield f"{text}."
         yield _torque_term(rest, measured_on(document))
     if remaining := [x for x in document["leftover"] if x.get("error_deg")]:

@@ -8,9 +8,8 @@ import pytest
 
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
-from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.bias_correction.correction import MAX_INFLATION, CorrectedFit
 from heli3dof.identification.closed_loop_fit.identify_correction import (
-    MAX_INFLATION,
     correction_note,
     without_bias,
 )
