@@ -26,7 +26,7 @@ PAUSE_S = 1.0
 LEAST_BLOCKS = 6
 """Fewest blocks: with 6, two replicates are equal with a probability of less than 1 %"""
 OF_THE_PAUSES = "timing."
-"""Beginning of the names of effects that the pauses themselves cause"""
+"""Prefix of the effects on the time stamps, such as ``timing.gaps``, which the pauses cause"""
 
 
 def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Recording:
@@ -56,7 +56,7 @@ def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Reco
 class NamedShare:
     """A cause, and in how many replicates the diagnosis names it: ``named`` of ``of``.
 
-    A cause that the diagnosis names as confounded with another one also counts.
+    The diagnosis also names a cause if it reports it as confounded with another one.
     """
 
     cause: str
@@ -105,7 +105,7 @@ def named_shares(rows: Iterable[Mapping[str, Any]]) -> list[NamedShare]:
 def causes_of(row: Mapping[str, Any]) -> set[str]:
     """Return the causes in the row of a diagnosis, and the effects confounded with them.
 
-    Faults of the recording (``timing.gaps``) are left out.
+    Effects on the time stamps (``timing.gaps``) are left out, because the pauses cause them.
 
     >>> sorted(causes_of({"causes": "timing.gaps; friction.coulomb.yaw|motor.lag"}))
     ['friction.coulomb.yaw', 'motor.lag']

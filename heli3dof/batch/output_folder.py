@@ -2,13 +2,13 @@
 
 ::
 
-    OUT/results.parquet, results.csv   one row per recording
+    OUT/results.parquet, results.csv   one row per task
     OUT/documents/NAME-KEY.json        what the verb prints with --json
     OUT/models/, OUT/recordings/       files that the verb writes
     OUT/journal.jsonl                  a line per outcome: task key, table row, cost (s, bytes)
 
-An outcome's files are complete before its line is added to the journal. A line that an interruption
-cut off does not count, so its task is done again.
+An outcome's files are complete before its line is added to the journal. If an interruption cuts a
+line off, the line is ignored, so its task is done again.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class OutputFolder:
                 fix="wait for it, or choose another folder with -o",
             ) from None
         self.lines = {line["key"]: line for line in journal_lines(self.path)}
-        """Key → the last line of this task"""
+        """Task key → the last journal line of the task"""
         with write_errors_explained(self.path / JOURNAL, fix=RESUME):
             self._journal = (self.path / JOURNAL).open("ab", buffering=0)
             if _is_cut_off(self.path / JOURNAL):

@@ -39,7 +39,7 @@ COLUMNS: Mapping[str, str] = {
 RESOLUTION_S = 1e-9
 """s: resolution of the times in MCAP files. A smaller jitter is the rounding error of a float."""
 STARTS = ("roll", "pitch")
-"""Axes with an absolute start angle: at rest on the table. Yaw may start anywhere."""
+"""Axes with a known start angle, that of the rig at rest on the table; yaw may start anywhere"""
 
 
 def recording_columns(recording: Recording, path: str) -> dict[str, Any]:

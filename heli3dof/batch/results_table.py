@@ -1,4 +1,4 @@
-"""The results table: one row per recording, as CSV and Parquet.
+"""The results table as CSV and Parquet: one row per task (recording, replicate or swept flight).
 
 A column is 64-bit integers, 64-bit floating-point numbers, booleans or text. Missing values are
 empty. The order of the columns is that of their first appearance, so that the files depend on the
@@ -22,7 +22,7 @@ TEXTS = (
     "recording", "name", "rig", "serial", "started_utc", "plan", "outcome", "error", "faults",
     "digest",
 )  # fmt: skip
-"""Columns that are text even where they look like numbers, as a rig with the name 7"""
+"""Columns that are text even where it looks like a number, such as the rig name 7"""
 Row = Mapping[str, Any]
 
 

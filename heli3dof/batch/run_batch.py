@@ -23,18 +23,18 @@ Progress = Callable[["Batch"], None]
 
 @dataclass
 class Batch:
-    """The progress of a batch: numbers of recordings. `run_batch` passes it to ``progress``."""
+    """The progress of a batch: numbers of tasks. `run_batch` passes it to ``progress``."""
 
     total: int
-    """Number of tasks: recordings, or replicates of them"""
+    """All tasks: recordings, replicates of them, or flights of a sweep"""
     kept: int = 0
-    """Recordings that need no work: an earlier run finished them, or they equal another one"""
+    """Tasks that need no work: an earlier run finished them, or they equal another one"""
     done: int = 0
-    """Recordings that this run has worked on"""
+    """Tasks that this run has worked on, including those in ``left_out``"""
     failed: int = 0
-    """Recordings of this and earlier runs whose verb failed"""
+    """Tasks of this and earlier runs whose verb failed"""
     left_out: int = 0
-    """Recordings that do not meet the condition"""
+    """Tasks whose recording does not meet the condition"""
     tables: Sequence[Path] = ()
 
     @property
@@ -62,11 +62,11 @@ def run_batch(
     tasks: Sequence[Task], folder: OutputFolder, engine: Engine,
     progress: Progress = lambda batch: None,
 ) -> Batch:  # fmt: skip
-    """Do the tasks without a final outcome in the folder; write the results table of all tasks.
+    """Do the tasks that have no final outcome in the folder yet; write the table of all tasks.
 
     ``engine`` runs the tasks; ``progress`` is called at the start and after each outcome. After
-    Ctrl-C or an error, the table contains the tasks done so far. Its rows are in the order of the
-    tasks.
+    Ctrl-C or an error, the table contains the tasks done so far. The table's rows are in the order
+    of ``tasks``.
     """
     # Two files of the same name and content are one task.
     todo = list({t.key: t for t in tasks if not folder.is_done(t.key)}.values())

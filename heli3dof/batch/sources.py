@@ -135,7 +135,7 @@ def _lines(word: str) -> Iterable[str]:
 def _in_folder(folder: Path) -> Iterator[Path]:
     """Yield the recordings and logs in a folder and its subfolders, except hidden ones.
 
-    In the output folder of a batch, only the subfolder ``recordings`` counts.
+    In the output folder of a batch, only the subfolder ``recordings`` is searched.
     """
     if is_output_folder(folder):  # its results.csv is no log
         folder = folder / RECORDINGS

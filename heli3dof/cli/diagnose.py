@@ -126,9 +126,9 @@ def _device(recordings: Sequence[Recording]) -> str | None:
 
 
 def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
-    """Return the exercise of each recording; an entry is None if the rig is of no exercise.
+    """Return the exercise of each recording's rig; an entry is None if the rig is of no exercise.
 
-    The whole result is None if no recording was flown on the rig of an exercise.
+    The result is None, not a list, if no recording was flown on the rig of an exercise.
     """
     from heli3dof.rig.sealed_rig import exercise_of
 

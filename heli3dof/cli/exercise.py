@@ -200,7 +200,7 @@ def _key(out: Output, path: Path) -> SigningKey:
 
 
 def _truths(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield a line for each exercise of the class: the effects that its rig hides."""
+    """Yield a line for each exercise in the marks ``rows``: the effects that its rig hides."""
     seen = {r["exercise"]: r for r in rows if r["reason"] is None}
     for exercise, row in sorted(seen.items()):
         hidden = ", ".join(c["name"] for c in row["hidden"]) or "nothing"
@@ -210,7 +210,7 @@ def _truths(rows: list[dict[str, Any]]) -> Iterator[str]:
 def _table(rows: list[dict[str, Any]]) -> Grid:
     """Return the table of the marks: a row per answer, in order of the students' names.
 
-    A column gives the exercise only if the class has several exercises.
+    A column gives the exercise only if the answers are to several exercises.
     """
     from heli3dof.report.text.table import Grid
 

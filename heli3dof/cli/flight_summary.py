@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def recording_table(recording: Recording, title: str, note: str | None = None) -> Grid:
     """Return a table to print: step metrics by step and axis, with a ``title`` and a ``note``.
 
-    They do not cover the ramp of the voltages to zero at the flight's end.
+    The metrics leave out the ramp of the voltages to zero at the flight's end.
     """
     from heli3dof.comparison.metrics import flight_metrics
     from heli3dof.report.text.comparison_tables import metrics_of

@@ -64,7 +64,7 @@ def import_log(
 
     out = Output(as_json=as_json, quiet=quiet)
     given = parse_mapping(mapping or ())
-    there = all(log.exists() for log in logs)  # a missing log is reported first
+    there = all(log.exists() for log in logs)  # if not, read_log reports the missing one
     named = " ".join(map(str, logs))
     if profile is None and there and any(map(is_log, logs)):
         raise UsageError(

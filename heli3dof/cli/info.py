@@ -47,7 +47,7 @@ def info(
 
     out = Output(as_json=as_json, quiet=quiet)
     flight, about = read_with_info(recording, log_profile(profile), columns)
-    # Without a clock that runs, and angles, there are no times to give.
+    # Metrics need at least two samples, and time stamps that increase.
     metrics = flight_metrics(flight) if about["timing"] else {}
     for warning in about["warnings"]:
         out.warn(warning)
@@ -60,7 +60,7 @@ def info(
 
 
 def _show_steps(out: Output, metrics: Mapping[str, AxisMetrics], most: int | None) -> None:
-    """Print a table of the references' steps, if there are any: at most ``most``, None: all."""
+    """Print a table of the references' steps, if any, with at most ``most`` rows (None: all)."""
     from heli3dof.report.text.comparison_tables import metrics_of
 
     stepped = {a: replace(m, steps=_real_steps(m)) for a, m in metrics.items()}

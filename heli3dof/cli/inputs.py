@@ -110,7 +110,7 @@ def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
         if word in BUILT_IN or word.endswith(".json"):
             return True
         is_file = bool(Path(word).suffix) or Path(word).exists()
-        return not is_file and nearest(word, BUILT_IN) is not None  # with a typing error
+        return not is_file and nearest(word, BUILT_IN) is not None  # a misspelt model name
 
     models = [w for w in words if is_model(w)]
     recordings = [Path(w) for w in words if w not in models]

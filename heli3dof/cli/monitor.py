@@ -79,7 +79,7 @@ def _source(
 
         def read_session() -> dict[str, Any] | None:
             reported = state(session)
-            # A process that does not answer may recover: an empty reading until it ends.
+            # A process that does not answer may recover: return empty readings until it ends.
             return {} if reported is None and lives(session) else reported
 
         return read_session, about
@@ -101,8 +101,8 @@ def _source(
 def _session(device: str | None, sessions: list[Running]) -> Running | None:
     """Return the newest of the ``sessions``, processes that use the device; None if it is free.
 
-    ``device``: URL, or None for any device. For an emulated rig, only sessions whose URL has every
-    option of ``device`` count.
+    ``device``: URL, or None for any device. For an emulated rig, the session's URL must have every
+    option of ``device``.
     """
     from heli3dof.rig.drivers import is_private
     from heli3dof.rig.url import parse_url

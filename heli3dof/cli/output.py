@@ -119,7 +119,7 @@ def _console(**options: Any) -> Console:
             return super().render_str(printable(text, self.encoding), **how)
 
         def on_broken_pipe(self) -> None:
-            raise BrokenPipeError  # rich would end the process with 1
+            raise BrokenPipeError  # rich would exit with the code 1
 
     return Encoded(highlight=False, **options)
 
@@ -213,7 +213,7 @@ def print_error(error: Heli3dofError, *, as_json: bool) -> None:
         out.err.print(f"Likely cause: {error.cause}", soft_wrap=True, markup=False)
     if error.fix:
         out.err.print(f"Try: {error.fix}", soft_wrap=True, markup=False)
-    with suppress(OSError):  # stdout itself may be what cannot be written
+    with suppress(OSError):  # the error may be that stdout cannot be written
         out.emit(
             {
                 "schema": "heli3dof.error/1",

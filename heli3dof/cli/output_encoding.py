@@ -42,7 +42,7 @@ ASCII = {
 
 
 def prepare() -> None:
-    """Make stdout and stderr accept every character in their encoding.
+    """Make stdout and stderr print ASCII text for the characters that their encoding lacks.
 
     A closed stream (``2>&-``) is opened on the null device. Otherwise the next file to be opened,
     perhaps a recording, would get the stream's descriptor. Libraries would then print their

@@ -97,7 +97,7 @@ class FlightView:
         now_s = live.done * self.profile.dt
         angle = [degrees(a) for a in live.angle]
         reference = [degrees(a) for a in live.reference]
-        # rich keeps the width of every text that it has drawn, and each frame is a new text.
+        # rich caches the width of every text drawn; new texts in each frame would fill the cache.
         cached_cell_len.cache_clear()
         if live.done:
             self.traces.add(now_s, angle, reference)
@@ -139,7 +139,7 @@ class FlightView:
         return Text.assemble(text, ("━" * done, "green"), ("─" * (room - done), "dim"))
 
     def _heads(self, angle: Sequence[float], reference: Sequence[float]) -> list[str]:
-        """Return a line for each axis: angle and reference, then the envelope (°)."""
+        """Return a line for each axis: angle, reference and safety limits (°)."""
         limits = self.profile.limits
         envelope = (
             f"{limits.roll_min_deg:g} to {limits.roll_max_deg:g}°",

@@ -175,7 +175,7 @@ def _fly_auto(
 
 
 def _auto_document(out: Output, result: AutoResult) -> dict[str, Any]:
-    """Write model and report of ``run --auto``, print the diagnosis; return its JSON document."""
+    """Write model and report, print the diagnosis; return the JSON document of ``run --auto``."""
     from heli3dof.cli.diagnose import show_diagnosis
     from heli3dof.diagnosis.document import diagnosis_document as to_document
     from heli3dof.model.model_file import save_model

@@ -1,8 +1,8 @@
 """Check an effect that somebody else wrote: units, equations, and the names that it refers to.
 
 The equations run at `STATES` random states of the default rig, and must return finite numbers. A
-torque must be zero where each parameter has the value without the effect (``null``), and must not
-be zero at typical sizes.
+torque must not be zero at typical sizes. It must be zero if each parameter has its ``null``, the
+value without the effect; this is not checked if a parameter's logarithm is estimated.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from heli3dof.model.physics.state_layout import (
 from heli3dof.rig.profile import default_profile
 
 STATES = 20
-"""Number of random states at which an equation runs; a torque must not be zero at all of them."""
+"""Number of random states at which an equation runs; a torque must not be zero at every one."""
 KNOWN_UNITS = {u.replace("deg", "°") for u in UNITS}
 ADDED = (Stage.TORQUE, Stage.DRY)
 """Stages that add a torque"""
@@ -64,7 +64,7 @@ def effect_of_file(path: Path) -> Effect:
         )
     module = importlib.util.module_from_spec(spec)
     try:
-        # Not by the loader: its byte code can be of a version of the same second and length.
+        # The loader would run old byte code after a change within a second that keeps the length.
         exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
         raise RecordingError(

@@ -121,7 +121,7 @@ def make_answer(
 
     ``name``: the student's; ``diagnoses``: file name → content of ``diagnose --json``. If there are
     own claims, those of the documents are not used. Of several claims for the same effect the first
-    counts. The hold-out error is that of the first document. Raises UsageError for a diagnosis of
+    is kept. The hold-out error is that of the first document. Raises UsageError for a diagnosis of
     another rig's recordings, RecordingError for an incomplete document.
     """
     claims: list[Claim] = []
@@ -158,9 +158,9 @@ def make_answer(
 
 
 def claims_of(document: Mapping[str, Any]) -> list[Claim]:
-    """Return the claims of a diagnosis document, one for each finding and unmodelled torque.
+    """Return the claims of a diagnosis document, one for each of ``findings`` and ``leftover``.
 
-    A diagnosis that found nothing makes one claim, `NONE`: the rig has no hidden effect.
+    If there is none and the verdict is in `QUIET`, the claim is `NONE`: no hidden effect.
     """
     claims = [_finding(f) for f in document["findings"]]
     claims += [

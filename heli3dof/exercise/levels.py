@@ -28,10 +28,10 @@ LEVELS = {
     5: "a rig as in 4 with two effects, one, none, or one outside the catalogue",
 }
 SPREAD = 0.07
-"""Largest relative difference of the rig from its profile, from level 4. Two such differences
-remain within the profile's tolerance of 15 %, beyond which they would be causes themselves."""
+"""Largest relative difference of the rig's parameters from the profile, at levels 4 and 5. Two of
+them add up to less than the profile's tolerance of 15 %, beyond which they would be causes."""
 NEARER = 0.15
-"""Largest share by which a drawn size is nearer to "no effect" (0; 1 for a ratio) than `_SIZES`"""
+"""Largest relative decrease of a drawn size from `_SIZES` towards "no effect" (0; 1 for a ratio)"""
 SIGN, RATIO, ONE_WAY = "either sign", "or its inverse", "one sign"
 UNMODELLED = "unmodelled"
 """Name in an answer of an effect outside the catalogue, before its axis: ``unmodelled.yaw``"""

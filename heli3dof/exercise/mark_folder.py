@@ -1,4 +1,4 @@
-"""Marks the answers of a class, all files in one folder."""
+"""Marks the answers of a class of students: the files in a folder and its subfolders."""
 
 from __future__ import annotations
 
@@ -58,9 +58,9 @@ def _printable(text: str) -> str:
 def mark_folder(folder: Path, key: SigningKey) -> list[MarkedAnswer]:
     """Return a `MarkedAnswer` for each answer file in the folder and its subfolders.
 
-    For a file that is not an answer, it states the reason. Hidden files and files with an ending in
-    `NOT_ANSWERS` are skipped. ``key``: the teacher's. Raises UsageError if the folder is missing or
-    empty.
+    For a file that is not an answer, the `MarkedAnswer` states the reason. Hidden files and files
+    with an ending in `NOT_ANSWERS` are skipped. ``key``: the teacher's. Raises UsageError if the
+    folder is missing or has no other file.
     """
     if not folder.is_dir():
         raise UsageError(

@@ -88,7 +88,7 @@ def mark(answer: Answer, truth: Truth) -> Mark:
 def _sizes(claim: Claim, truth: Mapping[str, float]) -> list[SizeMark]:
     marks = []
     effect = term(claim.name).effect
-    null = {effect.parameters[0].name: effect.parameters[0].null}  # further ones: from zero
+    null = {effect.parameters[0].name: effect.parameters[0].null}  # of others: 0
     for parameter, true in truth.items():
         size = claim.parameters.get(parameter)
         if size is None:

@@ -26,7 +26,7 @@ PRELOADED = [
     "heli3dof.diagnosis.diagnose",
     "heli3dof.identification.identify",
 ]
-"""Modules that the processes share, because each would need over a second to import them"""
+"""Modules that are imported once for all processes, because the import takes over a second"""
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 

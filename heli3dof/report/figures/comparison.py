@@ -29,7 +29,7 @@ NUMBER = {"roll": 7, "pitch": 8, "yaw": 9}
 def comparison_figures(comparison: Comparison) -> dict[str, dict[str, Figure]]:
     """Draw the paper's Figures 7, 8 and 9; return a nested dict: recording's name → axis → figure.
 
-    The second recording with the same name gets a number. An axis that was not measured has no
+    A further recording of the same name is called "name (2)". An axis that was not measured has no
     figure.
     """
     figures: dict[str, dict[str, Figure]] = {}

@@ -1,8 +1,8 @@
 """Compute the data of a diagnosis report's figures, from the diagnosis and its recordings.
 
-This module fits nothing. For each finding it runs the Kalman filter over the recordings once. With
-each recording's references it simulates two models that `diagnose` has fitted. The model "before"
-lacks the causes, the model "after" includes them.
+This module fits nothing. For each finding and each residual torque it runs the Kalman filter over
+the recordings. With the references of the held-out recordings (or, without any, of the fitted ones)
+it simulates two fitted models: "before" lacks the causes, "after" includes them.
 """
 
 from __future__ import annotations

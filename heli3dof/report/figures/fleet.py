@@ -2,8 +2,8 @@
 
 Points are flights with error bars of one standard deviation. A hollow point is a flight of another
 plan than those in the mean. The line is the rig's mean since its last step, the grey band the 95 %
-interval of the fleet's mean. A vertical band is between the flights before and after a step; a
-cross marks a deviating flight.
+interval of the fleet's mean. A vertical band is between the flights before and after a step, a
+dashed line is a drift, and a cross marks a deviating flight.
 """
 
 from __future__ import annotations

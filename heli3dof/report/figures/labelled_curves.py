@@ -94,9 +94,9 @@ def _marks(axes: Axes, c: Curve) -> None:
 
 
 def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]:
-    """Return the lowest and highest angle to plot: the range of the curves named in ``frame``.
+    """Return the lowest and highest value to plot: the range of the curves named in ``frame``.
 
-    Other curves widen this range, at most threefold. If ``frame`` is empty, it means all curves.
+    Other curves widen this range, at most threefold. An empty ``frame`` means all curves.
     """
     framed = [c.y[np.isfinite(c.y)] for c in curves if not frame or c.label in frame]
     framed = [y for y in framed if len(y)]

@@ -1,8 +1,8 @@
 """Compute overshoot and steady error in closed-loop replay (the paper's Table II) of two models.
 
-Both models are simulated with the recording's references (`heli3dof.comparison.replay`), and
-measured like the flight (`heli3dof.comparison.metrics`). Feedback hides some effects: a delay may
-show only in the overshoot, friction only in the steady error.
+Both models are simulated with the recording's references (`heli3dof.comparison.replay`). The same
+metrics are computed for them and the flight (`heli3dof.comparison.metrics`). Feedback hides some
+effects: a delay may show only in the overshoot, friction only in the steady error.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ class Line:
 
 
 REFERENCE = Line(SOFT, 1.1, (4, 2), 2)
-# A broad dark experiment under thin models: both remain visible where they agree.
+# The models' thin lines are above this broad dark one: where they agree, both are visible.
 EXPERIMENT = Line(INK, 2.5, (), 3)
 MEASURED = Line(INK, 1.5, (), 3)
 EXTENDED = Line(BLUE, 1.6, (), 6)

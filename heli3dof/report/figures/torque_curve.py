@@ -1,8 +1,9 @@
 """Compute a cause's figure: residual torque against the variable on which the cause depends.
 
-The final fit *without* the cause is filtered, with the noise of the refit without it. This gives
-the residual torque τ̂ (N·m, `diagnosis.sensitivity.residual_torque`), averaged in bins of the
-variable z. A bin with T seconds has the standard error (samples within `WINDOW_S` count as one)
+The Kalman filter runs with the final fit minus the cause's term, and with the noise of a refit
+without this term. This gives the residual torque τ̂ (N·m, `diagnosis.sensitivity.residual_torque`),
+averaged in bins of the variable z. A bin with T seconds has the standard error (samples within
+`WINDOW_S` count as one)
 
     σ = std(τ̂)/√max(T/`WINDOW_S`, 1)
 
@@ -11,7 +12,7 @@ both models and B = M(q)⁻¹ (1/(kg·m²)),
 
     τ = B⁻¹ (q̈_with(x) − q̈_without(x))
 
-An encoder error only changes the reading y of an angle q. Then both fits are filtered:
+An encoder error only changes the reading y of an angle q. Then the filter runs with both models:
 
     τ = B⁻¹ (∂y/∂q q̈(x_with) − q̈(x_without))
 """
@@ -32,7 +33,7 @@ from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.state_layout import Stage
 
 BINS = 24
-"""Bins of the points; the curve has three times as many. Chosen; not derived."""
+"""Number of bins for the points; the curve has three times as many. Chosen; not derived."""
 MIN_TIME_S = 0.1
 """s, least time in a bin; emptier bins are not drawn. Chosen; not derived."""
 DEPENDS_ON = {
@@ -55,7 +56,7 @@ DELAYS = {"motor.lag": "voltage_difference_slope", "motor.delay": "voltage_diffe
 
 VOLTAGES = ("voltage_sum", "voltage_difference", "voltage_front", "voltage_back")
 ALTERNATIVES = ("roll", "pitch", *VOLTAGES[:2])
-"""Further variables for torques that follow a voltage; the trim absorbs a part of these."""
+"""Further variables for a torque that follows a voltage; the trim absorbs part of this torque."""
 ALTERNATIVES_OF = {
     **dict.fromkeys(VOLTAGES, ALTERNATIVES),
     "voltage_difference_slope": ("voltage_sum_slope",),
@@ -161,7 +162,7 @@ def _clearest(flight: Trail, cause: np.ndarray, names: Sequence[str]) -> tuple[s
     """Return the variable and axis in which the residual torque τ̂ follows the cause's τ best.
 
     The clarity is Σ (τ̂ − mean)²/σ² − Σ (τ̂ − τ − mean)²/σ² over the bins. The base's trim torque
-    absorbs the means. Variables after the first need `MIN_CLARITY_RATIO` times the best clarity.
+    absorbs the means. Another variable needs `MIN_CLARITY_RATIO` times the best clarity so far.
     """
     best = (names[0], 0, 0.0)
     for name in dict.fromkeys(names):

@@ -4,8 +4,8 @@ The picture is an SVG image whose colours follow the reader's light or dark them
 figure's panels with curves, bands and axes as JSON values; ``pages/assets/figures.js`` draws them
 with uPlot, so that a reader can zoom and read values. Both show the same matplotlib figure.
 
-A curve of more than `MOST_SAMPLES` samples is decimated: each bucket keeps its least
-and its greatest sample (and the first NaN, which interrupts the curve), so no peak is lost.
+A curve of more than `MOST_SAMPLES` samples is divided into buckets. Each bucket keeps its least and
+greatest sample, so no peak is lost, and its first NaN, which interrupts the curve.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def svg_address(figure: Figure) -> str:
     svg = style.to_svg(figure)
     svg = svg[svg.index("<svg") :]  # without XML declaration and document type
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r"[1-9]\d*\.\d{3,}", lambda m: f"{float(m[0]):.2f}", svg)  # 0.01 points
+    svg = re.sub(r"[1-9]\d*\.\d{3,}", lambda m: f"{float(m[0]):.2f}", svg)  # to 0.01 points
     for name, (light, _) in THEME.items():
         svg = re.sub(re.escape(light), f"var(--{name})", svg, flags=re.IGNORECASE)
     svg = svg.replace("<defs>", f"<style>{theme_css()}</style><defs>", 1)
@@ -147,7 +147,7 @@ def _stems(axes: Any) -> Iterable[dict[str, Any]]:
 
 
 def _bands(axes: Any) -> Iterable[dict[str, Any]]:
-    """Yield each band of ``fill_between``: its polygon goes along one edge, back on the other."""
+    """Yield each band of ``fill_between`` as a polygon: along one edge, back along the other."""
     for band in axes.collections:
         if hasattr(band, "get_segments"):
             continue

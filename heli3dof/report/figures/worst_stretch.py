@@ -2,8 +2,8 @@
 
 "Before" is the refitted model without the causes, "after" the model with the causes. Both are
 evaluated on held-out rows, in cells of `CELL_S` (`heli3dof.diagnosis.validation.gain`). With E the
-RMSE of predictions 1 s ahead, the stretch is the cell and axis with the largest
-E_before / median(E_after), the median over the cells of that axis.
+RMSE of predictions 1 s ahead, the stretch is the cell and axis with the largest relative error
+E_before / median(E_after), with the median over all cells of the axis.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Stretch:
 
 
 def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
-    """Return the stretch with the largest relative error (module); None without predictions."""
+    """Return the stretch with the largest E_before / median(E_after); None without predictions."""
     e_before, e_after = (
         np.ma.masked_invalid(rms_deg(x.squares, x.counts)) for x in (before, after)
     )
@@ -55,7 +55,7 @@ def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
 
 
 def stretch_figure(before: HeldOut, after: HeldOut, worst: Stretch, recording: str = "") -> Figure:
-    """Draw 1 s predictions without and with the causes over the worst stretch (module).
+    """Draw 1 s predictions without and with the causes over the stretch ``worst``.
 
     ``before``, ``after``: predictions without and with the causes; ``worst``: axis and times (s) of
     the stretch; ``recording``: name of the recording, for the title.

@@ -18,7 +18,7 @@ from heli3dof.report.text.fleet_sentences import (
 from heli3dof.report.text.fleet_tables import bad_table, main_quantities, quantity_table, rig_table
 
 MOST_FIGURES = 12
-"""Largest number of figures; it bounds the page: one of 3000 flights has 1 MB (a convention)"""
+"""Largest number of figures; it bounds the page to 1 MB for 3000 flights (a convention)"""
 
 
 def fleet_page(fleet: Fleet, *, title: str = "Fleet") -> str:

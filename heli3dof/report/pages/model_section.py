@@ -5,7 +5,7 @@ A grey-box model is linearised about level hover for poles and Bode diagrams.
 The channels of the Bode diagrams follow the rig's symmetry: from the common voltage (V_F = V_B = V)
 to roll, from the difference (V_F = −V_B = V) to pitch and yaw. With the sampling interval Δt,
 
-    G(jω) = C (e^{jωΔt} I − A)⁻¹ B,     ω up to 80 % of π/Δt
+    G(jω) = C (e^{jωΔt} I − A)⁻¹ B,     ω up to 80 % of π/Δt, at most `HIGHEST`
 
 where A, B, C are the discrete model's matrices. V_F and V_B are the front and back motor's voltage.
 """
@@ -108,8 +108,8 @@ def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
 def plant_poles(model: LinearModel) -> np.ndarray:
     """Return the continuous-time poles (n,) of a discrete model, rad/s: log(z)/Δt.
 
-    The poles of a discretised continuous model are computed from the continuous model. The repeated
-    eigenvalue z = 1 of a chain of integrators would be ill-conditioned.
+    The poles of a discretised continuous model are computed from the continuous model, because the
+    repeated eigenvalue z = 1 of a chain of integrators is ill-conditioned.
     """
     if model.exact_hold:
         return np.asarray(np.linalg.eigvals(model.continuous().A))

@@ -186,7 +186,7 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return the paper's model that corresponds to ``model``: hover, identification or None."""
+    """Return "hover", "identification" for the first identified model of ``models``, or None."""
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]
@@ -229,8 +229,8 @@ def published_table(rows: Iterable[Reproduced]) -> Grid:
 def fit_table(comparison: Comparison) -> Grid:
     """Return one table of all models: RMSE of predictions and of the replay, by recording and axis.
 
-    The last row for each recording is the prediction that the angles stay constant. If there would
-    be more than `MOST_ROWS` rows, the table has the RMS over all recordings instead.
+    The last row of each recording has the errors of predicting constant angles. If this gives more
+    than `MOST_ROWS` rows, the table has the RMS over all recordings instead.
     """
     horizon = min(comparison.horizons_s, key=lambda h: abs(h - HORIZON_S), default=HORIZON_S)
     flights = [replace(comparison, flights=(f,)) for f in comparison.flights]
@@ -267,7 +267,7 @@ def flight_grids(flight: FlightComparison, *, paper: bool = False) -> list[Grid]
 
 
 def comparison_grids(comparison: Comparison, *, paper: bool = False) -> list[Grid]:
-    """Return the tables of all models and of each recording; ``paper``: also like Table II."""
+    """Return the tables of all models and of each recording; ``paper`` adds those like Table II."""
     grids = [g for f in comparison.flights for g in flight_grids(f, paper=paper)]
     return [fit_table(comparison), *grids]
 
@@ -275,7 +275,7 @@ def comparison_grids(comparison: Comparison, *, paper: bool = False) -> list[Gri
 def comparison_summary(comparison: Comparison, *, paper: bool = False) -> list[str | Grid]:
     """Return what `heli3dof compare` prints without --verbose: the verdict and the fit table.
 
-    ``paper``: also Table II for the recordings of a step in roll, the paper's experiment.
+    ``paper`` adds a table like Table II for each step in roll, which is the paper's experiment.
     """
     lines: list[str | Grid] = [*verdict(comparison), fit_table(comparison)]
     for f in comparison.flights if paper else ():

@@ -1,6 +1,6 @@
 """Write the sentences of a diagnosis from the JSON document of ``diagnose --json``.
 
-Each function's argument ``document`` is that document, ``finding`` an entry of its list of causes.
+Each function's argument ``document`` is that document; some take a part of it, such as ``gain``.
 `verdict` and the functions that yield strings write whole sentences. The sentences of `faults` and
 `next_steps` name an action. docs/reference/contract.md defines the document's keys.
 """
@@ -40,11 +40,12 @@ NOISE_EXCESS = 1.5
 """Ratio of noise floor to simulation error, above which `limits` warns (a convention)."""
 SCALE_PREFIX = "encoder.scale."
 NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
-"""Effects that no flight identifies (only a cable depends on yaw's zero): not mentioned."""
+"""Effects that no sentence mentions, because no flight identifies them: only a cable's torque
+depends on yaw's zero"""
 
 
 def variable(name: str) -> str:
-    """Return the key of a variable, on which a residual torque depends, in words.
+    """Return in words the variable whose key in the document is ``name``.
 
     >>> variable("pitch*roll_rate")
     'pitch × roll rate'
@@ -147,7 +148,7 @@ def calibration_change(document: Document) -> Iterator[str]:
 def not_significantly_off(document: Document) -> list[Document]:
     """Return the entries of ``document["calibration"]`` that may differ from the profile.
 
-    Such an estimate differs from the profile by more than the tolerance, but not significantly.
+    Such an estimate is outside the tolerance about the profile's value, but not significantly so.
     """
     return [c for c in document["calibration"] if c.get("beyond_tolerance") == "not_surely"]
 
@@ -240,7 +241,7 @@ def causes(document: Document) -> Iterator[str]:
 
 
 def _confounded(name: str, others: Sequence[str]) -> str:
-    """Return a text on how to separate the cause ``name`` from ``others``, confounded effects."""
+    """Return a text that names the effects confounded with ``name`` and how to separate them."""
     scales = [n for n in others if n.startswith(SCALE_PREFIX)]
     flights = separable_by_flight(name, others)
     weights = [n for n in others if n not in flights and n not in scales]
@@ -410,7 +411,7 @@ def kept_terms(document: Document) -> Iterator[str]:
 
 
 def model_deviations(document: Document) -> Iterator[str]:
-    """Yield a sentence per deviation of the extended model from data, residual torques excepted."""
+    """Yield a sentence per take-off or roll creep that the extended model does not explain."""
     for x in document.get("about", {}).get("still_hidden", ()):
         yield f"Not explained: {x['sentence']}"
 

@@ -1,7 +1,7 @@
 """Summarise a diagnosis in about ten lines: what `heli3dof diagnose` prints without --verbose.
 
-The lines answer in this order: how wrong the simulation is, the causes and how certain they are,
-the prediction error without and with the causes, what no effect explains, and what to do next.
+After the verdict and faults, the lines state: how wrong the simulation is, the causes with their
+confidence, the RMSE without and with the causes, what no effect explains, and what to do next.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from heli3dof.report.text.diagnosis_sentences import Document, listed, percent
 from heli3dof.report.text.number_format import fixed, significant
 
 MOST_CAUSES = 4
-"""Largest number of causes that the summary states; the tables list all"""
+"""Largest number of causes that the summary states; --verbose lists all"""
 
 
 def diagnosis_summary(document: Document) -> list[str]:
@@ -36,7 +36,7 @@ def diagnosis_summary(document: Document) -> list[str]:
 
 
 def faults(document: Document) -> list[str]:
-    """Return a sentence per fault of the kinds ``bad_data`` and ``finding``; tables list all."""
+    """Return a sentence per fault of the kind ``bad_data`` or ``finding``; --verbose lists all."""
     stated = [f for f in document.get("integrity", ()) if f["kind"] in ("bad_data", "finding")]
     return list(dict.fromkeys(words.faults({"integrity": stated})))
 

@@ -36,7 +36,7 @@ MAIN = (
 )
 """Columns of the main quantities, the most important first"""
 MOST_COLUMNS = 7
-"""Largest number of quantities in the first table: they fit into 100 characters"""
+"""Largest number of quantities in the first table, so that it fits into 100 characters"""
 MARKS = "* changed or drifts; ! differs from its siblings, and is not in the last row."
 
 
@@ -59,8 +59,8 @@ def rig_table(fleet: Fleet) -> Grid:
 def main_quantities(fleet: Fleet) -> list[tuple[FleetQuantity, Column]]:
     """Return pairs (quantity, column): a column of `MAIN` and the first quantity that matches it.
 
-    At most `MOST_COLUMNS` pairs are returned. If no quantity matches, the pairs are of the fleet's
-    first quantities.
+    At most `MOST_COLUMNS` pairs are returned. If no quantity matches a column of `MAIN`, they are
+    the fleet's first quantities.
     """
     found = []
     for column in MAIN:

@@ -80,7 +80,8 @@ def _residual_tests(found: Identification) -> Iterator[str]:
 def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
     """Return a table of the estimates with standard deviations and Cramér–Rao bounds.
 
-    ``brief``: without bounds, notes, and effects within two standard deviations of no effect.
+    ``brief``: without bounds; a note names the effects left out, those within two standard
+    deviations of no effect.
     """
     parameters = found.found.parameters
     absent = {
@@ -117,7 +118,7 @@ def transfer_functions_table(found: Identification, *, only_direct: bool = False
     """Return a table of the factored transfer functions in °/V, rows by output and input.
 
     ``only_direct``: only from the sum of the voltages to roll, and from the difference to pitch and
-    yaw; a note states whether there are others.
+    yaw; a note states whether the others are zero.
     """
     title = "Transfer functions, °/V, coefficients ± standard deviation"
     if found.found.transfer is None:
