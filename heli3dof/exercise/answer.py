@@ -158,14 +158,16 @@ def make_answer(
 
 
 def claims_of(document: Mapping[str, Any]) -> list[Claim]:
-    """Return the claims of a diagnosis document, one for each of ``findings`` and ``leftover``.
+    """Return the claims of a diagnosis document: its ``findings`` and its unmodelled torques.
 
-    If there is none and the verdict is in `QUIET`, the claim is `NONE`: no hidden effect.
+    An error in ``leftover`` that no torque explains is no claim. Without claims and with a verdict
+    in `QUIET`, the claim is `NONE`: no hidden effect.
     """
     claims = [_finding(f) for f in document["findings"]]
     claims += [
         Claim(name=f"{UNMODELLED}.{x['axis']}", confidence=x.get("confidence"))
         for x in document["leftover"]
+        if x["depends_on"]
     ]
     if not claims and document["verdict"] in QUIET:
         return [Claim(name=NONE)]

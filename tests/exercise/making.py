@@ -57,7 +57,7 @@ def diagnosis(exercise: Exercise, **changed: Any) -> dict[str, Any]:
                 "tied_with": ["friction.viscous.yaw"],
             }
         ],
-        "leftover": [{"axis": "roll", "confidence": 0.6}],
+        "leftover": [{"axis": "roll", "depends_on": "yaw_rate", "confidence": 0.6}],
         "gain": {"holdout_rmse_deg": {"after": {"roll": 0.2, "pitch": 0.1, "yaw": None}}},
         "about": {"exercises": [exercise.id, exercise.id]},
         **changed,

@@ -31,6 +31,12 @@ def test_a_quiet_diagnosis_claims_that_nothing_is_hidden() -> None:
     assert [c.name for c in make_answer("A", EXERCISE, own, {"d": quiet}).causes] == ["inertia.yaw"]
 
 
+def test_an_error_that_no_torque_explains_is_no_claim() -> None:
+    error = {"axis": "roll", "depends_on": None, "confidence": None}
+    unexplained = diagnosis(EXERCISE, findings=[], leftover=[error], verdict="unexplained")
+    assert make_answer("A", EXERCISE, (), {"d": unexplained}).causes == ()
+
+
 def test_the_students_own_statements_replace_the_diagnosis() -> None:
     own = statements(["friction.coulomb.yaw=0.05±0.01"], [0.5])
     made = make_answer("Ada", EXERCISE, own, {"d.json": diagnosis(EXERCISE)})
