@@ -91,7 +91,7 @@ def body_of(profile: Profile) -> Body:
     )
     if profile.inertia is None:
         return body
-    # Measured inertias: what they exceed those of the point masses by is put on the shafts.
+    # Measured inertias: their excess over those of the point masses is put on the shafts.
     given = (profile.inertia.roll, profile.inertia.pitch, profile.inertia.yaw)
     roll, pitch, yaw = (J - m if J else 0.0 for J, m in zip(given, body.J, strict=True))
     return replace(body, dJ=(roll, pitch, yaw))

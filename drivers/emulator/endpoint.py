@@ -100,7 +100,7 @@ class Endpoint:
         self._sampled_us: int | None = None
         self._heard_us = 0
         self._arrived_us: int | None = None
-        """Arrival of the echoed command; None: the echo is an ARM's"""
+        """Arrival of the last accepted command; None: none since the last sample"""
         self._dt_us = device.plant.dt * 1e6
         self._grid_us, self._steps = 0, 0
         self._arrives = True

@@ -1,9 +1,9 @@
 """Faults of the emulated rig, to test safety functions: ``fault=KIND[.AXIS]@SECONDS[:COUNTS]``.
 
 `KINDS` describes each kind. Several faults are separated by commas, or ``fault=`` is repeated. The
-seconds are on the device's clock, which starts with its first period in motion. ``COUNTS`` is the
-step of an encoder's count, for the kind ``jump`` only. A fault of the amplifier occurs once: arming
-clears it.
+seconds are on the device's clock, which is 0 when the simulation of the motion starts. ``COUNTS``
+is the step of an encoder's count, for the kind ``jump`` only. A fault of the amplifier occurs once:
+arming clears it.
 """
 
 from __future__ import annotations

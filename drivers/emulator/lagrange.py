@@ -22,7 +22,7 @@ I_nn = I_aa + I_bb and the product of inertia I_ab = −(m_f − m_b) L_a L_h. T
     2 T = J_w (ṙ² + cos² r ψ̇²) + I_aa ω_a² + I_bb ω_b² + I_nn ω_n² + 2 I_ab ω_a ω_b
           + ΔJ_r ṙ² + ΔJ_p ṗ² + ΔJ_ψ ψ̇²  =  q̇ᵀ M(q) q̇
 
-(the ΔJ are rotary inertias on the joints' shafts, zero on the rig as its profile describes it).
+(the ΔJ are rotary inertias on the joints' shafts, from the profile's ``[inertia]`` or an effect).
 Potential energy: U = T_g sin r + G_p cos r sin p, with T_g the gravity torque of the level arm
 and G_p = (m_f − m_b) g L_h. The masses in the paper's Table I give T_g the wrong sign (erratum E2
 in docs/explanation/paper.md). So T_g is 2 L_a K_f V_o: the measured voltage V_o on both motors

@@ -4,10 +4,10 @@ Each torque w is an Ornstein–Uhlenbeck process, τ_c ẇ = −w + √(2 τ_c) 
 sampled exactly at the control period and held over it: w[k+1] = a w[k] + σ √(1 − a²) N(0, 1), a =
 exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ_c (s), at any rate.
 
-Source of σ: the fit of a noisy closed-loop run (angles y, default controller, from level) by the
-same plant without noise (angles ŷ). The fit is 100 (1 − ‖y − ŷ‖/‖y − mean y‖) %. The table shows
-the mean of noise seeds 1–6 for roll / pitch / yaw, and the range for pitch. The random signals of
-the plans have seed 1:
+σ is set by the fit 100 (1 − ‖y − ŷ‖/‖y − mean y‖) % of a noisy closed-loop run (angles y, default
+controller, from level) by the same plant without noise (angles ŷ). The table shows this fit: the
+mean of noise seeds 1–6 for roll / pitch / yaw, and the range for pitch. The random signals of the
+plans have seed 1:
 
 ==============  ======================  ===============
 plan            fit                     pitch

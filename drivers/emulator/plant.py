@@ -33,7 +33,7 @@ class Truth:
     """The simulated rig's true state, body parameters and hidden effects, for tests only."""
 
     t: float
-    """s on the device's clock, which starts with its first period in motion"""
+    """s on the device's clock, which is 0 when the simulation of the motion starts"""
     angle: tuple[float, float, float]
     """rad: roll, pitch, yaw"""
     rate: tuple[float, float, float]
@@ -74,7 +74,7 @@ class Plant:
         if spread:
             rng = streams[0] if spread_seed is None else np.random.default_rng(spread_seed)
             setup = replace(setup, body=spread_body(setup.body, spread, rng))
-        # Reverse order: a start angle follows from its reading, through the last effect first.
+        # Reverse order: the effects turn angles into readings, ``setup`` readings into angles.
         for h in reversed(hidden):
             if h.effect.setup is not None:
                 setup = h.effect.setup(setup, h.axis, h.values)

@@ -9,7 +9,7 @@ import enum
 
 # The context `s` that every effect reads: time, substep, angles, rates, voltages, thrusts.
 T = 0
-"""s on the device's clock, which starts with its first period in motion"""
+"""s on the device's clock, which is 0 when the simulation of the motion starts"""
 H = 1
 """s, the substep"""
 R, P, PSI = 2, 3, 4

@@ -84,7 +84,7 @@ class DescriptorLine:
 
         Call this after select() reported data but read() returned none. A terminal is closed if
         poll() reports POLLHUP or an error; otherwise another process has read the bytes. Any other
-        descriptor is then always closed.
+        descriptor without data is closed.
         """
         if not os.isatty(self._fd):
             return True

@@ -16,7 +16,8 @@ STOP_EVERY_S = 20e-3
 """s between two ESTOP frames"""
 STOP_TRIES = 25
 SHARED_TRIES = 10
-"""Number of ESTOP frames if another program has the port open, which misses each byte read here"""
+"""Number of ESTOP frames to a silent device, or to one whose port another program has open: that
+program misses each byte read here"""
 
 
 def ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:

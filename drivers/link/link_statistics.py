@@ -20,7 +20,7 @@ class LinkStatistics:
     lost: int = 0
     """Samples that the device took and that never arrived: their numbers are missing"""
     device_skipped: int = 0
-    """Samples that a delayed device did not take: its time jumped, but no number is missing"""
+    """Samples that a busy device did not take: its time jumped, but no number is missing"""
     samples_stale: int = 0
     """Samples that arrived too late to be used: with a newer one, or after the next command"""
     rejected: int = 0

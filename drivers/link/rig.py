@@ -7,8 +7,9 @@ Streaming (the device keeps time)::
 Samples that were waiting when the command was sent are discarded, and of several that arrive
 together the newest is used. So a late host skips periods; it never makes up for them. If the
 connection loses or delays a command, no period is lost: the next sample is used. Its echo, the
-number of the last command applied, shows that the command is missing. Polled (the host keeps
-time)::
+number of the last command applied, shows that the command is missing.
+
+Polled (the host keeps time)::
 
     exchange:  COMMAND at once, wait until due_s (the period's end), POLL ──▶ SAMPLE
 """

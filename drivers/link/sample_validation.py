@@ -11,7 +11,7 @@ an older arming, fails one of the two conditions. The device's clock (µs modulo
 counts are unwrapped here.
 
     lost           += (n − n_last) − 1                 sampled, but never arrived
-    device_skipped += (i − i_last) − (n − n_last)      not sampled: the device was delayed
+    device_skipped += (i − i_last) − (n − n_last)      not sampled: the device was busy
 
 i counts the stream's sampling instants up to the sample's time (`Instants`). i is exact: the
 device's clock gives both this time and the period.
@@ -31,8 +31,8 @@ _MASK = 0xFFFFFFFF
 _HALF = 0x80000000
 _FLAGS = [Flags(value & 63) for value in range(256)]
 BUSY = 0.9999
-"""Share of a period by which a device may take a sample too late. From one period on it skips the
-sample; clock and period are whole µs, so nothing lies between"""
+"""Share of a period by which a device may take a sample too late; a whole period late, it skips the
+sample. Clock and period are whole µs, so no delay lies between these two"""
 REMEMBERED = 1024
 """Commands whose caller's sequence number is remembered: those of 1 s at 1 kHz"""
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .sample_validation import SampleValidator
 
 SILENCE_S = 0.5
-"""s without a sample after which the rig counts as gone; its watchdog expires earlier"""
+"""s without a sample after which the rig counts as gone; most watchdogs expire earlier"""
 SHORTEST_RETRY_S, LONGEST_RETRY_S = 5e-3, 0.1
 """s: limits of the time until a POLL is repeated while the rig is armed. If it is not armed, the
 time is `LONGEST_RETRY_S`"""

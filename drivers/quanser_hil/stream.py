@@ -1,4 +1,4 @@
-"""Reads the newest sample of the board's encoder task, which samples at the board's own rate.
+"""Reads the newest sample of the board's encoder task, which samples by the board's own clock.
 
 The task stores sample k in a buffer at device time d = k·dt; reading a sample waits until there is
 one. The library does not report how many are waiting, and a host that was late must not use them
@@ -11,8 +11,8 @@ is expected at host time d + θ; if it is read at host time h,
 
 ``waiting`` is the number of samples in the buffer, ``now`` the host's time, d the last sample's.
 These samples are read together; the last one is used, and the device's time advances over the
-others. θ does not follow a jump, so a stall of the host during a read is noticed too. If the host
-twice waits for samples that should be in the buffer, θ is wrong and its estimate is restarted.
+others. θ rises too slowly to hide a stall of the host during a read. If the host twice waits for
+samples that should be in the buffer, θ is wrong and its estimate is restarted.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ BLOCKED = 0.1
 DRIFT = 0.01
 """s per s by which a board's clock may run slow; a crystal is within 1e-4"""
 DOUBTS = 2
-"""The offset θ is restarted when expected samples were not waiting this many times in a row"""
+"""Times in a row that expected samples are not waiting, until the estimate of θ is restarted"""
 
 Counts = tuple[int, int, int]
 

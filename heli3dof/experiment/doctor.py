@@ -35,7 +35,7 @@ class DoctorReport:
     device: str
     checks: tuple[tuple[str, Check], ...]
     opened: bool
-    """True if the rig could be opened"""
+    """True if the rig could be opened, and no check raised DeviceError"""
 
     @property
     def failed(self) -> list[Check]:
@@ -54,8 +54,8 @@ def doctor(
 
     ``device``: a URL; default: the only rig found, else an emulated rig. ``folder``: the folder of
     the recordings. ``arm``: True also arms the rig at zero volts, which tests its watchdog and its
-    emergency stop. If the rig cannot be opened, the report's last check states this; no exception
-    is raised.
+    emergency stop. A DeviceError, as for a rig that cannot be opened, becomes the report's last
+    check and is not raised.
     """
     device, profile = device or default_device(), profile or default_profile()
     done: list[tuple[str, Check]] = []

@@ -112,7 +112,7 @@ def fly_plan(
 
     Returns the flight however it ended (see `Flight.raise_if_cut_short`). If the flight did not
     start, raises PlanError, UnstableLoop, DeviceError or OutputExists. Raises SafetyTrip if an
-    emergency stop came after this program began (`heli3dof.rig.session.stop_stamp`).
+    emergency stop came after the command began (`heli3dof.rig.session.stop_stamp`).
     """
     began_ns = command_began_ns()
     profile = (profile or default_profile()).with_controller()
@@ -159,7 +159,7 @@ def _fly_to_file(
     path: Path,
     force: bool,
 ) -> Flight:
-    # Signals are caught until the recording is closed, so that none of them can tear it.
+    # Signals are caught until the recording is closed, so that none of them leaves it incomplete.
     with stop_signals() as received, RecordingWriter(path, profile, meta, force=force) as writer:
         outcome = _fly(rig, profile, signals, writer, received, live)
         writer.outcome(outcome.ending, **outcome.details())
@@ -194,7 +194,7 @@ def _fly(
         rig.close()
     if rig.session.stopped is None:
         return outcome
-    # The flight ended by an emergency stop from another process, in whatever phase that came.
+    # An emergency stop from another process ended the flight, in any of its phases.
     detail = Trip(
         f"{ON_REQUEST}: {rig.session.stop_reason}",
         "somebody ran heli3dof estop.",

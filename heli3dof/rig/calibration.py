@@ -10,7 +10,7 @@ The device has not restarted if
 
     |s_now − s_zero| ≤ START_TOLERANCE_S + CLOCK_TOLERANCE · W        modulo UPTIME_WRAP_S
 
-After a restart s_now is later than the instant of ``heli3dof zero``, but s_zero is always earlier.
+s_zero is earlier than ``heli3dof zero``. After a restart s_now is later, so the two differ.
 
 =====================  ============================  ==========================================
 stored                 the device states             counts_at_rest
@@ -67,7 +67,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True)
 class RestCounts:
-    """The encoder counts that a session takes as those at the rest angles, and their origin."""
+    """The encoder counts that a session assumes at the rest angles, and where they come from."""
 
     counts_at_rest: Counts
     known_from: str

@@ -7,9 +7,9 @@ drift, so the estimate may rise again, by `DRIFT` at most:
     θ[k] = min(h[k] − d[k],  θ[k−1] + DRIFT · (d[k] − d[k−1]))
     lateness[k] = h[k] − (d[k] + θ[k]) ≥ 0
 
-k numbers the samples; all times are in s. Lateness is the transport delay beyond the smallest
-delay, which is part of θ. A delayed sample raises the estimate by the drift at most. So the
-estimate follows a device clock that is up to 100 ppm slow, and any clock that is fast.
+k numbers the samples; all times are in s. The estimate of θ includes the smallest transport
+delay; lateness is the delay beyond it. A delayed sample raises the estimate by the drift at most.
+So the estimate follows a device clock that is up to 100 ppm slow, and any clock that is fast.
 """
 
 from __future__ import annotations

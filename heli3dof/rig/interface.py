@@ -101,7 +101,7 @@ class Sample:
     counts: tuple[int, int, int]
     """Roll, pitch, yaw encoder counts since power-up (zero at the rest angles)."""
     v_applied: tuple[float, float]
-    """V, front and back: the device's output during the period that ended now."""
+    """V, front and back: the device's output just before it took the sample."""
     current: tuple[float, float]
     """A, front and back; NaN where not measured."""
     flags: Flags
@@ -192,8 +192,8 @@ class ArmsWithPermission(Protocol):
     """Optional interface of a rig whose `Rig.arm` makes several attempts.
 
     The session sets ``check_permission``, which raises an error if an emergency stop forbids
-    arming. `Rig.arm` must call it in every attempt. After an emergency stop that comes later than
-    the call, the device must refuse this attempt.
+    arming. `Rig.arm` must call it in every attempt. If an emergency stop comes after the call, the
+    device must refuse this attempt.
     """
 
     check_permission: Callable[[], None]
@@ -206,7 +206,7 @@ class Driver(Protocol):
     scheme: str
     """The URL scheme, e.g. ``mock``."""
     options: Sequence[str]
-    """Names of the options that the URL may carry, for error messages."""
+    """Names of the options that the URL may carry; another name raises UsageError."""
 
     def find(self) -> Sequence[str]:
         """Return the device URLs of the rigs connected now. Takes at most 1 s; moves nothing."""
@@ -221,7 +221,7 @@ class Driver(Protocol):
         ...
 
     def estop(self, url: DeviceUrl) -> str:
-        """Set the rig of that URL to zero volts, even while another process holds it.
+        """Set the rig at ``url`` to zero volts, even while another process holds it.
 
         Returns a text that describes how the rig was stopped. Raises DeviceError if the rig cannot
         be reached.
@@ -237,8 +237,8 @@ class Driver(Protocol):
 class PrivateToProcess(Protocol):
     """Optional interface of a driver of emulated rigs, which exist in the opening process only.
 
-    Other processes cannot open such a rig, so its device gets no lock. The rig is not listed as
-    present, and its rest angles are not stored.
+    Other processes cannot open such a rig, so its device gets no lock. It does not count as a
+    real rig (`heli3dof.rig.drivers.default_device`), and its rest angles are not stored.
     """
 
     private_to_process: bool

@@ -1,7 +1,7 @@
 """Names of the counters of a rig's link to the host, and their names in older recordings.
 
 ``lost``                     samples that the device took and that never arrived
-``device_skipped``           samples that the device never took because it was held up
+``device_skipped``           samples that the device never took because it was busy
 ``samples_stale``            samples that arrived too late to be used
 ``commands_unacknowledged``  commands that the next sample did not echo
 ``malformed``                pieces received that were not a valid frame

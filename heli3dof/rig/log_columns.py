@@ -1,8 +1,8 @@
 """Contract columns: the columns of a log whose names docs/reference/contract.md fixes.
 
 Required are ``t_s``, ``v_front_V`` and ``v_back_V``. Optional are angles, references, voltages
-before the limiter, and voltages that the experiment adds. Every name ends in its unit, that of an
-angle in ``_deg`` or ``_rad``.
+before the limiter, and voltages that the experiment adds. Every name ends in its unit; the ending
+of an angle is ``_deg`` or ``_rad``.
 
 The profile's table ``[log]`` (`LogColumns`) states how to compute these columns from those of
 another program's log.

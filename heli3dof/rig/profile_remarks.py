@@ -27,7 +27,7 @@ FAR = 2.0
 MOST_OF_THE_AMPLIFIER = 0.6
 """|V_o| as a share of v_max above which too little is left for control"""
 INERTIA_RATIO = 1.5
-"""Largest ratio of a measured inertia to that of the masses, or of the latter to the former"""
+"""Largest ratio between a measured inertia and that of the masses, whichever is larger"""
 
 
 def mass_hover_voltage(profile: Profile) -> float:

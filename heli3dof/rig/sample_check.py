@@ -40,7 +40,7 @@ def unusable_sample(sample: Any) -> Trip | None:
 def sample_problem(sample: Any) -> str | None:
     """Return in words the first field of a sample that is no valid number; None if all are valid.
 
-    Counts and flags must be whole numbers, times must be finite. The check takes about 1 µs.
+    Sequence, counts and flags must be whole numbers, times finite. The check takes about 1 µs.
     """
     if not isinstance(sample, Sample):
         return f"{sample!r} is no Sample"

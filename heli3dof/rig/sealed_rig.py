@@ -26,7 +26,7 @@ from heli3dof.errors import RecordingError, UsageError, no_file
 
 FLYING_KEY = blake2b(b"heli3dof.exercise/1, the emulated rig", digest_size=32).digest()
 SEALED_SIZE = 1024
-"""Bytes of a sealed part before encryption, whatever it contains: its length shows no effect"""
+"""Bytes of every sealed part before encryption: a length must not show what the part contains"""
 LARGEST_FILE = 1_000_000
 """Largest exercise, key or answer file that is read, in bytes; heli3dof's have a few thousand"""
 PREFIX = "ex-"

@@ -44,7 +44,8 @@ class Period(NamedTuple):
     echo_s: float = 0.0
     """s from sending a command to this sample, the first to echo it; 0 without a new echo"""
     ramping_down: bool = False
-    """True in the ramp to zero that ends a flight"""
+    """True in the ramp to zero that ends a flight; ``k`` and ``rate`` then do not change, and
+    ``command`` and ``voltage`` equal ``sent``"""
 
     @property
     def motor_V(self) -> tuple[float, float]:

@@ -4,8 +4,8 @@
 
 Deadlines are absolute; the loop skips missed periods and never makes up for them
 (`heli3dof.experiment.control_loop.timekeeping`). Whatever ends the flight, the motors go to zero
-(`heli3dof.experiment.control_loop.ramp_down`). They go in a ramp if the last voltages are near the
-hover voltage, else at once. The loop records this ramp, too.
+(`heli3dof.experiment.control_loop.ramp_down`). They follow a ramp if the last voltages are near the
+hover voltage, else they go to zero at once. The loop records these periods, too.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from heli3dof.rig.trip import Trip
 REMEMBERED_S = 4.0
 """s of motion before a trip that the search for a wiring fault uses"""
 BRIDGED = 500
-"""Largest number of skipped periods, the last ones, that the controller steps through: many times
-the memory of its filters. At 500 Hz they last 1 s, in which every device's watchdog expires."""
+"""Largest number of skipped periods that the controller steps through (of more, the last): many
+times the memory of its filters. At 500 Hz they last 1 s, in which every watchdog expires."""
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
@@ -98,7 +98,7 @@ def fly(
         at_once: returns why to stop the device without the rest of the ramp to zero, or None.
             Called in every period of the ramp.
         live: receives the progress.
-        monitors: each judges, before the envelope does, every period in which ``stop`` is called.
+        monitors: each judges every period in which ``stop`` is called, before the envelope does.
         must_still_fall: returns True while the roll count is constant above the table. After
             the ramp of a completed plan the motors are at zero, so a live roll encoder must show
             the arm fall. The loop then goes on at zero volts, for `ramp_down.FALL_S` at most.

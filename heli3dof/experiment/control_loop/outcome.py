@@ -65,7 +65,7 @@ class Outcome:
     link: dict[str, Any] | None = None
     """Counters of the link to the rig (`link_counts`); None for a rig without counters"""
     device_skipped: int = 0
-    """Periods skipped because the device was held up and made no sample"""
+    """Periods skipped because the device was busy and made no sample"""
     latency: EchoLatency | None = None
     """Command-to-echo latency; None if no command was sent to an enabled device"""
     device_cause: str | None = None

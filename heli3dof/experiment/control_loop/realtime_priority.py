@@ -17,8 +17,8 @@ interpreter    no garbage collection; other threads give   every user
 =============  ==========================================  ======================================
 
 The flight goes on without a setting that is not granted; `Realtime` reports the command that grants
-it. The loop must wait while another thread of this program holds the interpreter's lock. So these
-threads, too, run under SCHED_FIFO, above all ordinary programs but below the loop.
+it. The loop must wait while another thread of this program holds the interpreter's lock. So the
+other threads, too, run under SCHED_FIFO, above all ordinary programs but below the loop.
 """
 
 from __future__ import annotations

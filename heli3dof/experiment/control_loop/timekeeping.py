@@ -13,9 +13,9 @@ virtual    when it arrives                 none
 
 A link that numbers its samples counts three kinds of skipped period in ``rig.statistics``:
 
-* *lost*: the device made a sample that never arrived
-* *left out* (``device_skipped``): the device was busy and made no sample
-* *passed over* (``samples_stale``): the sample came too late to be used; the host *missed* it
+* ``lost``: the device made a sample that never arrived
+* ``device_skipped``: the device was busy and made no sample
+* ``samples_stale``: the sample came too late to be used; its period counts as missed
 
 Over any other link, the jump of the device's time gives the number of skipped periods. If the link
 counts lost samples, that many of these periods count as lost. Otherwise a period counts as lost if
@@ -94,7 +94,7 @@ class DeviceDeadlines(VirtualDeadlines):
         super().__init__(dt)
         self._counted = lost
         self._lost = 0
-        """Samples that the link had lost when the last sample arrived"""
+        """Samples that the link had lost when periods were last skipped"""
 
     def start(self, sample: Sample) -> None:
         self.due = sample.host_time_s

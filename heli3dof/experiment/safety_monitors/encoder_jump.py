@@ -4,10 +4,10 @@ It reports a change Δcounts between two samples Δt apart if
 
     |Δcounts| · q  >  2 · rate_max · Δt + 2 q      q: rad per count
 
-rate_max is the rate limit of the profile's ``[limits]``, doubled because the envelope judges a
-filtered rate. A smaller jump cannot be distinguished from motion in this way. A jump of about 2¹⁶
-or 2²⁴ counts is reported as an overflow of the counter. A device time that decreases, or stays
-constant for longer than `CLOCK_S`, is reported as a wrong clock.
+rate_max is the rate limit of the profile's ``[limits]``. Its factor 2 allows for the filter of the
+rate that the envelope judges. A smaller jump cannot be distinguished from motion in this way. A
+jump of about 2¹⁶ or 2²⁴ counts is reported as an overflow of the counter. A device time that
+decreases, or stays constant for longer than `CLOCK_S`, is reported as a wrong clock.
 """
 
 from __future__ import annotations

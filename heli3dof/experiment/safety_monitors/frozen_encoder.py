@@ -25,9 +25,9 @@ estimated from the axis's own motion:
 * s is the angle by which the model turns while the count stays constant before the axis turns back
   (backlash, delay). C is at least twice the largest such s.
 
-A flight may begin while the arm still falls after the last one, at an unknown rate. The rate is
-also unknown after a gap of samples. Until the observer has found it (`SETTLING`), no axis in the
-air is judged.
+A flight may begin while the arm still falls after the last flight, at an unknown rate. The rate
+is also unknown after a gap of samples. No axis in the air is judged until the observer has found
+its rate (`SETTLING`).
 
 On the table friction may hold pitch and yaw, so they are not judged. Roll is judged there only
 under a thrust that lifts every known rig. An axis at a mechanical stop is reported as such, and is
@@ -181,8 +181,8 @@ class FrozenEncoder(SafetyMonitor):
 class _Axis:
     """State of one axis: motion observer, estimates of friction F and clearance C, standstill.
 
-    ``i``: 0 roll, 1 pitch, 2 yaw; ``q``: rad per count; ``most``: upper limit of F in rad/s². That
-    is the largest friction of known rigs.
+    ``i``: 0 roll, 1 pitch, 2 yaw; ``q``: rad per count; ``most``: upper limit of F in rad/s²,
+    the largest friction of known rigs.
     """
 
     def __init__(self, i: int, q: float, most: float) -> None:
@@ -264,7 +264,7 @@ class _Axis:
             return
         self.still_s += h
         if self._bias_s < KNOWN_S:
-            # Without a bias: the mean drive of the first half second is taken as balanced.
+            # b is not known yet: the mean α of the standstill's first half second replaces −b.
             if self.still_s < KNOWN_S:
                 self._mean += (alpha - self._mean) * h / self.still_s
             drive = alpha - self._mean

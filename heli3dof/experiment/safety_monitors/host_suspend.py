@@ -17,7 +17,7 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 SHORTEST_S = 0.1
-"""s: a shorter time is ignored. No computer sleeps for less, and the clocks are read in turn"""
+"""s: a shorter time is ignored: no computer sleeps for less, and the clocks are read in sequence"""
 
 
 def ahead_s() -> float:

@@ -1,8 +1,8 @@
 """Detects a loop that misses too many deadlines.
 
 A sample is late if it came more than ``late_max_s`` after its deadline. The monitor reports if the
-share of late samples within the last second exceeds ``late_max_share``. Periods missed before a
-late sample count as late samples, too.
+share of late samples within the last second exceeds ``late_max_share``. Periods that the host
+missed or the line lost just before a late sample count as late samples, too.
 
 A busy host still has some quick periods. If the 10 % quantile of the last second's command-to-echo
 latency exceeds `SLOW_PERIODS`, the link or the device is slow, not the host.
@@ -20,8 +20,8 @@ from heli3dof.rig.trip import Trip
 WINDOW_S = 1.0
 """s of flight over which late periods are counted"""
 QUICKEST = 0.1
-"""Quantile of the last second's command-to-echo latency by which the link is judged. A busy host is
-in time in a larger share of periods, or the device's watchdog expires first"""
+"""Quantile of the last second's command-to-echo latency by which the link is judged: a busy host is
+in time in more than this share of periods, or else the device's watchdog expires first"""
 SLOW_PERIODS = 1.5
 """Periods: half-way between a command echoed by the next sample (1) and by the one after (2)"""
 

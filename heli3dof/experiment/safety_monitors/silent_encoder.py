@@ -36,7 +36,7 @@ LEAST_S = 2.0
 """s, lower bound of T: without the controller, random torques alone move a live axis by a count
 within 1.2 s (measured on emulated rigs)"""
 SHORTEST_S = 0.01
-"""s: shorter standstills are a limit cycle on an edge, and not counted"""
+"""s: a shorter standstill belongs to a limit cycle on one count and is not counted"""
 
 
 class SilentEncoder(SafetyMonitor):

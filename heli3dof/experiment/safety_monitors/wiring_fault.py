@@ -3,7 +3,7 @@
 Hypotheses: an encoder that counts the wrong way, swapped motor leads, a motor that does not turn or
 turns the wrong way. Each gives other accelerations α_H(t) from the same voltages and angles
 (`heli3dof.experiment.safety_monitors.axis_observer`). For each axis, over the last 0.4 s before
-control was lost, the measured angle is fitted by
+control was lost (`WINDOWS_S`), the measured angle is fitted by
 
     θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
 
@@ -34,8 +34,8 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 WINDOWS_S = (0.4, 0.8, 1.6)
-"""s: lengths of the windows, which end where control was lost. The shortest shows a fault that came
-late, the longest the slow motion of a yaw encoder that counts the wrong way"""
+"""s: lengths of the windows, which end where pitch exceeds `PITCH_STOP`, else at the trip. The
+shortest shows a late fault, the longest the slow motion if yaw counts the wrong way"""
 SHORTEST = 20
 """Fewest control periods to fit; an axis with fewer is not used"""
 MOVED = 6

@@ -103,7 +103,7 @@ def watchdog_expires(armed: Armed) -> Check:
     armed.arm()
     armed.zero_volts()
     time.sleep(rig.identity.watchdog_s + LONGEST_RAMP_S)
-    # The first exchange after the silence ends a period that began before it.
+    # The first exchange ends a period that began before the silence.
     armed.zero_volts()
     flags = armed.zero_volts().flags
     if flags & Flags.LATCHED and not flags & Flags.ENABLED:

@@ -6,9 +6,9 @@
     no session           →  directly
 
 All requests are sent before any answer is read, so a hanging session delays no other. Then all rigs
-without a session are stopped at once: those that a driver finds, and those opened before. Nothing
-is sent to a port at which no rig is known (`heli3dof.rig.session.known_devices`), since another
-instrument may be there.
+without a session are stopped in parallel: those that a driver finds, and those opened before.
+Nothing is sent to a port at which no rig is known (`heli3dof.rig.session.known_devices`), since
+another instrument may be there.
 """
 
 from __future__ import annotations
@@ -156,8 +156,8 @@ class EstopResult:
     def raise_if_not_stopped(self, device: str | None = None) -> None:
         """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
 
-        ``device``: the URL to stop; None: all. A device that no session held is perhaps no rig.
-        With None, its failure to confirm raises no error if another device was stopped.
+        ``device``: the URL to stop; None: all. If None, a device that no session held may be no
+        rig, so its failure to confirm raises no error if another device was stopped.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:

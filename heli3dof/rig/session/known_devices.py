@@ -10,7 +10,7 @@ known to be a rig's if one of these applies:
 - A rig was opened there before.
 
 `remember` keeps ``persistent_name(url)``, the device URL and the serial number in the file
-places of the state folder (`session.paths.state_folder`), one line each, separated by tabs.
+``places`` of the state folder (`session.paths.state_folder`), one line each, separated by tabs.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def remembered() -> Iterator[str]:
     The URLs are only those of drivers that cannot list every rig (`NamesPlaces`).
     """
     for place, device, _ in _lines():
-        with suppress(Exception):  # a line of before 2026-11, or a driver that was removed
+        with suppress(Exception):  # a line from before 2026-11, or a driver that was removed
             url = parse_url(device)
             if isinstance(load_driver(url.scheme), NamesPlaces) and _place(url) == place:
                 yield device

@@ -48,7 +48,7 @@ class Lock:
             raise busy(device, read_holder(path)) from None
 
     def write_holder(self, about: Mapping[str, Any]) -> None:
-        """Write ``about`` to the holder file in place, since another process may be reading it."""
+        """Write ``about`` to the holder file, in place: Windows cannot replace an open file."""
         holder_path(self._path).write_text(json.dumps(about), encoding="utf-8")
 
     def release(self) -> None:

@@ -4,7 +4,7 @@
   (``$TMPDIR``, ``/tmp``; on Windows the user's own): locks and running sessions. Mode 0700, since
   a reader of these files can stop a motor.
 - state: ``$XDG_STATE_HOME/heli3dof``, else ``~/.local/state/heli3dof``, on Windows
-  ``%LOCALAPPDATA%\\heli3dof``: rest angles by serial number.
+  ``%LOCALAPPDATA%\\heli3dof``: rest angles by serial number, and where rigs were opened.
 """
 
 from __future__ import annotations

@@ -49,8 +49,8 @@ class Session:
     """One process's lock on one rig. Close it, or use it in a ``with`` statement.
 
     ``private``: the rig is emulated in this process. ``doing``: what the session does, for
-    messages. ``began_ns``: monotonic time in ns at which the program run or call that uses the rig
-    began (`heli3dof.rig.session.stop_stamp`). Raises DeviceError, naming the other session, if
+    messages. ``began_ns``: monotonic time in ns at which the command that uses the rig began
+    (defined in `heli3dof.rig.session.stop_stamp`). Raises DeviceError, naming the other session, if
     another session holds the rig.
     """
 
