@@ -46,7 +46,7 @@ def feedback_test(data: Sequence[Pair], *, p: int = 10, h: int = 5) -> Feedback:
     """Test whether the voltages respond to the angles in the segments ``data``.
 
     ``data`` has a pair per segment: voltages (N, 2) V, angles (N, 3) rad. p is the order of the
-    autoregressions, h the number of lags in the sum (see the module).
+    autoregressions, h the number of lags in the sum Q (head of this file).
     """
     from scipy.stats import chi2
 

@@ -221,7 +221,7 @@ def prepare(
 def segments(prepared: Prepared, runs: Sequence[Run], factor: int) -> list[Segment]:
     """Return a `Segment`, decimated by ``factor``, for each run of at least 2 · ``factor`` rows.
 
-    The gaps of a run are filled first (see the module).
+    The gaps of a run are filled first: voltages are held, angles interpolated.
     """
     out = []
     for run in runs:

@@ -108,7 +108,7 @@ class _Channel:
             self.limit = np.maximum(self.limit, SIGMAS * np.sqrt(np.maximum(var, 0)))
 
     def simplified(self) -> FactoredTransferFunction:
-        """Return the transfer function after all accepted simplifications (see the module)."""
+        """Return the transfer function after all accepted simplifications (head of this file)."""
         H = FactoredTransferFunction(AXES[self.axis], self.name, 0.0, np.nan, (), ())
         if np.all(np.abs(self.G) <= self.limit):
             return H
@@ -151,7 +151,7 @@ class _Channel:
         return tuple(_factor(r) for r in roots if np.imag(r) >= 0)
 
     def _values(self, f: Factor) -> np.ndarray:
-        """Return a factor's values (F,), kept: hundreds of candidates have the same few factors."""
+        """Return a factor's values (F,) from a cache: hundreds of candidates share few factors."""
         if f.coefficients not in self._factors:
             self._factors[f.coefficients] = f.at(self.s)
         return self._factors[f.coefficients]
@@ -255,7 +255,7 @@ def _degree(factors: Sequence[Factor]) -> int:
 
 
 def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
-    """Yield H with the roots of one factor moved to 0, if it is within `SIGMAS` σ of that."""
+    """Yield H with one factor's roots moved to 0 if its coefficients are within `SIGMAS` σ of 0."""
     zero = Factor((0.0,), (0.0,))
     for factors in (H.numerator, H.denominator):
         for i, f in enumerate(factors):

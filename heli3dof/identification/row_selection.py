@@ -10,7 +10,7 @@ amplifier's limit, or in free fall. Such rows are left out, each counted under a
 ``stop``          roll or pitch within 0.2° of its extreme, beyond 25°, and resting there for 0.3 s
                   or after an impact; yaw has no stop
 ``motors_off``    both voltages zero for 0.1 s or more, and the rows after that until roll rises
-``falling``       the end of a flight, after roll was last half-way to level
+``falling``       the end of a flight, after roll was last above half-way to level
 ``ramp_down``     the ramp of the voltages to zero that ends a flight (channel ``phase``)
 
 Two cases must be distinguished: the arm rests against a stop, or it reverses. Let q be the width of

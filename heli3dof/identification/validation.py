@@ -27,7 +27,7 @@ WARM_UP_S = 2.0
 """s: the start of a run of usable rows that is not scored, because the filter still settles. Usable
 rows before the run shorten it."""
 LEAD_IN_S = 10.0
-"""s: longest stretch of usable rows before a run in which the filter settles; not scored"""
+"""s: longest stretch of usable rows before a run that only serves to settle the filter"""
 AFTER_TAKE_OFF_S = 2.0
 """s: time after the first usable row of a flight from the table, without a replay score. A linear
 model does not describe the rise from −27.5° of roll, and its error must decay first."""

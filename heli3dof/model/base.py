@@ -50,7 +50,7 @@ class LoopResult:
     t: FloatArray
     """(N,) s, sampling instants."""
     angle: FloatArray
-    """(N, 3) rad, the model's angles (not quantised)."""
+    """(N, 3) rad, the model's encoder readings, not quantised."""
     voltage: FloatArray
     """(N, 2) V, motor voltages after the limiter ±v_max."""
     voltage_cmd: FloatArray

@@ -89,7 +89,7 @@ def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np
 def continuous(model: Sampled) -> Continuous:
     """Convert a model to continuous time, by the inverse zero-order hold if it exists.
 
-    Otherwise the bilinear rule is used (see the module).
+    Otherwise use the bilinear rule z = (1 + s dt/2)/(1 − s dt/2).
     """
     zoh = d2c_zoh(model.A, model.B, model.dt)
     if zoh is not None:
@@ -108,7 +108,8 @@ def numerators(model: Continuous) -> tuple[np.ndarray, np.ndarray]:
 
     num[i, j]/den is the transfer function from motor j (V) to axis i (rad). num has the shape
     (3, 2, n + 1), den (n + 1,) is det(sI − A). Without feedthrough, the numerator is
-    det(sI − A + B_j C_i) − det(sI − A), with column j of B and row i of C. D_ij · den is added.
+    det(sI − A + B_j C_i) − det(sI − A), with column j of B and row i of C. A feedthrough D adds
+    D_ij · den.
     """
     den = np.real(np.poly(model.A))
     num = np.zeros((3, 2, len(den)))
@@ -143,8 +144,8 @@ def to_control(
 def to_transfer_function(model: Sampled) -> control.TransferFunction:
     """Return the continuous-time transfer functions, rad per V, as a 3 × 2 python-control object.
 
-    Common powers of s are cancelled. `numerators` does not cancel: all its transfer functions have
-    the same denominator, as the paper prints (17).
+    Common powers of s are cancelled. `numerators` does not cancel them: all its transfer functions
+    have the same denominator, as in the paper's eq (17).
     """
     import control
 

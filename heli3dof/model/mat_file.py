@@ -40,8 +40,8 @@ def variables(model: Model) -> dict[str, object]:
     """Return the variables of a model's MAT file by name; lists of texts are cell arrays.
 
     ``K`` (n, axes), per rad, is the Kalman gain of the innovation form; zero without a noise model.
-    ``continuous_by`` states how Ac … Dc were computed: ``hold`` (exact) or ``bilinear``. The states
-    of ``bilinear`` are linear combinations of those in ``state_names``.
+    ``continuous_by`` states how Ac … Dc were computed: ``hold`` (exact) or ``bilinear``. With
+    ``bilinear``, their states are linear combinations of those in ``state_names`` and the voltages.
     """
     linear = model.linear() if isinstance(model, GreyBoxModel) else model
     assert isinstance(linear, LinearModel)  # the only other form of a model

@@ -1,9 +1,9 @@
 """Bias-corrected fits to recordings with a known controller, by simulated flights.
 
-- `correction`: the correction, also of the diagnosis, and the covariance of the corrected fit
-- `corrected_maximum`: the maximum of the corrected likelihood, for further terms
+- `correction`: the correction, which the diagnosis also uses, and the corrected fit's covariance
+- `corrected_maximum`: the maximum of the corrected likelihood, for further effects
 - `simulated_flight`: one closed-loop flight of a fitted model with noise
-- `evaluation`: the likelihood's score and information, from the traces of `perturbation` (its
-  compiled loops: `perturbation_passes`)
+- `evaluation`: the likelihood's score and information, from the prediction changes that
+  `perturbation` computes (its compiled loops: `perturbation_passes`)
 - `coloured_noise`: how much coloured noise increases the variances
 """

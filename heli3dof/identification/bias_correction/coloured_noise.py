@@ -12,9 +12,9 @@ that of the prior. Coloured noise multiplies the variance of parameter j by
 
     ρ_j = (A⁻¹ S A⁻¹)_jj / (A⁻¹ C A⁻¹)_jj,         A = H + Λ
 
-S has about ν = 3 m/(2 (L + 1)) degrees of freedom. ρ is set to 1 unless it exceeds χ²_ν/ν, which
-white noise does with the probability `CHANCE`. The diagnosis adopts a cause only if Z²/ρ exceeds
-the nulls' threshold (`heli3dof.diagnosis.conclusion.adoption`).
+S has about ν = 3 m/(2 (L + 1)) degrees of freedom. ρ is set to 1 unless it exceeds the quantile of
+χ²_ν/ν that white noise exceeds with the probability `CHANCE`. The diagnosis adopts a cause only if
+Z²/ρ exceeds the null simulations' threshold (`heli3dof.diagnosis.conclusion.adoption`).
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def freedom(blocks: int, memory: int) -> float:
 
 
 def significant_ratio(ratio: np.ndarray, nu: float, chance: float = CHANCE) -> np.ndarray:
-    """Return ``ratio`` where it is significant: above χ²_ν/ν at ``chance``; elsewhere 1."""
+    """Return ``ratio`` where it exceeds the 1 − ``chance`` quantile of χ²_ν/ν; elsewhere 1."""
     from scipy.stats import chi2
 
     return np.where(ratio > float(chi2.isf(chance, nu)) / nu, ratio, 1.0)

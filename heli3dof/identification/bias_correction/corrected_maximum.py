@@ -2,13 +2,14 @@
 
 At the true parameters, the score of the filter's likelihood ℓ has a mean: ḡ for the base parameters
 θ and s̄ for the log noise intensities ln a (`bias_correction.correction`). For a candidate's
-parameters φ the mean is b, from the nulls. To first order, the score of the corrected likelihood
-ℓ_c has zero mean:
+parameters φ the mean is b, from null simulations. To first order, the score of the corrected
+likelihood ℓ_c has zero mean:
 
     ℓ_c(θ, φ, a) = ℓ(θ, φ, a) − ḡ·(θ − θ_0) − b·(φ − φ_0) − s̄·(ln a − ln a_0) + ln prior
 
-Its maximum solves the estimating equation, and 2 Δℓ_c of two models is their likelihood ratio. The
-search is that of `heli3dof.identification.greybox.maximum_likelihood` (Levenberg–Marquardt).
+Its maximum solves the estimating equation of `bias_correction.correction`. Twice the difference of
+two models' ℓ_c is their likelihood-ratio statistic. The search is that of
+`heli3dof.identification.greybox.maximum_likelihood` (Levenberg–Marquardt).
 """
 
 from __future__ import annotations

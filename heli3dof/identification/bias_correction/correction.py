@@ -36,9 +36,9 @@ from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
 MAX_INFLATION = 1.2
-"""κ above which the scores scatter more than the noise model allows. For a valid likelihood κ is
-near 1. Its standard deviation is √(2/(n m)) = 0.04 for n = 12 parameters and m = 120 blocks (a
-minute); 1.2 is 1 plus five of these."""
+"""κ (`greybox.estimate`) above which the scores scatter more than the noise model allows. For a
+valid likelihood κ is near 1. Its standard deviation is √(2/(n m)) = 0.04 for n = 12 parameters and
+m = 120 blocks (a minute); 1.2 is 1 plus five of these."""
 ROUNDS = 10
 """Largest number of rounds, unless the caller gives another. Chosen."""
 CONVERGED = 0.35
@@ -46,16 +46,16 @@ CONVERGED = 0.35
 eight simulated flights."""
 NOISE_CONVERGED = 0.1  # the same for a step of ln a, chosen
 REUSED_WITHIN = 0.3, 3.0
-"""Largest change of ln a, and of θ in standard deviations, at which s̄ is not computed again, to
-save two filter runs per flight. Chosen."""
+"""Up to these changes of ln a, and of θ in standard deviations, s̄ is kept, which saves two filter
+runs per flight. Chosen."""
 DIVERGED, DIVERGED_AFTER = 30.0, 3
-"""Standard deviations, iteration: a longer step, then or later, ends the search. The controller may
-not stabilise the fitted rig. Chosen."""
+"""A step of θ longer than this many standard deviations ends the search from this round on: the
+controller may not stabilise the fitted rig. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class CorrectedFit(Estimate):
-    """A bias-corrected fit, with its covariance from simulated flights (module)."""
+    """A bias-corrected fit, with its covariance from simulated flights (head of this file)."""
 
     scatter: np.ndarray | None = None
     """(n, n) C; None if no flights were simulated: the covariance is then that of `Estimate`"""
@@ -90,14 +90,14 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def bound(self) -> np.ndarray:
-        """Return the Cramér–Rao bound (n,); without κ, as simulated flights explain the scatter."""
+        """Return the Cramér–Rao bound (n,); κ scales it only if no flights were simulated."""
         if self.scatter is None:
             return super().bound
         return np.asarray(cramer_rao(self.problem, self.theta, self.optimum.noise) * self.slopes)
 
     @cached_property
     def unexplained_scatter(self) -> float:
-        """Return the mean ρ, by which unsimulated motion increases variances; κ without flights."""
+        """Return the variance factor of unmodelled motion: the mean ρ, or κ without flights."""
         return self.inflation if self.scatter is None else float(self.colour.mean())
 
 
@@ -188,7 +188,7 @@ def correct(
         if not np.isfinite(length) or (count >= DIVERGED_AFTER and length > DIVERGED):
             return CorrectedFit(problem, optimum_at(problem, *start, count, converged))
         if length < CONVERGED and np.abs(noise_step).max() < NOISE_CONVERGED:
-            # Without the last step, a start that is always on one side would leave a bias.
+            # Take this step too: without it, searches that start on one side end on that side.
             theta = np.clip(theta + step, low, high)
             noise = noise.copy()
             noise[:3] = np.clip(noise[:3] * np.exp(noise_step), NOISE_LOW, NOISE_HIGH)

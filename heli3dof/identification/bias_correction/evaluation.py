@@ -36,7 +36,7 @@ from heli3dof.parallel import parallel_map
 HELD = ("mass.change.time_s",)
 """Parameters that a scan sets and no search changes: the likelihood has many local maxima."""
 COARSE = {"mass.change.time_s": 5e-3}
-"""Steps of the finite differences in coordinates, if not `DIFFERENCE`: 0.05 s. Chosen."""
+"""Steps of the finite differences in place of `DIFFERENCE`, in coordinates: 0.05 s. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)

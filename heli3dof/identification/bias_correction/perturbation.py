@@ -1,8 +1,8 @@
 """First-order change of the filter's predictions by a small change of the model.
 
 A change of the model adds δa (rad/s²) to the accelerations. The gains K (E, 6) of the extended
-Kalman filter (`heli3dof.model.estimation.ekf_quantised`) are held fixed. Its state x = (q, q̇), in
-rad and rad/s, and its predictions c of the E events change by
+Kalman filter (`heli3dof.model.estimation.ekf_quantised`) are held fixed. The filter's state
+x = (q, q̇), in rad and rad/s, and its predictions c of the E events change by
 
     δx ← Φ δx + [h²/2; h] δa,     Φ from A = ∂q̈/∂(q, q̇)       from row to row, h s later
     δc = σ δx_c,   δx ← δx − K w δc                             at each event of the encoders
@@ -10,7 +10,7 @@ rad and rad/s, and its predictions c of the E events change by
 σ is the slope of the encoder reading with its angle, w the event's information.
 
 - `forcing`: δa of a change of parameters or effects, constant over chunks of `CHUNK_S`
-- `forward`: the trace δc (E,)
+- `forward`: δc (E,), the trace of the change
 - `backward`, the adjoint: L_b (3,) of each chunk b for weights q (E,) of the events, so that one
   pass serves all changes:  Σ_e q_e δc_e = Σ_b L_b · δa_b
 - `misreading`: a change δm (rad) of the reading at a given angle. It adds δm to δc at the angle's

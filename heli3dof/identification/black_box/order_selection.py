@@ -38,7 +38,7 @@ ORDERS = (6, 7, 8, 9, 10)
 PAST_S = 0.5
 """s: the VARX (vector autoregression with inputs) regresses on the samples of this past time."""
 TIE = 0.2
-"""The smallest order whose score is within this many percent of fit of the best is chosen."""
+"""Percentage points: the smallest order whose score is this close to the best is chosen."""
 MEMORY_S = 2.0
 """s: longest time constant of a predictor in the method ``pem``. With little disturbance it would
 grow to tens of seconds, and remember one flight's trim, which is wrong in the next."""
@@ -167,9 +167,9 @@ def search(
 ) -> tuple[StateSpaceFit, list[CandidateOrder]]:
     """Fit all orders at all sampling intervals; return the chosen fit, and the score of every fit.
 
-    The module states how one is chosen. ``method`` is ``pem``, ``oe`` or ``pbsid``. ``orders`` are
-    numbers of states, ``name`` is the model's name, ``prepared`` holds the recordings. Raises
-    RecordingError if no candidate can be used.
+    Rule of the choice: see the head of this file. ``method`` is ``pem``, ``oe`` or ``pbsid``.
+    ``orders`` are numbers of states, ``name`` is the model's, ``prepared`` holds the recordings.
+    Raises RecordingError if no candidate can be used.
     """
     tried: list[tuple[CandidateOrder, StateSpaceFit | None]] = []
     for interval_s in intervals_s:

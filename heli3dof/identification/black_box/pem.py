@@ -71,8 +71,8 @@ def pem(
 
     Args:
         data: segments at one rate, u (N, m) and y (N, l), deviations from fixed trims.
-        start: initial model, for instance from `heli3dof.identification.black_box.pbsid.pbsid`. The
-            function first makes its predictor stable.
+        start: initial model, for instance from `heli3dof.identification.black_box.pbsid.realise`.
+            The function first makes its predictor stable.
         max_iterations: largest number of Levenberg–Marquardt steps.
         tolerance: the search ends when a step lowers V by less than this.
         rho_max: largest spectral radius of Ã = A − K C; steps beyond it are rejected.

@@ -1,6 +1,6 @@
 """Method ``tf4``: six transfer functions over one fourth-order denominator, the paper's eq (17).
 
-`heli3dof.identification.black_box.tf4` does the fit; this module makes a `LinearModel` of it.
+`heli3dof.identification.black_box.tf4` does the fit; `fit` makes a `LinearModel` of it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Fit the base simulation: the first step of a diagnosis, and of `identify` on a limit cycle.
+"""Fit the base simulation: first step of a diagnosis; `identify` uses it on extreme limit cycles.
 
 The bias-corrected fit (`bias_correction.correction`) has two special cases:
 
@@ -78,7 +78,7 @@ def fit_base(setup: Setup) -> CorrectedFit:
 def inertia_is_implausible(fit: Estimate) -> bool:
     """Return whether a measured axis' inertia differs from nominal by over `MAX_INERTIA_RATIO`.
 
-    If an axis hardly moves, its inertia may hide a missing effect from the score test.
+    The inertia of an axis that hardly moves may hide a missing effect from the score test.
     """
     log_ratio = fit.theta[1:4] - fit.problem.prior_mean[1:4]
     largest = np.abs(log_ratio[fit.problem.data.axes]).max(initial=0.0)
@@ -103,7 +103,7 @@ def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:
     if not cycling.any():
         return fit
     fit = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)
-    # A later fit with further terms by likelihood alone would increase the noise again.
+    # Later fits with further effects use the likelihood alone: it would increase the noise again.
     roll, pitch, yaw = (bool(axis) for axis in cycling)
     return replace(fit, problem=replace(problem, known_noise=(roll, pitch, yaw)))
 
@@ -115,7 +115,6 @@ def start_on_limit_cycle(
 
     θ has the profile's inertias. The noise is that at which simulated flights with this θ have the
     recording's limit cycle (`closed_loop_fit.limit_cycle`).
-
 
     ``cycling`` (3,) bool: the axes on a limit cycle.
     """

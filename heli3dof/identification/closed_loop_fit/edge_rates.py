@@ -1,8 +1,8 @@
 """Fit base parameters and noise of a rig on a limit cycle by the generalised method of moments.
 
 On a limit cycle, a smaller inertia with more noise has nearly the same expected score as the true
-rig. But the counts change at other rates, so these rates are further moments. For y = (θ, ln a),
-with n parameter coordinates θ and three noise intensities a, the n + 6 moments are
+rig. But the encoder counts then change at other rates, so these are further moments. For
+y = (θ, ln a), with n parameter coordinates θ and three noise intensities a, the n + 6 moments are
 
     m = (g, ∂ℓ/∂ln a, r)         g = ∂ℓ/∂θ: score, ℓ: the filter's log-likelihood (`evaluation`)
     r_i                          share of the samples at which count i changes (`limit_cycle`)
@@ -17,7 +17,8 @@ simulated moments: Gallant and Tauchen 1996)
 
 Each axis has three moments: the score of its inertia, the noise slope and the rate. Within such a
 triple, W is the inverse of C, and G is estimated in the first rounds: a two-level design varies
-the flights' inertias and noises. Elsewhere W is the inverse of C's diagonal, G the information H.
+the flights' inertias and noises. Elsewhere W is the inverse of C's diagonal; G is the information H
+for the scores by θ, and zero otherwise.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def fit_with_edge_rates(
     problem: Likelihood, start: CorrectedFit, recordings: Sequence[Recording], *, seed: int,
     flights: int = FLIGHTS, rounds: int = ROUNDS,
 ) -> CorrectedFit:  # fmt: skip
-    """Return the fit with edge rates as further moments; it is searched for from ``start`` on.
+    """Return the fit with edge rates as further moments; the search begins at ``start``.
 
     The result is ``start`` if the flights or the search diverge.
     """
@@ -176,8 +177,8 @@ def design(flights: int) -> np.ndarray:
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
     """Return G (n + 6, n + 3), the derivatives of the moments by θ and the three ln a.
 
-    For the moments of an axis, they are in ``effects`` (6, n + 6). The block of the scores by θ is
-    the information H (n, n); other derivatives are zero.
+    Those of an axis' three moments by its inertia and noise are from ``effects`` (6, n + 6), the
+    other derivatives of the scores by θ from the information H (n, n). The rest is zero.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))

@@ -64,7 +64,7 @@ def _corrected(fit: Estimate, recordings: Sequence[Recording]) -> CorrectedFit:
 
 
 def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:
-    """Return the fit of the same terms with the base fit's noise on the axes of a limit cycle.
+    """Return the fit of the same effects with the base fit's noise on the axes of a limit cycle.
 
     T_g and the inertias start at the base fit's values, the other parameters at their prior's.
     """

@@ -75,7 +75,7 @@ def matched_noise(
     """Return ``noise`` (4,), re-estimated on the limit-cycling ``axes`` (3,) bool.
 
     Flights are simulated at the coordinates ``theta`` (n,) with each of `NOISE_STEPS` times the
-    axis' noise. The one whose c and r (module) agree best with the recording's is taken.
+    axis' noise. The noise whose c and r agree best with the recording's is taken.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):

@@ -1,4 +1,4 @@
-"""The settings of a fit with simulated flights: recordings, random seed, their number, base."""
+"""The settings of a fit with simulated flights: recordings, seed, number of flights, base."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics.parametrisation import Free, Structure
 
 BLOCK_S = 0.5
-"""s: length of the blocks over which scores are summed (see the module)"""
+"""s: length of the blocks over which scores are summed for B"""
 LARGE_CORRELATION = 0.9
 """Absolute correlation above which the data do not separate two parameters"""
 PRIOR_SHARE_MAX = 0.5

@@ -22,8 +22,8 @@ def likeliest_start(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the parameter coordinates (n,) and the noise (4,) from which a fit should start.
 
-    The coordinates are those of ``theta``, except that an effect with ``starts`` gets the likeliest
-    of these values. The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    The coordinates are those of ``theta``, unless one of an effect's ``starts`` is likelier than
+    its value there. The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     theta = theta.copy()

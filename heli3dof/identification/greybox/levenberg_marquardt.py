@@ -9,8 +9,8 @@ evaluation (Broyden), with d the step and w = diag(D Dᵀ + Λ) d:
 
     D ← D + w (r(z + d) − r(z) − Dᵀ d)ᵀ / (wᵀ d)
 
-`follow_on` recomputes D after two failed steps in a row. At the minimum, it recomputes D once more
-if, since the last time, a step lowered Q by less than 0.5 or more than 1.5 of what D had predicted.
+`follow_on` recomputes D after two failed steps in a row. At the minimum, it recomputes D again if,
+since D was last computed, a step lowered Q by less than 0.5 or more than 1.5 times the prediction.
 """
 
 from __future__ import annotations
@@ -140,9 +140,9 @@ def follow_on(
 ) -> Descent:  # fmt: skip
     """Minimise the cost of the problem v from ``z``, with updates of the derivatives ``tangents``.
 
-    ``tangents`` (dim, R) are the derivatives of a similar problem's residuals. Its rows that are
-    NaN are first computed by differences, all rows if ``tangents`` is None. Later the derivatives
-    are recomputed ``fresh`` times at most. The search ends when a step's predicted decrease of the
+    ``tangents`` (dim, R) are the derivatives of a similar problem's residuals. Rows of NaN are
+    first computed by differences, all rows if ``tangents`` is None. Later the derivatives are
+    recomputed ``fresh`` times at most. The search ends when a step's predicted decrease of the
     cost is below ``settled`` or ``share`` · cost, and after ``enough`` evaluations at the latest.
     """
     r = v.residuals(z)

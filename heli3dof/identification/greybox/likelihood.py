@@ -1,6 +1,6 @@
 """Compute the likelihood of recordings for given rig parameters, its score and information.
 
-    ℓ(θ, a) = Σ_k Σ_i ln Z_ik + ln prior(θ)
+    ℓ(θ, a) = Σ_k Σ_i ln Z_ik            a fit maximises ℓ + ln prior(θ)
 
 Z_ik is the probability of reading k of axis i given all earlier readings, by the filter of
 `heli3dof.model.estimation.ekf_quantised`. θ (n,) are the parameters' coordinates: logarithms, or
@@ -39,7 +39,7 @@ class Pass:
     row: np.ndarray
     """(E,) data row of each update"""
     state: np.ndarray
-    """(E,) index of the state on which each update acts"""
+    """(E,) what each update reads: 0–2 an angle, 3–5 a rate, 6–8 a negative rate"""
     c: np.ndarray
     g: np.ndarray
     w: np.ndarray
@@ -110,7 +110,7 @@ class Likelihood:
         """Return the filter's run over the data at the coordinates θ (n,) and the noise a (4,).
 
         a (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``keep`` selects
-        what the result holds: 0 the likelihood only, 1 also each reading's quantities for
+        what the result holds: 0 the likelihood only, 1 also each update's quantities for
         `tangents`, 2 also the states X, 3 also the running likelihood in X.
         """
         from heli3dof.model.estimation.ekf_quantised import filter_blocks

@@ -1,10 +1,11 @@
 """Maximise the likelihood by Gauss–Newton steps on the innovations; also estimate the noise.
 
 θ are the parameters' coordinates. A round first takes a Newton step of the logarithm of each axis'
-process noise intensity, for which it evaluates the likelihood at three intensities. The axes are
-nearly independent. Once the noise has converged, only every fourth round does this. Then the round
-runs the filter at θ. Let c be the filter's prediction of a reading, g the score and w the
-information of that reading. With the tangents ∂c/∂θ at fixed filter gains, the round solves
+process noise intensity, for which it evaluates the likelihood at three intensities. As the axes are
+nearly independent, it changes all three at once. Once the noise has converged, only every fourth
+round takes this step. Then the round runs the filter at θ. Let c be the filter's prediction of a
+reading, g the score and w the information of that reading. With the tangents ∂c/∂θ at fixed filter
+gains, the round solves
 
     (H + Λ + λ diag(H + Λ)) δ = Σ g ∂c − Λ (θ − θ_0),     H = Σ w ∂c ∂cᵀ,   Λ the prior's precision
 
@@ -35,8 +36,8 @@ OTHER_ROUNDS = 12
 """Largest number of iterations from each other start point, if the first does not converge"""
 SURE = 3.0
 """A step whose predicted increase of the log-likelihood is below this value is accepted without
-evaluating the likelihood. At this scale the likelihood is rough, because the score omits the terms
-by which the filter's covariance depends on θ; their expectation is zero."""
+evaluating the likelihood. At this scale the likelihood is rough: it also depends on θ through the
+filter's covariance. The score omits this part, whose expectation is zero."""
 AT_ONCE = 5
 """Number of rounds with full steps. Dry friction makes the score rough at a tenth of σ, so that
 full steps may never converge. After these rounds, each step that reverses the previous direction
@@ -149,7 +150,7 @@ def maximise(
         settled = accepted and gain * part**2 < TOLERANCE and moved <= NOISE_SETTLED
         if settled or not accepted:
             break
-    # The last step was small, so its pass and tangents hold at the optimum.
+    # The last step was small, so its filter run and tangents hold at the optimum.
     g, H = score_and_information(at, D)
     return Optimum(theta, a, here, H, at, D, (theta <= low) | (theta >= high), count, settled)
 

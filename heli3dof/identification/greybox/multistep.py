@@ -14,9 +14,9 @@ k, to M horizons h_j; i is the axis, e the error in rad. The fit minimises
 where T/τ is the number of independent windows in T seconds of flight (τ = `WINDOW_S`). The fit runs
 in stages, from short horizons to long ones, because a poor start diverges over long horizons. Each
 stage estimates the errors' scales s again. The search is
-`heli3dof.identification.greybox.levenberg_marquardt`; its tangents include the filter.
+`heli3dof.identification.greybox.levenberg_marquardt`; ∂e/∂θ includes the filter's change with θ.
 
-θ_0 is the prior mean, Λ its precision, weak for every term. For the inertias it comes from
+θ_0 is the prior mean, Λ its precision, weak for every effect. For the inertias Λ comes from
 geometry: lengths and a few masses determine the inertias' *ratios*. Their common factor (in units
 of K_f) follows from the thrust gain, which differs by a factor of two between rigs.
 

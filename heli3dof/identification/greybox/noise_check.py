@@ -44,7 +44,7 @@ from heli3dof.recording.recording import Recording
 HORIZON_S = 1.0
 TIMES = 5.0
 OVER = 1.5
-"""Limits of the two conditions of the module. Chosen; not derived."""
+"""Factors in the two conditions above. Chosen; not derived."""
 FAR = np.pi
 """rad: larger prediction errors are replaced by this value."""
 CLOCK = (
@@ -83,8 +83,8 @@ class NoiseCheck:
 def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
     """Fit the rigid body without effects to recordings; return process noise and prediction errors.
 
-    The recordings of one rig need all three angles. Returns None if they are too short for the
-    test. Raises RecordingError if no row is usable.
+    The recordings are of one rig and contain all three angles. Returns None if they are too short
+    for the test. Raises RecordingError if no row is usable.
     """
     flights = [flight_of(r) for r in recordings]
     if sum(len(f.starts) for f in flights) < LEAST_WINDOWS:

@@ -49,7 +49,7 @@ def with_simplifications(found: Estimate) -> Estimate:
 def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
     """Return gradient g (2,) and curvature V (2, 2) of the log-likelihood's change Δℓ(a).
 
-    a (2,) are the omitted shares of the two parts (see the module), zero in the fit ``found``.
+    a (2,) are the omitted shares of couplings and yaw inertia's variation, zero in ``found``.
     """
     o, n = found.optimum, len(found.theta)
     wide = replace(found.problem, structure=found.structure.with_terms(*terms(SIMPLIFICATIONS)))

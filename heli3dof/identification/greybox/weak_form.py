@@ -169,7 +169,7 @@ def residuals(
             s, st.hooks.first, st.hooks.address, par, st.memory, f.free, f.t, f.V, mean,
             log.y_smooth, log.y_dot, out,
         )  # fmt: skip
-        # The encoders' correction is smooth, so the smoothed angle's applies to the raw one.
+        # The correction of encoder effects is smooth: that of the smoothed angle suits the raw one.
         q = log.y + (out[:, :3] - log.y_smooth)
         q[:, ~f.free] = 0.0
         for j, each in enumerate(log.spans):

@@ -133,7 +133,7 @@ def check_loop_of(profile: Profile) -> LoopCheck:
 
 
 def disk_margin(profile: Profile, spec: ControllerSpec) -> float:
-    """Return the disk margin α (see the module) of the hover model with the controller ``spec``."""
+    """Return the disk margin α (head of this file) of the hover model with controller ``spec``."""
     model = hover_model(profile)
     w = np.geomspace(LOWEST_RAD_PER_S, np.pi / profile.dt, FREQUENCIES)[:-1]
     z = np.exp(1j * w * profile.dt)

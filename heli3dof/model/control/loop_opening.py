@@ -14,11 +14,11 @@ Each axis has a mode in each control period:
             (the next LEARN of this axis in the flight replaces it)
     OPEN    c_im is replaced by c̄_im, so the voltage does not depend on the axis
 
-The replacement is implemented as an extra voltage, extra_m += Σ_i (c̄_im − c_im). The reference of
-an open axis is its own angle, so its integral does not grow. When the loop closes, the reference
-returns to the flight plan's reference at the rate `RETURN`, without a jump. A recording contains
-the references and extra voltages as changed here. So V = law(angle, reference) + extra is true for
-its rows, and a replay needs no modes.
+The replacement is implemented as an extra voltage, extra_m += Σ_i (c̄_im − c_im) over the open axes.
+The reference of an open axis is its own angle, so its integral does not grow. When the loop closes,
+the reference returns to the flight plan's reference at the rate `RETURN`, without a jump. A
+recording contains the references and extra voltages as changed here. So V = law(angle, reference) +
+extra is true for its rows, and a replay needs no modes.
 
 The built-in plans open roll or yaw and keep pitch closed. With an open pitch loop, 1 % of mismatch
 between the motors would tip over a body without pitch stiffness in seconds. If an angle or rate
@@ -54,7 +54,7 @@ SHARE = 0.7
 RETURN = radians(10.0)
 """rad/s: rate at which the reference returns to the plan's after a loop was closed"""
 FADE_S = 0.03
-"""s: time constant of the decay of the replacement voltage after a loop was closed"""
+"""s: time constant of the decay of the replacement voltage after the last loop was closed"""
 _SUM, _COUNT, _BEFORE, _BACK, _OPEN, _XI_BEFORE = 0, 6, 9, 12, 13, 14
 _ADDED, _OFFSET, _HELD, _FADING = 16, 18, 21, 24
 N_OPENING = 26
@@ -100,7 +100,7 @@ def before_law(
 
     ``p`` and ``s`` are the law's parameters and state; ``mode`` (3): 0 CLOSED, 1 LEARN, 2 OPEN for
     each axis; ``angle`` (3) rad: measured; ``room``: bounds from `free_within`; ``z``: the state of
-    this module, `N_OPENING` zeros at the start. ``reference`` (3) rad is overwritten with the
+    the loop opening, `N_OPENING` zeros at the start. ``reference`` (3) rad is overwritten with the
     references to apply. ``extra`` (2) V, the excitation, is stored in ``z`` for `after_law` and set
     to zero.
     `before_law` and `after_law` run on Python lists and under ``numba.njit`` on float64 arrays.
@@ -148,7 +148,7 @@ def after_law(
     """Average or replace the axes' contributions c_im after `control_law`; add the extra voltage.
 
     ``extra`` (2) V and the law's output ``out`` (4) V are overwritten with the values to apply.
-    ``p`` and ``s`` are the law's parameters and state, ``z`` the state of this module; ``mode``
+    ``p`` and ``s`` are the law's parameters and state, ``z`` that of the loop opening; ``mode``
     (3): 0 CLOSED, 1 LEARN, 2 OPEN for each axis.
     """
     for m in range(2):

@@ -6,17 +6,18 @@ d is zero if the profile's controller flew the recording. If the controller adds
 angles (half a count), or if its integrals do not start at zero, d gets a constant and a slope; both
 are removed from each block of `BLOCK_S`. The **share** of a block is std(d)/std(v_logged), of the
 motor where it is larger. The recording's share is the upper quartile of the blocks, because a
-landing, a lost sample or a voltage limit makes single blocks differ. Rows at ±v_max do not count.
+landing, a lost sample or a voltage limit makes single blocks differ. Rows at ±v_max or without an
+angle are left out.
 
 If the share exceeds `REPRODUCED`, d shows the cause:
 
-* d vanishes for the previous row's voltage: the controller is one period late.
+* d vanishes with the controller's voltage of the previous row: the controller is one period late.
 * The log has no extra voltage, and d does not depend on the controller's signals (errors, rates,
   integrals): an excitation was added and not logged. d is this excitation.
 * Otherwise another controller flew the recording.
 
-`with_known_controller` prepares a recording for simulated flights (bias correction, nulls). The
-check `heli3dof.integrity.controller` reports the comparison.
+`with_known_controller` prepares a recording for simulated flights (bias correction, null
+simulations). The check `heli3dof.integrity.controller` reports the comparison.
 """
 
 from __future__ import annotations
@@ -47,8 +48,9 @@ LEAST_BLOCKS = 3
 """Fewest blocks of a recording. Chosen."""
 REPRODUCED = 0.1
 """Largest share of a controller that reproduces the voltages. Chosen: on 22 flights of drawn rigs
-the share was below 0.03 for the profile's controller, with half a count or other integrals too. It
-was above 0.2 for other gains, another filter, one period's delay or an excitation."""
+the share was below 0.03 for the profile's controller, also with half a count of offset or other
+initial integrals. It was above 0.2 for other gains, another filter, one period's delay or an
+excitation."""
 EXPLAINED = 0.5
 """Share of d's variance that the controller's signals explain, above which d is not an excitation.
 Chosen: it was below 0.15 for excitations and above 0.65 for other gains."""
@@ -81,14 +83,14 @@ class VoltageReplay:
     std_V: float
     """The share times the standard deviation of the logged voltage"""
     difference: np.ndarray
-    """(N, 2) V: d without constant and slope; zero in rows that do not count"""
+    """(N, 2) V: d without constant and slope; zero in the rows that are left out"""
 
 
 def voltage_replay(recording: Recording) -> VoltageReplay | None:
     """Return the comparison of the profile's controller with the voltages, or None if impossible.
 
     It needs a known controller, references, three axes, a row for every control period, and
-    `LEAST_BLOCKS` blocks of rows that count.
+    `LEAST_BLOCKS` blocks after rows were left out.
     """
     if why_not_replayed(recording) is not None or decimation(recording) != 1:
         return None
@@ -177,7 +179,7 @@ def _shares(r: Recording, rows: np.ndarray, d: np.ndarray, logged: np.ndarray) -
     """Return the share std(d)/std(``logged``) of each block, of the motor where it is larger.
 
     ``d`` (N, 2) V: logged minus computed voltages; its constant and slope are removed from each
-    block. ``logged`` (N, 2) V. ``rows`` (N,) bool: the rows that count.
+    block. ``logged`` (N, 2) V. ``rows`` (N,) bool: the rows that are not left out.
     """
     counted = np.flatnonzero(rows)
     block = (r.t[counted] - r.t[0]) // BLOCK_S
@@ -201,7 +203,7 @@ def _line(t: np.ndarray) -> np.ndarray:
 def _is_feedback(r: Recording, rows: np.ndarray, d: np.ndarray) -> bool:
     """Return whether the controller's signals explain d (N, 2), in V, in the ``rows`` (N,) bool.
 
-    The signals are its errors, rates and integrals; d is the difference of the voltages (module).
+    The signals are its errors, rates and integrals; d is logged minus computed voltages.
     """
     from scipy.signal import lfilter
 

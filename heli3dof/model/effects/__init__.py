@@ -174,7 +174,7 @@ def terms(names: Iterable[str]) -> tuple[Term, ...]:
 
 
 def all_names() -> list[str]:
-    """Return all effect names that `term` accepts, such as ``friction.coulomb.yaw``."""
+    """Return all names of the catalogue with their axes, such as ``friction.coulomb.yaw``."""
     return [
         n
         for e in effects().values()

@@ -29,8 +29,8 @@ class Parameter:
 
     Attributes:
         null: the value at which the effect is absent.
-        low, high: bounds of an estimate. For a parameter that may truly be zero (friction), they
-            also permit the wrong sign, because a confidence interval cut off at zero is wrong.
+        low, high: bounds of an estimate. Where the equations allow it (friction), they include the
+            wrong sign, so that zero does not cut off a confidence interval.
         typical: a value with a noticeable effect on a rig; it scales the optimiser's steps and
             the default priors.
         log: if true, the logarithm is estimated (positive parameters only).
@@ -80,9 +80,9 @@ SMALL = 0.1
 
 
 def share(meaning: str) -> Parameter:
-    """Return a `Parameter` that scales a part of the equations: 0 omits the part, 1 includes it.
+    """Return a `Parameter` that scales a change of the equations: 0 none of it, 1 all of it.
 
-    ``meaning`` describes the part. The true value is 0 or 1. So once the model has this parameter,
+    ``meaning`` describes the change. The true value is 0 or 1. So if the model has this parameter,
     a fit starts at 1 with the prior N(1, `SHARE_STD`²). A flight at few roll angles determines the
     parameter poorly, and without the prior the model would predict other roll angles badly. The
     estimate may lie slightly outside 0 … 1.
@@ -95,18 +95,18 @@ class Effect:
     """One physical effect, with the facts that a fit and a diagnosis need about it.
 
     Attributes:
-        hooks: the equations: functions ``f(s, par, mem, out)`` by the stage of a simulation step at
-            which they are called (`heli3dof.model.physics.state_layout.Stage`).
+        hooks: the equations, as {stage of the simulation: function ``f(s, par, mem, out)`` that is
+            called there} (`heli3dof.model.physics.state_layout.Stage`).
         axes: the axes on which the effect can act; empty for an effect without an axis.
         order: calling order among the effects of the same stage, along the signal path.
         confused_with: other effects that explain similar data.
         separated_by: name of the flight plan that best distinguishes this effect from
             ``confused_with``.
-        starts: values of the first parameter, ascending, if the likelihood has zero slope at null.
-            A fit starts at the most likely one.
+        starts: values of the first parameter, ascending, for a likelihood with zero slope at null.
+            A fit starts at the most likely of them and null.
         identifiable: the motion that makes the effect identifiable.
         evidence: the variable against which a report plots the effect (`ABSCISSAE`).
-        within: name of the term (effect on an axis) without which this effect is undefined.
+        within: name of the term (effect on an axis) whose equations this effect changes.
         requires: name of the term without which this effect is equivalent to another effect.
         formal: true for another form of the rigid body's equations, which is no defect of the rig.
             A diagnosis may use it but never reports it as a finding.

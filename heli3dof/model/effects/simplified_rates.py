@@ -2,7 +2,7 @@
 
 These equations omit −J_r sin r cos r ψ̇² on roll r and J_p sin p cos p (ṙ² − cos² r ψ̇²) on pitch
 p, with yaw ψ and inertias J (`heli3dof.model.physics.rigid_body`). The omitted share is the
-parameter μ (0 … 1), which acts only with the effect `simplified_couplings`. A diagnosis does not
+parameter μ (0 … 1), for models with the effect ``simplified.couplings``. A diagnosis does not
 report this choice of equations as a finding.
 """
 

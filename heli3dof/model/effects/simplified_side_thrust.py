@@ -3,8 +3,8 @@
 D = F_f − F_b (N) is the difference of front and back thrust. L_h (m) is the distance from the
 body's axis to a motor; r and p are roll and pitch. In the complete rigid body, M_pψ p̈ cancels most
 of this torque, because p̈ follows D. Equations that project the thrusts but not the inertias keep
-it (`heli3dof.model.physics.rigid_body`). The share η (0 … 1) acts only with
-`simplified_couplings`. A diagnosis does not report this choice of equations.
+it (`heli3dof.model.physics.rigid_body`). The share η (0 … 1) is for models with the effect
+``simplified.couplings``. A diagnosis does not report this choice of equations.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ def decimation(recording: Recording) -> int:
 def mean_voltage(recording: Recording) -> np.ndarray:
     """Return the mean motor voltage v̄ (N, 2) V from each row of the log to the next.
 
-    The module gives the equation. In the last row and before a gap, v̄ is the logged voltage.
+    Equation: see the head of this file. In the last row and before a gap, v̄ is the logged voltage.
     """
     m, v = decimation(recording), recording.voltage
     if m == 1:
@@ -48,8 +48,8 @@ def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
     """Return a recording with a row for each control period, and where the N log rows are in it.
 
     The second result is (N,) row indices. In added rows, references are held and extra voltages
-    interpolated. Angles and voltages are unknown there: held placeholders for the caller's
-    simulation.
+    interpolated. Angles and voltages are unknown there; they are held, until the caller
+    simulates them.
     """
     own = np.arange(len(recording))
     if decimation(recording) == 1:

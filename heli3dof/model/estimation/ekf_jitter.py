@@ -61,7 +61,7 @@ def _filter(  # type: ignore[no-untyped-def]
 
     A row of X has the angles, rates and B unknown constants b after that row's readings; ``loglik``
     is by axis. ``s0``, ``first``, ``address``, ``par0``, ``mem0``: the model (`Structure`);
-    ``where`` (W, 3): the parameters that a b changes (`positions`); ``b_std`` (B,): prior standard
+    ``where`` (W, 3): the positions of b in ``par0`` (`positions`); ``b_std`` (B,): prior standard
     deviations σ_b; ``blocks`` … ``y``: the fields of `Data`; ``a2`` (3,) (rad/s²)²/Hz: process
     noise; ``R2`` (3,) rad²: variance of the readings; ``jitter`` (s): σ_t.
     """
@@ -259,7 +259,7 @@ def filter_jittered(
     jitter_s: float,
     varying: Mapping[str, float] | None = None,
 ) -> FilterResult:
-    """Return the filtered states and log-likelihood of ``data``, by the filter of this module.
+    """Return the states and log-likelihood of ``data`` by the Kalman filter for sampling jitter.
 
     ``values`` (n,) are the parameters of ``structure``, ``noise`` (3,) rad/s²/√Hz the process
     noise, ``jitter_s`` (s) the standard deviation of sampling instants. ``varying``: {name: σ_b} of

@@ -18,8 +18,8 @@ P_c is column c of P.
 
 Σ ln Z is the log-likelihood of a recording. A parameter set θ′ near θ changes the prediction of c
 by δc; with the gains P_c kept, the update is x ← x + P_c (g − w δc). `follow` computes δc at all
-events for several parameter sets. The differences give ∂c/∂θ, which a Gauss–Newton step needs. The
-gains that are kept are those of the readings. The gains of the angles differ by the factor k.
+events for several parameter sets. The differences give ∂c/∂θ, which a Gauss–Newton step needs. If
+θ′ changes the factor k of an encoder, the gain of the reading is kept and that of the angle is not.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ class Stretch:
 class Data:
     """The input arrays of a Kalman filter: N rows of recordings in B blocks.
 
-    A block is a run of usable rows, with its lead-in before it (see the module).
+    A block is a lead-in of up to `LEAD_S` seconds, then a run of usable rows.
     """
 
     t: np.ndarray

@@ -5,17 +5,18 @@ unchanged reading adds almost no information. Treating every sample as white noi
 Δ²/12, or truncating the distribution at every sample, makes a fit find effects that do not exist.
 So the filter keeps a Gaussian N(m, S) of the angle, and the probability Z that the angle is in the
 interval. Z = Φ(β) − Φ(α), α = (lower edge − m)/√S, β = (upper edge − m)/√S. φ is the normal density
-and Φ its distribution function. An update depends on the reading:
+and Φ its distribution function. The old Z is that after the angle's last update. An update depends
+on the reading:
 
 * The reading passes the edge e between two samples: the angle was e, up to the distance that the
   rate q̇ covers in one period h. The likelihood is the flux N(e; m, S) E[q̇⁺] h, q̇⁺ the rate's
-  positive part in the direction of the step, divided by the last Z. The first factor updates the
+  positive part in the direction of the step, divided by the old Z. The first factor updates the
   angle, the second the rate. The second is required, because edges are more likely at high rates.
-* The reading does not change: no update until Z has fallen below exp(`LOG_UPDATE_RATIO`) of its
-  last value. Then the Gaussian gets the mean and variance of its part inside the interval. ln Z
-  minus its last value is added to the log-likelihood.
-* The reading changes by several steps, or by nearly one per period. Then the Gaussian gets the mean
-  and variance of its part inside the new interval, and ln Z is added.
+* The reading does not change: no update until Z has fallen below exp(`LOG_UPDATE_RATIO`) times the
+  old Z. Then the Gaussian gets the mean and variance of its part inside the interval. ln Z minus
+  the old ln Z is added to the log-likelihood.
+* The reading changes by several steps, or the angle by half a step or more per period. Then the
+  Gaussian gets the mean and variance of its part inside the new interval, and ln Z is added.
 
 If the sampling instants have the standard deviation ``jitter`` (s), S grows by (jitter · q̇)². Logs
 of hosts without real-time scheduling need this.
@@ -35,8 +36,7 @@ from heli3dof.model.compiled import compiled
 
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 LOG_UPDATE_RATIO = math.log(0.7)
-"""Natural logarithm of the ratio of Z to its last value below which an unchanged reading causes
-an update."""
+"""An unchanged reading causes an update if ln Z minus the old ln Z is below this value."""
 
 
 def _tail(x: float) -> float:

@@ -88,7 +88,7 @@ def true_angles(model: GreyBoxParameters, read: np.ndarray) -> np.ndarray:
 def balance(model: GreyBoxParameters, q: np.ndarray) -> np.ndarray:
     """Return the thrusts (2,) N that balance roll and pitch at rest at the angles q (3,) rad.
 
-    If Newton's method diverges, no thrusts balance the model; its last finite thrusts are returned.
+    If Newton's method diverges, no thrusts balance the model; the last finite thrusts are returned.
     """
     plant = _Plant(model)
     F = np.full(2, 0.5 * plant.s[state_layout.T_G] / plant.s[state_layout.L_A])
@@ -187,7 +187,7 @@ def _delayed(
     n, m = len(A), whole + 1
     big = np.zeros((n + 2 * m, n + 2 * m))
     big[:n, :n] = A
-    # Chain i holds V[k−1−i]. The motors get (1 − part) V[k − whole] + part V[k − whole − 1].
+    # Delay state i holds V[k−1−i]. The motors get (1 − part) V[k − whole] + part V[k − whole − 1].
     into = np.zeros((n + 2 * m, 2))
     if whole == 0:
         into[:n] = (1 - part) * B

@@ -2,9 +2,9 @@
 
 An extended Kalman filter (`heli3dof.model.estimation.ekf_quantised`, or `ekf_jitter` if parameters
 vary by recording) estimates the state at each row from readings up to that row. From there the
-model is simulated to the horizon in steps of about `STEP_S`, with the thrusts' exact mean over each
-step. While the rig rests on its table, the state is the measured angles with zero rates. The
-table also limits the predicted roll.
+model is simulated to the horizon in steps of about `STEP_S`, with the thrusts' mean over each step.
+While the rig rests on its table, the state is the measured angles with zero rates. The table also
+limits the predicted roll.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def filtered(
     edges = np.flatnonzero(np.diff(np.concatenate([[0], off.astype(int), [0]])))
     spans = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
     if model.varying:
-        # The climb would bias these parameters: estimate them from its end on.
+        # The climb would bias these parameters: a new run at its end estimates them again.
         cut = [
             a + climb_rows(y[a:b, 0], low, recording.dt) if math.isfinite(low) else a
             for a, b in spans

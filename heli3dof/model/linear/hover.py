@@ -56,7 +56,7 @@ def hover(profile: Profile, *, printed: bool = False) -> Hover:
     """Return the paper's hover model, matrices (10)–(13), for a rig.
 
     ``printed``: with the paper's errata, and V_o from its eq (6). Otherwise the errata are
-    corrected, and V_o is the profile's. See the module's docstring.
+    corrected, and V_o is the profile's. See the head of this file.
     """
     if printed:
         return _as_printed(profile)

@@ -20,7 +20,7 @@ limit is used. The noise that this Kalman gain assumes depends on the model:
   intensity is large on purpose: the hover model's accelerations are off by tenths of rad/s² on a
   real rig, and the filter must still follow the rates.
 * any other model with K = 0 (output error): the same encoder noise, and process noise that makes
-  the free response drift by `DRIFT` rad/√s in any state coordinates.
+  the free response drift by `DRIFT` rad/√s, independently of the state coordinates.
 
 The filter ignores an axis without readings and skips a lost reading. Lost rows are filled in gaps
 of up to `heli3dof.model.estimation.filter_data.LOST` periods.
@@ -38,8 +38,9 @@ from heli3dof.recording.gap_filling import fill_gaps
 from heli3dof.recording.recording import Recording
 
 ACCELERATION = np.array([0.05, 0.15, 0.05])
-"""(3,) rad/s²/√Hz on roll, pitch, yaw, process noise for the hover model. A compromise: half of it
-reduces the 1 s prediction error by 0.1° on a simulated rig, twice of it by 2 % on real rigs."""
+"""(3,) rad/s²/√Hz on roll, pitch, yaw, process noise for the hover model. A compromise: half the
+value reduces the 1 s prediction error by 0.1° on a simulated rig, twice the value by 2 % on real
+rigs."""
 DRIFT = 0.02
 """rad/√s, drift of the outputs that the process noise of output-error models causes"""
 START = 0.1
@@ -136,7 +137,7 @@ def noise(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the process (n, n), measurement (m, m) and cross (n, m) noise covariance per sample.
 
-    n is the number of the model's states, m that of the ``axes`` (3,) bool that are used. The
+    n is the number of the model's states, m the number of axes that ``axes`` (3,) bool selects. The
     encoder steps are those of the recording's profile.
     """
     n, m, dt = model.order, int(axes.sum()), model.dt

@@ -34,7 +34,7 @@ SETUP, MEASURE = int(_s.Stage.SETUP), int(_s.Stage.MEASURE)
 def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
     """Call the effects that change rig parameters in s, once before a simulation.
 
-    The module explains the arguments.
+    Arguments: see the head of this file.
     """
     for i in range(first[SETUP], first[SETUP + 1]):
         call(address, i, s, par, mem, s)
@@ -49,7 +49,7 @@ def _step_without_dry_friction(  # type: ignore[no-untyped-def]
     """Advance the state x = (q, q̇) from row k to the next, without dry friction.
 
     cache[:3] holds h, exp(−h/2τ), exp(−h/τ), with the rotors' lag τ (s). w[7, :2] becomes the
-    thrusts (N) at the end of the step. The module explains the other arguments.
+    thrusts (N) at the end of the step. Other arguments: see the head of this file.
     """
     if cache[0] != h[k]:
         cache[0] = h[k]
@@ -77,7 +77,7 @@ step_without_dry_friction = compiled(_step_without_dry_friction, leaf=True, erro
 def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
     """Advance the state x = (q, q̇), angles and rates, from row k to the next, with dry friction.
 
-    The module explains the arguments.
+    Arguments: see the head of this file.
     """
     step_without_dry_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
@@ -88,7 +88,7 @@ step = compiled(_step, leaf=True, error_model="numpy")
 
 
 def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
-    """Set a roll x[0] below ``low`` (rad, roll on the table) to ``low``, with no falling rate."""
+    """Set a roll x[0] below ``low`` (rad, roll on the table) to ``low``, a falling rate to zero."""
     if x[0] < low:
         x[0] = low
         if x[3] < 0.0:
@@ -101,8 +101,8 @@ stop_at_table = compiled(_stop_at_table, leaf=True, error_model="numpy")
 def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
     """Advance the state x = (q, q̇), angles and rates, and the thrusts F from row k to the next.
 
-    Writes target[k], the steady-state thrusts at the voltage of row k, and F[k + 1]. The module
-    explains the other arguments.
+    Writes target[k], the steady-state thrusts at the voltage of row k, and F[k + 1]. Other
+    arguments: see the head of this file.
     """
     aim(s, V, h, 0, k, first, address, par, mem, target[k])
     step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
@@ -118,8 +118,8 @@ def _midpoint_without_dry_friction(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Advance the state x = (q, q̇) as `_step_without_dry_friction` does, but by the midpoint rule.
 
-    cache[3:6] holds the acceleration of the previous step. It gives the rate in the middle of this
-    step, which the effects get. With the rate at the start, an axis of inertia J and viscous
+    The effects are evaluated at the rate in the middle of the step, predicted by the acceleration
+    of the previous step, cache[3:6]. With the rate at the start, an axis of inertia J and viscous
     friction c q̇ would accelerate as if its inertia were J − c h/2.
     """
     if cache[0] < 0.0:
@@ -165,7 +165,7 @@ def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: 
     """Advance the state x from row a to row b, h s later, by one midpoint step, no dry friction.
 
     ``mean`` (N + 1, 2) N·s is the integral of the thrusts up to each row. The step uses the mean
-    thrusts from row a to row b. The module explains the other arguments.
+    thrusts from row a to row b. Other arguments: see the head of this file.
     """
     s[V_FRONT], s[V_FRONT + 1] = V[a, 0], V[a, 1]
     for half in range(2):
@@ -190,7 +190,7 @@ def _coast_to(s, x, a, end, stride, t, mean, V, low, first, address, par, mem, f
     """Advance the state x from row a to row ``end`` in steps of ``stride`` rows.
 
     Each step is `_coast`, then dry friction, then the stop at the table at roll ``low`` (rad).
-    ``mean``: the integral of the thrusts; the module explains the other arguments.
+    ``mean``: the integral of the thrusts. Other arguments: see the head of this file.
     """
     while a < end:
         b = min(a + stride, end)
@@ -210,7 +210,7 @@ def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-unty
     """Write the unquantised encoder readings, (3,) rad, at the state x into m.
 
     ``slope`` (3,) becomes ∂m_i/∂q_i, with the angles q. s[FLANK + i] selects the side of the
-    backlash of encoder i (`state_layout.FLANK`). The module explains the other arguments.
+    backlash of encoder i (`state_layout.FLANK`). Other arguments: see the head of this file.
     """
     for i in range(3):
         m[i] = x[i]
@@ -221,8 +221,8 @@ def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-unty
             s[R + i], s[R + 3 + i] = x[i], x[3 + i]
         for e in range(first[MEASURE], first[MEASURE + 1]):
             call(address, e, s, par, mem, m)
-            # The slope evaluates an angle that did not occur: restore the effect's memory after
-            # it. The last row of mem belongs to no effect.
+            # The call for the slope has an angle that did not occur: restore the effect's memory
+            # afterwards from the last row of mem, which belongs to no effect.
             for n in range(mem.shape[1]):
                 mem[mem.shape[0] - 1, n] = mem[e, n]
             call(address, e, s, par, mem, slope)
@@ -239,7 +239,7 @@ def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-unt
     """Return encoder i's readings at the state x for a rising and a falling angle, and their slope.
 
     The two readings (rad) differ by the backlash; the slope is ∂reading/∂angle. m (3,) and
-    ``slope`` (3,) are work space. The module explains the other arguments.
+    ``slope`` (3,) are work space. Other arguments: see the head of this file.
     """
     s[FLANK + i] = 1.0
     readings(s, x, first, address, par, mem, m, slope)

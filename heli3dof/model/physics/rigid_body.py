@@ -97,9 +97,9 @@ call = caller()
 
 
 def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """Replace q̈ of the rigid body in ``a`` by the module's blend with the simplified equations.
+    """Replace q̈ of the rigid body in ``a`` by its blend with the simplified equations (κ, ν).
 
-    Arguments: see `_body_accelerations`.
+    Equations: see the head of this file. Arguments: see `_body_accelerations`.
     """
     sr, cr = math.sin(s[R]), math.cos(s[R])
     sp, cp = math.sin(s[P]), math.cos(s[P])

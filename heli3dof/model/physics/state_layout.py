@@ -62,7 +62,7 @@ UNCOUPLED = 44
 CONSTANT_YAW_INERTIA = 45
 """ν of `rigid_body`: 0 is the rigid body, 1 equations with a constant inertia about the vertical"""
 WITHOUT_RATE_PRODUCTS, SIDE_THRUST = 46, 47
-"""μ, η of `rigid_body`, 0 to 1, for `UNCOUPLED` equations: μ = 1 omits the products of rates, η = 1
+"""μ, η of `rigid_body`, 0 to 1, in q̈_alone: μ = 1 omits the products of rates, η = 1
 keeps the yaw torque L_h sin r D"""
 SIZE = 48
 
