@@ -1,8 +1,8 @@
 """`Result`: the base class of recordings, identifications, comparisons and diagnoses.
 
 The class displays such a result as text, HTML or figure in a notebook. `heli3dof.report` draws the
-figures: `Result.plot` finds the function by the class name among the entry points of the group
-`FIGURES`.
+figures: `Result.plot` finds a class's drawing function by the class name among the entry points of
+the group `FIGURES`.
 """
 
 from __future__ import annotations

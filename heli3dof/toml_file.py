@@ -105,7 +105,7 @@ class Section(BaseModel):
 
 
 def section_of(field: FieldInfo) -> type[Section] | None:
-    """Return the `Section` subclass that is a field's type, optional or not; else None."""
+    """Return the `Section` subclass S of a field of type S or ``S | None``; else None."""
     options = [field.annotation, *getattr(field.annotation, "__args__", ())]
     return next((o for o in options if isinstance(o, type) and issubclass(o, Section)), None)
 

@@ -31,7 +31,7 @@ ELSEWHERE = "another place with -o"
 
 
 def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofError | None:
-    """Return a heli3dof error for an OSError from writing ``path``; None for any other OSError.
+    """Return a heli3dof error for an OSError from writing ``path``; None for any other cause.
 
     ``fix``: what the error's message recommends.
     """

@@ -74,7 +74,7 @@ def compare_flight(
     flown = sampling_times(under_control(recording))
     why = why_not_replayed(flown)
     fits = tuple(h for h in horizons_s if h < flown.duration)
-    steps = STEPS_DRAWN if why else STEPS_AVERAGED  # a replay is drawn instead
+    steps = STEPS_DRAWN if why else STEPS_AVERAGED  # with a replay, no prediction is drawn
     reasons: list[list[str]] = [[] for _ in models]
     replays = [
         None if why else _attempt(partial(replay, m, flown), reasons[i])

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
 
 HORIZON_S = 1.0
-"""s: horizon of the predictions, as in a diagnosis. 0.1 s ahead all models are about as good."""
+"""s: horizon of the predictions, as in a diagnosis. 0.1 s ahead, all models are about equal."""
 EQUAL = 1.05
 """Ratio of two RMSE up to which the models count as equally good (a convention)"""
 STILL = "constant angles"

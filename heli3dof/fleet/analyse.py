@@ -61,8 +61,9 @@ def _quantity(name: str, tracks: Sequence[Track], quantities: int, plan: str) ->
 def _rig(track: Track, siblings: Sequence[Track], quantities: int, plan: str) -> RigQuantity:
     """Return the changes in a ``track``, and the estimate of its quantity since the last step.
 
-    ``siblings``: tracks of the other rigs; ``quantities``: number of the rig's quantities. The
-    estimate is from flights of ``plan``, or else of the plan that is most frequent in the track.
+    ``siblings``: tracks of the other rigs; ``quantities``: number of quantities in the table. The
+    estimate is from flights of ``plan``; without any since the last step, from the most frequent
+    plan since then.
     """
     changes = find_changes(
         track.t, track.y, track.s, track_prior(quantities), track.plans, sibling_scale(siblings)

@@ -31,7 +31,7 @@ m, δ and φ integrate in closed form. Let wᵢ = 1/uᵢ, P the number of plans,
 
 A step at a change of plan has Sxx = 0, because the flights cannot distinguish the two.
 
-The constant has g = 0. For two steps, Sxx is a matrix and Sxy a vector: 1 + g²Sxx becomes
+The constant alone has g = 0. For two steps, Sxx is a matrix and Sxy a vector: 1 + g²Sxx becomes
 det(I + g²Sxx), and Sxy²·B becomes Sxyᵀ(Sxx + I/g²)⁻¹Sxy. Sums over a, g, d and the flights of a
 change give the probability of each kind (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995).
 """

@@ -7,10 +7,10 @@ proposes candidates first, and each is tested in the absence of the other candid
 the date, size and probability of each step are computed from the flights between its neighbours.
 
 A change is reported if its probability is at least `REPORTED`. Prior probabilities come from
-`CHANGES_PER_RIG_SEMESTER`, divided by the rig's number of quantities. A track (one quantity of one
-rig) without a change gets a false report with a probability of at most π·(1 − p)/p. Here π is the
-prior probability of a change, p is `REPORTED`, and the posterior is calibrated: one report in 20 is
-false. For a rig with all its quantities, this is 0.15 · 0.05/0.95 = 0.8 %.
+`CHANGES_PER_RIG_SEMESTER`, divided by the number of quantities. If the posterior is calibrated (one
+report in 20 is false), a track (one quantity of one rig) without a change gets a false report with
+a probability of at most π·(1 − p)/p. Here π is the prior probability of a change, and p is
+`REPORTED`. For a rig with all its quantities, this is 0.15 · 0.05/0.95 = 0.8 %.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ deviating. Chosen; the posterior decides."""
 MAD_TO_STD = 1.4826
 """Ratio of the standard deviation of a normal distribution to its median absolute deviation"""
 REFINEMENTS = 5
-"""Most passes over all steps, for each step; the second already changes few dates. Chosen."""
+"""Largest number of passes over all steps, per step. Chosen: the second changes few dates."""
 NORMAL_95 = 1.96
 """Half width of a 95 % interval in standard deviations"""
 
@@ -82,7 +82,7 @@ class Change:
 def track_prior(quantities: int) -> Prior:
     """Return the prior probabilities of changes in one quantity of a rig.
 
-    ``quantities``: number of the rig's quantities.
+    ``quantities``: number of quantities in the batch's results table.
     """
     return CHANGES_PER_RIG_SEMESTER.scaled(1 / quantities)
 

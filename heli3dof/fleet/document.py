@@ -2,7 +2,7 @@
 
 ::
 
-    schema, recordings, rigs[], ordered_by_name[] (rigs without starts)
+    schema, recordings, rigs[], ordered_by_name[] (rigs whose flights lack start times)
     quantities[]       quantity, fleet (an estimate, or null)
       rigs[]           rig, flights, plan, estimate, own[] (recording, value, std)
     steps[]            rig, quantity, probability, kinds, size, interval, before, after

@@ -1,4 +1,4 @@
-"""Estimate of one quantity from several measurements that have errors, and scatter between them.
+"""Estimate one quantity from several measurements that have errors and scatter between them.
 
 Random-effects model of n measurements yᵢ with standard deviations sᵢ, all in the quantity's unit::
 

@@ -2,7 +2,7 @@
 
 A few flights of one rig hardly determine its standard deviation φ, but rigs of one kind scatter
 alike. Each sibling r has an estimate of φ² from the differences of successive flights of one plan.
-A step is in only one of these differences (von Neumann, Ann. Math. Stat. 12, 1941)::
+A step affects only one of these differences (von Neumann, Ann. Math. Stat. 12, 1941)::
 
     q_r = mean of (yᵢ₊₁ − yᵢ)²/2 over n_r differences,   f_r = 2n_r²/(3n_r − 1) degrees of freedom
 
@@ -28,7 +28,7 @@ from heli3dof.fleet.tracks import Track
 LEAST_SIBLINGS = 5
 """Fewest siblings from which the distribution of φ² over the rigs is estimated. Chosen."""
 LEAST_DIFFERENCES = 4
-"""Fewest differences n_r with which a sibling counts; fewer give f_r < 3. Chosen."""
+"""Fewest differences n_r of a sibling that is used; fewer give f_r ≤ 9/4. Chosen."""
 MAD_TO_STD = 1.4826
 """Ratio of the standard deviation of a normal distribution to its median absolute deviation"""
 

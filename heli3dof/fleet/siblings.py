@@ -1,7 +1,7 @@
 """Rigs whose quantity differs from that of the other rigs, by leave-one-out prediction.
 
-R rigs have estimates θ̂ᵣ with standard errors vᵣ. The mean of the others is θ̄, their standard
-deviation S, the mean of their squared standard errors v². For a rig like its siblings::
+R rigs have estimates θ̂ᵣ with standard errors vᵣ. Without rig r, the estimates have the mean θ̄ and
+the standard deviation S, and the squared standard errors the mean v². If r is like the others::
 
     z = (θ̂ᵣ − θ̄)/√(S²·(1 + 1/(R − 1)) + max(vᵣ² − v², 0)) ~ Student t with R − 2 degrees of freedom
 
@@ -11,8 +11,8 @@ larger error.
 
 The p-value of z is multiplied by the number of rigs and of quantities (Bonferroni). Two differing
 rigs would hide each other, so the search removes the most deviating rig, and tests the next against
-the rest. The last rig with a small p-value, and those removed before it, differ (Rosner,
-Technometrics 25, 1983).
+the rest. The last removed rig with a p-value of at most `LARGEST_P`, and those removed before it,
+differ (Rosner, Technometrics 25, 1983).
 """
 
 from __future__ import annotations

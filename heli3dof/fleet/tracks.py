@@ -3,8 +3,8 @@
 A quantity is a column of the batch's results table with a partner ``NAME_std``, or one of
 `WITHOUT_STD`. A recording is bad data if the verb failed (``exit_code``), if an integrity check
 failed (``faults``), or if an earlier recording has the same samples (``digest``). No track contains
-bad data. A flight without a finite value of a quantity, or without a standard deviation > 0, is not
-in the track of that quantity.
+bad data. A quantity's track omits flights without a finite value or, unless the quantity is in
+`WITHOUT_STD`, without a standard deviation > 0.
 """
 
 from __future__ import annotations

@@ -6,8 +6,8 @@ to run. A check reports each fault as a `Fault` of one kind:
 
 ``bad_data``          all later results would be wrong: the diagnosis stops
 ``not_identifiable``  the recording contains no motion to diagnose
-``finding``           an effect of the catalogue (``timing.gaps``, ``timing.jitter``, …) with its
-                      size, or another controller than the profile's; the diagnosis continues
+``finding``           an effect of docs/reference/effects.md (``timing.gaps``, …) with its size, or
+                      another controller than the profile's; the diagnosis continues
 ``note``              unusual but usable
 """
 

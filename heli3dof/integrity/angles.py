@@ -2,7 +2,7 @@
 
 The grid has steps of 2π/N rad, with N counts per revolution.
 
-The tests are those of imported logs (`heli3dof.recording.logs.angle_units`), here for flights too.
+An import tests its log in the same way (`heli3dof.recording.logs.angle_units`).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def unit(view: View, i: int) -> Iterable[Fault]:
     ref = r.reference[rows, i]
     if np.isfinite(ref).all():
         columns[f"{axis}_ref_rad"] = ref
-    # The unit that the file named is unknown here: the values must fit both names.
+    # The log's column may have named either unit: the values must pass the test under both names.
     for name, values in ((f"{axis}_rad", q), (f"{axis}_deg", np.degrees(q))):
         try:
             angle_units.check_angles(r.name, {**columns, name: values}, r.profile)

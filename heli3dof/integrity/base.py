@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Kind:
-    """Names of the kinds of faults, most severe first in `ORDER` (see the package)."""
+    """Names of the kinds of faults (`heli3dof.integrity`); in `ORDER`, the most severe is first."""
 
     BAD_DATA = "bad_data"
     NOT_IDENTIFIABLE = "not_identifiable"
@@ -48,7 +48,7 @@ class Fault:
     fix: str
     """Command or change that removes the fault"""
     effect: str | None = None
-    """Name of the effect in docs/reference/effects.md, if the fault is one"""
+    """Name of the effect in docs/reference/effects.md that the fault is, or None"""
     axis: str | None = None
     parameters: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Parameter → (value, standard deviation); the unit is part of the parameter's name"""
@@ -57,7 +57,7 @@ class Fault:
 
     @property
     def is_cause(self) -> bool:
-        """Return whether the fault is an effect of the catalogue with its size."""
+        """Return True if the fault is a finding (`Kind`) that names an effect."""
         return self.kind == Kind.FINDING and self.effect is not None
 
     def to_dict(self) -> dict[str, Any]:
@@ -78,7 +78,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Check:
-    """A check: ``run(view)`` returns one recording's faults, ``reports`` says what."""
+    """A check: ``run(view)`` returns one recording's faults, ``reports`` describes them."""
 
     name: str
     stage: Stage

@@ -1,10 +1,10 @@
 """Check time stamps: their order, their rate, the device's clock, and repeated rows.
 
-Let m be the stamps' period over the profile's, with |m − 1| > `OFF`. If m or 1/m is nearly an
-integer, the log is decimated or repeats samples; otherwise the clock is wrong. Accelerations scale
-with 1/time², so with a wrong clock the axes respond to the voltages with g = 1/m² times the
-profile's acceleration (`View.responses`). Let g be the median of the axes. An integer m or 1/m is
-therefore a wrong clock too if |ln g + 2 ln m| < |ln g|.
+Let m be the stamps' period over the profile's, with |m − 1| > `OFF`. If neither m nor 1/m is nearly
+an integer, the clock is wrong. Otherwise the log is decimated or repeats samples, unless the motion
+shows a wrong clock. Let g be the median of the axes' responses to the voltages, as a multiple of
+the profile's (`View.responses`). Accelerations scale with 1/time², so a wrong clock gives g = 1/m²,
+a right one g = 1. The clock is wrong if g is nearer to 1/m² than to 1: |ln g + 2 ln m| < |ln g|.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DEVICE_OFF = 0.005
 REPEATED = 0.02
 """Largest share of repeated rows"""
 NEAR = 51
-"""Rows of a window: `repeated` uses a row if the voltage changes in over a tenth of its window."""
+"""Rows of a window: `repeated` tests a row if the voltage changes in over a tenth of its window."""
 
 
 def clock(view: View) -> Iterable[Fault]:
@@ -54,7 +54,7 @@ def order(view: View) -> Iterable[Fault]:
 
 
 def rate(view: View) -> Iterable[Fault]:
-    """Yield a fault if the stamps' rate differs from the profile's ``loop.rate_hz`` (module)."""
+    """Yield a fault if the rate of the time stamps differs from the profile's ``loop.rate_hz``."""
     r = view.recording
     m = view.ticks.period_s / r.profile.dt
     if abs(m - 1) <= REPORTED_OFF:
@@ -88,7 +88,7 @@ def rate(view: View) -> Iterable[Fault]:
 
 
 def _clock_is_wrong(view: View, m: float) -> bool:
-    """Return True if the motion fits the profile's period better than the stamps' (module)."""
+    """Return True if the motion fits the profile's period better than the stamps' period."""
     gains = [x.gain for x in view.responses.values() if x.t > SURE and x.explained > EXPLAINED]
     if not gains:
         return False
@@ -117,8 +117,8 @@ def device(view: View) -> Iterable[Fault]:
 def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if too many rows repeat the angles and voltages of the row before.
 
-    A row counts only in a stretch where the voltage changes from row to row, is not zero and is
-    below its limit. The voltage that the experiment adds must repeat, too, because at rest the
+    Only rows are tested whose voltage is not zero, is below its limit, and changes in the rows
+    around (`NEAR`). The voltage that the experiment adds must repeat, too, because at rest the
     motors' voltage can be constant for a few rows.
     """
     r = view.recording

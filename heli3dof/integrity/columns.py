@@ -6,9 +6,10 @@ if its `Response.drive` exceeds `DRIVEN`. An axis is
 * *consistent* if |g| is within `RANGE`, g is `SURE` standard deviations from 0, R² > `EXPLAINED`;
 * *inconsistent* if it is driven, and |g| is outside `RANGE` or R² < `UNEXPLAINED`.
 
-If an axis is inconsistent or a voltage is constant, the check swaps each pair of columns that may
-explain it. A swap must make inconsistent axes consistent and no other axis inconsistent. The swap
-with the largest agreement over the driven axes
+Axes *in question* are the inconsistent ones; if a voltage is constant, all driven ones. If there
+are any, the check swaps each pair of columns that may explain them. A swap must make at least one
+axis in question consistent, and no other axis inconsistent. The swap with the largest agreement
+over the driven axes
 
     M = Σ R² exp(−½ (ln |g| / `USUAL`)²)
 
@@ -87,12 +88,12 @@ def _column(column: int) -> str:
 
 
 def is_consistent(x: Response) -> bool:
-    """Return True if the response is consistent with the profile, apart from its sign (module)."""
+    """Return True if the axis with this response is consistent (see the module)."""
     return _gain_in_range(x) and abs(x.t) > SURE and x.explained > EXPLAINED
 
 
 def inconsistent(responses: dict[str, Response]) -> set[str]:
-    """Return the axes whose response is inconsistent with the profile (module)."""
+    """Return the axes that are inconsistent (see the module)."""
     driven = {a: x for a, x in responses.items() if x.drive > DRIVEN}
     return {a for a, x in driven.items() if x.explained < UNEXPLAINED or not _gain_in_range(x)}
 
@@ -102,7 +103,7 @@ def _gain_in_range(x: Response) -> bool:
 
 
 def agreement(responses: dict[str, Response]) -> float:
-    """Return the agreement M of the driven axes with the profile (module)."""
+    """Return the agreement M of the driven axes with the profile (see the module)."""
     driven = (x for x in responses.values() if x.drive > DRIVEN and x.gain != 0)
     return float(
         sum(x.explained * np.exp(-0.5 * (np.log(abs(x.gain)) / USUAL) ** 2) for x in driven)
@@ -110,9 +111,9 @@ def agreement(responses: dict[str, Response]) -> float:
 
 
 def axes_in_question(view: View, T: np.ndarray) -> set[str]:
-    """Return the axes whose angles contradict the voltages.
+    """Return the axes in question (see the module).
 
-    If a voltage in the table T (N, 8) is constant, all axes that the motors drive are returned.
+    ``T``: table (N, 8) of angles, voltages and references (`_table`).
     """
     V = np.nan_to_num(T[:, VOLTAGE])
     if (np.ptp(V, axis=0) == 0).any():

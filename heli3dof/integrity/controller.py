@@ -1,7 +1,7 @@
-"""Check that the profile's controller flew the recording: whether it reproduces the voltages.
+"""Check that the profile's controller reproduces the recorded voltages.
 
-The simulated flights of nulls and bias correction have this controller
-(`heli3dof.model.control.voltage_replay` states the comparison and its limits). If another
+`heli3dof.model.control.voltage_replay` states the comparison and its limits. The diagnosis needs
+this controller to simulate flights (for its null distributions and its bias correction). If another
 controller flew the recording, the diagnosis continues as for an unknown controller.
 """
 

@@ -8,10 +8,10 @@ on a rig like its profile (`response`). With the hover ratio h (`View.hover_rati
     pitch's sign wrong       g_p < 0 and g_ψ < 0     (sin p has the wrong sign too)
     front and back swapped   g_p < 0 and g_ψ > 0     (D has the wrong sign, sin p S has not)
     yaw's sign wrong         g_p > 0 and g_ψ < 0     (or motors swapped and pitch's sign wrong)
-    voltages' sign wrong     h < 0, and the signs of all responses are reversed
-    V_o's sign wrong         h < 0, and no sign is reversed
+    voltages' sign wrong     h < −0.3, and g_r < 0 or g_p < 0 (g's signs are then reversed above)
+    V_o's sign wrong         h < −0.3, and neither is negative
 
-A sign counts if |g| exceeds `SURE` standard deviations, R² ≥ `EXPLAINED` and the drive ≥ `DRIVE`.
+g's sign is known if |g| exceeds `SURE` standard deviations, R² ≥ `EXPLAINED`, drive ≥ `DRIVE`.
 If a sign is unknown, the fault names both possible causes. Roll's sign is also wrong if roll sinks
 into the table.
 """
@@ -37,7 +37,7 @@ BEYOND_REACH = np.radians(60.0)
 
 
 def sign(response: Response | None) -> int:
-    """Return the sign of the response g, or 0 if the recording does not determine it (module)."""
+    """Return the sign of the response g, or 0 if it is unknown (see the module)."""
     if response is None or response.explained < EXPLAINED or response.drive < DRIVE:
         return 0
     return int(np.sign(response.t)) if abs(response.t) > SURE else 0

@@ -1,12 +1,12 @@
 """Report an encoder that stays on one count while its axis must move.
 
-Dry friction or backlash may hold an axis for `LEAST_S` against the torque J u of the voltages. J is
-the inertia, u (rad/s²) the acceleration by `response`, which defines the other symbols too.
-Constant torques are unknown, so only the range of J u counts. With u smoothed over `SMOOTH_S`, the
-axis must move if ½ (max J u − min J u) > `HOLDS_NM`.
+Dry friction or backlash may hold an axis, so the axis must have stayed on the count for `LEAST_S`.
+The voltages cause the torque J u: J is the inertia, u (rad/s²) the acceleration that the profile
+predicts (`response`). Constant torques are unknown. With u smoothed over `SMOOTH_S`, the axis must
+therefore move if ½ (max J u − min J u) > `HOLDS_NM`.
 
-The table stops roll on one side only. There roll must move if r̈ = (L_a K_f S − T_g cos r)/J_r,
-integrated twice with ṙ ≥ 0, exceeds `RISEN`. Stops, motors off and the landing are left out.
+On the table, roll can only rise. It must move if r̈ = u − T_g cos r/J, integrated twice with ṙ ≥ 0,
+exceeds `RISEN`. Rows at a stop, with the motors off or in the final voltage ramp are left out.
 """
 
 from __future__ import annotations

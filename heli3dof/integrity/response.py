@@ -6,7 +6,7 @@ hover J (kg·m²), the profile predicts the accelerations (rad/s²)
     u_r = L_a K_f cos p S / J_r    u_p = L_h K_f D / J_p    u_ψ = −L_a K_f cos r sin p S / J_ψ
 
 The model of each angle q (rad) has a rotor lag τ (s), damping b, and gravity and springs c_j x_j.
-x is (cos r, sin r) for roll, (cos r cos p, sin p) for pitch, (1, ψ) for yaw:
+(x_1, x_2) is (cos r, sin r) for roll, (cos r cos p, sin p) for pitch, (1, ψ) for yaw:
 
     q̈ = g u − g τ u̇ + Σ c_j x_j(q) − b q̇ + noise
 
@@ -16,9 +16,9 @@ Multiplied by φ(t) = (1 − (t/T)²)³, |t| < T, and integrated by parts, only 
 
 Each window gives one equation. Ridge regression estimates g, with weak priors on g τ, c_j and b: in
 closed loop D is nearly proportional to p and ṗ, like a spring and a damper. A mass added in flight
-is a step of x_1. The best step is a regressor if it explains the share `STEP` of the residual sum
-of squares. Feedback biases g only through noise, towards zero. The standard deviation allows for
-overlapping windows and coloured noise (Newey and West).
+is a step of x_1. The best step becomes a regressor if it explains more than the share `STEP` of the
+residual sum of squares. Feedback biases g only through noise, towards zero. The standard deviation
+allows for overlapping windows and coloured noise (Newey and West).
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Response:
 def predicted_accelerations(angle: np.ndarray, voltage: np.ndarray, profile: Profile) -> np.ndarray:
     """Return the profile's accelerations u (N, 3) rad/s² for angles (N, 3) rad, voltages (N, 2) V.
 
-    u is the part that the voltages cause (module).
+    They are only those that the voltages cause, without gravity (see the module).
     """
     g, K_f = profile.geometry, profile.motor.K_f
     J = profile.inertias
@@ -79,9 +79,10 @@ def predicted_accelerations(angle: np.ndarray, voltage: np.ndarray, profile: Pro
 def responses(
     recording: Recording, free: np.ndarray, number: np.ndarray, period_s: float
 ) -> dict[str, Response]:
-    """Return {axis: response}, from the windows in which all rows are ``free`` (N,) bool.
+    """Return {axis: response}, from the windows in which all rows are usable.
 
-    ``number`` (N,) counts samples, lost ones too. Axes that no voltage drives are left out.
+    ``free`` (N,) bool: usable rows; ``number`` (N,): numbers of the samples, lost ones included.
+    Axes that no voltage drives are left out.
     """
     angle, voltage, ok = _evenly_sampled(recording, free, number)
     u = predicted_accelerations(angle, voltage, recording.profile)
@@ -118,7 +119,7 @@ def _evenly_sampled(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return angles, voltages and ``free`` with a row for every sample, lost ones too; NaN is zero.
 
-    The loop holds voltage k until sample k + 1: at sample k the mean of voltages k − 1 and k acts.
+    Row k has the mean of voltages k − 1 and k: the loop holds voltage k until sample k + 1.
     """
     angle, voltage = np.nan_to_num(recording.angle), np.nan_to_num(recording.voltage)
     if number[-1] + 1 != len(number) or (np.diff(number) != 1).any():
@@ -168,8 +169,8 @@ class _Windows:
 def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Return the regressors X (W, n) of z (W,), with a step of the trim as another column.
 
-    The column is added if the best step explains the share `STEP` (module). ``trim`` (W,): column
-    of x_1; ``t`` (W,): middles of the windows, s.
+    The column is added if the best step explains more than `STEP` of the residual sum of squares.
+    ``trim`` (W,): column of x_1; ``t`` (W,): middles of the windows, s.
     """
     times = np.arange(t[0] + STEP_INSIDE_S, t[-1] - STEP_INSIDE_S, STEP_EVERY_S)
     if not len(times):

@@ -1,4 +1,4 @@
-"""Report counts per revolution that are wrong by 2 or 4, and a wrong amplifier gain.
+"""Report counts per revolution wrong by a factor of 2 or 4, and a wrong amplifier gain.
 
 If encoder i reads k_i times its angle and the thrust is K times the profile's, the responses are
 
@@ -12,17 +12,18 @@ h, and k_ψ/k_p as yaw's k_i, the check compares each k with k = 1 by
 σ = `SCATTER` allows for lag, friction, inertia; σ_K = `SPREAD` for thrust gain and counterweight.
 
 * Roll is in every equation, so its k is tested with roll divided by k and all responses recomputed.
-* Yaw's k needs another axis: J_roll and J_yaw come from the same masses. Pitch's k needs yaw:
-  otherwise it may be friction, backlash or inertia.
-* The best k is reported if χ² ≤ `FITS` and all others are larger by `MARGIN` (half of it if the
-  angle has only every k-th count).
+* Yaw's k is tested only with the response of another axis: J_roll and J_yaw come from the same
+  masses. Pitch's k is tested only with yaw's response: alone, it may be friction, backlash or
+  inertia.
+* The best k is reported if its χ² ≤ `FITS` and every other χ² is larger by `MARGIN` (half of it if
+  the angle has only every k-th count).
 * k = 2 with all counts may also be half the inertia, and k = ½ twice the inertia: a note. Otherwise
   it is bad data.
 
 **Amplifier.** If the motors get K times the logged voltages, every response is K and h = 1/K. It is
 bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does not. Smaller
-deviations of K are usual (thrust gains of one type of rig are 0.13 … 0.22 N/V):
-``motor.thrust_gain``. h = 3 with responses of 1 is another counterweight: ``mass.imbalance``.
+deviations of K are usual (thrust gains of one type of rig are 0.13 … 0.22 N/V): the effect
+``motor.thrust_gain``. h = 3 with responses of 1 is another counterweight, ``mass.imbalance``.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ NO_FACTOR = 2.5
 FACTORS = (0.25, 0.5, 2.0, 4.0)
 ANOTHER_RIG = 2.2
 SWITCH = 0.25
-"""Largest |ln| of the gain over 3 or ⅓ that the amplifier's switch explains"""
+"""Largest |ln(gain/3)| or |ln(3 gain)| that the amplifier's gain switch explains"""
 
 
 def reliable(responses: dict[str, Response]) -> dict[str, Response]:
@@ -135,7 +136,7 @@ def _logs(responses: dict[str, Response]) -> dict[str, float]:
 
 
 def _roll_divided(view: View, k: float) -> View:
-    """Return the recording with roll divided by k, measured from its angle at the start."""
+    """Return a view of the recording with roll divided by k, relative to its angle at the start."""
     r = view.recording
     angle = r.angle.copy()
     rest = float(np.median(angle[view.read, ROLL][:5]))

@@ -47,7 +47,7 @@ class View:
 
     @cached_property
     def airborne(self) -> np.ndarray:
-        """Return (N,) bool: rows with the motors on, off the table and the stops; also take-off."""
+        """Return (N,) bool: rows with motors on, away from table and stops; take-off included."""
         return np.asarray(~np.logical_or.reduce([self.unusable[k] for k in GROUNDED]))
 
     @cached_property

@@ -25,7 +25,7 @@ OPPOSED = 0.4
 CLIPPED = 0.02
 """Share of the flight at the limit above which a note reports it"""
 FLAT = 0.005
-"""Share of the rows at the largest voltage above which it is a limit"""
+"""Share of rows at the largest voltage, above which this voltage counts as a limit"""
 DIFFERS_V, DIFFERS = 0.02, 0.01
 """Largest difference of command and voltage (V), and largest share of rows that exceed it"""
 

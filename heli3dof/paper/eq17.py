@@ -1,7 +1,7 @@
-"""Provide the paper's identified model, eq (17), as printed and corrected, with its defects.
+"""Provide the paper's identified model, eq (17), as printed and as corrected.
 
 All transfer functions have the same denominator. T(s)_{i,j} is from motor i (1 front, 2 back) to
-angle j (1 roll, 2 pitch, 3 yaw), in degrees per volt. The defects (erratum E14):
+angle j (1 roll, 2 pitch, 3 yaw), in degrees per volt. Its defects (erratum E14):
 
 * T_11 begins with 52 s³. T_1j ≈ −T_2j otherwise, and T_21 begins with −2.537 s³, so 2.52 s³ is very
   likely meant: the *corrected* reading.

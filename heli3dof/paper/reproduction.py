@@ -2,8 +2,8 @@
 
 The paper simulates the hover model: a 10° roll step from level with the gain K_g of eq (14); no
 limit is reached. The roll peak is 11.75° with this package's sampled controller, and 11.85° in
-continuous time with ideal rates. The paper prints 12°. All other numbers need a recording that was
-never published.
+continuous time with ideal rates. The paper prints 12°. All other numbers need the experiment's
+unpublished recording or the misprinted identified model (`heli3dof.paper.published`).
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ NAME_KEPT = 32
 """Number of a file name's first characters that the temporary file's name repeats. With at most 4
 bytes each, they stay below the file systems' limit of 255 bytes."""
 PROBE = b"\0" * 4096
-"""Content of the file that `_probe` writes: a block (4096 bytes) of most file systems"""
+"""Content of the test file that `_probe` writes: 4096 bytes, a block of most file systems"""
 
 
 def check_outputs(

@@ -19,7 +19,7 @@ UNITS = frozenset({"s", "V", "A", "deg", "rad"})
 def contract_columns(recording: Recording) -> dict[str, np.ndarray]:
     """Return a recording's columns (N,) by name, for an export; angles are in degrees.
 
-    First come the logged columns of docs/reference/contract.md, then the channels. A channel with
+    First come the logged columns of docs/reference/recording.md, then the channels. A channel with
     the name of an earlier column gets the prefix ``channel_``.
     """
     columns: dict[str, np.ndarray] = {"t_s": recording.t}

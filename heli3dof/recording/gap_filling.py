@@ -4,10 +4,10 @@ The number of samples missing between t[k] and t[k+1] is
 
     n = max(0, round((t[k+1] − t[k] − δ) / dt) − 1)
 
-If the next interval is shorter than `EARLY` dt, sample k+1 was late by δ = dt − (t[k+2] − t[k+1]).
-δ is limited to t[k+1] − t[k] − dt. If the next interval is not that short, δ = 0. Inserted rows
-have evenly spaced times and NaN as angles. All other values are those of row k, because the rig
-held its voltage. The voltage's integral over any interval is unchanged.
+δ is the delay of sample k+1. If the next interval t[k+2] − t[k+1] is shorter than `EARLY` dt,
+δ = dt − (t[k+2] − t[k+1]), but at most t[k+1] − t[k] − dt. Otherwise δ = 0. Inserted rows have
+evenly spaced times and NaN as angles. All other values are those of row k, because the rig held
+its voltage. The voltage's integral over any interval is unchanged.
 """
 
 from __future__ import annotations

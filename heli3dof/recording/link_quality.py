@@ -1,8 +1,8 @@
 """`link_warnings`: warns of a poor link between this computer and the rig.
 
-It warns of a latency above one control period, of lost samples, of commands without an echo, and of
-rejected samples. The recording contains these values, so the end of a flight and ``heli3dof info``
-print the same warnings.
+It warns of a latency above one control period, of lost samples, of rejected samples, and of
+unacknowledged commands: those that the next sample does not echo. The recording contains these
+values, so ``heli3dof info`` prints the same warnings as a flight prints at its end.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ SLOW_PERIODS = 1.05
 """Largest median command-to-echo latency without a warning, in control periods. A device without
 delay stays below 1; the margin allows for the histogram's bins (1 %) and the two clocks' drift."""
 LOSS_SHARE = 0.01
-"""Largest share of lost samples, or of commands without an echo, that gives no warning. A loss of
-1 % moves no estimate of ``identify`` by 0.1 σ (a minute of ``rich``, rows dropped at random)."""
+"""Largest share of lost samples, or of unacknowledged commands, that gives no warning. A loss of
+1 % moves no estimate of ``identify`` by 0.1 σ (a minute of the plan ``rich``, random losses)."""
 
 
 def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:

@@ -29,12 +29,12 @@ def provenance(
     named_host: bool = True,
     **more: Any,
 ) -> dict[str, Any]:
-    """Return how a recording was made, as the first entries of ``Recording.meta``, JSON-able.
+    """Return a recording's provenance: a JSON-able dict, the first entries of ``Recording.meta``.
 
-    ``source`` is ``flight``, ``simulation`` or ``import``; ``device`` the rig's URL; ``identity``
-    what the rig reports about itself. ``named_host=False`` omits host and command line, for
-    published recordings. ``more`` is added unchanged. Entries that are None are omitted. ``plan``
-    is the experiment plan flown, ``seed`` the seed of the plan's random signals.
+    ``source`` is ``flight``, ``simulation`` or ``import``; ``plan`` the experiment plan flown;
+    ``seed`` the seed of the plan's random signals; ``device`` the rig's URL; ``identity`` what the
+    rig reports about itself. ``named_host=False`` omits host and command line, for published
+    recordings. ``more`` is added unchanged. Entries that are None are omitted.
     """
     now = datetime.now(UTC)
     meta: dict[str, Any] = {

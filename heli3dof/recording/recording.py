@@ -86,7 +86,7 @@ class Recording(Result):
     def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas data frame with index ``t_s``, angles in degrees.
 
-        Its columns are those of docs/reference/contract.md and the channels. Columns that were not
+        Its columns are those of docs/reference/recording.md and the channels. Columns that were not
         logged are absent. Raises UsageError if pandas is missing.
         """
         pd = optional("pandas")

@@ -1,7 +1,7 @@
 """Check that a log's angles have the unit that their column's name states, by three tests.
 
 1. The encoder's grid: angles are multiples of 360/N degrees or 2π/N radians for N counts per
-   revolution. Values on the grid of one unit are not on that of the other.
+   revolution. Values on the grid of one unit are not on the other grid.
 2. Size: roll and pitch cannot exceed half a revolution.
 3. Newton's law: over windows of length T, the second difference of an angle q is the torque M over
    the inertia J, integrated twice:
@@ -46,10 +46,10 @@ in closed loop, −0.1 … 0 at a constant voltage."""
 
 
 def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
-    """Return True if 90 % of the distinct values lie on a grid of ``step`` from the first value.
+    """Return True if 90 % of the distinct values lie on a grid with spacing ``step``.
 
-    ``step`` has the unit of the values. The result is False for fewer than ``levels`` distinct
-    values, and for values that all lie within half a step.
+    The grid starts at the first value; ``step`` has the unit of the values. The result is False for
+    fewer than ``levels`` distinct values, and for values that all lie within half a step.
     """
     seen = np.unique(values)
     steps = (seen - values[0]) / step
@@ -61,7 +61,7 @@ def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
 def check_angles(source: str, columns: Mapping[str, np.ndarray], profile: Profile) -> list[str]:
     """Raise RecordingError if an angle's unit is not the one in its name; return warnings.
 
-    ``source`` is the log's name for messages. ``columns`` are those of docs/reference/contract.md.
+    ``source`` is the log's name for messages. ``columns`` are those of docs/reference/recording.md.
     """
     warnings: list[str] = []
     for axis in AXES:
@@ -226,7 +226,7 @@ def newton(
     ``angle`` (N,) rad is that of ``axis``; ``columns`` has the voltages, ``profile`` the rig's
     parameters. Returns the ratio of the standard deviations, about 1 in the right unit, and the
     correlation, positive with the right sign. Returns None for yaw, for fewer than eight windows,
-    and if angle or torque is constant to about one count.
+    if the torque explains less than about one count of motion, or if nothing moved.
     """
     dt = float(np.median(np.diff(columns["t_s"])))
     n = max(1, round(NEWTON_WINDOW_S / dt))

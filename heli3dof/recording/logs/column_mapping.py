@@ -1,4 +1,4 @@
-"""Compute the contract's columns from another program's: ``roll_deg = 57.2958*x[5]``.
+"""Compute a recording's columns from those of another program's log: ``roll_deg = 57.2958*x[5]``.
 
 An expression contains numbers, ``+ - * / **``, parentheses, `FUNCTIONS`, ``pi``, unchanged names
 of the log's columns (``Vf (V)``, ``x[5]``), and ``sample``, the number of the sample from 0. A name
@@ -93,7 +93,7 @@ def mapped(table: Table, given: Mapping[str, str], profile: Mapping[str, str]) -
     ``given``: column → expression from the command line. ``profile``: column → expression from the
     profile's ``[log]``; for the same column, ``given`` has priority. An entry of ``profile`` is
     skipped if the log has the column, but lacks a name in the expression. Columns of the log that
-    an expression uses are dropped, unless docs/reference/contract.md names them. Raises UsageError
+    an expression uses are dropped, unless docs/reference/recording.md names them. Raises UsageError
     for a faulty expression in ``given``, RecordingError for one in ``profile``.
     """
     for name in given:
@@ -139,7 +139,7 @@ class _Mapping:
         self._names = re.compile(rf"(?<![\w.\]])(?:{words})(?![\w(\[])")
 
     def unknown(self, target: str) -> list[str]:
-        """Return the names in the expression for the column ``target`` that no known column has."""
+        """Return the unknown names in the expression for the column ``target`` (`_unknown`)."""
         return _unknown(self._parsed(target)[0])
 
     def value(self, target: str) -> np.ndarray:

@@ -26,7 +26,7 @@ class Table:
     """The rig's profile, if the file contains one"""
     origins: Mapping[str, str] = field(default_factory=dict)
     """Column → its name in the log, or the expression that computed it; a column that is not listed
-    has its name in the log"""
+    has the same name in the log"""
     ignored: Sequence[str] = ()
     """Names of the columns that were left out, each with the reason"""
 
@@ -46,7 +46,7 @@ class Importer:
     """Returns True if a file has this format; None: its name's ending decides. An exception counts
     as False."""
     carries_profile: bool = False
-    """True if files can contain the rig's profile; others need ``--profile``"""
+    """True if ``read`` can return the rig's profile; other formats need ``--profile``"""
 
     def sniff(self, path: Path) -> bool:
         """Return True if ``path`` is a file of this log format, by its content or its ending."""

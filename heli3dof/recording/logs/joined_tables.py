@@ -50,7 +50,8 @@ def join(tables: Sequence[Table]) -> Table:
 
     A column name that occurs in several tables gets its file's name as a prefix: ``input.u``. A
     table without a clock must have as many samples as the first table with a clock. Raises
-    RecordingError if it has not, if sampling rates differ, or if the clocks do not overlap.
+    RecordingError for another number of samples, different sampling rates, and clocks that do not
+    overlap.
     """
     tables = [with_clock(table) for table in tables]
     if len(tables) == 1:

@@ -7,11 +7,12 @@ time. A phase-locked loop follows the clock,
     n_k = n_{k−1} + round((t_k − ĝ_{k−1}) / T̂),    e_k = t_k − ĝ_{k−1} − (n_k − n_{k−1}) T̂
     ĝ_k = t_k − e_k + α e_k,    T̂ ← T̂ + β e_k
 
-T̂ is the estimated period and ĝ the estimated even clock; α and β are small. So the count n_k is
-right while |ε| stays below half a period, and the loop follows a clock that drifts. T̂ and ĝ start
-at the values that fit the first time stamps best. No loop is needed if every interval is within a
-quarter of a period of a multiple of T̂: each interval then determines its own count. ε is the
-residual of straight lines t_k over n_k, fitted to groups of `STRETCH` samples.
+T̂ is the estimated period and ĝ_k the time of sample k on the estimated, evenly spaced clock; α and
+β are small. So the count n_k is right while |ε| stays below half a period, and the loop follows a
+clock that drifts. T̂ and ĝ start at the values that fit the first time stamps best. No loop is
+needed if every interval is within a quarter of a period of a multiple of T̂: each interval then
+determines its own count. ε is the residual of straight lines t_k over n_k, fitted to groups of
+`STRETCH` samples.
 
 A large ε has one of two causes:
 
@@ -19,8 +20,8 @@ A large ε has one of two causes:
 * They were taken evenly and the time stamps are late. A host that receives several samples at once
   gives all of them nearly the same time stamp.
 
-Stamps in bursts are late. Otherwise the motion decides: `sampling_times` computes the jitter σ_t of
-`sampling_jitter` for both clocks.
+Stamps in bursts are late. Otherwise the motion decides: `sampling_times` uses the clock for which
+`sampling_jitter` estimates the smaller jitter σ_t.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ BUNCHED = 0.1
 """Time stamps are in bursts if more than 10 % of the intervals are shorter than 10 % of the mean
 interval. No control loop samples in bursts, and no phase-locked loop locks to bursts."""
 CLEAR = 0.25
-"""Share of the period: an interval this close to a multiple of the period determines its count. It
-is half of the rounding limit, 0.5; the other half is for an error of the period."""
+"""Share of the period: an interval this close to a multiple of the period determines the number of
+samples in it. It is half of the rounding limit, 0.5; the other half allows for a wrong period."""
 LATE = 0.2
 """Share of the period: time stamps with a smaller jitter are used unchanged"""
 
@@ -90,9 +91,9 @@ def _counted(t: np.ndarray) -> np.ndarray:
 def sampling_times(recording: Recording) -> Recording:
     """Return the recording with the times at which its samples were taken.
 
-    The times of an even clock replace the time stamps, which then are arrival times, if
+    Time stamps are times of arrival, and the times of an even clock replace them, if
 
-    * no sample is lost and the jitter of the time stamps exceeds `LATE` times the period, and
+    * at least `HEAD` samples, none lost, have time stamps with a jitter above `LATE` periods, and
     * the time stamps are in bursts (`in_bursts`), or the motion does not fit them better.
     """
     r = recording
@@ -117,7 +118,7 @@ def in_bursts(t: np.ndarray) -> bool:
 
 
 def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarray:
-    """Return n_k (N,) by the module's phase-locked loop, which starts with ``period`` (s)."""
+    """Return n_k (N,) by the phase-locked loop (see the module), starting with ``period`` (s)."""
     # The first stamp may be late itself: the phase is the circular mean of the first ones.
     turn = np.exp(2j * np.pi * (t[:HEAD] - t[0]) / period)
     grid = float(t[0] + np.angle(turn.sum()) / (2 * np.pi) * period)

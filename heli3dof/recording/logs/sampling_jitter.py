@@ -1,13 +1,14 @@
 """Estimate sampling jitter from the motion, when the log's time stamps do not show it.
 
-If a host sampled in bursts but logged evenly spaced times t_k, it took sample k at t_k + δ_k. All
-angles y_i are displaced by the same δ_k::
+If a host was late and caught up, but logged evenly spaced times t_k, it took sample k at t_k + δ_k.
+All angles y_i are displaced by the same δ_k::
 
     y_i(t_k + δ_k) ≈ y_i(t_k) + ẏ_i δ_k
 
 A parabola is fitted to each angle over ± `HALF_WINDOW_S`. e_i is its residual at the middle sample,
-divided by √(1 − h), where h is that sample's weight in the fit. The axes have δ in common, but not
-encoder steps or motion. So the variance of δ is estimated over samples and pairs of axes i < j:
+divided by √(1 − h), where h is this sample's leverage. The axes have δ in common, but not the
+errors from encoder steps and motion. So σ_t², the variance of δ, is estimated from the products
+e_i e_j, summed over samples and pairs of axes i < j:
 
     σ_t² = Σ u e_i e_j w / Σ u w²,      w = ẏ_i ẏ_j,    u = 1 / (s_i² s_j²),  s² = q²/12 + (τ ẏ)²
 
@@ -15,7 +16,7 @@ with the encoder's step q and τ = `SCALE_S`. For a single axis, σ_t² is the s
 
 The standard deviation of σ_t² is a jackknife over blocks of `BLOCK_S`. With b the blocks' shares of
 the denominator, σ_t² over its standard deviation follows Student's t with ν = 1/Σ b² − 1 degrees of
-freedom. If bursts last longer than the window, the true jitter is larger than the estimate.
+freedom. If delays last longer than the window, the true jitter is larger than the estimate.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class MotionJitter:
     sigma_s: float
     variance_std_s2: float
     freedom: float = np.inf
-    """ν, the degrees of freedom of that standard deviation"""
+    """ν, the degrees of freedom of ``variance_std_s2``"""
 
     @property
     def found(self) -> bool:

@@ -1,11 +1,11 @@
-"""`ChunkMaker`: encodes the n rows of an MCAP chunk as bytes, in a buffer that is allocated once.
+"""`ChunkMaker`: encodes the n rows of an MCAP chunk as bytes, in a buffer that it reuses.
 
     Chunk: head, compressed rows | MessageIndex of channel 1: head, n × (time, offset) | of 2 …
 
 The recorder encodes seven chunks of varying size per second. Buffers of varying size would fragment
-the heap. If zstd knows the size of its input, it fits its internal buffer (half a MiB) to the size,
-and replaces it when the size changes much. `ChunkMaker` therefore does not give the size. Then zstd
-keeps one buffer for `CHUNK_BYTES` from the first chunk on.
+the heap. If zstd knew the size of each chunk, it would fit its internal buffer (half a MiB) to this
+size, and replace the buffer when the size changes much. `ChunkMaker` therefore gives zstd only the
+size `CHUNK_BYTES`, for which zstd keeps one buffer from the first chunk on.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from heli3dof.recording.mcap_files.chunk_index import CODEC, HEAD, INDEX_HEAD
 from heli3dof.recording.mcap_files.schema import RowFormat
 
 CHUNK_BYTES = 32 * 1024
-"""bytes, size of a chunk's uncompressed rows. Encoding 1 MiB delays the control loop by 3–6 ms,
-this size by less than 0.5 ms."""
+"""bytes, largest size of a chunk's uncompressed rows. Encoding 1 MiB delays the control loop by
+3–6 ms, this size by less than 0.5 ms."""
 LEVEL = 3
 """zstd's compression level (its default)"""
 BEFORE_LENGTH = 9

@@ -1,4 +1,4 @@
-"""Build the chunk index of an MCAP file at its end, from the heads of its chunks.
+"""Build the chunk index at the end of an MCAP file, from the heads of the chunks in the file.
 
 An index kept in memory would grow by an entry every 0.15 s of flight. Each chunk's head contains
 the data of its index entry. The length of its message indexes follows from its number of rows n:
@@ -55,10 +55,10 @@ def chunk_indexes(
 
 
 def _at(stream: BinaryIO, at: int, rows: RowFormat) -> tuple[ChunkIndex | None, int]:
-    """Return the index entry of the record at byte ``at``, and the byte after the record.
+    """Return the index entry of the record at byte ``at``, and the byte at which to continue.
 
-    The entry is None if the record is not a chunk. For a chunk, the byte after its message indexes
-    is returned. ``rows``: the byte format of the chunks' rows.
+    The entry is None if the record is not a chunk. The message indexes after a chunk are skipped.
+    ``rows``: the byte format of the chunks' rows.
     """
     stream.seek(at)
     head = stream.read(HEAD.size)

@@ -1,8 +1,8 @@
-"""`RecordingWriter`: records a flight while it runs; a crash loses its last fraction of a second.
+"""`RecordingWriter`: records a flight as it runs; a crash loses only the last fraction of a second.
 
-The control loop packs and appends one row per period. One thread writes the rows of `CHUNK_S` as a
-chunk, another makes the system write the file to the disk (`Syncer`). A killed process loses the
-chunk in progress, a power cut the last half second. If the disk is full, or `BEHIND_MOST`
+The control loop packs and appends one row per period. Every `CHUNK_S`, one thread writes the new
+rows as a chunk; another makes the system write the file to the disk (`Syncer`). A killed process
+loses the chunk in progress, a power cut the last half second. If the disk is full, or `BEHIND_MOST`
 rows wait to be written, the next `append` raises an error; the chunks in the file are kept.
 """
 
@@ -28,7 +28,7 @@ from heli3dof.rig.profile import Profile
 from heli3dof.write_errors import FULL, write_errors_explained
 
 CHUNK_S = 0.15
-"""s, duration of flight (wall-clock time) whose rows form one chunk"""
+"""s, wall-clock time between two writes; the rows of this time form a chunk"""
 _HALF, _MASK = 1 << 31, (1 << 32) - 1
 """Constants that wrap encoder counts to signed 32 bits"""
 BEHIND_MOST = 60_000
@@ -98,7 +98,7 @@ class RecordingWriter:
     def append(self, row: Row) -> None:
         """Queue the row of one control period; a thread writes it to the file.
 
-        Raises NoSpace or RecordingError if earlier rows were lost.
+        Raises NoSpace or RecordingError if earlier rows were lost or `BEHIND_MOST` rows wait.
         """
         if self._failure is not None:
             self._raise_failure()

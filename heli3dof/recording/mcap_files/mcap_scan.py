@@ -144,7 +144,7 @@ def our_layouts(found: Scan) -> list[Layout] | None:
 
 
 def channel_names(found: Scan) -> list[str]:
-    """Return the names of a recording's channels: its columns besides the standard ones.
+    """Return the names of a recording's columns that have no standard field (`channels_layout`).
 
     ``found``: the file's records. Raises Damaged if the names are unreadable.
     """

@@ -48,8 +48,8 @@ class McapFile:
 
     If the stream can be read, `finish` adds an index of the chunks; a pipe cannot be read, so its
     output has no index. ``good`` is the byte offset after the last complete record. After a failed
-    write, the caller may truncate the file at this offset. ``names``: the columns without a
-    standard field (`channels_layout`), for the MCAP channel of their message.
+    write, the caller may truncate the file at this offset. ``names``: names of the columns without
+    a standard field; the MCAP channel of their message lists them (`channels_layout`).
     """
 
     def __init__(self, stream: BinaryIO, rows: RowFormat, names: Sequence[str] = ()) -> None:

@@ -40,8 +40,8 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
 
     ``profile`` replaces the profile in the file. A file of another program needs this argument
     unless the file contains a profile. Raises RecordingError for a file that is missing, torn (its
-    end is missing), damaged or not an MCAP file. It is also raised if samples are missing, or
-    columns of docs/reference/contract.md.
+    end is missing), damaged or not an MCAP file. It is also raised if the file contains no samples,
+    or not the required columns (docs/reference/recording.md).
     """
     path = Path(path)
     found = open_mcap(path)
@@ -170,7 +170,7 @@ def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
 def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recording:
     """Return a `Recording` made of the rows (N,) of a file that heli3dof wrote.
 
-    ``found``: the file's records; ``path``: its path; ``profile``: the rig's.
+    ``found``, ``path``: the file's records and path; ``profile``: the rig's profile.
     """
     absent = set(found.metadata.get(COLUMNS, {}).get("absent", ()))
     stored = COLUMNS in found.metadata

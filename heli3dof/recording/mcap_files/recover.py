@@ -112,7 +112,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
 def salvage(path: Path, found: Scan) -> Salvage:
     """Return the rows of a file's intact chunks; ``found``: the file's records.
 
-    Raises RecordingError if another program wrote the file.
+    Raises RecordingError for another program's file, and for missing or damaged schemas.
     """
     try:
         layouts = our_layouts(found) if found.channels else None

@@ -1,9 +1,9 @@
 """Layouts of a recording's messages, which are both valid protobuf and packed structs.
 
-All fields have fixed width and are written in the order of their numbers. A number below 16 needs a
-tag of one byte. All messages of a type then have the same length and the same bytes between their
-values. One ``struct.pack`` encodes a message, one ``np.frombuffer`` decodes all, and any protobuf
-library reads them with the schema in the file::
+All fields have fixed width and are written in the order of their numbers, each after its tag. So
+all messages of a type have the same length and the same tags between their values. One
+``struct.pack`` encodes a message, one ``np.frombuffer`` decodes all, and any protobuf library reads
+them with the schema in the file. A tag has one byte for field numbers below 16, else two::
 
     tag = field number << 3 | wire type      wire type 1: 8 bytes, 5: 4 bytes, little-endian
 
@@ -136,8 +136,8 @@ def channels_layout(names: Sequence[str]) -> Layout:
     """Return the layout of a third message, for columns of a log that have no standard field.
 
     Standard fields are those of the first two messages, Sample and Command. The fields of the third
-    are called ``column1`` …. The columns' ``names`` are in the MCAP channel's metadata. The schema
-    also has them, with the characters that protobuf allows.
+    are called ``column1`` …. The metadata of its MCAP channel lists the columns' ``names``. Its
+    schema has these names, too, limited to the characters that protobuf allows.
     """
     columns: list[Column] = []
     taken: set[str] = set()

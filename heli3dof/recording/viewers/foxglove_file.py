@@ -77,9 +77,9 @@ def _records(payload: np.ndarray) -> np.ndarray:
 
 
 def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int, Message]]:
-    """Yield topic, log time (ns) and content of each message that the recording does not contain.
+    """Yield topic, log time (ns) and content of each message on the three topics `TOPICS`.
 
-    These are the messages of `TOPICS`. ``times``: log times (n,) of the recording's rows in ns.
+    ``times``: log times (n,) of the recording's rows in ns.
     """
     scene, transforms, log = TOPICS
     first, last = times[0], times[-1]

@@ -2,7 +2,7 @@
 
 Entities: ``/flight/NAME`` for each column NAME of an export, with its unit, and ``/rig/base``,
 ``/rig/arm``, ``/rig/arm/body`` for the frames of `heli3dof.recording.viewers.scene`, with the parts
-below them. Their time line is ``t_s``, in s since the first sample. The file's blueprint shows the
+below them. Their time line is ``t_s``, the recording's time in s. The file's blueprint shows the
 rig, the three angles with their references, and the voltages.
 """
 

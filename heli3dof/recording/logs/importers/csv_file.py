@@ -101,7 +101,7 @@ def _text(path: Path) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data.decode("latin-1")  # a ° or µ in a header; the contract's names are ASCII
+        return data.decode("latin-1")  # a ° or µ in a header; heli3dof's column names are ASCII
 
 
 def _two_bytes(data: bytes) -> str | None:

@@ -1,4 +1,4 @@
-"""Importer of other programs' MCAP files with the columns of docs/reference/contract.md.
+"""Importer of other programs' MCAP files with the columns of docs/reference/recording.md.
 
 JSON and protobuf messages are decoded; their numeric fields are the columns. Each message of the
 first topic with both voltages is a sample. Another topic is joined if its log times are the same;

@@ -143,7 +143,7 @@ def _without_clock(found: _Found, clocks: set[int]) -> Iterator[dict[str, np.nda
     """Yield one dict per length: the columns of that length in ``found`` that have no clock.
 
     Arrays that are too short are ignored. If the file has clocks (``clocks``: their lengths),
-    arrays of other lengths are ignored, too. An array with a name of docs/reference/contract.md is
+    arrays of other lengths are ignored, too. An array with a name of docs/reference/recording.md is
     always kept.
     """
     lengths: dict[int, dict[str, np.ndarray]] = {}
