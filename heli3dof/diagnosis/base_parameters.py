@@ -1,4 +1,4 @@
-"""Convert the base parameters to SI, and test which differ from nominal by over the tolerance.
+"""Convert the base parameters to SI, and test which are off nominal by more than the tolerance.
 
 A fit gives the trim torque T_g and the inertias J in units of the thrust gain K_f, which
 `greybox.thrust_scale` estimates. The parameters X and their findings are
@@ -8,15 +8,15 @@ A fit gives the trim torque T_g and the inertias J in units of the thrust gain K
     an inertia      inertia                 ratio = J/J,nominal
 
 Let x = ln X/X_nominal, ε the profile's ``tolerance``, and e = ln(1 + ε) for x > 0, else ln(1 − ε).
-X is a finding if x exceeds e by a significant amount:
+X is a finding if x exceeds e significantly:
 
     |x| − |e| > √((`SCALE_QUANTILE` σ_k)² + (q f σ)²)
 
-- σ_k: standard deviation of ln K_f, the same in every flight of a rig
+- σ_k: standard deviation of ln K_f (`greybox.thrust_scale`), which further flights hardly reduce
 - σ: standard deviation of x by the flights' noise
 - q: normal quantile, with Bonferroni's correction, of the false-alarm probability `FALSE_ALARMS`
-- f: 1 for a fit with edge rates (`closed_loop_fit.edge_rates`), else `STD_INFLATION`. On a limit
-  cycle, or with an unmodelled torque, such fits deviate by up to f times as much as σ.
+- f: 1 for a fit with edge rates (`closed_loop_fit.edge_rates`) or to free-run predictions, else
+  `STD_INFLATION`: on a limit cycle, or with an unmodelled torque, the error of x may reach f σ.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class BaseParameter:
         return abs(self.x) - abs(edge(self.x, tolerance))
 
     def is_significant(self, beyond: float, quantile: float, std: float) -> bool:
-        """Return whether ``beyond`` = |x| − |e| is significant (module).
+        """Return whether ``beyond`` = |x| − |e| exceeds the right side of the module's inequality.
 
         ``quantile``: q; ``std``: f σ.
         """
@@ -120,7 +120,7 @@ def off_nominal(
 ) -> tuple[OffNominal, ...]:
     """Return the base parameters that differ from nominal by significantly more than tolerance.
 
-    The largest score comes first. ``std_inflation``: factor f of the flights' σ (module).
+    The largest score comes first. ``std_inflation``: f, the factor of σ in the module's inequality.
     """
     tolerance = fit.structure.profile.tolerance
     out = [
@@ -132,7 +132,7 @@ def off_nominal(
 
 
 def std_inflation(fit: CorrectedFit) -> float:
-    """Return the factor f by which the parameters' σ are multiplied (see the module).
+    """Return f, the factor of σ in the module's inequality, for a fit by likelihood.
 
     It is 1 for a fit that used the rates of encoder edges (`closed_loop_fit.edge_rates`), else
     `STD_INFLATION`.

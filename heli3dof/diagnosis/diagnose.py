@@ -167,7 +167,7 @@ def forward_selection(
     ``flights``: number of null simulations of the first step.
     """
     fit, steps = base, list[Step]()
-    # An inertia far off nominal counts as a first cause: the position of its mass is unknown.
+    # An inertia off nominal counts as an earlier cause (rule 4 of `selection.select`).
     off_nominal_parameters = off_nominal(base, std_inflation=std_inflation(base))
     inertias = [o.flight_score for o in off_nominal_parameters if o.term.effect.name == "inertia"]
     score, remaining = max(inertias, default=None), MAX_CAUSES
@@ -184,12 +184,12 @@ def forward_selection(
         choice = step.choice
         wider = fit_with_cause(setup, choice)
         if wider.scatter is None and fit.scatter is not None and not setup.touches_stops:
-            # Flights simulated with this cause leave the recorded one, so the cause is refuted.
+            # Flights simulated with this cause diverge from the recorded one: it is refuted.
             steps[-1] = replace(step, choice=None)
             break
         clock.progress(f"Found {choice.term.name}.")
         fit = wider
-        if not choice.term.effect.of_base:  # else only the simpler base lacks the effect
+        if not choice.term.effect.of_base:  # a part of the body's equations is no defect
             remaining -= 1
             if choice.candidates[0].probe is not None:  # a grid trial has no probe
                 score = choice.score if score is None else max(score, choice.score)

@@ -1,4 +1,4 @@
-"""Convert a diagnosis to its JSON document, ``heli3dof.diagnosis/1``, always with every key."""
+"""Convert a diagnosis to its JSON document, ``heli3dof.diagnosis/1``, with every top-level key."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def diagnosis_document(
     ``upcoming``: the result of `planning.next_experiment.next_experiment`; by default the
     catalogue's recommendation for the first confounded cause. Besides the keys of
     `docs/reference/contract.md`, the document has ``integrity``, ``dropped`` (causes that were not
-    adopted), ``about``, and those of `_calibration`.
+    adopted), ``about``, and further keys inside the objects.
     """
     f = d.fitted
     about, following = (
@@ -316,10 +316,10 @@ def _recommendation(n: NextExperiment) -> dict[str, Any]:
 
 
 def _catalogue_recommendation(d: Diagnosis) -> dict[str, Any] | None:
-    """Return the plan that the first confounded cause's effect recommends, or None.
+    """Return the catalogue's plan for the first cause that a flight can separate from others.
 
-    It is the effect's attribute ``separated_by``, or "rich" if that is empty. The result is None if
-    a flight can separate none of the confounded causes.
+    The plan is the attribute ``separated_by`` of the cause's effect, or "rich" if that is empty.
+    The result is None if there is no such cause.
     """
     for cause in physical(d.in_order):
         name = cause.term.name

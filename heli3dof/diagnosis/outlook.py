@@ -42,10 +42,10 @@ class NextExperiment:
 
 @dataclass(frozen=True, eq=False)
 class OpenTerms:
-    """Terms on which a fit does not decide.
+    """Terms of a fit to free-run predictions on which a further flight should decide.
 
-    Without such a term the fit is worse, but the term's size is not significant; or the term is not
-    identifiable.
+    They are confounded causes; else terms that held-out blocks need but that are no causes; else
+    terms that are not identifiable.
     """
 
     fit: MultiStepFit

@@ -1,6 +1,6 @@
 """Convert the results of a diagnosis or a grey-box fit to keys of a profile.
 
-Each line: the result, the key (with its new value, if different), and a condition or equation.
+Columns: the result; the profile's key, or its new value; a condition or equation.
 
     K_f                    motor.K_f
     T_g/(2 L_a K_f)        motor.V_o           with the arm length L_a of the profile
@@ -12,7 +12,7 @@ Each line: the result, the key (with its new value, if different), and a conditi
 The trim torque T_g (N·m) and the inertias (kg·m²) of a model file are in units of its profile's
 thrust gain K_f (N/V). `greybox.thrust_scale` converts them to SI and gives K_f, as
 ``diagnose --json`` does. The operating voltage V_o does not depend on that scale. Causes without a
-key (friction, lag, …) stay in the model file and are listed.
+key (friction, lag, …) stay in the model file; they and confounded causes are listed.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Calibration:
     counts: Mapping[str, float] = field(default_factory=dict)
     """Axis → factor for the counts per revolution, −1 if the sign is wrong"""
     left_out: tuple[str, ...] = ()
-    """Causes without a key in the profile"""
+    """Causes without a key in the profile, and confounded causes"""
     profile: Profile | None = None
     """The profile of the measurement, if the file contains it"""
 
@@ -201,7 +201,7 @@ def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Me
 def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
     """Return the ratios that flights determine without K_f: V_o in V, K_f/J in N/(V·kg·m²).
 
-    The standard deviations of K_f, T_g and the inertias include that of K_f, which only the
+    The standard deviations of T_g and the inertias include that of K_f, which only the
     profile's tolerance bounds. The error of K_f cancels in these ratios.
     """
     if not base:

@@ -38,12 +38,12 @@ class Finding:
     values: Mapping[str, tuple[float, float]]
     """Parameter → (value, standard deviation) in the final fit, SI units"""
     gain: Gain
-    """Gain of the extended model over the same model refitted without this cause"""
+    """Gain of the model with all adopted causes over the same model refitted without this cause"""
     noise: FloatArray
     """(4,) noise (`Optimum.noise`) of the fit without this cause"""
     unconfirmed: bool = False
-    """True for a likely but unconfirmed cause, "…-like": a residual torque remains, its gain is not
-    confirmed, or it may only compensate the error of another cause's formula
+    """True for a likely but unconfirmed cause, "…-like": its size or its gain is not significant,
+    the recordings do not confirm it, or it may only compensate for an unmodelled torque
     """
 
     @property
@@ -90,7 +90,7 @@ class Fitted:
     calibration: tuple[BaseParameter, ...] = ()
     """The base parameters if there is no ``final`` that contains them"""
     open: OpenTerms | None = None
-    """Terms that a fit to free-run predictions left open; None if a likelihood was fitted"""
+    """Open terms; None if a likelihood was fitted, or the extended model was not adopted"""
 
     @property
     def noise_floor(self) -> dict[str, float | None]:

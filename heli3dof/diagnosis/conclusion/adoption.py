@@ -7,18 +7,19 @@ held-out data by the cause (`validation.gain`). A cause is adopted if one of the
 2. Δℓ > `MIN_GAIN`, and the cause is the first, or its score is at least `SUFFICIENT`.
 3. Δℓ > `LARGE_GAIN`, and the error of an axis decreases significantly.
 
-Condition 2: the first cause exceeds the nulls' threshold, and short flights give wide intervals. A
-further cause below `SUFFICIENT` (`selection.select`) may only compensate the first one's model
-error.
+Condition 2 is for short flights, whose intervals are wide. The first cause has already exceeded the
+nulls' threshold; a further one below `SUFFICIENT` (`selection.select`) may only compensate for the
+first one's model error.
 Condition 3 is for effects that act briefly, such as a dead zone: few cells, so a wide interval.
 
 If no flights could be simulated, predictions must also confirm the cause
-(`conclusion.unknown_controller`). In any case, a cause is dropped if Z²/ρ is below the threshold of
-simulated nulls (`screening.nulls`). Z is the standardised score and ρ the factor by which coloured
-noise increases its variance (`bias_correction.coloured_noise`).
+(`conclusion.unknown_controller`). Whatever its gain, a cause is dropped if ρ > 1 and Z²/ρ is below
+the nulls' threshold (`screening.nulls`). Z is the cause's standardised score and ρ the factor by
+which coloured noise increases its variance (`bias_correction.coloured_noise`).
 
-These causes are dropped first, then those with the smallest Δℓ. After each, the Δℓ of the remaining
-causes are computed again. Adopted causes are not reported as confounded with each other.
+Causes with too small a Z²/ρ are dropped first, then those with the smallest Δℓ. After each, the Δℓ
+of the remaining causes are computed again. Adopted causes are not reported as confounded with each
+other.
 """
 
 from __future__ import annotations
@@ -144,7 +145,7 @@ def fitted(
     model = model_of(extended, train, "extended")
     at = model_at(extended.problem, extended.optimum.theta, extended.optimum.noise)
     nominal_model = nominal(train[0].profile, tuple(t.name for t in base.structure.terms))
-    # With the base fit's noise, a rig that has these numbers reaches the noise floor.
+    # With the base fit's noise, the error on a rig with these numbers is the noise floor.
     nominal_model = replace(nominal_model, noise=base.optimum.noise[:3])
 
     def part(i: int) -> Any:
@@ -180,7 +181,7 @@ def _findings(
 
 
 def size_confidence(fit: CorrectedFit, name: str) -> float:
-    """Return the probability Φ(|v − v_0|/σ) that a term's v − v_0 has the sign of its estimate.
+    """Return the probability Φ(|v − v_0|/σ) that a term's size v − v_0 has the estimated sign.
 
     v is the term's first parameter, v_0 its value in a rig without the effect. A term without v_0,
     such as a limit, gives 1.
@@ -196,8 +197,8 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
 def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:
     """Return the choices, with each other's and the ``formal`` names removed from ``tied_with``.
 
-    The confidence of each choice is then that against the remaining alternatives. ``formal``: names
-    of the fit's other forms of the body's equations.
+    If a name is removed, the confidence is at least that against the remaining candidates.
+    ``formal``: names of the fit's other forms of the body's equations.
     """
     named = {c.term.name for c in choices} | set(formal)
     out = []

@@ -46,7 +46,7 @@ def with_scale_ties(
     findings: Sequence[Finding], off: Sequence[OffNominal], numbers: Sequence[BaseParameter], *,
     rest_rad: float, tolerance: float,
 ) -> tuple[tuple[Finding, ...], tuple[OffNominal, ...]]:  # fmt: skip
-    """Return the arguments with confounded encoder scale errors added to their ``tied_with``.
+    """Return ``findings`` and ``off``; their ``tied_with`` also names confounded encoder scales.
 
     ``off``: base parameters off nominal; ``numbers``: estimates of all base parameters;
     ``rest_rad``: roll at rest on the table; ``tolerance``: the profile's.
@@ -134,7 +134,7 @@ def _inertia_ties(
     out: dict[str, list[str]] = {"pitch": [], "yaw": []}
     if _is_possible(-x["J_yaw"][0]):
         out["yaw"].append(f"{EFFECT}.yaw")
-    # Midway between the two values of ln k.
+    # Midway between −x_p and x_ψ, the values of ln k by pitch and yaw.
     (p, s_p), (y, s_y) = x["J_pitch"], x["J_yaw"]
     ln_k = (y - p) / 2
     if (

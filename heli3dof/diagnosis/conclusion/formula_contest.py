@@ -1,16 +1,16 @@
 """Test whether one formula explains the flight better than causes of the catalogue.
 
-Causes may imitate a torque outside the catalogue, alone or together. On pitch, a torque k V_f V_b
-(front and back voltage) is, to first order about hover, a thrust mismatch and a constant torque. So
-each cause, each pair and all causes together are compared with a formula in their place: a torque
-c φ on one axis. The axis and the product φ of measured quantities are those that explain most
-(`unmodelled.torque_formula`). Let ℓ_s be the log-likelihood with the causes (n_s parameters, N
-readings) and ℓ_φ that with the formula. With K formulas and the fit's variance inflation κ
+Causes, alone or together, may compensate for a torque that the catalogue lacks. On pitch, a torque
+k V_f V_b (front and back voltage) is, to first order about hover, a thrust mismatch and a constant
+torque. So each cause, each pair and all causes together are compared with a formula in their place:
+a torque c φ on one axis. The axis and the product φ of measured quantities are those that explain
+most (`unmodelled.torque_formula`). Let ℓ_s be the log-likelihood with the causes (n_s parameters, N
+encoder events), ℓ_φ the one with the formula. With K formulas and the fit's variance inflation κ
 (`Estimate.inflation`), the formula replaces the causes if
 
     2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `selection.select.TIE`
 
-The second term is BIC for the further parameters of the causes, the third the prior odds against
+The second summand is BIC for the causes' further parameters, the third the prior odds against
 one formula of K. On a limit cycle a likelihood may prefer a wrong model by hundreds. So if the
 controller is known, flights are also simulated, with the causes and with the formula. Those with
 the formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`).
@@ -59,7 +59,7 @@ class Formula:
 class Contest:
     """The comparison of a set of causes with a formula that may replace them.
 
-    ``margin``: left side of the module's condition.
+    ``margin``: left side of the module's inequality.
     """
 
     causes: tuple[str, ...]
@@ -70,7 +70,7 @@ class Contest:
 def replaced_by_formula(setup: Setup, fit: CorrectedFit, causes: Sequence[str]) -> Contest | None:
     """Compare each of the ``causes``, each pair and all of them with a torque's formula.
 
-    Return the comparison that the formula wins by the largest margin; None if it wins none.
+    Return the one with the largest margin above `TIE` that simulated flights confirm, or None.
     """
     if not causes:
         return None
@@ -84,9 +84,9 @@ def replaced_by_formula(setup: Setup, fit: CorrectedFit, causes: Sequence[str]) 
 
 
 def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
-    """Return whether flights simulated with the formula agree better with the recording.
+    """Return whether the recording resembles flights of the formula more than those of the causes.
 
-    The alternative is ``fit``, which contains the causes. True if flights cannot be simulated.
+    The flights are simulated; ``fit`` contains the causes. True if simulation is impossible.
     """
     if not setup.controller_is_known or fit.scatter is None:
         return True
@@ -100,7 +100,7 @@ def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool
 
 
 def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Contest:
-    """Return the contest of some causes with the best formula; its margin is −∞ if a fit fails.
+    """Compare ``causes``, taken together, with the best formula; margin −∞ if its fit fails.
 
     ``ln_causes``: the log-likelihood of ``fit``, which contains the causes.
     """

@@ -4,12 +4,12 @@ The base fit absorbs some effects completely. For example, a step about one hove
 determines the ratio of thrust slope and inertia, so a curved thrust appears as another inertia.
 
 A unit of probe i changes base coordinate j by b_ji = (A⁻¹ T W δc_i)_j (`screening.score_test`). If
-effect i alone explains why θ_j lies beyond the edge of its tolerance, its size and statistic are at
-least
+effect i alone explains why θ_j lies beyond the edge of its tolerance, its size α (in units of the
+probe) and its statistic Z are at least
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
-and at most the values for the opposite edge. v_i is the information of probe i, std_i the standard
+and at most those for the opposite edge. v_i is the information of probe i, std_i the standard
 deviation of its score in the nulls. Effect i is confounded with parameter j if
 
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
@@ -97,7 +97,7 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
 
 def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the terms whose size α in the given range is possible and agrees with Z (module).
+    """Return the terms that meet the module's conditions 1 and 2 for a given range of sizes α.
 
     ``amounts``: (index i of a probe, least α, most α), with α in units of the probe.
     """

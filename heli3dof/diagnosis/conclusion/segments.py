@@ -1,12 +1,12 @@
 """Test whether the segments of a flight agree on which of two causes is likelier (Vuong 1989).
 
 The causes a and b are not nested. Their fits have log-likelihoods ℓ_a, ℓ_b and scores S_a > S_b
-(`selection.select`). With d_c the difference of the log-likelihoods in each of C cells of `CELL_S`,
-the standard deviation of 2 (ℓ_a − ℓ_b) is
+(`selection.select`). The C cells are segments of `CELL_S`. With d_c the difference of the
+log-likelihoods in cell c, the standard deviation of 2 (ℓ_a − ℓ_b) is
 
     s = 2 √(C var d_c)
 
-S_a − S_b takes the place of 2 (ℓ_a − ℓ_b); it also corrects bias and the numbers of parameters. If
+S_a − S_b replaces 2 (ℓ_a − ℓ_b), because it also corrects bias and the numbers of parameters. If
 it is less than `MIN_CLEARANCE` s, cause a is confounded with b. Otherwise the confidence in a is at
 most Φ((S_a − S_b)/s). Causes compared by simulated flights (`selection.rivals`) are not tested.
 """

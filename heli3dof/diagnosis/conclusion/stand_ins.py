@@ -51,7 +51,7 @@ def settle_unmodelled(
 
     ``flights``: number of null simulations per search.
     """
-    if start.fit.scatter is None:  # without a dropped cause, simulation may work
+    if start.fit.scatter is None:  # a cause dropped by now may have prevented simulation
         again = bias_corrected(setup, start.fit.problem, start.fit.optimum)
         start = start if again.scatter is None else _adopted_again(setup, start, again, (), holdout)
     now, removed, certain = start, list[Finding](), None
@@ -116,7 +116,7 @@ def _adopted_again(
     setup: Setup, now: TorqueSearchResult, found: CorrectedFit, names: Sequence[str],
     holdout: Sequence[Recording],
 ) -> TorqueSearchResult:  # fmt: skip
-    """Return ``found``, the fit without ``names``; held-out data must confirm the other causes."""
+    """Return the result for ``found``, the fit without ``names``; its causes are adopted again."""
     kept = [f.choice for f in now.findings if f.term.name not in names]
     gains = {f.term.name: f.gain for f in now.findings}
     found, findings, dropped, after = adopted(found, kept, holdout, seed=setup.seed)

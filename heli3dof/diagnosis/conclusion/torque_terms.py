@@ -2,7 +2,7 @@
 
 For each torque in turn, the model is extended by the term of a proposal
 (`unmodelled.torque_formula`), fitted in full and bias-corrected. The first proposal that makes
-held-out data more likely is adopted. If none does, the extended model does not contain the torque.
+held-out data significantly more likely is adopted; without one, the torque is left out.
 """
 
 from __future__ import annotations

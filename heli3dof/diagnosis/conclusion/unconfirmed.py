@@ -22,7 +22,7 @@ MIN_SIGMAS = 2.0
 
 
 def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
-    """Return the findings, those that are unconfirmed (module) marked "…-like"."""
+    """Return the findings; the unconfirmed ones are marked "…-like"."""
     small = insignificant(fit)
     return tuple(replace(f, unconfirmed=f.term.name in small or not pays(f.gain)) for f in findings)
 
@@ -42,7 +42,7 @@ def with_resemblance(
 ) -> tuple[ResidualTorque, ...]:
     """Return the residual torques; the first is marked "…-like" unless it has a mark.
 
-    It is like the first of the ``causes`` and those confounded with it.
+    The mark names the first of the ``causes`` and those confounded with it.
     """
     if not residuals or residuals[0].resembles is not None or not causes:
         return tuple(residuals)

@@ -6,8 +6,8 @@ with the controller show this bias (`screening.nulls`). Without the controller, 
     ΔRMSE_i > Δ_i/√12,   and its interval above zero, on an axis i
 
 ΔRMSE (°) is the decrease of the error of predictions 1 s ahead (`validation.gain`), Δ_i (°) the
-encoder step, and Δ_i/√12 the standard deviation of rounding. A base parameter that is off nominal
-needs it as well, in comparison with a refit in which it has the profile's value.
+encoder step, and Δ_i/√12 the standard deviation of rounding. A base parameter off nominal needs
+the same; ΔRMSE is then the decrease from a refit in which it has the profile's value.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def confirmed(
     parameters: Sequence[OffNominal], fit: CorrectedFit, after: HeldOut,
     holdout: Sequence[Recording], *, seed: int,
 ) -> tuple[OffNominal, ...]:  # fmt: skip
-    """Return the ``parameters`` that predictions of held-out data confirm (see the module).
+    """Return the ``parameters`` off nominal that meet the module's condition on held-out data.
 
     ``after``: results of the fit on held-out data.
     """

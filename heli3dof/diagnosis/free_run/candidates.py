@@ -1,13 +1,13 @@
 """Score test of every effect that a multi-step fit lacks, without fitting any.
 
 r (R,) are the fit's weighted residuals and Q = r·r + prior its cost, which is like −2 ln L
-(`heli3dof.identification.greybox.multistep`). D (dim, R) are their tangents by the coordinates z,
-z_0 and Λ the prior's mean and precision, H = D Dᵀ + Λ. A probe (`screening.catalogue`) changes r by
-d (R,), which one simulation gives. With the fit's parameters projected out,
+(`heli3dof.identification.greybox.multistep`). D (dim, R) is ∂r/∂z, with the coordinates z.
+z_0 and Λ are the prior's mean and precision, H = D Dᵀ + Λ. A probe (`screening.catalogue`) changes
+r by d (R,), which one simulation gives. With the fit's parameters projected out,
 
     v = d·d − (D d)ᵀ H⁻¹ D d                                   information
     u = −d·r + (D d)ᵀ H⁻¹ (D r + Λ (z − z_0))                  efficient score
-    Z² = u²/v                                                  decrease of Q by a refit with it
+    Z² = u²/v                                                  decrease of Q with the effect
 
 Let w (R,) be the change of r if a cause c of the fit is removed, and d̃ (R,) that by a probe; both
 with the fit's other parameters projected out. To first order, adding the probe's effect recovers a

@@ -44,7 +44,7 @@ MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly th
 
 
 def probability_nonzero(fit: MultiStepFit, name: str) -> float:
-    """Return P, the probability that a term has an effect; 1 if it has no null value."""
+    """Return P, the probability that a term has an effect; 1 without a null value or a σ."""
     distance = null_distance(fit, name)
     return 1.0 if distance is None else math.erf(abs(distance[0]) / math.sqrt(2))
 
@@ -98,8 +98,8 @@ def open_terms(
 ) -> OpenTerms:
     """Return the terms on which a further flight should decide.
 
-    These are a cause and the terms confounded with it; else needed terms of no significant size;
-    else terms that the recordings do not identify.
+    These are a cause and the terms confounded with it; else terms that held-out blocks need but
+    that are no causes; else terms that the recordings do not identify.
     """
     for r in causes:
         if r.tied_with:
@@ -159,7 +159,7 @@ def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
 
 
 def not_identifiable(fit: MultiStepFit, causes: list[TermResult]) -> Iterator[str]:
-    """Yield the terms that are no causes and whose every σ exceeds `PRIOR_SHARE` σ_prior."""
+    """Yield the terms, except causes, with σ > `PRIOR_SHARE` σ_prior for all their parameters."""
     cause_names = {r.term for r in causes}
     for t in fit.structure.terms:
         vague = [

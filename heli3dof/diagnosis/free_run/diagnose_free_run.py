@@ -1,6 +1,6 @@
 """Diagnose logs without a usable likelihood, by a multi-step fit and backward elimination.
 
-The controller is unknown, and the log has sampling jitter or unmodelled fast motion
+These are logs of an unknown controller, with sampling jitter or unmodelled fast motion
 (`identification.greybox.noise_check`).
 
 1. The full model (all terms) and the base simulation are fitted to predictions of up to 3 s.

@@ -18,8 +18,8 @@ Prediction windows overlap, so the bootstrap resamples cells (block bootstrap).
      `SIGMAS`² or more without the term. Without such a term the model is wrong, and the tests
      of the other terms are invalid.
 2. The model is refitted. Retained terms correlated with the removed one are tested again.
-3. An effect of the catalogue is confounded with a cause (`tied_with`) if the effect can replace the
-   cause without significant loss. `free_run.candidates` lists the effects to try.
+3. An effect of the catalogue is confounded with a cause (`tied_with`) if replacing the cause by it
+   does not increase the loss significantly. `free_run.candidates` lists the effects to try.
 
 Terms that vary by recording are tested by leaving out whole recordings, if there are several. The
 filter (`heli3dof.model.estimation.ekf_jitter`) estimates their values in a left-out recording.
@@ -189,7 +189,7 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
 
 
 def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -> TermResult:
-    """Return the test of the effect ``name``, which the term ``added`` removes from the model."""
+    """Return the test of the effect ``name``; adding the term ``added`` removes this effect."""
     assert result.first is not None
     trial = without_term(result.first, "", seed=seed, instead=added)
     return TermResult(name, trial.increase, (), trial)
@@ -252,8 +252,8 @@ def without_term(
 ) -> Trial:
     """Return the trial that leaves out term ``name``, or puts the term ``instead`` in its place.
 
-    If the term varies by recording and there are several, each recording is left out in turn, else
-    each fold.
+    For a term that varies by recording, each recording is left out in turn if there are several.
+    Otherwise, each fold is left out.
     """
     p = current.fit.problem
     if any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1:
@@ -320,7 +320,7 @@ def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray
 
 
 def split_at_climb_end(data: Data, row: int) -> Data:
-    """Return data whose filter restarts at ``row``; the climb would bias its estimates."""
+    """Return data whose filter restarts at ``row``, so that the climb biases no estimate."""
     blocks: list[tuple[int, int, int]] = []
     free: list[np.ndarray] = []
     for (lead, start, stop), axes in zip(data.blocks, data.free, strict=True):

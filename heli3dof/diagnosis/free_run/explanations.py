@@ -28,7 +28,7 @@ STILL_DEG_PER_S = 3.0
 LOW_V = (2.0, 3.5)
 """V: two voltages in the dead zone of one motor, as users observe it"""
 LEAST_HOVER = 2.0
-"""Least hover voltage of a rig with a dead zone, over the upper limit of the zone. Chosen."""
+"""Least ratio of hover voltage to the higher `LOW_V` at which a dead zone is reported. Chosen."""
 SLOPE_RATIO = 2.0
 """Largest ratio of two slopes that agree. Chosen; not derived."""
 PENDULUM = "stiffness.pendulum.roll.torque_Nm"

@@ -74,7 +74,7 @@ def refit(full: MultiStepFit, name: str, instead: str | None = None) -> MultiSte
     fit = warm_fit(full, new, z, D, RECOMPUTATIONS)
     if fit.cost < DIVERGED * full.cost:
         return fit
-    # A diverged simulation has no useful gradient. The weak form simulates nothing.
+    # A diverged simulation has no useful gradient. The weak form needs no simulation.
     other = warm_fit(full, new, weak_start(new, z), None)
     return min(fit, other, key=lambda f: f.cost)
 

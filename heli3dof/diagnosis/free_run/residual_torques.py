@@ -1,16 +1,16 @@
 """Find a residual torque that depends on a variable, from a multi-step fit's errors in weak form.
 
 The errors in weak form (`heli3dof.identification.greybox.weak_form`) are mean residual
-accelerations over spans of `SPAN_S`. Times the inertia J they are torques τ, one per span and axis.
-τ̂ is a sum of `KNOTS` hat functions of a variable's mean over the span. Ridge regression fits it to
-every other block of `BLOCK_S`. It is tested on the remaining blocks; then they change roles.
+accelerations over spans of `SPAN_S`. Multiplied by the inertia J, they are torques τ, one per span
+and axis. τ̂ is a sum of `KNOTS` hat functions of a variable's mean over the span. Ridge regression
+fits τ̂ to every other block of `BLOCK_S`; the others test it. Then the blocks change roles.
 
     share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²      over the test spans, mean of the training spans
 
-Each axis reports the variable with the largest share, if share ≥ `LEAST` and its 95 % bootstrap
-interval over blocks lies above zero. ``also`` lists the variables with more than `NEARLY` times
-this share. Coloured residuals and the choice of the best variable raise the false-alarm rate above
-5 %: the result is a hint, not a cause.
+The result of an axis is the variable with the largest share, if this is at least `LEAST` and its
+95 % bootstrap interval over blocks lies above zero. ``also`` lists the variables with more than
+`NEARLY` times this share. Coloured residuals and the choice of the best variable raise the
+false-alarm rate above 5 %: the result is a hint, not a cause.
 """
 
 from __future__ import annotations
@@ -33,7 +33,10 @@ DRAWS = 500
 
 
 def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
-    """Return one residual torque per axis at most, by falling share."""
+    """Return one residual torque per axis at most, by falling share.
+
+    ``score``: share × number of spans; ``confidence``: share of bootstrap draws above zero.
+    """
     logs = [log_of(f) for f in fit.problem.flights]
     e = residuals(fit.problem, logs, fit.z)[0]
     rows, t, x = _spans(logs)

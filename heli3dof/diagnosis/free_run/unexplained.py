@@ -1,8 +1,8 @@
 """Report what the fitted model does not explain: the take-off, and creep at a constant voltage.
 
 **Take-off.** The fit omits the take-off. Roll is simulated from the last row on the table to the
-end of the climb, with rotors initially at rest and at steady speed. The true initial speed depends
-on voltages before the recording. After `SPUN_UP_S` the difference is negligible. From there, the
+end of the climb, once with rotors initially at rest, once at steady speed: the true initial speed
+depends on earlier voltages. After `SPUN_UP_S` the difference is negligible. From there, the
 measured mean of p̈ (pitch, rad/s²) is compared with the model's along the measured path, in weak
 form. The take-off is reported if the two means differ by `SIGNIFICANT` standard deviations of the
 model's mean (from the parameters' covariance) or more.
@@ -37,7 +37,7 @@ from heli3dof.recording.recording import Recording
 SPUN_UP_S = 0.35
 SIGNIFICANT = 2.0
 LONGEST_S = 5.0
-"""Take-off: see the module; longest climb (s). Chosen; not derived."""
+"""Take-off: s after lift-off, limit in standard deviations, s of the longest climb. Chosen."""
 EARLY_S = (8.0, 18.0)
 """s after the voltage step: interval that averages its oscillation. Chosen."""
 LATE_S = 10.0
@@ -64,7 +64,7 @@ def unexplained_effects(
 
 
 def take_off(fit: MultiStepFit, i: int, recording: Recording) -> Iterator[dict[str, Any]]:
-    """Yield a JSON object of recording i's take-off if the model does not explain it (module)."""
+    """Yield a JSON object of recording i's take-off if the model does not explain it."""
     p, flight = fit.problem, fit.problem.flights[i]
     airborne = np.flatnonzero(~table_of(recording)[1])
     if not flight.still or not len(airborne) or airborne[0] == 0:

@@ -3,19 +3,19 @@
 The fit's parameters θ (n,) have the information H = D Dᵀ + Λ, with the tangents D of its residuals
 and the prior's precision Λ (`heli3dof.identification.greybox.multistep`). Each plan is simulated on
 the fitted model with noise, encoders and the default controller. The residuals of this flight, with
-the scales of the real fit, have tangents D_p. Some parameters have own values b in a new recording,
-coupled to the common ones by Λ_b:
+the scales of the real fit, have tangents D_p. Some parameters have a value of their own in each
+recording. The prior couples the values b of the new recording to the common ones by Λ_b:
 
     H_p = D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag (C_now⁻¹ + A − B C⁻¹ Bᵀ)⁻¹
 
-C_now is the present covariance of the common parameters. The halves of the recordings did not both
-confirm an open parameter, so the new flight alone must confirm it. With its value θ_0 without the
-effect,
+C_now is the present covariance of the common parameters. The recordings do not confirm an open
+parameter, so the new flight alone must. θ_0 is the parameter's value without the effect. The
+expected significance u, and the probability P that the parameter is then significant, are
 
     u² = (θ − θ_0)² (1/σ_after² − 1/σ_now²),      P = Φ(u − `QUANTILE`)
 
-Plans are ranked by the mean of P over the open parameters, per second. A parameter on which the
-recordings have little information has at least the catalogue's ``typical`` size.
+Plans are ranked by the mean of P over the open parameters, per second of flight. A parameter on
+which the recordings have little information is assumed to have at least its ``typical`` size.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, l
 from heli3dof.parallel import parallel_map
 
 MAX_TERMS = 3
-"""Largest number of open terms that are planned for at once. Chosen."""
+"""Largest number of open terms for which one plan is recommended. Chosen."""
 
 
 @dataclass(frozen=True)
 class OpenParameter:
-    """The first parameter of an open term that has one value for all recordings.
+    """An open term's first parameter that is not logarithmic and the same for all recordings.
 
-    ``size``: distance from the value without the effect, like ``std`` in ``unit``; ``slope``:
-    derivative of the parameter by its coordinate; ``index``: of this coordinate.
+    ``size``: distance from the value without the effect, in ``unit`` like ``std``; ``index``: of
+    the parameter's coordinate; ``slope``: derivative of the parameter by this coordinate.
     """
 
     name: str

@@ -44,11 +44,11 @@ from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import parallel_map
 
 COMPLETED_AT_ONCE = 2
-"""Plans that are simulated completely before the best is determined again. Chosen."""
+"""Number of plans simulated for all causes before the best is determined again. Chosen."""
 MOST_FLIGHTS = 20
 """Largest number of flights that are recommended; beyond it, measuring by hand is less work."""
 MAX_CAUSES = 4
-"""Largest number of confounded causes that are simulated, first ones first. Chosen."""
+"""Largest number of confounded causes that are simulated: the first ones. Chosen."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Cause:
 
     @classmethod
     def typical(cls, name: str) -> Cause:
-        """Return the cause at its typical size, negative if a positive one is out of bounds."""
+        """Return the cause at its start value, else at ± its typical size, as bounds permit."""
         t = term(name)
         first, *rest = t.effect.parameters
         size = first.typical if first.null + first.typical < first.high else -first.typical
@@ -126,7 +126,8 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
     3. without findings: a cause that held-out data do not confirm
     4. without findings: an effect that the recordings could not show
 
-    For 3 and 4, the result is None if its certainty is below `MIN_CERTAINTY`.
+    For 3 and 4, the result is None if its certainty is below `MIN_CERTAINTY`, or if a base
+    parameter off nominal is confounded with other causes.
     """
     if found.fitted is not None and found.fitted.open is not None:
         return next_free_flight(found.fitted.open, seed=seed)
@@ -206,10 +207,11 @@ def _outlooks(
     models: Sequence[GreyBoxModel],
     probe_groups: Sequence[Sequence[Probe]],
 ) -> list[Outlook]:
-    """Return the outlook of every plan that is feasible on the models: base alone, then each cause.
+    """Return the outlooks of the feasible plans; ``models``: base alone, then base with each cause.
 
-    The first plan orders the causes, smallest margin first. Other plans start with the first cause.
-    Further causes can only lower a rank, so a plan below the best complete one is abandoned.
+    The first plan orders the causes, smallest margin first. Other plans start with the first of
+    these causes. A further cause can only lower a plan's rank, so a plan that ranks below the best
+    one simulated with all causes is abandoned.
     """
     base_scores: dict[Task, np.ndarray] = {}
     margins: dict[Task, dict[int, float]] = {}

@@ -1,10 +1,10 @@
-"""Fly, diagnose, fly the plan that separates the remaining causes, until none is confounded.
+"""Fly a plan, diagnose, fly the recommended plan, until no further flight is recommended.
 
     fly a plan → diagnose all flights so far → is no further flight recommended? end
                ↑______________ fly the recommended plan ______________|
 
-The run also ends if the recommended plan exceeds the budget. It ends too if the plan was flown
-before and is recommended to search for a single cause: the earlier flight did not show this cause.
+The run also ends if the recommended plan exceeds the remaining budget. It ends too if a plan that
+was flown before is recommended for a single cause: the earlier flight did not show it.
 """
 
 from __future__ import annotations

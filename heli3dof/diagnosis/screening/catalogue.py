@@ -1,10 +1,10 @@
 """List the candidate terms of a base simulation, and the probes and scans of each term.
 
-A *term* is an effect on one axis. A *probe* is a term with values of its parameters, at which the
-score test (`screening.score_test`) evaluates it. One small value suffices for an effect that is
-proportional to its parameter (friction, stiffness, torque). An effect whose shape depends on its
-parameters (lag, limit, dead zone) has several probes. A frequency or an instant is scanned instead
-(`screening.scans`).
+A *term* is an effect on one of its axes, or an effect without axes. A *probe* is a term with values
+of its parameters, at which the score test (`screening.score_test`) evaluates it. One small value is
+enough for an effect that is proportional to its parameter (friction, stiffness, torque). An effect
+whose shape depends on its parameters (lag, limit, dead zone) has several probes. A frequency or an
+instant is scanned instead (`screening.scans`).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Probe:
 
 
 def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[Term]:
-    """Return the terms that a base with the terms ``without`` lacks, on the measured ``axes``."""
+    """Return the candidate terms on the measured ``axes`` for a fit with the terms ``without``."""
     out = []
     for effect in effects().values():
         if not (effect.candidate and effect.screened and effect.parameters):

@@ -1,4 +1,4 @@
-"""Standardise the scores z of the score test by simulated nulls, and compute its threshold.
+"""Standardise the scores z of the score test by simulated nulls, and compute the threshold of Z².
 
 *Nulls* are B flights simulated from the fit, with the recordings' references and controller. Their
 scores contain the bias that encoder quantisation and feedback cause. For each probe
@@ -7,8 +7,8 @@ scores contain the bias that encoder quantisation and feedback cause. For each p
     std² = max(s, 1)² + (`DRIFT` · mean z_null)²
 
 - s² is the variance over the nulls, shrunk towards the median over all probes, which has the weight
-  of `COMMON` flights. s is at least 1, the value for an exact likelihood.
-- The second term allows for noise of the rig that is not white. Scans have no such term, because
+  of `COMMON` flights. s = 1 is the value for an exact likelihood.
+- The second summand allows for noise of the rig that is not white. It is omitted for scans, because
   their z is a maximum.
 
 Without any effect, Z/√(1 + 1/B) has Student's t distribution with ν = B − 1 + `COMMON` degrees of
@@ -59,7 +59,7 @@ class Nulls:
 
     mean: np.ndarray
     std: np.ndarray
-    """(P,) each: mean and standard deviation of z over the nulls, as in the module's equations"""
+    """(P,) each: mean and standard deviation of z over the nulls, by the module's equations"""
     inflation: float
     """κ ≥ 1: variance of the scores relative to an exact likelihood's, the median over probes"""
     threshold: float
@@ -152,7 +152,7 @@ def _shrunk_std(z: np.ndarray) -> np.ndarray:
 
 
 def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
-    """Return the nulls' distribution by formula, for an unknown controller (see the module)."""
+    """Return the nulls' distribution by formula, if no nulls can be simulated."""
     from scipy.stats import chi2
 
     n = len(screen.names)

@@ -10,7 +10,7 @@ A = T W Tᵀ + Λ. Then
     z = u/√v                                           standard normal without the effect
     u/v                                                estimated size, in units of the probe
 
-The terms with A⁻¹ project out the base parameters, so no refit of the base is necessary. Sums over
+The parts with A⁻¹ project out the base parameters, so no refit of the base is necessary. Sums over
 events use the adjoint L: Σ q δc = Σ L·δa for an acceleration δa (`bias_correction.perturbation`).
 
 v of the recordings is also used for their nulls, so that both have the same scale. The likelihood
@@ -54,8 +54,8 @@ class ScreenResult:
 
 
 LEAST_INFORMATION = 1e-12
-"""Below it, a probe changes the readings by less than 1e-6 of their noise. Such a change is only
-rounding, for instance for a wrong yaw zero, on which no prediction depends."""
+"""Least δc W δc with which v is compared. A probe with v < 1e-6 of it changes the readings by less
+than 1e-9 of their noise: only rounding, as for a wrong yaw zero, on which no prediction depends."""
 Changes = tuple[list[int], np.ndarray, np.ndarray | None, np.ndarray | None]
 """The n plain probes of a term: their indices, accelerations (n, C, 3), and if the effect changes
 the readings, misreadings (n, E) and those at the start of each block (n, B, 3)"""
@@ -157,9 +157,9 @@ class Screen:
         return out
 
     def _changes(self, evaluation: Evaluation) -> Iterator[Changes]:
-        """Yield the changes of accelerations and readings by the probes of each term.
+        """Yield the changes of accelerations and readings by the probes, one term at a time.
 
-        Those of all terms together would fill the memory.
+        The changes by all terms together would fill the memory.
         """
         p = evaluation.path
         for rows, wide, sets in self.sets:

@@ -5,9 +5,9 @@ the nulls' variance inflation κ and N encoder events, the score of a term with 
 
     score = 2 Δℓ_c/κ − m ln N
 
-A screened term starts at its probe with the highest score. If the result is worse than the current
-fit, it starts again near zero. A term without a score starts from its grid
-(`screening.grid_trials`).
+A screened term starts at its probe with the largest Z² (`screening.screening`). If the fit is worse
+than the current one, it is repeated from near zero. A term that the score test cannot detect starts
+from its grid (`screening.grid_trials`).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class CandidateFit:
     """2 Δℓ_c/κ − m ln N"""
     Z2: float
     probe: int | None
-    """Index of the term's probe with the highest score; None for a term without a score"""
+    """Index of the term's probe with the largest Z²; None for a term without a score test"""
 
 
 def fit_candidates(
@@ -72,7 +72,7 @@ def fit_candidates(
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
         won = 2 * (fit.loglik - level.loglik) / nulls.inflation
-        # A part of the body's equations costs nothing: its share has a tight prior.
+        # A part of the body's equations has no penalty: its share has a tight prior.
         m = 0 if term.effect.of_base else len(fit.theta) - len(o.theta)
         return float(won - bic_penalty(m, fit.at))
 

@@ -90,7 +90,7 @@ def compared_by_simulation(
     certain = certainty([float(W[k, refuted].min()), 0.0]) if refuted else 1.0
     names = [c.term.name for c in compared]
     tied = [n for j, n in enumerate(names) if j not in (k, *refuted)]
-    if k == 0:  # causes that were confounded with it but not compared still are
+    if k == 0:  # causes that were not compared remain confounded with it
         tied += [n for n in choice.tied_with if n not in names]
     others = [c for c in choice.candidates if c.term.name != best.term.name]
     return Choice(

@@ -8,10 +8,10 @@ Two candidates are **confounded** if their scores differ by less than (`tie_marg
 
     max(`TIE`, `FORMULA_ERROR` · score) + 2 √score · `DRIFT` |z̄|/√κ · √(2 (1 − |ρ|))
 
-score is that of the better one. z̄ is the larger of their probes' mean scores over the nulls, κ the
-nulls' inflation. ρ is the correlation of the traces, with the base parameters projected out. The
-last term, for plain probes only, is the error of the bias correction: z̄ was simulated without the
-cause. The rules (`best_choice`):
+score is the better candidate's score. z̄ is the larger of their probes' mean scores over the nulls,
+κ the nulls' inflation. ρ is the correlation of the probes' traces, with the base parameters
+projected out. The last summand, for plain probes only, is the error of the bias correction: z̄ was
+simulated without the cause. The rules (`best_choice`):
 
 1. If the best score is below `TIE`, no effect is a cause.
 2. A candidate qualifies if its own Z² reaches its threshold (`Nulls.least`). In addition, it must
@@ -20,8 +20,8 @@ cause. The rules (`best_choice`):
    it: their scores may be bias.
 4. The error of an earlier cause's formula may resemble a further cause. So a further cause needs at
    least a share `MIN_SHARE` of the largest earlier score, or `SUFFICIENT` if that is less. An
-   inertia off nominal counts as an earlier cause. Other forms of the body's equations (``formal``
-   effects) are exempt.
+   inertia off nominal counts as an earlier cause, because the position of its mass is unknown.
+   Other forms of the body's equations (``formal`` effects) are exempt.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def candidates_to_fit(s: Screening) -> list[tuple[Term, float, int]]:
 def best_choice(
     s: Screening, fits: Sequence[CandidateFit], earlier_score: float | None
 ) -> Choice | None:
-    """Return the cause among the ``fits``; None if none qualifies (rules of the module).
+    """Return the cause among the ``fits``; None by the module's rules 1 to 4.
 
     ``earlier_score``: largest score of the earlier causes, None without one.
     """

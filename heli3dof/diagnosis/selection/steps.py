@@ -116,9 +116,9 @@ def fit_with_cause(setup: Setup, choice: Choice) -> CorrectedFit:
 
 
 def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
-    """Return whether another form of the body's equations reaches the threshold.
+    """Return whether ``other`` is a significant form of the body's equations.
 
-    Both its Z² and its score must reach that of ``choice``.
+    Its Z² and its score must both reach the threshold of ``choice``.
     """
     return other.term.effect.formal and min(other.Z2, other.score) >= choice.threshold
 
@@ -158,7 +158,7 @@ def bias_corrected(setup: Setup, problem: Likelihood, optimum: Optimum) -> Corre
         or not on_limit_cycle(problem.data).any()
     ):
         return fit
-    # The held noise is that of a model without the last cause, so it may be too large.
+    # The noise held on such axes is that of a fit without the last cause; it may be too large.
     again = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)
     return min(fit, again, key=lambda f: f.unexplained_scatter)
 

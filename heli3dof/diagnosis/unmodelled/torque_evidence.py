@@ -2,7 +2,7 @@
 
 A fit has p coordinates θ (`Free.inward`), with prior mean θ_0 and prior information Λ. T (p, E) are
 the derivatives ∂c/∂θ of the E predicted readings c; w (E,) is the readings' information. D (K, E)
-are the derivatives by K values of free-form torques (`sensitivity.hat_functions`). Then
+are the derivatives by K coefficients of free-form torques (`sensitivity.hat_functions`). Then
 
     A = T w Tᵀ + Λ        g = T ∂ ln L/∂c − Λ(θ − θ_0)      information and score of θ
     V = D w Dᵀ            u = D ∂ ln L/∂c                   information and score of the torques
@@ -130,14 +130,14 @@ def coloured_noise_ratio(
     white: float,
     chance: float,
 ) -> float:
-    """Return ρ ≥ 1, the variance of coloured over that of white noise, with ``torque`` fitted.
+    """Return ρ ≥ 1, the ratio of the scores' variance to that with white noise.
 
     ``torque`` τ (K,) has traces D (K, E), informative in the directions P (K, k). With ``nuisance``
-    projected out of D, the readings' scores are g − w Dᵀ τ. Their block sums have a long-run
-    covariance S (`bias_correction.coloured_noise`). ρ is the larger significant tr(V⁺ S)/(k
-    ``white``): along P with `MEMORY_S`, or along a constant torque with `CONSTANT_MEMORY_S`. A
-    fitted function of time removes slow noise along P. ``white`` is tr(V⁺ S)/k in null simulations.
-    White noise exceeds a significant ratio with the probability ``chance``.
+    projected out of D and τ removed, the readings' scores are g − w Dᵀ τ. Their block sums have a
+    long-run covariance S (`bias_correction.coloured_noise`). ``white`` is tr(V⁺ S)/k in null
+    simulations. ρ is the larger of two ratios tr(V⁺ S)/(k ``white``): along P with `MEMORY_S`, and
+    along a constant torque with `CONSTANT_MEMORY_S`, as a fitted function of time removes slow
+    noise along P. A ratio that white noise exceeds with a probability above ``chance`` is set to 1.
     """
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]

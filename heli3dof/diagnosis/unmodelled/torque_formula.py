@@ -8,21 +8,20 @@ fit's coordinates, with tangents T, information A and score g, are projected out
     S = u²/v,    c = u/v ± √(κ/v)                       κ: inflation of the fit's scores
 
 The same test of the piecewise linear torque Σ τ_k φ_k, with r directions, gives S_spline. The
-formula holds as well as the curve if the curve's further r − 1 parameters do not pay for themselves
-(BIC, N events):
+formula is as good as this curve if BIC does not justify the curve's further r − 1 parameters (N
+encoder events):
 
     S_spline − S < κ (r − 1) ln N
 
 Of products whose S is within `selection.select.TIE` κ of the largest, the one with fewest factors
 is proposed; the others are alternatives.
 
-If flights of the fit cannot be simulated, the formulas themselves show whether there is a torque.
-Let s be the sums of the score of φ, after the torque c φ is subtracted, over blocks of
-`greybox.estimate.BLOCK_S`. Var s is their long-run variance (Newey and West), at least κ v.
-Then t² = u²/Var s is valid for coloured noise. The threshold is twice the squared two-sided
-quantile of Student's t at `TORQUE_FALSE_ALARMS` divided by the number of formulas (Bonferroni). It
-is doubled as in `screening.nulls`: without null simulations the bias of the filter's score is
-unknown.
+If flights of the fit cannot be simulated, the best formula of each axis shows whether there is a
+torque. Subtract its torque c φ, and sum the score of φ over blocks of `greybox.estimate.BLOCK_S`.
+Var s is the long-run variance of these sums s (Newey and West), at least κ v. Then t² = u²/Var s
+is valid for coloured noise. The threshold is the squared two-sided quantile of Student's t at
+`TORQUE_FALSE_ALARMS` divided by the number of formulas (Bonferroni), times two. It is doubled as in
+`screening.nulls`: without null simulations the bias of the filter's score is unknown.
 """
 
 from __future__ import annotations
@@ -84,7 +83,7 @@ class Proposal:
 def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     """Return model terms for ``torque``, best first: at most a formula and a fitted curve.
 
-    The formula is in the list if S_spline − S is below the module's bound. The curve is in the list
+    The formula is in the list if S_spline − S < κ (r − 1) ln N (BIC). The curve is in the list
     if its variable is a product of at most two of `heli3dof.model.effects.empirical.QUANTITIES`.
     """
     flown = filtered_fit(fit)
@@ -156,7 +155,7 @@ class FilteredFit:
 
     flight: Trail
     path: Path
-    """The path along which a torque's effect on the innovations is followed"""
+    """The filter's states with derivatives, for a torque's effect on the innovations"""
     nuisance: Nuisance
     """The fit's tangents and information"""
     g: np.ndarray

@@ -2,7 +2,7 @@
 
 The scores are those of the J hat functions (the torques' shapes) and of the fit's coordinates θ. If
 the controller is known, the filter computes them on B simulated flights of the fitted rig
-(`bias_correction.simulated_flight`). The scores of θ omit the prior's term −Λ(θ − θ_0), so their
+(`bias_correction.simulated_flight`). The scores of θ omit the prior's part −Λ(θ − θ_0), so their
 mean is the filter's bias ḡ (`bias_correction.correction`). If the controller is unknown, the scores
 are computed for half-second blocks of the recorded flight instead.
 """

@@ -7,7 +7,7 @@ Rao's score test evaluates each group without a fit:
     S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(r)      without a residual torque
 
 The scores u_j = ∂ ln L/∂τ_j have the information V. The fit's parameters are projected out of both.
-The second term removes the constant torque, which leaves r degrees of freedom.
+The second summand removes the constant torque, which leaves r degrees of freedom.
 
 1. B simulated nulls give the mean score, which is subtracted from u, and κ = mean S_null/r ≥ 1.
    κ is at least the fit's inflation.
@@ -18,8 +18,8 @@ The second term removes the constant torque, which leaves r degrees of freedom.
 4. The accepted torque is projected out, and the test is repeated.
 
 Time is a variable too. A torque that depends on time only is slow noise, such as a draught's: it is
-projected out like the others, but it is no effect that a model could contain. With slow noise on
-one axis, the other axes' ρ is used even if ρ is not significant.
+projected out like the others, but it is no effect that a model could contain. Once slow noise was
+found on an axis, ρ is used for all further torques even if it is not significant.
 
 If the controller is unknown, half-second blocks of the flight give κ, and the threshold is twice
 Bonferroni's.
@@ -85,7 +85,7 @@ class ResidualTorque:
     std: tuple[float, ...]
     """N·m, standard deviations of the table's torques"""
     score: float
-    """x, see the module"""
+    """x of the module docstring"""
     confidence: float
     """1 minus the probability of so large a score without a residual torque"""
     also: tuple[str, ...] = ()
@@ -95,7 +95,7 @@ class ResidualTorque:
 
     @property
     def is_slow_noise(self) -> bool:
-        """Return whether the torque depends on nothing but time; see the module."""
+        """Return whether the torque depends on time only, as that of a draught does."""
         return self.depends_on == "time"
 
     @property
@@ -169,7 +169,7 @@ def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
 def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list[int]:
     """Return the ``groups`` by falling x, after `TIE` is added to x of each group of time.
 
-    Slow noise is preferred if it explains as much as an effect that no rig is known to have.
+    Thus slow noise is preferred to a torque of another variable that explains hardly more.
     """
 
     def key(q: int) -> float:
@@ -197,8 +197,8 @@ def _exceeds_coloured_noise(
 ) -> bool:
     """Return whether the torque ``new`` of group q exceeds the threshold also with coloured noise.
 
-    The noise ratio ρ divides S (module). ``is_coloured``: slow noise was found, so ρ is used even
-    if it is not significant here.
+    S is divided by the noise ratio ρ. ``is_coloured``: slow noise was found, so ρ is used even if
+    it is not significant here.
     """
     P = tests.directions[q]
     torque = np.array([f for _, f in new.table])
@@ -215,7 +215,7 @@ class ScoreTests:
     """Score tests of all groups, with the projected scores u and their information V."""
 
     x: np.ndarray
-    """(groups,) as in the module"""
+    """(groups,) −2 ln P(χ²_r > S/κ)"""
     threshold: float
     """Threshold of x"""
     location: float

@@ -1,7 +1,8 @@
 """Evaluate a fit on data that were not used to estimate it.
 
 Without hold-out recordings, this is cross-validation: each block b of the training recordings and
-`PURGE_S` on either side are left out. A Gauss-Newton step from the fit θ̂ gives its parameters θ:
+`PURGE_S` on either side are left out. A Gauss-Newton step from the fit θ̂ gives the parameters
+θ_{−b} that the other rows determine:
 
     θ_{−b} = θ̂ + (H − H_b + Λ)⁻¹ (g − g_b − (1 − s) ḡ − Λ(θ̂ − θ_0))
 

@@ -149,8 +149,8 @@ def rmse_decreases(
 def removes_most(before: float, after: float, low: float) -> bool:
     """Return True if most of a mean square error is removed, significantly.
 
-    That is, e_before² − e_after² > e_after² for the RMSE ``before`` and ``after``, and the interval
-    of e_before − e_after, from ``low`` on, lies above zero.
+    That is, e_before² − e_after² > e_after² for the RMSE ``before`` and ``after``, and the lower
+    end ``low`` of the interval of e_before − e_after is above zero.
     """
     return low > 0 and before**2 > 2 * after**2
 

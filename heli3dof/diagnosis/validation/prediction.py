@@ -128,8 +128,8 @@ def floor_deg(
 ) -> tuple[np.ndarray, str]:
     """Return the noise floor (H, 3) in degrees, and the name of the method.
 
-    The covariance replaces simulated flights also if one of these has no usable rows: with backlash
-    or a wrong cause, the model may be unstable.
+    The filter's covariance gives the floor if the controller is unknown, or if a simulated flight
+    has no usable rows: with backlash or a wrong cause, the model may be unstable.
     """
     by_formula = "the filter's covariance"
     if not controller_is_known(recordings):
