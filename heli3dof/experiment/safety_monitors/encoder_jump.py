@@ -37,8 +37,8 @@ class EncoderJump(SafetyMonitor):
         self._before: tuple[int, int, int] | None = None
         self._t = 0.0
         self._dt = profile.dt
-        self._clock_periods = CLOCK_S / profile.dt
-        self._moved_k = 0
+        self._still = 0
+        """Periods in which the device's time has not changed"""
 
     def __call__(self, now: Period) -> str | None:
         counts, t = now.sample.counts, now.t
@@ -46,16 +46,14 @@ class EncoderJump(SafetyMonitor):
         self._before, self._t = counts, t
         if before is None:
             return None
-        if dt == 0 and now.k - self._moved_k > self._clock_periods:
+        self._still = self._still + 1 + now.skipped if dt == 0 else 0
+        if self._still * self._dt > CLOCK_S:
             return Trip(
-                f"the device's time stayed at {t:.3f} s for "
-                f"{(now.k - self._moved_k) * self._dt:.2g} s",
+                f"the device's time stayed at {t:.3f} s for {self._still * self._dt:.2g} s",
                 "its program hangs and repeats one sample, or its driver does not set "
                 "device_time_s.",
                 "python -m heli3dof.rig.conformance URL, which examines a driver",
             )
-        if dt != 0:
-            self._moved_k = now.k
         if dt < 0:
             return Trip(
                 f"the device's time ran backwards: by {-1e3 * dt:.1f} ms from one sample to the "

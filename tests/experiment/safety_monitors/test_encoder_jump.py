@@ -73,6 +73,13 @@ def test_constant_device_time_is_reported_after_a_quarter_of_a_second() -> None:
     assert "time stayed at 0.200 s" in result[1]
 
 
+def test_constant_device_time_is_reported_in_the_ramp_too() -> None:
+    """All periods of the ramp have the index of the plan's last period."""
+    result = first(EncoderJump(PROFILE), lambda k: period(min(k, 100)), 1000)
+    assert result is not None
+    assert 225 <= result[0] <= 227
+
+
 def test_a_clock_that_advances_every_eighth_period_is_no_fault() -> None:
     assert (
         first(EncoderJump(PROFILE), lambda k: period(k)._replace(t=k // 8 * 8 * DT), 1000) is None
