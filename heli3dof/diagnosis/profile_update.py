@@ -113,13 +113,15 @@ def _from_diagnosis(path: Path, data: Mapping[str, Any]) -> Calibration:
     for f in data.get("findings", ()):
         effect, axis = str(f["effect"]), f.get("axis")
         name = effect if axis is None else f"{effect}.{axis}"
+        if effect in ("motor.thrust_gain", "mass.imbalance", "inertia"):
+            continue  # its value is in ``calibration``
         if f.get("tied_with"):
             left_out.append(f"{name} (confounded with {', '.join(f['tied_with'])})")
         elif effect == "encoder.offset":
             rest[axis] = -float(f["parameters"]["angle_deg"]["value"])
         elif effect == "encoder.scale":
             counts[axis] = float(f["parameters"]["scale"]["value"])
-        elif effect not in ("motor.thrust_gain", "mass.imbalance", "inertia"):
+        else:
             left_out.append(name)
     for f in data.get("integrity", ()):
         if f.get("check") == "encoder.sign" and f.get("confidence", 0.0) >= MIN_SIGN_CONFIDENCE:
