@@ -32,6 +32,9 @@ TEST_ROWS = 60
 __all__ = ["Identification", "identify"]
 BEYOND = 2.0
 """Ratio of an axis' rms motion in held-out and in training data, above which a warning is given"""
+LITTLE_MOTION_DEG = 1.0
+"""Rms motion of held-out data below which it does not test a model: a few times the 0.2° to 0.5° by
+which process noise moves roll and pitch of known rigs within the 1 s of a prediction"""
 ORDER_MAX = 20
 OPEN_LOOP_WARNING = (
     "Output error assumes that the voltages are independent of the disturbances. In closed loop "
@@ -171,14 +174,9 @@ def recording_warnings(prepared: Prepared) -> list[str]:
 
 def extrapolation_warnings(prepared: Prepared) -> list[str]:
     """Return a warning for each axis that moves much further in held-out than in training data."""
-
-    def spread(runs: Sequence[Run]) -> np.ndarray:
-        parts = [prepared.recordings[r.source].angle[r.start : r.stop] for r in runs]
-        return np.asarray(np.vstack([p - p.mean(axis=0) for p in parts]).std(axis=0))
-
     if not prepared.held_out:
         return []
-    fitted, tested = np.rad2deg(spread(prepared.train)), np.rad2deg(spread(prepared.held_out))
+    fitted, tested = (rms_motion_deg(prepared, x) for x in (prepared.train, prepared.held_out))
     return [
         f"{axis}: the held-out data move it by {b:.1f}° rms, the training data by {a:.1f}° only, "
         "so the held-out scores are an extrapolation. Fit a recording that moves it as far."
@@ -187,23 +185,40 @@ def extrapolation_warnings(prepared: Prepared) -> list[str]:
     ]
 
 
-def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
-    """Return a list with one warning if predictions of held-out data are worse than the mean.
+def rms_motion_deg(prepared: Prepared, runs: Sequence[Run]) -> np.ndarray:
+    """Return the standard deviation (3,) of the angles in the runs, in degrees."""
+    parts = [prepared.recordings[r.source].angle[r.start : r.stop] for r in runs]
+    return np.asarray(np.rad2deg(np.vstack([p - p.mean(axis=0) for p in parts]).std(axis=0)))
 
-    The predictions are `SUMMARY_HORIZON_S` ahead. On the axes of the warning, the measured angle's
-    mean has smaller errors (negative fit). Without such an axis, the list is empty.
+
+def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
+    """Return a warning of the axes whose predictions of held-out data are worse than the mean.
+
+    The predictions are `SUMMARY_HORIZON_S` ahead. On these axes, the measured angle's mean has
+    smaller errors (negative fit). Axes with less motion than `LITTLE_MOTION_DEG` have a warning of
+    their own: there the fit does not test the model.
     """
     score = scores.prediction.get(SUMMARY_HORIZON_S)
     if score is None or not prepared.held_out:
         return []
-    bad = [a for a, fit in zip(AXES, score.fit_percent, strict=True) if fit < 0]
-    if not bad:
-        return []
-    return [
-        f"{SUMMARY_HORIZON_S:g} s predictions of {' and '.join(bad)} are worse than the mean "
-        "(negative fit): the recordings hold too little of this motion. Do not use the model for "
-        "it; record a richer experiment: heli3dof run multisine"
-    ]
+    motion = rms_motion_deg(prepared, prepared.held_out)
+    bad = [(a, m) for a, fit, m in zip(AXES, score.fit_percent, motion, strict=True) if fit < 0]
+    little = [(a, m) for a, m in bad if m < LITTLE_MOTION_DEG]
+    poor = [a for a, m in bad if m >= LITTLE_MOTION_DEG]
+    out = []
+    if little:
+        each = ", ".join(f"{axis} {m:.2g}°" for axis, m in little)
+        out.append(
+            f"The held-out data hardly move ({each} rms), so a negative fit there says nothing of "
+            "the model. To test it, record more motion: heli3dof run multisine"
+        )
+    if poor:
+        out.append(
+            f"{SUMMARY_HORIZON_S:g} s predictions of {' and '.join(poor)} are worse than the mean "
+            "(negative fit): the recordings hold too little of this motion. Do not use the model "
+            "for it; record a richer experiment: heli3dof run multisine"
+        )
+    return out
 
 
 def _with_provenance(found: FitResult, method: str, prepared: Prepared) -> Model:

@@ -237,3 +237,13 @@ def test_the_warning_and_the_summary_speak_of_the_same_horizon(found: Identifica
     (warning,) = poor_prediction_warnings(scores, found.prepared)
     assert warning.startswith("1 s predictions of roll are worse than the mean")
     assert "fit 1 s ahead" in found.summary()
+
+
+def test_held_out_data_that_hardly_move_do_not_test_a_model(found: Identification) -> None:
+    fit = np.array([-1.0, 50.0, 50.0])
+    bad = replace(found.metrics.prediction[SUMMARY_HORIZON_S], fit_percent=fit)
+    scores = replace(found.metrics, prediction={SUMMARY_HORIZON_S: bad})
+    recordings = tuple(replace(r, angle=0.01 * r.angle) for r in found.prepared.recordings)
+    still = replace(found.prepared, recordings=recordings)
+    (warning,) = poor_prediction_warnings(scores, still)
+    assert warning.startswith("The held-out data hardly move (roll 0.0")
