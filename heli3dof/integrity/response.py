@@ -46,7 +46,7 @@ PRIOR_LAG_S, PRIOR_SPRING, PRIOR_DAMPING = 0.15, 4.0, 1.5
 
 @dataclass(frozen=True)
 class Response:
-    """The response g of one axis to the voltages, a multiple of the profile's."""
+    """The ratio g of one axis' response to the voltages to the response that the profile gives."""
 
     gain: float
     std: float

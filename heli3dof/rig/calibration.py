@@ -10,7 +10,7 @@ The device has not restarted if
 
     |s_now − s_zero| ≤ START_TOLERANCE_S + CLOCK_TOLERANCE · W        modulo UPTIME_WRAP_S
 
-s_zero is earlier than ``heli3dof zero``. After a restart s_now is later, so the two differ.
+s_zero is before ``heli3dof zero`` ran. After a later restart, s_now is after it, so they differ.
 
 =====================  ============================  ==========================================
 stored                 the device states             counts_at_rest

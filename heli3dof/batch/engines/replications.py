@@ -34,7 +34,7 @@ def replications_on_cluster(address: str | None) -> Iterator[None]:
 def replications_on(used: Engine) -> Distributor:
     """Return a distributor for `heli3dof.parallel.distribute` that uses this engine.
 
-    If several workers end while they compute a part, this process computes that part.
+    A part whose workers exit before they return it is computed by this process.
     """
 
     def distributor(work: Callable[[int], Any], count: int) -> Iterator[tuple[int, Any]]:

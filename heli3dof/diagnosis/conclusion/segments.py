@@ -72,7 +72,7 @@ def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
 
 
 def log_likelihood_cells(c: CandidateFit) -> np.ndarray:
-    """Return the log-likelihood (C,) of a candidate's fit in each cell of `CELL_S`."""
+    """Return the log-likelihood (C,) of a candidate's fit in each of C segments of `CELL_S`."""
     data = c.problem.data
     X = c.problem.run(c.optimum.theta, c.optimum.noise, keep=3).X
     assert X is not None

@@ -40,9 +40,9 @@ def insignificant(fit: Estimate) -> set[str]:
 def with_resemblance(
     residuals: Sequence[ResidualTorque], causes: Sequence[Finding]
 ) -> tuple[ResidualTorque, ...]:
-    """Return the residual torques; the first is marked "…-like" unless it has a mark.
+    """Return the residual torques; ``resembles`` of the first one is set unless it has a value.
 
-    The mark names the first of the ``causes`` and those confounded with it.
+    It names the first of the ``causes`` and those confounded with it, as "motor.delay-like".
     """
     if not residuals or residuals[0].resembles is not None or not causes:
         return tuple(residuals)

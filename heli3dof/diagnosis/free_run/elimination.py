@@ -170,7 +170,7 @@ def without_elimination(full: MultiStepFit) -> Elimination:
 
 
 def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
-    """Return (term, Σ (θ − θ_0)²/σ² over its parameters), ascending.
+    """Return a list of (term, Σ (θ − θ_0)²/σ² over its parameters), by ascending sum.
 
     θ_0 is the null value, on a logarithmic scale the lower bound.
     """

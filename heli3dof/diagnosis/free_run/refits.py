@@ -104,9 +104,9 @@ def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
 
 
 def carried_over(full: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.ndarray]:
-    """Return the coordinates z and tangents D of ``full``, arranged for the problem ``new``.
+    """Return the start of the fit ``new``: coordinates z, and derivatives D of predictions by z.
 
-    Parameters that ``full`` lacks get their prior mean in z and NaN in D.
+    A parameter that the fit ``full`` lacks has its prior mean in z and NaN in D.
     """
     old, z = full.problem, new.start.copy()
     D = np.full((new.dim, full.tangents.shape[1]), np.nan)

@@ -196,10 +196,7 @@ def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
 
 
 def compare_runs(runs: Sequence[CreepRun]) -> Iterator[dict[str, Any]]:
-    """Yield a JSON object that states whether one growth explains the creep of all ``runs``.
-
-    The growth is one of thrust or one of voltage.
-    """
+    """Yield a JSON object: whether all ``runs`` creep as if thrust, or voltage, grew equally."""
     if len({c.voltage_V for c in runs}) < 2 or not any(c.creeps for c in runs):
         return
     growth = {

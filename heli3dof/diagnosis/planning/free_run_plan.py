@@ -167,7 +167,10 @@ def marginal(H: np.ndarray, n: int) -> np.ndarray:
 
 
 def coupling(p: MultiStep) -> np.ndarray:
-    """Return Λ_b (dim, dim): only the coupling of a recording's own values to the common ones."""
+    """Return Λ_b (dim, dim): the prior's precision without that of the common parameters alone.
+
+    It contains the values per recording and their coupling to the common parameters.
+    """
     L = p.prior.copy()
     L[: p.n, : p.n] -= replace(p, flights=(), data=(), rows=()).prior
     return L

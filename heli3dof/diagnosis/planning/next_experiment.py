@@ -67,7 +67,10 @@ class Cause:
 
     @classmethod
     def typical(cls, name: str) -> Cause:
-        """Return the cause at its start value, else at ± its typical size, as bounds permit."""
+        """Return the cause of typical size; an effect with a start value has that value.
+
+        The size is negative if the upper bound excludes a positive one.
+        """
         t = term(name)
         first, *rest = t.effect.parameters
         size = first.typical if first.null + first.typical < first.high else -first.typical

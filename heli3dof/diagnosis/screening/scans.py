@@ -46,9 +46,10 @@ class Scan(Protocol):
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> tuple[float, tuple[float, ...], float]:
-        """Return (largest z, values of the term's parameters there, value of the first one).
+        """Return (largest z, the parameters' values there, distance of the first from no effect).
 
-        ``L`` (C, 3): adjoint of the score. ``unit`` (C, 3): e, in rad/s².
+        ``L`` (C, 3): adjoint of the score. ``unit`` (C, 3): acceleration in rad/s² by one
+        unit of the first parameter.
         """
         ...
 

@@ -93,7 +93,7 @@ class Gain:
 
     @property
     def of_calibration(self) -> bool:
-        """Return True if refitting removes most of an axis' mean square error, significantly.
+        """Return True if the refit removes most of an axis' mean square error, significantly.
 
         ``before`` has the profile's numbers, ``after`` refitted ones (`removes_most`).
         """

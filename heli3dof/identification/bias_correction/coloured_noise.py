@@ -45,7 +45,7 @@ def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
 
 
 def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
-    """Return the long-run covariance S (n, n) of ``scores`` (m, n), with L = ``memory`` rows."""
+    """Return S (n, n) of the block sums ``scores`` (m, n), with lags up to L = ``memory``."""
     s = scores - scores.mean(axis=0)
     S = s.T @ s
     for lag in range(1, memory + 1):
@@ -55,7 +55,7 @@ def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
 
 
 def freedom(blocks: int, memory: int) -> float:
-    """Return ν, the degrees of freedom of S, for m = ``blocks`` and L = ``memory``."""
+    """Return ν = 3 m/(2 (L + 1)), the degrees of freedom of S, for m ``blocks``, L = ``memory``."""
     return 1.5 * blocks / (memory + 1)
 
 

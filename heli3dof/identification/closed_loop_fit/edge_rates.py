@@ -58,7 +58,7 @@ INERTIAS = np.arange(1, 4)  # indices in θ
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """The moments of the recordings and of B flights simulated at one y = (θ, ln a)."""
+    """One iteration: the moments of the recordings and of B flights simulated at y = (θ, ln a)."""
 
     difference: np.ndarray
     """(n + 6,) m − mean m_b"""

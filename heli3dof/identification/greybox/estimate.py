@@ -91,7 +91,7 @@ class Estimate(PhysicalFit):
 
     @cached_property
     def verdicts(self) -> tuple[str, ...]:
-        """Return a warning for each parameter that the recordings do not identify, else ""."""
+        """Return a text per parameter: a warning if the recordings do not identify it, else ""."""
         prior = 1 / np.sqrt(self.problem.prior_precision)
         sd = self.std / self.slopes
         R = self.correlation

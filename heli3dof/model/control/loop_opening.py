@@ -189,7 +189,7 @@ class OpenedController(Controller):
 
     @classmethod
     def of(cls, profile: Any) -> OpenedController:
-        """Return the controller of a rig's `Profile`; the profile's limits bound open loops."""
+        """Return the controller of a `Profile`; an open loop closes at the profile's limits."""
         made = super().of(profile)
         assert isinstance(made, cls)
         made._room = free_within(profile.limits)

@@ -75,7 +75,7 @@ class LinearModel(LinearParameters):
         """Return a python-control ``StateSpace`` about the trim: from V − u0 (V) to y − y0 (rad).
 
         u0, y0 are the trim's voltages and angles. The states of the hover model are r, p, psi and
-        their rates; others are x[0], x[1], …
+        their rates; the states of other models are x[0], x[1], …
         """
         from heli3dof.model.discretisation import HOVER_STATES, to_control
 
