@@ -97,6 +97,11 @@ RULES = (
         _always(True),
     ),
     Rule(
+        "… and not act on a limit cycle (controller unknown)",
+        DIAGNOSIS + "conclusion.unknown_controller:is_on_limit_cycle",
+        _always(False),
+    ),
+    Rule(
         "a formula competes with causes",
         DIAGNOSIS + "conclusion.formula_contest:replaced_by_formula",
         _always(None),

@@ -8,6 +8,9 @@ with the controller show this bias (`screening.nulls`). Without the controller, 
 ΔRMSE (°) is the decrease of the error of predictions 1 s ahead (`validation.gain`), Δ_i (°) the
 encoder step, and Δ_i/√12 the standard deviation of rounding. A base parameter off nominal needs
 the same; ΔRMSE is then the decrease from a refit in which it has the profile's value.
+
+On an axis that is on an encoder limit cycle (`closed_loop_fit.limit_cycle`), the bias is largest.
+Without the controller, nothing is asserted of such an axis (`is_on_limit_cycle`).
 """
 
 from __future__ import annotations
@@ -25,8 +28,15 @@ from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
+from heli3dof.identification.closed_loop_fit.limit_cycle import on_limit_cycle
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
+
+
+def is_on_limit_cycle(fit: CorrectedFit, axis: str | None) -> bool:
+    """Return whether the ``axis`` is on an encoder limit cycle; None: whether any axis is."""
+    cycling = on_limit_cycle(fit.problem.data)
+    return bool(cycling.any() if axis is None else cycling[AXES.index(axis)])
 
 
 def exceeds_rounding(g: Gain, profile: Profile) -> bool:
@@ -66,4 +76,8 @@ def confirmed(
         return gain(held_out(CorrectedFit(problem, optimum), holdout), after, seed=seed)
 
     profile = fit.structure.profile
-    return tuple(p for p in parameters if exceeds_rounding(gained(p), profile))
+    return tuple(
+        p
+        for p in parameters
+        if not is_on_limit_cycle(fit, p.term.axis) and exceeds_rounding(gained(p), profile)
+    )

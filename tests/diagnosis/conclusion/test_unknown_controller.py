@@ -5,13 +5,14 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.conclusion.adoption import objection
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed, exceeds_rounding
-from heli3dof.diagnosis.result import WITHIN_ROUNDING
+from heli3dof.diagnosis.result import LIMIT_CYCLE, WITHIN_ROUNDING
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.identification.bias_correction.correction import CorrectedFit
@@ -49,14 +50,49 @@ def test_predictions_must_improve_by_more_than_the_rounding_of_their_encoder(
     assert exceeds_rounding(lowers(axis, value, low), PROFILE) is exceeds
 
 
+def fit_of(angle: np.ndarray, *, simulated: bool) -> Any:
+    """A fit of counts (N,) on roll, 500 per second, with or without simulated flights."""
+    q = np.abs(PROFILE.encoder.rad_per_count)
+    y = np.column_stack([angle * q[0], np.zeros((len(angle), 2))])
+    data = SimpleNamespace(y=y, h=np.full(len(y), 0.002), blocks=[(0, 0, len(y))], grid=[q])
+    return SimpleNamespace(
+        scatter=[1.0] if simulated else None, structure=SimpleNamespace(profile=PROFILE),
+        problem=SimpleNamespace(data=data),
+    )  # fmt: skip
+
+
+STILL = np.zeros(5000)
+CYCLE = np.arange(5000) // 50 % 2
+"""Roll changes ten times per second between two counts: a limit cycle."""
+
+
+def cause(name: str) -> Any:
+    return SimpleNamespace(score=400.0, term=term(name))
+
+
 @pytest.mark.parametrize(("simulated", "why"), [(False, WITHIN_ROUNDING), (True, "")])
 def test_only_a_cause_without_simulated_flights_needs_better_predictions(
     simulated: bool, why: str
 ) -> None:
-    structure = SimpleNamespace(profile=PROFILE)
-    fit = cast(Any, SimpleNamespace(scatter=[1.0] if simulated else None, structure=structure))
-    cause = cast(Any, SimpleNamespace(score=400.0))
-    assert objection(fit, cause, lowers("roll", 0.001, 0.0005), 5.0, first=True) == why
+    fit, found = fit_of(STILL, simulated=simulated), cause("friction.coulomb.roll")
+    assert objection(fit, found, lowers("roll", 0.001, 0.0005), 5.0, first=True) == why
+
+
+@pytest.mark.parametrize(
+    ("name", "angle", "simulated", "why"),
+    [
+        ("friction.coulomb.roll", CYCLE, False, LIMIT_CYCLE),
+        ("motor.dead_zone", CYCLE, False, LIMIT_CYCLE),  # it acts on every axis
+        ("friction.coulomb.yaw", CYCLE, False, ""),
+        ("friction.coulomb.roll", CYCLE, True, ""),
+        ("friction.coulomb.roll", STILL, False, ""),
+    ],
+)
+def test_without_simulated_flights_nothing_is_asserted_of_an_axis_on_a_limit_cycle(
+    name: str, angle: np.ndarray, simulated: bool, why: str
+) -> None:
+    fit = fit_of(angle, simulated=simulated)
+    assert objection(fit, cause(name), lowers("roll", 0.3, 0.2), 5.0, first=True) == why
 
 
 @pytest.mark.parametrize(("hide", "names"), [("inertia.pitch:1.4", ["inertia.pitch"]), ("", [])])
