@@ -5,10 +5,14 @@ tests/cli/test_diagnose.py has a hidden effect, named with its size.
 
 from __future__ import annotations
 
+import pytest
+
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, step_plan
 from heli3dof.recording.recording import Recording
+from tests.hidden.cases import blind
+from tests.hidden.rig_cases import draw_on_other_rig
 
 
 def flight(plan: Plan, hide: str, seed: int) -> Recording:
@@ -21,3 +25,14 @@ def test_a_step_flight_of_the_unmodified_rig_has_no_finding() -> None:
     assert result.verdict == "off_calibration"  # the rig is up to 7 % off its profile
     assert not result.findings
     assert "drag.quadratic.yaw" in result.not_identifiable
+
+
+@pytest.mark.accuracy
+@pytest.mark.parametrize("seed", [9000007, 9000009])
+def test_of_a_step_on_a_limit_cycle_nothing_is_asserted_without_the_controller(seed: int) -> None:
+    """By likelihood alone, the first has a torque on pitch, the second a roll inertia off nominal.
+    Nothing is hidden in them."""
+    result = diagnose(blind(draw_on_other_rig("rigs-step-nothing", seed).fly()))
+    assert result.findings == ()
+    assert result.calibration_findings == ()
+    assert result.residual_torques == ()
