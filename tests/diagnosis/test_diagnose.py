@@ -29,7 +29,9 @@ def test_a_step_flight_of_the_unmodified_rig_has_no_finding() -> None:
 
 @pytest.mark.accuracy
 @pytest.mark.parametrize("seed", [9000007, 9000009])
-def test_of_a_step_on_a_limit_cycle_nothing_is_asserted_without_the_controller(seed: int) -> None:
+def test_of_a_step_with_an_implausible_inertia_nothing_is_asserted_without_the_controller(
+    seed: int,
+) -> None:
     """By likelihood alone, the first has a torque on pitch, the second a roll inertia off nominal.
     Nothing is hidden in them."""
     result = diagnose(blind(draw_on_other_rig("rigs-step-nothing", seed).fly()))

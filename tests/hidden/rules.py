@@ -61,8 +61,8 @@ def _always(value: Any) -> Function:
 RULES = (
     Rule(
         "an inertia that runs away is held",
-        FIT + "base_fit:inertia_is_implausible",
-        _always(False),
+        FIT + "base_fit:implausible_inertias",
+        _always(()),
     ),
     Rule("the noise of a limit cycle is matched", FIT + "limit_cycle:matched_noise", _argument(2)),
     Rule("edge rates weigh in a limit cycle", FIT + "edge_rates:fit_with_edge_rates", _argument(1)),
@@ -97,8 +97,8 @@ RULES = (
         _always(True),
     ),
     Rule(
-        "… and not act on a limit cycle (controller unknown)",
-        DIAGNOSIS + "conclusion.unknown_controller:is_on_limit_cycle",
+        "… and not act on an axis with a biased likelihood (controller unknown)",
+        DIAGNOSIS + "conclusion.unknown_controller:is_biased",
         _always(False),
     ),
     Rule(

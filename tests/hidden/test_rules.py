@@ -28,7 +28,7 @@ def test_a_function_is_replaced_wherever_it_was_imported() -> None:
 
 def test_a_rule_is_noted_if_its_outcome_differs_from_leaving_it_out() -> None:
     changed: set[str] = set()
-    rule = BY_NAME["an inertia that runs away is held"]
+    rule = BY_NAME["… and not act on an axis with a biased likelihood (controller unknown)"]
     function = rule.function
     with replaced(function, lambda *_: False):
         noted(rule, changed)(None, None)

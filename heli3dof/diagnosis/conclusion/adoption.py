@@ -12,8 +12,8 @@ nulls' threshold; a further one below `SUFFICIENT` (`selection.select`) may only
 first one's model error.
 Condition 3 is for effects that act briefly, such as a dead zone: few cells, so a wide interval.
 
-If no flights could be simulated, predictions must also confirm the cause, and its axis must not be
-on an encoder limit cycle (`conclusion.unknown_controller`). Whatever its gain, a cause is dropped
+If no flights could be simulated, predictions must also confirm the cause, and the likelihood of its
+axis must not be biased (`conclusion.unknown_controller`). Whatever its gain, a cause is dropped
 if ρ > 1 and Z²/ρ is below the nulls' threshold (`screening.nulls`). Z is the cause's standardised
 score and ρ the factor by which coloured noise increases its variance
 (`bias_correction.coloured_noise`).
@@ -33,7 +33,7 @@ from typing import Any
 from heli3dof.diagnosis.base_parameters import in_SI
 from heli3dof.diagnosis.conclusion.unknown_controller import (
     exceeds_rounding,
-    is_on_limit_cycle,
+    is_biased,
 )
 from heli3dof.diagnosis.result import (
     COLOURED,
@@ -102,7 +102,7 @@ def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, firs
     if not pays_enough(choice, g, first=first):
         return DOES_NOT_PAY
     if fit.scatter is None:
-        if not choice.term.effect.of_base and is_on_limit_cycle(fit, choice.term.axis):
+        if not choice.term.effect.of_base and is_biased(fit, choice.term.axis):
             return LIMIT_CYCLE
         if not exceeds_rounding(g, fit.structure.profile):
             return WITHIN_ROUNDING

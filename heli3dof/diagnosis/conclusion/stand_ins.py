@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from heli3dof.diagnosis.conclusion.adoption import adopted
 from heli3dof.diagnosis.conclusion.formula_contest import replaced_by_formula
 from heli3dof.diagnosis.conclusion.unconfirmed import marked_unconfirmed, with_resemblance
-from heli3dof.diagnosis.conclusion.unknown_controller import is_on_limit_cycle
+from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
 from heli3dof.diagnosis.selection.steps import bias_corrected, without
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence
@@ -63,7 +63,7 @@ def settle_unmodelled(
             certain = significant_formula(now.fit)
         left, slow_noise = split_off_slow_noise(significant_torques(scores, certain))
         if now.fit.scatter is None:
-            left = tuple(x for x in left if not is_on_limit_cycle(now.fit, x.axis))
+            left = tuple(x for x in left if not is_biased(now.fit, x.axis))
         contest = replaced_by_formula(setup, now.fit, replaceable_causes(now.findings))
         if contest is None:
             break

@@ -9,8 +9,8 @@ with the controller show this bias (`screening.nulls`). Without the controller, 
 encoder step, and Δ_i/√12 the standard deviation of rounding. A base parameter off nominal needs
 the same; ΔRMSE is then the decrease from a refit in which it has the profile's value.
 
-On an axis that is on an encoder limit cycle (`closed_loop_fit.limit_cycle`), the bias is largest.
-Without the controller, nothing is asserted of such an axis (`is_on_limit_cycle`).
+On an encoder limit cycle the bias may be so large that the base fit's inertia is implausible
+(`closed_loop_fit.base_fit`). Then nothing is asserted of that axis (`is_biased`).
 """
 
 from __future__ import annotations
@@ -28,15 +28,14 @@ from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
-from heli3dof.identification.closed_loop_fit.limit_cycle import on_limit_cycle
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
 
 
-def is_on_limit_cycle(fit: CorrectedFit, axis: str | None) -> bool:
-    """Return whether the ``axis`` is on an encoder limit cycle; None: whether any axis is."""
-    cycling = on_limit_cycle(fit.problem.data)
-    return bool(cycling.any() if axis is None else cycling[AXES.index(axis)])
+def is_biased(fit: CorrectedFit, axis: str | None) -> bool:
+    """Return whether the base fit's inertia of the ``axis`` is implausible; None: of any axis."""
+    axes = fit.problem.implausible if isinstance(fit.problem, ProfileLikelihood) else ()
+    return bool(axes) if axis is None else axis in axes
 
 
 def exceeds_rounding(g: Gain, profile: Profile) -> bool:
@@ -79,5 +78,5 @@ def confirmed(
     return tuple(
         p
         for p in parameters
-        if not is_on_limit_cycle(fit, p.term.axis) and exceeds_rounding(gained(p), profile)
+        if not is_biased(fit, p.term.axis) and exceeds_rounding(gained(p), profile)
     )

@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
+from heli3dof.axes import AXES
 from heli3dof.identification.bias_correction.correction import CorrectedFit, correct
 from heli3dof.identification.closed_loop_fit.edge_rates import fit_with_edge_rates
 from heli3dof.identification.closed_loop_fit.limit_cycle import matched_noise, on_limit_cycle
@@ -50,6 +51,8 @@ class ProfileLikelihood(Likelihood):
     """Factor by which the tolerance is multiplied"""
     at_nominal: tuple[int, ...] = ()
     """Indices of the coordinates that keep the profile's value"""
+    implausible: tuple[str, ...] = ()
+    """Axes whose inertia is implausible without a narrow prior: the likelihood is biased there"""
 
     @cached_property
     def prior_precision(self) -> np.ndarray:
@@ -68,21 +71,20 @@ def fit_base(setup: Setup) -> CorrectedFit:
     problem = ProfileLikelihood(data_of(setup.recordings, runs), structure)
     compile_first(problem)
     fit = corrected_base(setup, problem)
-    return (
-        corrected_base(setup, replace(problem, doubt=TIGHT_PRIOR))
-        if inertia_is_implausible(fit)
-        else fit
-    )
+    axes = implausible_inertias(fit)
+    if not axes:
+        return fit
+    return corrected_base(setup, replace(problem, doubt=TIGHT_PRIOR, implausible=axes))
 
 
-def inertia_is_implausible(fit: Estimate) -> bool:
-    """Return whether a measured axis' inertia differs from nominal by over `MAX_INERTIA_RATIO`.
+def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
+    """Return the measured axes whose inertia differs from nominal by over `MAX_INERTIA_RATIO`.
 
     The inertia of an axis that hardly moves may hide a missing effect from the score test.
     """
-    log_ratio = fit.theta[1:4] - fit.problem.prior_mean[1:4]
-    largest = np.abs(log_ratio[fit.problem.data.axes]).max(initial=0.0)
-    return bool(largest > np.log(MAX_INERTIA_RATIO))
+    log_ratio = np.abs(fit.theta[1:4] - fit.problem.prior_mean[1:4])
+    far = fit.problem.data.axes & (log_ratio > np.log(MAX_INERTIA_RATIO))
+    return tuple(axis for axis, is_far in zip(AXES, far, strict=True) if is_far)
 
 
 def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:

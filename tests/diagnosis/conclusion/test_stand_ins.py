@@ -16,7 +16,7 @@ from heli3dof.identification.closed_loop_fit.base_fit import (
     ProfileLikelihood,
     corrected_base,
     fit_base,
-    inertia_is_implausible,
+    implausible_inertias,
 )
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.usable_runs import usable_runs
@@ -61,7 +61,7 @@ def test_a_base_that_cannot_be_simulated_is_screened_without_nulls() -> None:
     structure = Structure(setup.recordings[0].profile, ())
     base = corrected_base(setup, ProfileLikelihood(data_of(setup.recordings, runs), structure))
     assert base.scatter is None
-    assert inertia_is_implausible(base)
+    assert implausible_inertias(base)
     assert np.isfinite(base.values).all()
     step = screening_step(setup, base, flights=8)
     assert step.nulls.flights == 0

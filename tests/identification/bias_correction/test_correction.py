@@ -17,7 +17,7 @@ from heli3dof.identification.closed_loop_fit.base_fit import (
     ProfileLikelihood,
     corrected_base,
     fit_base,
-    inertia_is_implausible,
+    implausible_inertias,
 )
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.method import fit_greybox
@@ -128,7 +128,7 @@ def test_a_constant_pitch_torque_is_not_fitted_as_a_large_inertia() -> None:
         data_of([recording], usable_runs(recording, 0)), Structure(profile, ())
     )
     setup = Setup((recording,), seed=0, pilots=6)
-    assert inertia_is_implausible(corrected_base(setup, problem))
+    assert implausible_inertias(corrected_base(setup, problem))
     held = fit_base(setup)
     np.testing.assert_allclose(held.theta[1:4], held.problem.prior_mean[1:4], atol=0.1)
     step = screening_step(setup, held, 12).chosen(setup, None)
@@ -136,6 +136,6 @@ def test_a_constant_pitch_torque_is_not_fitted_as_a_large_inertia() -> None:
     names = {step.choice.term.name, *step.choice.tied_with}
     assert "bias.torque.pitch" in names
     result = fit_with_cause(setup, step.choice)
-    assert not inertia_is_implausible(result)
+    assert not implausible_inertias(result)
     assert isinstance(result.problem, ProfileLikelihood)
     assert result.problem.doubt == 1.0
