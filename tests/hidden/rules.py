@@ -92,6 +92,14 @@ RULES = (
         _always(float("inf")),
     ),
     Rule(
+        "… and exceed one count", DIAGNOSIS + "conclusion.adoption:within_a_count", _always(False)
+    ),
+    Rule(
+        "full fits tie causes with an inertia",
+        DIAGNOSIS + "selection.inertia_alternatives:instead_of_inertia",
+        _always([]),
+    ),
+    Rule(
         "… and exceed rounding in predictions (controller unknown)",
         DIAGNOSIS + "conclusion.adoption:exceeds_rounding",
         _always(True),

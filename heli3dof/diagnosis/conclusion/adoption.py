@@ -16,7 +16,8 @@ If no flights could be simulated, predictions must also confirm the cause, and t
 axis must not be biased (`conclusion.unknown_controller`). Whatever its gain, a cause is dropped
 if ρ > 1 and Z²/ρ is below the nulls' threshold (`screening.nulls`). Z is the cause's standardised
 score and ρ the factor by which coloured noise increases its variance
-(`bias_correction.coloured_noise`).
+(`bias_correction.coloured_noise`). It is also dropped if an encoder error of at most one count
+explains the data as well (`within_a_count`).
 
 Causes with too small a Z²/ρ are dropped first, then those with the smallest Δℓ. After each, the Δℓ
 of the remaining causes are computed again. Adopted causes are not reported as confounded with each
@@ -39,6 +40,7 @@ from heli3dof.diagnosis.result import (
     COLOURED,
     DOES_NOT_PAY,
     LIMIT_CYCLE,
+    WITHIN_A_COUNT,
     WITHIN_ROUNDING,
     Dropped,
     Finding,
@@ -57,6 +59,7 @@ from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
+OFFSET, BACKLASH = "encoder.offset", "encoder.backlash"
 MIN_GAIN = 3.0
 """Least gain in log-likelihood in condition 2: a likelihood ratio of e³ = 20. Chosen."""
 LARGE_GAIN = 12.0
@@ -77,7 +80,7 @@ def adopted(
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term.name), len(kept))  # type: ignore[misc]
         after, *befores = each_held_out((fit, *reduced), holdout)
         gains = [gain(before, after, seed=seed) for before in befores]
-        margins = [coloured_noise_margin(fit, c) for c in kept]
+        margins = [0.0 if within_a_count(fit, c) else coloured_noise_margin(fit, c) for c in kept]
         against = [
             objection(fit, c, g, m, first=i == 0)
             for i, (c, g, m) in enumerate(zip(kept, gains, margins, strict=True))
@@ -98,7 +101,7 @@ def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, firs
     the first cause.
     """
     if margin < 1:
-        return COLOURED
+        return COLOURED if margin > 0 else WITHIN_A_COUNT
     if not pays_enough(choice, g, first=first):
         return DOES_NOT_PAY
     if fit.scatter is None:
@@ -128,6 +131,30 @@ def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
         return math.inf
     rho = float(fit.colour[j])
     return math.inf if rho <= 1 else choice.Z2 / rho / choice.threshold
+
+
+def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
+    """Return whether an encoder error of at most one count explains the cause.
+
+    Such errors are backlash, if it is the cause, and an encoder offset, if it is the cause or is
+    confounded with the cause. An encoder's zero is uncertain by a count, because counts start at
+    power-up and data-acquisition cards round differently. The cause's size is that in ``fit``,
+    which may differ from its size in the selection step.
+    """
+    for c in choice.candidates:
+        axis, is_choice = c.term.axis, c.term.name == choice.term.name
+        if axis is None or not (
+            c.term.effect.name == OFFSET or (is_choice and c.term.effect.name == BACKLASH)
+        ):
+            continue
+        if not is_choice and c.term.name not in choice.tied_with:
+            continue
+        count_deg = 360.0 / abs(getattr(c.problem.structure.profile.encoder, axis))
+        j = first_parameters(fit.free).get(c.term.name) if is_choice else None
+        size = c.problem.values(c.optimum.theta)[-1] if j is None else fit.values[j]
+        if abs(size) <= count_deg:
+            return True
+    return False
 
 
 def pays_enough(choice: Choice, g: Gain, *, first: bool) -> bool:

@@ -17,6 +17,9 @@ deviation of its score in the nulls. Effect i is confounded with parameter j if
 
 A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For it, α runs over the
 sizes for which x_j(α) = θ_j − α b_ji gives a K_f within the tolerance.
+
+An inertia is also confounded with effects whose full fit has this inertia within the tolerance, and
+explains the flight as well (`selection.inertia_alternatives`).
 """
 
 from __future__ import annotations
@@ -46,7 +49,10 @@ def with_confounded_causes(off: OffNominal, step: Step) -> OffNominal:
         return replace(off, tied_with=confounded_with_thrust_gain(step))
     if off.term.name not in PARAMETERS:
         return off
-    return replace(off, tied_with=confounded_causes(step, PARAMETERS.index(off.term.name)))
+    tied = confounded_causes(step, PARAMETERS.index(off.term.name))
+    if off.term.effect.name == "inertia":
+        tied = tuple(dict.fromkeys((*tied, *(f.term.name for f in step.instead_of_inertia))))
+    return replace(off, tied_with=tied)
 
 
 def last_step_with_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:

@@ -9,12 +9,16 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.conclusion import adoption
 from heli3dof.diagnosis.conclusion.adoption import (
+    adopted,
     coloured_noise_margin,
     pays_enough,
     size_confidence,
+    within_a_count,
     without_mutual_ties,
 )
+from heli3dof.diagnosis.result import DOES_NOT_PAY, WITHIN_A_COUNT
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import SUFFICIENT, Choice
 from heli3dof.diagnosis.validation.gain import Interval
@@ -118,6 +122,91 @@ def test_coloured_noise_lowers_a_cause_s_margin_over_the_threshold() -> None:
     assert coloured_noise_margin(found_with(1.5), drag) == pytest.approx(2.0)
     assert coloured_noise_margin(found_with(6.0), drag) == pytest.approx(0.5)
     assert coloured_noise_margin(found_with(1.0), drag) == float("inf")
+
+
+OFFSET, BACKLASH, MASS = "encoder.offset.pitch", "encoder.backlash.pitch", "mass.change"
+
+
+def encoder_of(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFFSET) -> Choice:
+    """Choice of ``first``, with a pitch encoder error of that size."""
+    encoder = SimpleNamespace(roll=4096, pitch=-4096, yaw=8192)
+    problem = SimpleNamespace(
+        values=lambda theta: theta,
+        structure=SimpleNamespace(profile=SimpleNamespace(encoder=encoder)),
+    )
+    optimum = SimpleNamespace(theta=[1.17, size_deg])
+    own = CandidateFit(terms([of])[0], cast(Any, problem), cast(Any, optimum), 90.0, 90.0, 0)
+    other = CandidateFit(terms([first])[0], NONE, NONE, 95.0, 95.0, 0)
+    fits = (own,) if first == of else (other, own)
+    return Choice(fits[0].term, 95.0, 95.0, 1.0, tied, fits)
+
+
+def fit_of(**sizes: float) -> Any:
+    """A fit of these terms (``__`` for a dot) with these first parameters, and simulations."""
+    names = [n.replace("__", ".") for n in sizes]
+    return SimpleNamespace(
+        free=[SimpleNamespace(term=n) for n in names], values=[*sizes.values()],
+        colour=[1.0] * len(names), scatter=np.eye(len(names)),
+    )  # fmt: skip
+
+
+def within(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFFSET) -> bool:
+    """Test a cause with the same size in the last fit as when it was selected."""
+    fit = fit_of(**{first: size_deg if first == of else 0.02})
+    return within_a_count(fit, encoder_of(size_deg, tied, first, of))
+
+
+def test_an_encoder_error_within_one_count_is_not_a_cause() -> None:
+    # A count on pitch is 360°/4096 = 0.088°.
+    assert within(-0.05, (), OFFSET)
+    assert not within(-0.1, (), OFFSET)
+    assert within(0.05, (OFFSET,), "aero.reaction_torque")
+    assert within(0.05, (), BACKLASH, BACKLASH)
+    assert not within(0.1, (), BACKLASH, BACKLASH)
+    # A torque that is confounded with so little backlash may still be a torque.
+    assert not within(0.05, (BACKLASH,), "aero.reaction_torque", BACKLASH)
+    # If the flight separates the two, the finding is not the encoder's.
+    assert not within(0.05, (), "aero.reaction_torque")
+
+
+def test_the_final_fit_determines_the_size() -> None:
+    taken = encoder_of(0.5, (), BACKLASH, BACKLASH)
+    assert within_a_count(fit_of(encoder__backlash__pitch=0.017), taken)
+    assert not within_a_count(fit_of(encoder__backlash__pitch=0.5), taken)
+
+
+@pytest.mark.parametrize(
+    ("mass_pays", "named"),
+    [
+        (True, [BACKLASH, MASS]),
+        (False, []),  # without it the backlash is 0.017°, a fifth of a count
+    ],
+)
+def test_backlash_that_shrinks_below_a_count_without_another_cause_is_dropped(
+    monkeypatch: pytest.MonkeyPatch, mass_pays: bool, named: list[str]
+) -> None:
+    def without(fit: Any, name: str) -> Any:
+        rest = {f.term for f in fit.free} - {name}
+        size = 0.5 if MASS in rest else 0.017
+        return fit_of(**{n: size if n == BACKLASH else 0.015 for n in sorted(rest)})
+
+    def gain(before: Any, after: Any, *, seed: int) -> Any:
+        (added,) = {f.term for f in after.free} - {f.term for f in before.free}
+        return gained(*((40.0, 20.0) if added == BACKLASH or mass_pays else (-389.0, -2726.0)))
+
+    monkeypatch.setattr(adoption, "held_out", lambda fit, holdout: fit)
+    monkeypatch.setattr(adoption, "without", without)
+    monkeypatch.setattr(adoption, "gain", gain)
+    monkeypatch.setattr(adoption, "_findings", lambda fit, kept, less, gains: tuple(kept))
+    backlash = encoder_of(0.5, (), BACKLASH, BACKLASH)
+    both = fit_of(encoder__backlash__pitch=0.5, mass__change=0.015)
+    _, kept, dropped, _ = adopted(
+        both, [backlash, choice(1443.0, (), mass__change=1443.0)], [], seed=0
+    )
+    assert [c.term.name for c in cast(Any, kept)] == named
+    assert [(d.name, d.why) for d in dropped] == (
+        [] if named else [(MASS, DOES_NOT_PAY), (BACKLASH, WITHIN_A_COUNT)]
+    )
 
 
 def test_the_confidence_in_a_cause_is_at_most_that_in_its_size() -> None:

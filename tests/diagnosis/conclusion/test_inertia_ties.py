@@ -37,7 +37,9 @@ def step(absorbed: float, v: float, Z: float, ratio: float = 1.4) -> Any:
     )
     nulls = SimpleNamespace(std=np.ones(1))
     Zs = np.array([Z])
-    return cast(Any, SimpleNamespace(fit=fit, screen=screen, nulls=nulls, Z=Zs))
+    return cast(
+        Any, SimpleNamespace(fit=fit, screen=screen, nulls=nulls, Z=Zs, instead_of_inertia=[])
+    )
 
 
 def test_an_effect_that_absorbs_the_inertia_without_a_trace_is_confounded_with_it() -> None:
