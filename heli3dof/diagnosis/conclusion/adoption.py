@@ -19,9 +19,8 @@ score and ρ the factor by which coloured noise increases its variance
 (`bias_correction.coloured_noise`). It is also dropped if an encoder error of at most one count
 explains the data as well (`within_a_count`).
 
-Causes with too small a Z²/ρ are dropped first, then those with the smallest Δℓ. After each, the Δℓ
-of the remaining causes are computed again. Adopted causes are not reported as confounded with each
-other.
+These causes are dropped first, then those with the smallest Δℓ. After each, the Δℓ of the remaining
+causes are computed again. Adopted causes are not reported as confounded with each other.
 """
 
 from __future__ import annotations
@@ -97,8 +96,8 @@ def adopted(
 def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, first: bool) -> str:
     """Return the reason against a cause, empty if it is adopted.
 
-    ``g``: its gain on held-out data. ``margin``: from `coloured_noise_margin`. ``first``: True for
-    the first cause.
+    ``g``: its gain on held-out data. ``margin``: from `coloured_noise_margin`, or 0 if the cause is
+    within an encoder count. ``first``: True for the first cause.
     """
     if margin < 1:
         return COLOURED if margin > 0 else WITHIN_A_COUNT

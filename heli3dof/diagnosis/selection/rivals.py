@@ -2,10 +2,9 @@
 
 Encoders on a limit cycle make the score bias large, and its linear correction
 (`bias_correction.corrected_maximum`) too inaccurate to rank causes. This test needs no such
-correction.
-Each rival k is fitted (`bias_correction.correction`). The recordings, and B flights simulated from
-each rival, give differences of log-likelihoods d_jk = ℓ_j − ℓ_k. Under rival k they have mean m_k
-and standard deviation s_k. With Student's density t of B − 1 degrees of freedom,
+correction. Each rival k is fitted (`bias_correction.correction`). The recordings, and B flights
+simulated from each rival, give differences of log-likelihoods d_jk = ℓ_j − ℓ_k. Under rival k they
+have mean m_k and standard deviation s_k. With Student's density t of B − 1 degrees of freedom,
 
     f_k(d) = t_{B−1}((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 

@@ -30,7 +30,6 @@ from heli3dof.diagnosis.selection.rivals import compared_by_simulation
 from heli3dof.diagnosis.selection.select import Choice, choose
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import (
-    MAX_INFLATION,
     CorrectedFit,
     correct,
     model_at,
@@ -39,7 +38,7 @@ from heli3dof.identification.bias_correction.correction import (
 from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
 from heli3dof.identification.closed_loop_fit.edge_rates import fit_with_edge_rates
-from heli3dof.identification.closed_loop_fit.limit_cycle import on_limit_cycle
+from heli3dof.identification.closed_loop_fit.limit_cycle import scatters_on_limit_cycle
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
@@ -158,11 +157,7 @@ def bias_corrected(setup: Setup, problem: Likelihood, optimum: Optimum) -> Corre
         pilots=setup.pilots,
         rounds=4,
     )
-    if (
-        fit.scatter is None
-        or fit.unexplained_scatter <= MAX_INFLATION
-        or not on_limit_cycle(problem.data).any()
-    ):
+    if fit.scatter is None or not scatters_on_limit_cycle(fit):
         return fit
     # The noise held on such axes is that of a fit without the last cause; it may be too large.
     again = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)

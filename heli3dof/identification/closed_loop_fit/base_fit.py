@@ -92,10 +92,9 @@ def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:
     plain = estimate(problem)
     if not setup.controller_is_known:
         return CorrectedFit(problem, plain.optimum)
-    starts = [(plain.optimum.theta, plain.optimum.noise)]
     cycling = on_limit_cycle(problem.data)
-    if cycling.any():
-        starts.insert(0, start_on_limit_cycle(setup, plain, cycling))
+    starts = [start_on_limit_cycle(setup, plain, cycling)] if cycling.any() else []
+    starts.append((plain.optimum.theta, plain.optimum.noise))
     for theta, noise in starts:
         fit = correct(problem, theta, noise, setup.recordings, seed=setup.seed, pilots=setup.pilots)
         if fit.scatter is not None:

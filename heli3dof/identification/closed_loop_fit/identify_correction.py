@@ -27,7 +27,7 @@ from heli3dof.identification.bias_correction.correction import (
     correct,
 )
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
-from heli3dof.identification.closed_loop_fit.limit_cycle import on_limit_cycle
+from heli3dof.identification.closed_loop_fit.limit_cycle import scatters_on_limit_cycle
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.control.voltage_replay import controller_is_known, with_known_controller
@@ -51,7 +51,7 @@ def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
     if not controller_is_known(flown):
         return found
     fits = [_corrected(found, flown)]
-    if fits[0].unexplained_scatter > MAX_INFLATION and on_limit_cycle(found.problem.data).any():
+    if scatters_on_limit_cycle(fits[0]):
         setup = Setup(tuple(flown), seed=0, pilots=FLIGHTS)
         fits.append(_corrected(with_noise_of_base(found, setup), flown))
     fits = [f for f in fits if f.scatter is not None]

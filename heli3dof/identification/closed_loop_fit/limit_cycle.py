@@ -22,7 +22,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from heli3dof.identification.bias_correction.correction import model_at, simulate_again
+from heli3dof.identification.bias_correction.correction import (
+    MAX_INFLATION,
+    model_at,
+    simulate_again,
+)
+from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.parallel import parallel_map
@@ -61,6 +66,15 @@ def cycling_shares(data: Data) -> np.ndarray:
 def on_limit_cycle(data: Data) -> np.ndarray:
     """Return (3,) bool: the axes on a limit cycle for more than `CYCLES` of the time."""
     return np.asarray(cycling_shares(data) > CYCLES)
+
+
+def scatters_on_limit_cycle(fit: Estimate) -> bool:
+    """Return whether an axis is on a limit cycle and the fit's scores scatter too much.
+
+    That is, more than the noise model or, for a corrected fit, the simulated flights explain.
+    """
+    cycling = on_limit_cycle(fit.problem.data).any()
+    return bool(cycling) and fit.unexplained_scatter > MAX_INFLATION
 
 
 def limit_cycle_statistics(data: Data) -> np.ndarray:

@@ -158,18 +158,11 @@ class Effect:
     def of_base(self) -> bool:
         """Return True if the effect is a form or a part of the body's equations, not a defect.
 
-        These are the effects with `formal` or `missing`. A diagnosis adds no penalty for their
+        These are the effects with `formal`, and parts of the equations that a simpler form omits
+        (`within`), such as `geometry` in the hover model. A diagnosis adds no penalty for their
         parameter, because the prior of a `share` is tight.
         """
-        return self.formal or self.missing
-
-    @property
-    def missing(self) -> bool:
-        """Return True if the effect is a part of the equations that a simpler form omits.
-
-        An example is `geometry`, which the hover model omits.
-        """
-        return bool(self.within) and not self.formal
+        return self.formal or bool(self.within)
 
     @property
     def screened(self) -> bool:
