@@ -1,7 +1,7 @@
 """Driver of ``mock:`` URLs: an emulated rig with the same interface as a real one.
 
 ``mock:?profile=P&hide=friction.coulomb.yaw:0.03&seed=1&speed=max``; docs/reference/mock.md lists
-every option and effect. There are two clocks:
+every option and effect. The option ``speed`` selects the clock:
 
 - ``speed=max`` or a number (times real time): a virtual clock. Every exchange is one control period
   on it, so the same seed and commands give the same samples.
@@ -92,7 +92,8 @@ def own_profile(options: RigOptions, profile: Profile) -> Profile:
 def opened(options: RigOptions) -> HiddenRig | None:
     """Return the rig in the exercise file that ``exercise=`` names, None without this option.
 
-    Raises UsageError if another option changes the physics of this rig (`SEALED`).
+    An exercise is a rig with hidden effects, for students. Raises UsageError if one of the options
+    `SEALED`, which change a rig's physics, is also given.
     """
     if options.exercise is None:
         return None

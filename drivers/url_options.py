@@ -28,9 +28,9 @@ def expected(what: str) -> PydanticCustomError:
 
 
 class UrlOptions(BaseModel):
-    """Base class: its fields with a description are URL options, after the ``?`` of the URL.
+    """Base class of the URL options. A field with a description is an option, after the ``?``.
 
-    The fields without a description are read from the part before the ``?``.
+    A field without a description is read from the part of the URL before the ``?``.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

@@ -1,13 +1,15 @@
 """The emulated amplifier of docs/reference/protocol.md. Its output v(t) in each state:
 
-    ARMED    v(t) = v, the last commanded voltage clipped to the amplifier's limit ± v_max
+    ARMED    v(t) = v, the last commanded voltage (at first 0), clipped to the limit ± v_max
     LATCHED  v(t) = v·(1 − (t − t_expired)/ramp), rounded towards zero to a whole microvolt; then 0
              t_expired = arrival of the last command (or the ARM) + watchdog
     IDLE, STOPPED  v(t) = 0
 
-All voltages are whole microvolts, except in `Amplifier.mean_V` (V); all times are whole
-microseconds. ARM and DISARM are requests of the host. An ARM must carry the current ticket, a
-number that changes with every ARM, DISARM, stop and expiry of the watchdog.
+``watchdog`` is the timeout without a command, ``ramp`` the time in which the voltage then falls to
+zero. A stop or a fault gives STOPPED. All voltages are whole microvolts, except in
+`Amplifier.mean_V` (V); all times are whole microseconds. ARM and DISARM are requests of the host.
+An ARM must carry the current ticket, a number that changes with every ARM, DISARM, stop and expiry
+of the watchdog.
 """
 
 from __future__ import annotations

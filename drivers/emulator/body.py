@@ -56,7 +56,10 @@ class Body:
 
     @property
     def J(self) -> tuple[float, float, float]:
-        """Return the level rig's inertias (roll, pitch, yaw) in kg·m², without ``dJ``."""
+        """Return the level rig's inertias (roll, pitch, yaw) in kg·m², without ``dJ``.
+
+        ``dJ``: additional rotary inertia on the joints' shafts.
+        """
         return self.J_w + self.I_bb, self.I_aa, self.J_w + self.I_bb + self.I_aa
 
     def vector(self) -> np.ndarray:
@@ -100,9 +103,10 @@ def body_of(profile: Profile) -> Body:
 def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
     """Return ``body`` with random thrust per volt, gravity torque and inertias.
 
-    K_f, T_g, J_w, I_aa and I_bb are each multiplied by 1 + u, with u uniform within ± ``spread``,
-    drawn from ``rng``. The product I_ab changes as √(I_aa I_bb). The lengths are unchanged, because
-    they are easily measured.
+    The thrust per volt K_f, the gravity torque T_g and the inertias J_w, I_aa and I_bb are each
+    multiplied by 1 + u. Each u is drawn from ``rng``, uniform within ± ``spread``. The product of
+    inertia I_ab scales with √(I_aa I_bb). The lengths are unchanged, because they are easily
+    measured.
     """
     k = 1 + spread * rng.uniform(-1, 1, size=5)
     return replace(
@@ -118,7 +122,7 @@ def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
 
 @dataclass(frozen=True)
 class Setup:
-    """An emulated rig before it runs: its body, initial angles, stops and sampling errors.
+    """An emulated rig before it runs: body, initial angles, mechanical stops, sampling errors.
 
     `Effect.setup` may change any of these.
     """
@@ -143,8 +147,8 @@ class Setup:
 def setup_of(profile: Profile, start: str) -> Setup:
     """Return the emulated rig of a profile. ``start``: ``rest`` (on its table) or ``level``.
 
-    The table is at the profile's rest angles, where the counts are zero. Raises UsageError for rest
-    angles of roll outside −90 … 0°, or of pitch beyond its stops.
+    The table is at the profile's rest angles, where the counts are zero. Raises UsageError if the
+    rest angle of roll is outside −90 … 0°, or that of pitch beyond its mechanical stops.
     """
     body = body_of(profile)
     rest = tuple(profile.encoder.rest_rad.tolist())

@@ -118,7 +118,10 @@ class Device:
 
     @property
     def current(self) -> tuple[float, float]:
-        """Return the currents (front, back) of the motors in A; each is proportional to V |V|."""
+        """Return the motor currents (front, back) in A.
+
+        A motor with voltage V has a current proportional to V |V|.
+        """
         k = FULL_CURRENT_A / self.v_max**2
         return k * self.v[0] * abs(self.v[0]), k * self.v[1] * abs(self.v[1])
 

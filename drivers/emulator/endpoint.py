@@ -58,7 +58,7 @@ NO_DELAY = 0xFFFF
 
 @dataclass(frozen=True, slots=True)
 class Unknown:
-    """A frame with a valid check, but of an unknown type; ``kind`` is the type's code."""
+    """A frame with a valid checksum, but of an unknown type; ``kind`` is the type's code."""
 
     number: int
     kind: int

@@ -1,14 +1,15 @@
 """Compiled simulation of the plant over one control period.
 
-Each substep of length h computes the voltages at the motors; the rotors' first-order lag, exactly;
-the rigid body by classical Runge–Kutta of fourth order; then dry friction and stops as impulses.
+Each substep of length h computes in this order: the motor voltages; the thrusts with the rotors'
+first-order lag, exactly; the rigid body's motion by the classical fourth-order Runge–Kutta method;
+dry friction and mechanical stops, as impulses.
 
 Dry friction is set-valued: at rest its torque holds axis i, up to its limit τ_i. So after the
 Runge–Kutta step each axis with friction gets the impulse λ_i that stops it, clipped to ±τ_i h. Each
 axis at a stop gets the one-sided impulse that ends its outward motion (inelastic). The impulses are
-iterated over the axes because the mass matrix M couples them (projected Gauss–Seidel). A friction
-torque constant over the substep also moves the angles by ½ h M⁻¹λ; with that correction an axis at
-rest does not creep.
+iterated over the axes because the mass matrix M couples them (projected Gauss–Seidel). A torque
+λ/h, constant over the substep, also moves the angles by ½ h M⁻¹λ. The kernel adds this movement for
+dry friction; otherwise an axis at rest would creep.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ def _call(
 ) -> Any:
     """Call the effect's compiled function at the memory address ``address`` (numba intrinsic).
 
-    The other arguments are passed to this function (`plant_effects`). Since the plant knows only
-    addresses, effects can be added without compiling it again.
+    The function gets the arguments ``s`` … ``out``, defined in `plant_effects`. Since the plant
+    knows only addresses, effects can be added without compiling the plant again.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -67,10 +68,10 @@ def _hooks(stage, s, body, first, address, par, mem, out):  # type: ignore[no-un
 
 @njit(error_model="numpy")
 def _lag(state, target_f, target_b, tau, elapsed, force):  # type: ignore[no-untyped-def]
-    """Write the thrusts of rotors with a first-order lag to ``force`` (front, back; N).
+    """Write the thrusts F (front, back) in N of rotors with a first-order lag to ``force``.
 
-    The thrusts F solve τ Ḟ = target − F: ``tau`` τ in s, ``target_f`` and ``target_b`` in N,
-    ``elapsed`` the time in s since F was state[6:8].
+    Each F solves τ Ḟ = target − F. ``tau``: τ, s; ``target_f``, ``target_b``: targets, N;
+    ``elapsed``: time in s since the thrusts were ``state[6:8]``.
     """
     left = 0.0 if tau <= 0.0 else math.exp(-elapsed / tau)
     force[0] = target_f + (state[6] - target_f) * left
@@ -79,7 +80,7 @@ def _lag(state, target_f, target_b, tau, elapsed, force):  # type: ignore[no-unt
 
 @njit(error_model="numpy")
 def _impulses(state, h, dry, body):  # type: ignore[no-untyped-def]
-    """Apply dry friction and stops to ``state`` (angles, rates) after a substep.
+    """Apply dry friction and mechanical stops to ``state`` (angles, rates) after a substep.
 
     ``h``: substep, s; ``dry``: largest friction torque of each axis, N·m; ``body``: parameters
     (`plant_layout`).
@@ -163,10 +164,10 @@ def _compile(digest: str) -> tuple[Any, Any]:
     ):
         """Advance ``state`` = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) by ``dt`` s from ``t``; rad, rad/s, N.
 
-        Returns the encoders' counts at the end. Held throughout are the voltages ``v_f``, ``v_b``
-        in V and the random torques ``noise`` (3,) in N·m. The period has ``substeps`` integration
-        steps. ``start_V``: voltage before the start; ``body0``: body parameters; ``first`` …
-        ``mem``: the effects' arrays (`plant._attach`).
+        Returns the encoders' counts at the end. The voltages ``v_f``, ``v_b`` (V) and the random
+        torques ``noise`` (3,) (N·m) are constant. The period has ``substeps`` integration steps.
+        ``start_V``: voltage before the start; ``body0``: body parameters; ``first`` … ``mem``: the
+        effects' arrays (`plant._attach`).
         """
         _ = digest
         h = dt / substeps

@@ -4,10 +4,10 @@ Each torque w is an Ornstein–Uhlenbeck process, τ_c ẇ = −w + √(2 τ_c) 
 sampled exactly at the control period and held over it: w[k+1] = a w[k] + σ √(1 − a²) N(0, 1), a =
 exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ_c (s), at any rate.
 
-σ is set by the fit 100 (1 − ‖y − ŷ‖/‖y − mean y‖) % of a noisy closed-loop run (angles y, default
-controller, from level) by the same plant without noise (angles ŷ). The table shows this fit: the
-mean of noise seeds 1–6 for roll / pitch / yaw, and the range for pitch. The random signals of the
-plans have seed 1:
+σ was chosen by the difference between a closed-loop run with noise (angles y) and the same run
+without (angles ŷ); default controller, from level. The table shows the fit 100 (1 − ‖y − ŷ‖/‖y −
+mean y‖) % for three flight plans: the mean of noise seeds 1–6 for roll / pitch / yaw, and the range
+for pitch. The plans' random signals have seed 1:
 
 ==============  ======================  ===============
 plan            fit                     pitch
@@ -19,8 +19,8 @@ plan            fit                     pitch
 
 So no model can fit a run's pitch much better in closed-loop replay. About 70 % of the pitch error's
 variance comes through yaw, whose controller acts through pitch. Below 16 Hz the noise is almost
-white. The density of its accelerations is σ √(2 τ_c) / J: 0.0054 (roll), 0.0136 (pitch) and 0.0022
-(yaw) rad/s² per √Hz (two-sided) on the paper's rig.
+white. The density of its accelerations is σ √(2 τ_c) / J, J the axis' inertia: 0.0054 (roll),
+0.0136 (pitch) and 0.0022 (yaw) rad/s² per √Hz (two-sided) on the paper's rig.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ BLOCK = 512
 class TorqueNoise:
     """Draws random torques (3,) in N·m for each control period of ``dt`` s.
 
-    ``scale`` multiplies the standard deviations σ (`SIGMA_NM`). Another correlation time τ_c,
-    ``correlation_s`` (s), keeps the spectral density at low frequencies: σ² τ_c stays the same.
+    ``scale`` multiplies the standard deviations σ (`SIGMA_NM`). ``correlation_s``: correlation time
+    τ_c, s. Another τ_c than the default changes σ so that σ² τ_c, and with it the spectral density
+    at low frequencies, stays the same.
     """
 
     def __init__(

@@ -1,8 +1,8 @@
 """Simulates the plant (body, effects, noise and encoders), one control period at a time.
 
 All random numbers come from one seed in separate streams (spread, noise, timing, vibration):
-switching one on does not change the others. The integrator takes at least `MIN_SUBSTEPS` substeps
-of at most `MAX_SUBSTEP_S` for each control period.
+switching one on does not change the others. Each control period has at least `MIN_SUBSTEPS`
+integration substeps of at most `MAX_SUBSTEP_S`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The compiled functions of the effects, which the compiled plant calls by address.
 
-An effect's function has the signature ``(s, body, par, mem, out) → None`` over float64 arrays:
-context, body parameters, the effect's own parameters and memory, and what it changes.
+An effect's function has the signature ``(s, body, par, mem, out) → None`` over float64 arrays.
+``s`` contains time, angles, rates, voltages and thrusts; ``body`` the body's parameters; ``par``
+and ``mem`` the effect's own parameters and memory; ``out`` the values that it changes.
 `plant_layout` names their indices. The plant knows only the function's address, so a new effect is
 compiled without compiling the plant again.
 """

@@ -1,4 +1,4 @@
-"""Runs an emulated rig at a file descriptor, in real time."""
+"""Connects an emulated rig to a file descriptor and runs it in real time."""
 
 from __future__ import annotations
 

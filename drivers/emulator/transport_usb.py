@@ -307,7 +307,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
         return rig.function
 
     def _wait(self, function: UsbFunction, deadline: float) -> None:
-        """Wait until a bulk transfer may succeed, 10 ms at most.
+        """Wait until a bulk transfer may succeed, but at most 10 ms.
 
         Raises USBTimeoutError if ``deadline`` (s on the bus's clock) has passed.
         """

@@ -55,7 +55,7 @@ class UsbFunction:
         self._to_host = b""
 
     def control(self, now_us: int, kind: int, request: int, value: int) -> bytes | None:
-        """Handle a control request: return the string that it asks for, or stop the motors.
+        """Handle a control request for a string or for a stop of the motors; return the reply.
 
         ``kind``, ``request``, ``value``: bmRequestType, bRequest, wValue; ``now_us``: time in µs.
         """

@@ -23,8 +23,8 @@ program misses each byte read here"""
 def ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:
     """Return a function that recognises the ACK of a request of type ``request``.
 
-    The function takes a frame and a set of request numbers. It returns the frame if this is such an
-    ACK with one of the numbers, else None.
+    The function takes a frame and a set of request numbers. It returns the frame if this is the ACK
+    of such a request with one of the numbers, else None.
     """
 
     def match(frame: Frame, numbers: set[int]) -> Ack | None:

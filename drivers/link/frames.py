@@ -4,8 +4,8 @@
     header  = version u8, type u8, number u32
     check   = crc16(header body), crc16(header body in reverse order)
 
-All integers are little-endian; every type has one length. Voltages are whole microvolts, currents
-whole milliamperes, times whole microseconds, so no frame can hold a NaN.
+All integers are little-endian; all frames of one type have the same length. Voltages are whole
+microvolts, currents whole milliamperes, times whole microseconds, so no frame can hold a NaN.
 """
 
 from __future__ import annotations

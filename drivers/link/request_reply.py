@@ -79,7 +79,7 @@ class RequestClient:
 
         ``make(number)`` returns the request frame with this number. ``match(frame, numbers)`` is
         called with each received frame and the numbers of all attempts. ``match`` returns the
-        reply, or None if the frame is another one. Each attempt waits ``timeout_s`` seconds.
+        reply, or None if the frame is not the reply. Each attempt waits ``timeout_s`` seconds.
         """
         numbers: set[int] = set()
         self.tail = b""

@@ -6,8 +6,8 @@ Streaming (the device keeps time)::
 
 Samples that were waiting when the command was sent are discarded, and of several that arrive
 together the newest is used. So a late host skips periods; it never makes up for them. If the
-connection loses or delays a command, no period is lost: the next sample is used. Its echo, the
-number of the last command applied, shows that the command is missing.
+connection loses or delays a command, no period is lost: the next sample is used. The sample's echo,
+the number of the last command applied, shows that the command is missing.
 
 Polled (the host keeps time)::
 
@@ -167,7 +167,7 @@ class LinkRig:
     def exchange(self, command_: Command, due_s: float) -> Sample:
         """Send a command and return the sample at the end of this control period.
 
-        ``due_s``: end of the period in s on the monotonic clock, used if the host keeps the time.
+        ``due_s``: end of the period in s on the monotonic clock, used only without a stream.
         """
         self._check_open()
         v_front, v_back = command_.v_front, command_.v_back

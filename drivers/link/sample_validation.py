@@ -6,15 +6,15 @@ last command sent. The sample is accepted if
 
     0 < (n − n_last) mod 2³² < 2³¹    and    (e − e_last) mod 2³² ≤ (c − e_last) mod 2³²
 
-So an accepted echo never decreases and never exceeds c. A repeated or overtaken sample, or one of
-an older arming, fails one of the two conditions. The device's clock (µs modulo 2³²) and its 32-bit
-counts are unwrapped here.
+So an accepted echo never decreases and never exceeds c. Repeated samples, overtaken samples and
+samples of an earlier arming fail one of the two conditions. This module also unwraps the device's
+clock (µs modulo 2³²) and its 32-bit encoder counts. Each accepted sample increases two counters:
 
     lost           += (n − n_last) − 1                 sampled, but never arrived
     device_skipped += (i − i_last) − (n − n_last)      not sampled: the device was busy
 
-i counts the stream's sampling instants up to the sample's time (`Instants`). i is exact: the
-device's clock gives both this time and the period.
+i is the number of the stream's sampling instants up to the sample's time (`Instants`), i_last up to
+the last accepted sample's. i is exact: the device's clock gives both this time and the period.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class SampleValidator:
         return self.number
 
     def command(self, sequence: int) -> int:
-        """Return a new frame number for the command that the caller calls number ``sequence``."""
+        """Return the frame number of a new command; ``sequence``: the caller's number of it."""
         self.number = number = (self.number + 1) & _MASK
         self._sequences[number % REMEMBERED] = sequence
         return number

@@ -1,9 +1,10 @@
 """Reads the samples of a rig on the link: from the stream, or one for each POLL.
 
 Of several samples that arrived together the newest is used. The others, and those that arrived
-before the host waited for one, are discarded as stale. A POLL without a reply is repeated after
-four times the last round trip. Then two replies may arrive, and the second does not yet show the
-next period's command. `_extra_replies` counts how many more replies may arrive.
+before the host waited for a sample, are discarded as stale. A POLL without a reply is repeated
+after four times the last round trip. Then two replies may arrive, the second perhaps in the next
+period. This reply is discarded if its sample precedes the next period's command. `_extra_replies`
+counts how many more replies may arrive.
 """
 
 from __future__ import annotations

@@ -116,7 +116,7 @@ def named(processes: list[tuple[int, str]]) -> str:
 
 
 def held_by(path: str) -> str:
-    """Return as text the processes that have locked the port ``path``, else those using it."""
+    """Return as text the processes that have locked the port ``path``, else those that use it."""
     return named(lockers(path) or holders(path)) or "a process of another user"
 
 

@@ -1,18 +1,19 @@
 """Reads the newest sample of the board's encoder task, which samples by the board's own clock.
 
-The task stores sample k in a buffer at device time d = k·dt; reading a sample waits until there is
-one. The library does not report how many are waiting, and a host that was late must not use them
-one by one. So the driver estimates θ, host time minus device time in s. The sample of device time d
-is expected at host time d + θ; if it is read at host time h,
+The task stores sample k in a buffer at device time d = k·dt; reading waits until the buffer has a
+sample. The library does not report how many samples are waiting, and a host that was late must not
+use them one by one. So the driver estimates θ, host time minus device time in s. The sample of
+device time d is expected at host time d + θ; if it is read at host time h,
 
     θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  where the read waited for the sample, so it was fresh
     θ[k] = min(h − d,  θ[k−1])             where it did not wait
     waiting = ⌊(now − d − θ) / dt⌋
 
-``waiting`` is the number of samples in the buffer, ``now`` the host's time, d the last sample's.
-These samples are read together; the last one is used, and the device's time advances over the
-others. θ rises too slowly to hide a stall of the host during a read. If the host twice waits for
-samples that should be in the buffer, θ is wrong and its estimate is restarted.
+`DRIFT` bounds how slow the board's clock may run (s per s). ``waiting`` is the number of samples in
+the buffer, ``now`` the host's time, d the device time of the last sample read. These samples are
+read together; the last one is used, and the device's time advances over the others. θ rises too
+slowly to hide a stall of the host during a read. If the host twice waits for samples that should be
+in the buffer, θ is wrong and its estimate is restarted.
 """
 
 from __future__ import annotations

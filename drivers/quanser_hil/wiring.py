@@ -34,8 +34,8 @@ Channels = Annotated[tuple[int, ...], BeforeValidator(_channels)]
 class Wiring(UrlOptions):
     """The board and its channels, as the URL states them.
 
-    By default the encoders are wired as on the vendor's helicopter: its travel is our yaw, its
-    elevation our roll.
+    By default the encoders are wired as on the vendor's helicopter. The vendor's travel is
+    heli3dof's yaw, its elevation is heli3dof's roll.
     """
 
     board: str

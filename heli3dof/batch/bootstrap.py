@@ -1,9 +1,10 @@
 """Block bootstrap of one recording: replicates, and how often their diagnoses name each cause.
 
-A replicate consists of ⌊T/L⌋ blocks of L = `BLOCK_S`, drawn from the recording with replacement and
-kept in the order of time (Künsch, Annals of Statistics 17, 1989). Within a block the samples remain
-as they were, so noise that is correlated over less than L is reproduced. A pause of `PAUSE_S`
-without samples separates the blocks, so the estimation uses a separate initial state for each.
+A replicate of a recording of length T consists of ⌊T/L⌋ blocks of L = `BLOCK_S`, drawn with
+replacement and kept in the order of time (Künsch, Annals of Statistics 17, 1989). Within a block
+the samples remain as they were, so noise that is correlated over less than L is reproduced. A pause
+of `PAUSE_S` without samples separates the blocks, so the estimation uses a separate initial state
+for each.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Reco
 
 @dataclass(frozen=True)
 class NamedShare:
-    """A cause, and in how many replicates the diagnosis names it: ``named`` of ``of``.
+    """A cause, and how many bootstrap replicates' diagnoses name it: ``named`` out of ``of``.
 
     The diagnosis also names a cause if it reports it as confounded with another one.
     """
@@ -71,7 +72,7 @@ class NamedShare:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Return Wilson's 95 % interval of the share."""
+        """Return Wilson's 95 % interval of the share of replicates that name the cause."""
         from scipy.stats import binomtest
 
         low, high = binomtest(self.named, self.of).proportion_ci(0.95, method="wilson")
@@ -105,7 +106,8 @@ def named_shares(rows: Iterable[Mapping[str, Any]]) -> list[NamedShare]:
 def causes_of(row: Mapping[str, Any]) -> set[str]:
     """Return the causes in the row of a diagnosis, and the effects confounded with them.
 
-    Effects on the time stamps (``timing.gaps``) are left out, because the pauses cause them.
+    Effects on the time stamps (``timing.gaps``) are left out, because the pauses between the blocks
+    of a bootstrap replicate cause them.
 
     >>> sorted(causes_of({"causes": "timing.gaps; friction.coulomb.yaw|motor.lag"}))
     ['friction.coulomb.yaw', 'motor.lag']

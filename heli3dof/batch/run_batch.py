@@ -23,7 +23,10 @@ Progress = Callable[["Batch"], None]
 
 @dataclass
 class Batch:
-    """The progress of a batch: numbers of tasks. `run_batch` passes it to ``progress``."""
+    """The progress of a batch: how many of its tasks are done, failed or left out.
+
+    `run_batch` passes it to its argument ``progress``.
+    """
 
     total: int
     """All tasks: recordings, replicates of them, or flights of a sweep"""
@@ -48,7 +51,7 @@ def tasks_of(
 ) -> Iterator[Task]:  # fmt: skip
     """Yield a task for each recording and each set of the verb's options in ``options``.
 
-    ``where``: condition on the recordings; ``profile``: for logs, which contain none.
+    ``where``: condition on the recordings; ``profile``: the rig's, for logs, which contain none.
     """
     version = code_version()
     for source in sources:

@@ -126,9 +126,10 @@ def _device(recordings: Sequence[Recording]) -> str | None:
 
 
 def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
-    """Return the exercise of each recording's rig; an entry is None if the rig is of no exercise.
+    """Return for each recording the exercise on whose rig it was flown, None for other rigs.
 
-    The result is None, not a list, if no recording was flown on the rig of an exercise.
+    An exercise is a rig with hidden effects, for students. The result is None, not a list, if all
+    recordings are of other rigs.
     """
     from heli3dof.rig.sealed_rig import exercise_of
 

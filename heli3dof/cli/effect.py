@@ -149,5 +149,5 @@ def check(
 
 
 def _as_path(folder: Path) -> str:
-    """Return the folder as a path with ``./``, which pip cannot take for a package's name."""
+    """Return the folder as a path with ``./``, so that pip does not mistake it for a package."""
     return str(folder) if folder.is_absolute() else f"./{folder}"

@@ -81,7 +81,7 @@ def _real_steps(metrics: AxisMetrics) -> tuple[StepMetrics, ...]:
 def info_table(about: Mapping[str, Any], *, brief: bool = False) -> Table:
     """Return a table to print of ``about``, a recording's `heli3dof.recording.info.summary`.
 
-    ``brief``: without the rows `DETAILS`.
+    ``brief``: omit the rows named in `DETAILS`.
     """
     from rich.table import Table
 

@@ -131,7 +131,7 @@ def models_for(names: Sequence[str], recording: Recording) -> list[Model]:
 
 
 def are_supplied(recordings: Sequence[Recording]) -> bool:
-    """Return True if all recordings come with heli3dof; they repeat the paper's experiment."""
+    """Return True if all are recordings of the paper's experiment that come with heli3dof."""
     from heli3dof_recordings import references
 
     from heli3dof.recording.mcap_files.reader import read_recording

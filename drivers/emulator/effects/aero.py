@@ -1,15 +1,17 @@
 """Effects of the air and the rotors on thrust and torque.
 
-r, p, ψ are roll, pitch and yaw in rad, Q their torques; F is a thrust, F_f and F_b front and back.
-ω_a, ω_b are the body's rates about arm and bar (`lagrange`); a, h₀, k, κ are parameters.
+r, p, ψ are roll, pitch and yaw in rad, Q_r, Q_p, Q_ψ their torques. F is a rotor's thrust, F_f that
+of the front, F_b of the back; V_f, V_b are the motor voltages. L_a is the arm's length, L_h the
+distance of a rotor from the pitch axis. n is the body's normal and ω its angular velocity, with the
+components ω_a along the arm and ω_b along the body's bar (`lagrange`). a, h₀, k, κ are parameters.
 
 - Ground effect: near the table the thrust is F (1 + a exp(−h/h₀)); h = L_a (sin r − sin r_rest) is
   the body's height above the table.
-- Inflow: a rotor that moves along its axis at v_n (m/s) has the thrust F (1 − k v_n), with
-  v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇), front +, back −. The factor is
+- Inflow: a rotor that moves along its axis at v_n (m/s) has the thrust F (1 − k v_n), with v_n =
+  L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇), + for the front, − for the back. 1 − k v_n is
   limited to 0 … 2.
-- Reaction torque: both propellers turn in the same direction; the torque κF, F = F_f + F_b, acts
-  on the body about its normal n. By virtual work: Q_r = κF sin p, Q_p = 0, Q_ψ = κF cos r cos p.
+- Reaction torque: both propellers turn in the same direction; the torque M = κ (F_f + F_b) acts on
+  the body about n. By virtual work: Q_r = M sin p, Q_p = 0, Q_ψ = M cos r cos p.
 - Gyroscopic torque of the rotors' angular momentum H = k (V_f + V_b) n: −ω × H, i.e.
   Q_r = −H cos p ω_a, Q_p = −H ω_b, Q_ψ = −H sin r ω_b + H cos r sin p ω_a (it does no work).
 """

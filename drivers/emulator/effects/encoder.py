@@ -2,10 +2,10 @@
 
 - Backlash of full width w between the axis and its encoder: the encoder moves only while one of the
   two flanks is in contact.
-- Offset: the rig was not at its nominal rest when the counts were zeroed: reading = angle + offset.
-  Readings define the roll angle on the table and the starting angles, so an offset shifts their
-  true values.
-- Scale: a wrong number of encoder lines: reading = rest + k (angle − rest), k the scale.
+- Offset: the counts were zeroed at a wrong angle: reading = angle + offset. The starting angles,
+  and roll on the table, are given as readings: their true values are lower by the offset.
+- Scale: a wrong number of encoder lines: reading = rest + k (angle − rest), k the scale, rest the
+  angle at which the counts are zero.
 """
 
 from __future__ import annotations

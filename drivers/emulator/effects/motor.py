@@ -1,13 +1,14 @@
 """Effects of the motors, from the commanded voltage to the thrust, along the signal's path.
 
-V is one motor's voltage (V_o at hover), F its thrust; T, k, V_d, s, m, τ_m are the parameters:
+V is one motor's voltage (V_f front, V_b back, V_o at hover), F its thrust, K_f the profile's thrust
+per volt. T, k, V_d, s, m, τ_m are the effects' parameters:
 
-1. ``motor.delay``: V(t − T), exactly: the mean of the delayed voltage over each substep.
+1. ``motor.delay``: V(t − T), averaged exactly over each integration substep.
 2. ``motor.supply_sag``: the supply voltage drops under load: V (1 − k (|V_f| + |V_b|)).
 3. ``motor.saturation``: |V| ≤ limit, below the amplifier's own.
 4. ``motor.dead_zone``: zero for |V| below V_d, and V − V_d sgn V above.
-5. ``motor.thrust_curve``: V → (1 − s) V + s V |V| / V_ref: a share s of the thrust is quadratic;
-   at V_ref = |V_o| the thrust is that of the linear map.
+5. ``motor.thrust_curve``: V → (1 − s) V + s V |V| / V_ref: a share s of the thrust is quadratic in
+   V. At V_ref = |V_o| the thrust remains K_f V.
 6. ``motor.thrust_gain``: the thrust of both motors times k; ``motor.thrust_mismatch``:
    F_f : F_b = m : 1 at equal voltages, with their sum unchanged.
 7. ``motor.lag``: τ_m Ḟ = K_f V − F for each rotor.

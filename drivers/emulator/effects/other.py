@@ -1,10 +1,10 @@
-"""Torques that the diagnosis has no model of, to test that it reports an unmodelled effect.
+"""Torques without a model in the diagnosis, to test that it reports an unmodelled effect.
 
-The parameter is k:
+r, p, ψ are roll, pitch and yaw in rad, V_f and V_b the motor voltages; k is the parameter:
 
 - ``other.yaw_torque_from_pitch_rate``: −k ṗ on yaw;
-- ``other.roll_torque_from_yaw_angle``: k sin ψ on roll (a tilted base);
-- ``other.pitch_torque_from_voltage_product``: k V_f V_b on pitch (interacting wakes);
+- ``other.roll_torque_from_yaw_angle``: k sin ψ on roll (as on a tilted base);
+- ``other.pitch_torque_from_voltage_product``: k V_f V_b on pitch (as if the wakes interacted);
 - ``other.yaw_torque_from_roll_rate_squared``: k ṙ |ṙ| on yaw.
 """
 

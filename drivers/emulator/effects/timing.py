@@ -1,9 +1,9 @@
 """Sampling jitter and lost samples.
 
-Jitter: sample k is taken at k dt + ε. ε is normally distributed with the given standard deviation,
-|ε| at most 0.4 of a period; the device's time stamps are the true instants. Gaps: samples are lost
-at random, each with probability ``lost_share``. The voltage is then held and the time stamps have a
-gap.
+Jitter: sample k is taken at k dt + ε, with the control period dt. ε is drawn from a normal
+distribution with the given standard deviation and clipped to ±0.4 dt. The device's time stamps are
+the true instants. Gaps: each sample is lost with probability ``lost_share``. The device then holds
+the voltage, and the time stamps have a gap.
 """
 
 from __future__ import annotations

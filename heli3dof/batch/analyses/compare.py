@@ -19,7 +19,7 @@ def run(job: Job) -> Document:
 def model_texts(names: Sequence[str]) -> dict[str, str | None]:
     """Return model name → content of the model file, None for a built-in model.
 
-    The result is the option ``models`` of a job. Raises UsageError or RecordingError for a model
+    A job gets the result as its option ``models``. Raises UsageError or RecordingError for a model
     that cannot be loaded.
     """
     from heli3dof.paper.models import BUILT_IN, load_model

@@ -32,9 +32,10 @@ def replications_on_cluster(address: str | None) -> Iterator[None]:
 
 
 def replications_on(used: Engine) -> Distributor:
-    """Return a distributor for `heli3dof.parallel.distribute` that uses this engine.
+    """Return a function for `heli3dof.parallel.distribute` that gives replications to an engine.
 
-    A part whose workers exit before they return it is computed by this process.
+    ``used``: the engine. If the workers of a part exit before they return it, this process computes
+    it.
     """
 
     def distributor(work: Callable[[int], Any], count: int) -> Iterator[tuple[int, Any]]:
