@@ -56,7 +56,10 @@ class Amplifier:
         return self._state == ENABLED
 
     def arm_code(self, ticket: int) -> Code:
-        """Return the result code of an ARM request with this ticket: OK, or why it is refused."""
+        """Return the result code of an ARM request: OK, or why it is refused.
+
+        ``ticket``: the number in the request; only the current ticket is accepted.
+        """
         if self.enabled:
             return Code.ALREADY_ARMED
         if ticket != self.ticket:

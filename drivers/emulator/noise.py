@@ -6,8 +6,8 @@ exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ
 
 σ was chosen by the difference between a closed-loop run with noise (angles y) and the same run
 without (angles ŷ); default controller, from level. The table shows the fit 100 (1 − ‖y − ŷ‖/‖y −
-mean y‖) % for three flight plans: the mean of noise seeds 1–6 for roll / pitch / yaw, and the range
-for pitch. The plans' random signals have seed 1:
+mean y‖) % for three flight plans: the mean of noise seeds 1–6 for roll / pitch / yaw, and pitch's
+range. The plans' random signals have seed 1:
 
 ==============  ======================  ===============
 plan            fit                     pitch
@@ -17,8 +17,7 @@ plan            fit                     pitch
 ``large``       99.5 / 96.6 / 99.6      96.1 … 97.1
 ==============  ======================  ===============
 
-So no model can fit a run's pitch much better in closed-loop replay. About 70 % of the pitch error's
-variance comes through yaw, whose controller acts through pitch. Below 16 Hz the noise is almost
+So no model can fit a run's pitch much better in closed-loop replay. Below 16 Hz the noise is almost
 white. The density of its accelerations is σ √(2 τ_c) / J, J the axis' inertia: 0.0054 (roll),
 0.0136 (pitch) and 0.0022 (yaw) rad/s² per √Hz (two-sided) on the paper's rig.
 """
@@ -79,9 +78,10 @@ class TorqueNoise:
 class Vibration:
     """Draws random torques τ (3,) in N·m of a lightly damped mode, one set per control period.
 
-    τ[k] = Re z[k], z[k+1] = a z[k] + σ √(1 − |a|²) (N(0, 1) + i N(0, 1)), a = e^{(−ζ + i) ω dt}. σ
-    is ``scale`` times `SIGMA_NM`; ω = 2π ``hertz``; ζ is `VIBRATION_DAMPING`; ``dt`` is the period
-    in s.
+    τ[k] = Re z[k], z[k+1] = a z[k] + σ √(1 − |a|²) (N(0, 1) + i N(0, 1)), a = e^{(−ζ + i) ω dt}.
+
+    σ is ``scale`` times `SIGMA_NM`; ω = 2π ``hertz``; ζ is the damping ratio `VIBRATION_DAMPING`;
+    ``dt`` is the control period in s.
     """
 
     def __init__(self, rng: np.random.Generator, dt: float, scale: float, hertz: float) -> None:

@@ -52,8 +52,7 @@ _ENDPOINT = "bLength bDescriptorType bEndpointAddress bmAttributes wMaxPacketSiz
 class BusFault:
     """A fault of the emulated bus: it starts ``at_s`` s after the bus's creation, for ``for_s`` s.
 
-    ``for_s`` is None for a lasting fault, but a stalled pipe works again once the host has cleared
-    the stall.
+    If ``for_s`` is None, the fault is permanent, except that the host can clear a stalled pipe.
     """
 
     kind: str

@@ -1,7 +1,7 @@
 """Driver of ``usb+mock:?hide=…&seed=…``: the rig of ``mock:`` on an emulated USB bus.
 
-The URL takes every option of ``mock:`` but ``speed`` (a bus runs in real time), those of ``usb:``,
-and ``bus=KIND@SECONDS[:FOR_SECONDS]`` for faults of the bus; see `transport_usb`.
+The URL takes the options of ``mock:`` but not ``speed`` (a bus runs in real time), and those of
+``usb:``. ``bus=KIND@SECONDS[:FOR_SECONDS]`` adds faults of the bus; see `transport_usb`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Accepts the samples of the current arming that are new and echo a command that was sent.
 
-Let n be a sample's number and e its echo, the number of the last command applied; n_last and e_last
-those of the last accepted sample (e_last is at first the ARM's number); and c the number of the
+Let n be a sample's number and e its echo, the number of the last command applied. n_last and e_last
+are those of the last accepted sample (e_last is at first the ARM's number). c is the number of the
 last command sent. The sample is accepted if
 
     0 < (n − n_last) mod 2³² < 2³¹    and    (e − e_last) mod 2³² ≤ (c − e_last) mod 2³²
@@ -10,8 +10,8 @@ So an accepted echo never decreases and never exceeds c. Repeated samples, overt
 samples of an earlier arming fail one of the two conditions. This module also unwraps the device's
 clock (µs modulo 2³²) and its 32-bit encoder counts. Each accepted sample increases two counters:
 
-    lost           += (n − n_last) − 1                 sampled, but never arrived
-    device_skipped += (i − i_last) − (n − n_last)      not sampled: the device was busy
+    lost           += (n − n_last) − 1                 samples that never arrived
+    device_skipped += (i − i_last) − (n − n_last)      not sampled: device was busy
 
 i is the number of the stream's sampling instants up to the sample's time (`Instants`), i_last up to
 the last accepted sample's. i is exact: the device's clock gives both this time and the period.
@@ -70,7 +70,7 @@ class SampleValidator:
         return self.number
 
     def command(self, sequence: int) -> int:
-        """Return the frame number of a new command; ``sequence``: the caller's number of it."""
+        """Return the frame number of a new command, to which the caller gives ``sequence``."""
         self.number = number = (self.number + 1) & _MASK
         self._sequences[number % REMEMBERED] = sequence
         return number

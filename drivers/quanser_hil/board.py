@@ -85,8 +85,8 @@ class Board:
     def firmware(self) -> str:
         """Return the board's firmware version, or "unknown".
 
-        No method reads the serial number: it is a string property, and the vendor's wrapper passes
-        C a buffer of one byte for it.
+        No method reads the serial number, because the vendor's wrapper passes C only one byte for
+        it.
         """
         names = self._hardware.IntegerProperty
         version = self._properties(names.FIRMWARE_MAJOR_VERSION, names.FIRMWARE_MINOR_VERSION)

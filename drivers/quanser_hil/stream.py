@@ -1,9 +1,9 @@
 """Reads the newest sample of the board's encoder task, which samples by the board's own clock.
 
 The task stores sample k in a buffer at device time d = k·dt; reading waits until the buffer has a
-sample. The library does not report how many samples are waiting, and a host that was late must not
-use them one by one. So the driver estimates θ, host time minus device time in s. The sample of
-device time d is expected at host time d + θ; if it is read at host time h,
+sample. The library does not report how many samples are waiting. A host that was late must skip the
+old ones. So the driver estimates θ, host time minus device time in s. The sample of device time d
+is expected at host time d + θ; if it is read at host time h,
 
     θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  where the read waited for the sample, so it was fresh
     θ[k] = min(h − d,  θ[k−1])             where it did not wait

@@ -1,8 +1,9 @@
 """The condition of ``--where``, as in ``rig="K1" and plan="rich" and duration_s>30``.
 
-It contains the names of the results table's first columns (`recording_columns.COLUMNS`), numbers,
-texts in quotes, ``= != < <= > >= in``, ``and``, ``or``, ``not`` and parentheses. simpleeval
-evaluates it, restricted to these elements. A column without a value meets no comparison but ``!=``.
+It may contain the names in `recording_columns.COLUMNS` (the results table's first columns),
+numbers, texts in quotes, ``= != < <= > >= in``, ``and``, ``or``, ``not`` and parentheses.
+simpleeval evaluates it, restricted to these elements. A column without a value meets no comparison
+but ``!=``.
 """
 
 from __future__ import annotations

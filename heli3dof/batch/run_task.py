@@ -1,7 +1,7 @@
 """`run_task`: do one verb on one recording. It runs in a worker and never raises.
 
-The verb reads and writes in a temporary folder. Paths in its document are replaced: the recording's
-by the path that the user gave, a written file's by its path relative to the output folder.
+The verb reads and writes in a temporary folder. In its document, the recording's path is replaced
+by the one that the user gave. The path of a written file becomes relative to the output folder.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Give the Monte Carlo replications of one diagnosis to an engine.
+"""Give the Monte Carlo replications of one diagnosis to an engine, such as a Dask cluster.
 
 Each of n workers gets one part: the replications k, k + n, k + 2n, … The function that computes
-them contains the recordings (about 0.3 MB per second of flight), so it is sent once per part.
+them is sent once per part, because it contains the recordings: about 0.3 MB per second of flight.
 """
 
 from __future__ import annotations
