@@ -47,8 +47,7 @@ def _call(
 ) -> Any:
     """Call the effect's compiled function at the memory address ``address`` (numba intrinsic).
 
-    The function gets the arguments ``s`` … ``out``, defined in `plant_effects`. Since the plant
-    knows only addresses, effects can be added without compiling the plant again.
+    The function gets the arguments ``s`` … ``out``, which `plant_effects` defines.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -128,10 +127,8 @@ def _impulses(state, h, dry, body):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def _copy(source, into, at, n):  # type: ignore[no-untyped-def]
-    """Copy n numbers of ``source`` to ``into[at:]``.
-
-    numba would take 4 s longer to compile a slice assignment.
-    """
+    """Copy n numbers of ``source`` to ``into[at:]``."""
+    # numba would take 4 s longer to compile a slice assignment.
     for i in range(n):
         into[at + i] = source[i]
 

@@ -1,4 +1,4 @@
-"""Runs the emulated rig at a pseudo-terminal, in real time, in a process of its own.
+"""Runs the emulated rig behind a pseudo-terminal, in real time, in a process of its own.
 
 ``python -m heli3dof_drivers.emulator.transport_pty --device 'mock:?hide=…&seed=…'``
 

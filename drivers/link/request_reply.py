@@ -78,8 +78,8 @@ class RequestClient:
         """Send a request up to ``tries`` times; return its reply, or None if no attempt got one.
 
         ``make(number)`` returns the request frame with this number. ``match(frame, numbers)`` is
-        called with each received frame and the numbers of all attempts. ``match`` returns the
-        reply, or None if the frame is not the reply. Each attempt waits ``timeout_s`` seconds.
+        called with each received frame and the numbers of all attempts. ``match`` returns the frame
+        if it is the reply, else None. Each attempt waits ``timeout_s`` seconds.
         """
         numbers: set[int] = set()
         self.tail = b""

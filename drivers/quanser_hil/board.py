@@ -83,11 +83,8 @@ class Board:
             hil.set_encoder_counts(self._encoders, 3, array("i", [0, 0, 0]))
 
     def firmware(self) -> str:
-        """Return the board's firmware version, or "unknown".
-
-        No method reads the serial number, because the vendor's wrapper passes C only one byte for
-        it.
-        """
+        """Return the board's firmware version, or "unknown"."""
+        # No method reads the serial number, because the vendor's wrapper passes C only one byte.
         names = self._hardware.IntegerProperty
         version = self._properties(names.FIRMWARE_MAJOR_VERSION, names.FIRMWARE_MINOR_VERSION)
         return "unknown" if version is None else f"{version[0]}.{version[1]}"

@@ -1,7 +1,7 @@
 """The condition of ``--where``, as in ``rig="K1" and plan="rich" and duration_s>30``.
 
-It may contain the names in `recording_columns.COLUMNS` (the results table's first columns),
-numbers, texts in quotes, ``= != < <= > >= in``, ``and``, ``or``, ``not`` and parentheses.
+The condition may contain the names in `recording_columns.COLUMNS` (the results table's first
+columns), numbers, texts in quotes, ``= != < <= > >= in``, ``and``, ``or``, ``not`` and parentheses.
 simpleeval evaluates it, restricted to these elements. A column without a value meets no comparison
 but ``!=``.
 """
@@ -25,7 +25,7 @@ SYNTAX = (
 
 
 def _of_values(compare: Callable[[Any, Any], bool]) -> Callable[[Any, Any], bool]:
-    """Return ``compare``, changed to return False for a missing value or one of the wrong type."""
+    """Return ``compare``, changed to return False for values that are missing or not comparable."""
 
     def compared(one: Any, other: Any) -> bool:
         try:

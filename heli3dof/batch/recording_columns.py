@@ -1,7 +1,8 @@
 """The first columns of the results table, which describe the recording; equal for all verbs.
 
-``--where`` may use all of them. Jitter is rounded to a multiple of `RESOLUTION_S`. An angle's
-standard deviation is that of rounding to one count of its encoder: 360°/(counts √12).
+``--where`` may use all of them. Jitter is rounded to a multiple of `RESOLUTION_S`. The columns
+``roll_start_deg_std`` and ``pitch_start_deg_std`` contain the standard deviation of rounding to one
+encoder count: 360°/(counts √12).
 """
 
 from __future__ import annotations
