@@ -107,7 +107,7 @@ class Endpoint:
         self._jitter_us = 0
 
     def receive(self, now_us: int, data: bytes) -> bytes:
-        """Process the host's bytes; return as bytes the samples due by ``now_us`` and the replies."""
+        """Process the host's bytes; return replies and samples due by ``now_us``, as bytes."""
         out = self.tick(now_us)
         for frame in self._splitter.feed(data):
             self._frames += 1

@@ -50,8 +50,7 @@ _ENDPOINT = "bLength bDescriptorType bEndpointAddress bmAttributes wMaxPacketSiz
 
 @dataclass(frozen=True, slots=True)
 class BusFault:
-    """A fault of the emulated bus: it starts ``at_s`` s after the bus's creation, and lasts
-    ``for_s`` s.
+    """A fault of the emulated bus, from ``at_s`` s after the bus's creation, for ``for_s`` s.
 
     If ``for_s`` is None, the fault is permanent, except that the host can clear a stalled pipe.
     """
