@@ -1,4 +1,4 @@
-"""Screen a fit: the recordings' standardised scores Z of all candidates, and what they can show.
+"""Screen a fit: standardised scores Z of all candidates, and the effects that can be detected.
 
 Z = (z − mean z_null) / std z_null, with the scores z of `screening.score_test` and the nulls of
 `screening.nulls`.
@@ -77,7 +77,7 @@ class Screening:
     def detectable_size(self, name: str) -> float:
         """Return the size of a term's first parameter, in its unit, at which Z² is significant.
 
-        It is infinite for a term that the screen does not evaluate by plain probes.
+        It is infinite for a term without probes, such as a scanned one.
         """
         plain = zip(self.screen.plain, self._sigma, strict=True)
         named = [float(s) for p, s in plain if p.name == name]
