@@ -276,7 +276,7 @@ def _report(
     with_loop: bool = True,
     **more: Any,
 ) -> list[str]:
-    """Print the loop's properties, warnings and the JSON document; return the warnings.
+    """Print the control loop's margins, the warnings and the JSON document; return the warnings.
 
     If ``with_loop`` is False, only the JSON document describes the loop. ``more``: further entries
     of this document.

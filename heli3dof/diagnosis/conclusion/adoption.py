@@ -19,8 +19,9 @@ standardised score and ρ the factor by which coloured noise increases its varia
 (`bias_correction.coloured_noise`). It is also dropped if an encoder error of at most one count
 explains the data as well (`within_a_count`).
 
-These causes are dropped first, then those with the smallest Δℓ. After each, the Δℓ of the remaining
-causes are computed again. Adopted causes are not reported as confounded with each other.
+Causes that coloured noise or an encoder error explains are dropped first, then those with the
+smallest Δℓ. After each, the Δℓ of the remaining causes are computed again. Adopted causes are not
+reported as confounded with each other.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For it, �
 sizes for which x_j(α) = θ_j − α b_ji gives a K_f within the tolerance.
 
 An inertia is also confounded with effects whose full fit has this inertia within the tolerance, and
-explains the flight as well (`selection.inertia_alternatives`).
+explains the flight equally well (`selection.inertia_alternatives`).
 """
 
 from __future__ import annotations

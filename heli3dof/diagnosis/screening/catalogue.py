@@ -37,7 +37,7 @@ class Probe:
 
 
 def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[Term]:
-    """Return the candidate terms on the measured ``axes`` for a fit that contains ``without``."""
+    """Return the candidate terms on the measured ``axes``, except the fit's terms ``without``."""
     out = []
     for effect in effects().values():
         if not (effect.candidate and effect.screened and effect.parameters):

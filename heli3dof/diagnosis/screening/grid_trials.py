@@ -106,7 +106,7 @@ def widened(problem: Likelihood, term: Term) -> Likelihood:
 def fit_start(
     ext: Likelihood, theta: np.ndarray, noise: np.ndarray, term: Term
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the start of a fit with ``term``: coordinates (n + m,) and ``noise`` (4,).
+    """Return the start of a fit with ``term``: parameters (n + m,) and ``noise`` (4,).
 
     ``theta`` (n,): current fit; m: the term's parameters. The first round evaluates every other
     grid value, the second the neighbours of the best one. Each round ends with updates of the

@@ -6,7 +6,8 @@
     u(f) = Σ λ(t) exp(i 2π f t)      real part: of a cosine torque, imaginary part: of a sine
     u(t_0) = Σ_{t ≥ t_0} λ(t)        of a torque that sets in at t_0
 
-The information v is computed at knots and interpolated. The result is the largest z² = |u|²/v.
+The information v is computed at a few f or t_0 and interpolated. The result is the largest
+z² = |u|²/v.
 """
 
 from __future__ import annotations

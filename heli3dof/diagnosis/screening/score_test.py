@@ -95,7 +95,7 @@ class Screen:
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
     def information(self) -> np.ndarray:
-        """Return v of each probe but scans, per squared unit of its parameter; 0 for a limit."""
+        """Return each plain probe's information v per squared parameter unit; 0 for a limit."""
         size = np.array([p.size if p.grows else np.inf for p in self.plain])
         return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
 

@@ -141,7 +141,7 @@ def bic_penalty(m: int, at: Pass) -> float:
 def start_at_probe(
     ext: Likelihood, current: CorrectedFit, result: ScreenResult, i: int, unbiased: float
 ) -> np.ndarray:
-    """Return the start coordinates (n + m,): the current fit (n,), the new term (m,) at probe i.
+    """Return start parameters (n + m,): the current fit (n,), the new term (m,) at probe i.
 
     ``ext``: likelihood with the new term. ``unbiased``: (z − nulls' mean z)/z of the probe.
     """

@@ -85,7 +85,7 @@ def choose(
 
 
 def candidates_to_fit(s: Screening) -> list[tuple[Term, float, int]]:
-    """Return at most `MAX_FITS` terms to fit; none if no Z² reaches the nulls' threshold."""
+    """Return at most `MAX_FITS` terms to fit; none if no Z² reaches `Nulls.threshold`."""
     if not s.ranked or s.ranked[0][1] < s.nulls.threshold:
         return []
     return [r for r in s.ranked[:MAX_FITS] if r[1] >= MIN_RELATIVE_Z2 * s.ranked[0][1]]

@@ -202,7 +202,7 @@ def base_with_forms(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
 
 
 def out_of_range(fit: CorrectedFit, keep: np.ndarray, refit: Optimum) -> bool:
-    """Return True if a refit of the coordinates ``keep`` ((n,) bool) is too far from ``fit``.
+    """Return True if a refit of the parameters ``keep`` ((n,) bool) is too far from ``fit``.
 
     The bias correction of ``fit`` is then not valid for the refit.
     """

@@ -134,7 +134,7 @@ def trail(fit: Estimate) -> Trail:
 
 
 def trail_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> Trail:
-    """Return the filter run at the coordinates θ = ``theta`` (n,) and ``noise`` (4,)."""
+    """Return the filter run with parameters ``theta`` (n,) and ``noise`` (4,), see `Trail`."""
     at = problem.run(theta, noise, keep=2)
     assert at.X is not None
     A, B, slope, q_ddot = along(problem, theta, at.X)

@@ -93,7 +93,7 @@ class Nuisance:
 class Evidence:
     """The scores of the candidate residual torques in ``library``, evaluated at a fit.
 
-    ``null``: the same scores of simulated nulls; None if no nulls can be simulated.
+    ``null``: the same scores in flights simulated without such torques; None if impossible.
     """
 
     fit: CorrectedFit
@@ -137,8 +137,8 @@ def coloured_noise_ratio(
     g − w Dᵀ τ. Their block sums along P have information V and a long-run covariance S
     (`bias_correction.coloured_noise`). ``white`` is tr(V⁺ S)/k in null simulations. ρ is the larger
     of two ratios tr(V⁺ S)/(k ``white``): along P with `MEMORY_S`, and along a constant torque with
-    `CONSTANT_MEMORY_S`, as a fitted function of time removes slow noise along P. A
-    ratio that white noise exceeds with a probability above ``chance`` is set to 1.
+    `CONSTANT_MEMORY_S`, as a fitted function of time removes slow noise along P. A ratio that white
+    noise exceeds with a probability above ``chance`` is set to 1.
     """
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]

@@ -65,7 +65,7 @@ _LOG_STEP = 0.4  # step of the log intensity, for finite differences
 def on_holdout(
     fit: Estimate, recordings: Sequence[Recording], theta: np.ndarray | None = None
 ) -> HeldOut:
-    """Evaluate a fit, or its model at coordinates θ (n,), on recordings it was not fitted to."""
+    """Evaluate a fit, or its model with parameters θ (n,), on recordings it was not fitted to."""
     runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
     problem = Likelihood(data_of(recordings, runs), fit.structure)
     optimum = fit.optimum

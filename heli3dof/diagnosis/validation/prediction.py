@@ -80,7 +80,7 @@ def prediction_errors(
     horizons_s: Sequence[float] = HORIZONS_S,
     starts: np.ndarray | None = None,
 ) -> PredictionErrors:
-    """Return the prediction errors from the filter's states X (N, ≥ 6) at the coordinates θ (n,).
+    """Return the prediction errors from the filter's states X (N, ≥ 6) at the parameters θ (n,).
 
     ``starts`` (S,): rows to start from, by default `starts_of` the data. The errors from a start
     outside the runs are NaN.
