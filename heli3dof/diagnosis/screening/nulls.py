@@ -87,9 +87,9 @@ class Nulls:
         return float(spread * t.isf(FALSE_ALARMS / (2 * FORMAL_CANDIDATES), self.freedom) ** 2)
 
     def confidence(self, Z2: float) -> float:
-        """Return the probability exp(−P p) that no squared score of P probes reaches Z² by chance.
+        """Return the probability exp(−P p) that none of P squared scores reaches Z² by chance.
 
-        p is the probability that the squared score of one probe does.
+        p is the probability that one squared score does.
         """
         from scipy.stats import t
 

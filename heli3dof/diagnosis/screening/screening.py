@@ -25,7 +25,7 @@ LARGE = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Screening:
-    """The screen of a fit, the recordings' scores, and the nulls' distribution."""
+    """A fit's score test: the recordings' scores, and their distribution without the effects."""
 
     fit: CorrectedFit
     """The current fit: the base with all causes of earlier steps"""
@@ -85,7 +85,7 @@ class Screening:
 
     @cached_property
     def _sigma(self) -> np.ndarray:
-        """Return the standard deviation of the first parameter of each plain probe, in its unit."""
+        """Return the standard deviation of each plain probe's first parameter, in its unit."""
         v = np.maximum(self.screen.information(), 1e-300)
         return np.asarray(self.nulls.std[: len(self.screen.plain)] / np.sqrt(v))
 

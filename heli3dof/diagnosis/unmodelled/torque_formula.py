@@ -151,7 +151,7 @@ def variable_of(product: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class FilteredFit:
-    """A fit with its filter run, tangents and score, which every test of a torque needs."""
+    """A fit with its filter run, derivatives and score, which every test of a torque needs."""
 
     flight: Trail
     path: Path

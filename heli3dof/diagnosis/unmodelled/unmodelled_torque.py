@@ -290,7 +290,7 @@ def score_tests(
 
 
 def gumbel_stretch(n: int) -> float:
-    """Return the factor by which to stretch a Gumbel scale estimated from the moments of n nulls.
+    """Return the factor by which to stretch a Gumbel scale estimated from n null flights.
 
     With the stretch, a further flight exceeds the threshold with the probability
     `TORQUE_FALSE_ALARMS`. Without it, the probability is three times (n = 24) or twelve times
