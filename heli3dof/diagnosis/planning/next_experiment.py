@@ -178,7 +178,7 @@ def _why(best: Outlook, names: Sequence[str]) -> str:
 def _flights_needed(margin: float) -> str:
     """Return, as text, how many flights decide between two causes with `MIN_CERTAINTY`.
 
-    ``margin``: expected log-likelihood ratio of one flight; those of several flights add.
+    ``margin``: twice the expected log-likelihood ratio of one flight; those of several flights add.
 
     >>> _flights_needed(2.0)
     '3 such flights decide with a probability of 50 %'

@@ -52,7 +52,7 @@ def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[
 
 
 def probes(term: Term, V: np.ndarray) -> list[Probe]:
-    """Return the parameter values at which the score test evaluates a term, its probes.
+    """Return a term's probes: parameter values at which the score test evaluates it.
 
     ``V`` (N, 2): recorded voltages, which determine the values of a limit.
     """

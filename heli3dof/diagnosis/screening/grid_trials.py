@@ -85,7 +85,7 @@ def exceeds_nulls(
     noise: np.ndarray,
     nulls: Sequence[Data],
 ) -> bool:
-    """Return True if the trial's Δℓ exceeds Δℓ in every null flight by `MIN_TRIAL_GAIN`."""
+    """Return True if the trial's Δℓ exceeds that of every null flight by `MIN_TRIAL_GAIN`."""
     ext = widened(problem, trial.term)
     at = np.append(theta, ext.structure.free[-1].inward(trial.value))
 

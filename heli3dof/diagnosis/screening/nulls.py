@@ -155,7 +155,7 @@ def _shrunk_std(z: np.ndarray) -> np.ndarray:
 
 
 def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
-    """Return the nulls' distribution by formula, if no nulls can be simulated."""
+    """Return the scores' distribution without any effect, by formula instead of simulation."""
     from scipy.stats import chi2
 
     n = len(screen.names)
