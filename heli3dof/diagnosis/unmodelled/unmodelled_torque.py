@@ -300,7 +300,7 @@ def gumbel_stretch(n: int) -> float:
 
 
 def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return V without a constant torque's information, and the same operator for scores."""
+    """Return V with a constant torque projected out, and the matrix that does so for scores."""
     one = np.ones(KNOTS)
     along = V @ one
     total = float(one @ along)
