@@ -111,7 +111,7 @@ def stages(out: Output) -> Iterator[Callable[[str], None]]:
 
 
 def _console(**options: Any) -> Console:
-    """Return a rich console that replaces the characters that its stream's encoding lacks."""
+    """Return a console of the library rich; it prints unencodable characters as ASCII text."""
     from rich.console import Console
 
     class Encoded(Console):

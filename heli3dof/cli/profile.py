@@ -276,10 +276,10 @@ def _report(
     with_loop: bool = True,
     **more: Any,
 ) -> list[str]:
-    """Print the control loop's poles, margins and step responses; return the warnings.
+    """Print the control loop's margins, the warnings and the JSON document; return the warnings.
 
-    Without ``with_loop``, only the JSON document describes the loop. ``more``: further entries of
-    the JSON document.
+    If ``with_loop`` is False, only the JSON document describes the loop. ``more``: further entries
+    of this document.
     """
     from heli3dof.rig.profile_remarks import unusual_values
 

@@ -62,7 +62,7 @@ def progress(out: Output, live: Live, name: str, profile: Profile) -> Iterator[N
 
 @contextmanager
 def _printing(out: Output, view: FlightView) -> Iterator[None]:
-    """Context manager: prints the view's line every `PRINT_EVERY_S`."""
+    """Context manager: prints `FlightView.line` every `PRINT_EVERY_S` seconds."""
     ended = threading.Event()
 
     def print_lines() -> None:

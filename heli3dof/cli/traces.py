@@ -1,7 +1,6 @@
 """Draw the last seconds of the three angles as traces of braille dots in a terminal.
 
-A character holds 2 × 4 dots. The angle is a connected cyan line of dots, the reference is every
-other dot of a yellow line.
+A character holds 2 × 4 dots. The angle is a solid cyan line, the reference is dotted and yellow.
 """
 
 from __future__ import annotations
@@ -89,7 +88,7 @@ def scale(values: Sequence[float]) -> tuple[float, float]:
 
 
 def levels(values: Sequence[float], low: float, high: float) -> list[int | None]:
-    """Return the row of each value's dot: 0 (top) for ``high``, the last for ``low``; NaN: None."""
+    """Return each value's row of dots: 0 (top) for ``high``, the last for ``low``; None for NaN."""
     last = 4 * ROWS - 1
     return [None if v != v else round((high - v) / (high - low) * last) for v in values]
 

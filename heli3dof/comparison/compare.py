@@ -2,8 +2,8 @@
 
 If a recording's controller is known, each model is simulated in the same closed loop
 (`heli3dof.comparison.replay`). The report gives the model's step metrics and their differences from
-the measured step metrics. Table II contains such differences (erratum E11). For every recording,
-multi-step prediction errors are reported too (`heli3dof.comparison.prediction`).
+the measured step metrics. The entries of Table II are such differences (erratum E11). For every
+recording, multi-step prediction errors are reported too (`heli3dof.comparison.prediction`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Compute step metrics per axis: peak, overshoot, steady error, rise and settling time.
 
-A *segment* is a stretch of constant reference; all but the first last at least `MIN_HOLD_S`. With
-the measured angle y, the set value y_r and the start value y_a (degrees), and s = sgn(y_r − y_a):
+A *segment* is a stretch of constant reference. Every segment after the first lasts at least
+`MIN_HOLD_S`. With the measured angle y, the set value y_r and the start value y_a (degrees), and
+s = sgn(y_r − y_a):
 
     peak               y_pk, with s·y_pk = max s·y
     overshoot          s·(y_pk − y_r)                   (negative if y does not reach y_r)

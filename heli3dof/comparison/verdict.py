@@ -83,8 +83,8 @@ def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, Float
 def _best(errors: Errors, what: str) -> list[str]:
     """Return a sentence with each axis's best model, its error, and that of a second model.
 
-    The second model is ``hover``, or the next best one. The list is empty without errors.
-    ``what`` describes the ``errors`` in the sentence, for example "closed-loop replay".
+    The second model is ``hover`` if it is not best, else the next best one. The list is empty
+    without errors. ``what`` describes the ``errors``, for example "closed-loop replay".
     """
     models = {name: e for name, e in errors.items() if name != STILL}
     groups: dict[tuple[str, ...], list[str]] = {}

@@ -1,7 +1,8 @@
 """Convert the base parameters to SI, and test which are off nominal by more than the tolerance.
 
-A fit gives the trim torque T_g and the inertias J in units of the thrust gain K_f, which
-`greybox.thrust_scale` estimates. The parameters X and their findings are
+The base parameters X are the thrust gain K_f, the trim torque T_g and three inertias J. A fit gives
+T_g and J in units of K_f, which `greybox.thrust_scale` estimates. Columns: X, name of its finding,
+value of the finding.
 
     K_f             motor.thrust_gain       gain = K_f/K_f,nominal
     T_g             mass.imbalance          torque_Nm = T_g − T_g,nominal
@@ -15,7 +16,7 @@ X is a finding if x exceeds e significantly:
 - σ_k: standard deviation of ln K_f (`greybox.thrust_scale`), which further flights hardly reduce
 - σ: standard deviation of x by the flights' noise
 - q: normal quantile, with Bonferroni's correction, of the false-alarm probability `FALSE_ALARMS`
-- f: 1 for a fit with edge rates (`closed_loop_fit.edge_rates`) or to free-run predictions, else
+- f: 1 for a fit to free-run predictions or with edge rates (`closed_loop_fit.edge_rates`), else
   `STD_INFLATION`: on a limit cycle, or with an unmodelled torque, the error of x may reach f σ.
 """
 
@@ -68,7 +69,7 @@ class BaseParameter:
         return abs(self.x) - abs(edge(self.x, tolerance))
 
     def is_significant(self, beyond: float, quantile: float, std: float) -> bool:
-        """Return whether ``beyond`` = |x| − |e| exceeds the right side of the module's inequality.
+        """Return whether ``beyond`` = |x| − |e| is significant, by the module's inequality.
 
         ``quantile``: q; ``std``: f σ.
         """
@@ -76,7 +77,7 @@ class BaseParameter:
 
 
 def quantile() -> float:
-    """Return q, the one-sided normal quantile of the probability `FALSE_ALARMS` / `FAMILY`.
+    """Return q, the one-sided normal quantile for `FALSE_ALARMS` shared by `FAMILY` tests.
 
     >>> round(quantile(), 2)
     3.24
@@ -120,7 +121,8 @@ def off_nominal(
 ) -> tuple[OffNominal, ...]:
     """Return the base parameters that differ from nominal by significantly more than tolerance.
 
-    The largest score comes first. ``std_inflation``: f, the factor of σ in the module's inequality.
+    The largest `OffNominal.score` comes first. ``std_inflation``: f, the factor of σ in the
+    module's inequality.
     """
     tolerance = fit.structure.profile.tolerance
     out = [
@@ -134,8 +136,8 @@ def off_nominal(
 def std_inflation(fit: CorrectedFit) -> float:
     """Return f, the factor of σ in the module's inequality, for a fit by likelihood.
 
-    It is 1 for a fit that used the rates of encoder edges (`closed_loop_fit.edge_rates`), else
-    `STD_INFLATION`.
+    It is 1 for a fit that also uses how often encoder counts change
+    (`closed_loop_fit.edge_rates`), else `STD_INFLATION`.
     """
     return STD_INFLATION if fit.spread is None else 1.0
 
@@ -161,7 +163,7 @@ def _off(c: BaseParameter) -> OffNominal:
 
 
 def in_SI(fit: PhysicalFit, scale: ThrustScale, name: str) -> dict[str, tuple[float, float]]:
-    """Return {parameter: (value, standard deviation)} of the term ``name``, in SI."""
+    """Return {parameter: (value, standard deviation)} of the effect ``name``, in SI."""
     return {
         f.name.removeprefix(f"{name}."): scale.applied(float(v), float(s), f.unit)
         for f, v, s in zip(fit.free, fit.values, fit.std, strict=True)

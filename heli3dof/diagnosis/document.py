@@ -218,7 +218,7 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 
 def _fault(f: Fault) -> dict[str, Any]:
-    """Return the JSON object of a fault of a recording; its gain is empty: it changes no model."""
+    """Return the JSON object of a recording's fault; ``gain`` is empty, as no model changes."""
     value, std = next(iter(f.parameters.values()), (0.0, 0.0))
     return {
         "effect": f.effect,
@@ -232,7 +232,7 @@ def _fault(f: Fault) -> dict[str, Any]:
 
 
 def _off_nominal(x: OffNominal) -> dict[str, Any]:
-    """Return the JSON object of a base parameter off nominal; its gain is `calibration_gain`."""
+    """Return the JSON object of a base parameter off nominal, with an empty ``gain``."""
     return {
         "effect": x.term.effect.name,
         "axis": x.term.axis,
@@ -267,7 +267,7 @@ def _residual_torque(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
 
 
 def _remainder(r: Remainder) -> dict[str, Any]:
-    """Return the JSON object of an unexplained error: a torque that depends on nothing measured."""
+    """Return an unexplained error as the JSON object of a residual torque without a variable."""
     return {
         "axis": r.axis,
         "depends_on": None,

@@ -1,4 +1,4 @@
-"""Define the expected result of a simulated plan, the recommended plan, and a fit's open terms."""
+"""Define a plan's expected result, the recommended plan, and terms that need another flight."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ MIN_CERTAINTY = 0.5
 
 @dataclass(frozen=True)
 class Outlook:
-    """Expected result of a plan: margins in units of 2 ln L, and the probability of a decision.
+    """Expected result of a plan: its evidence, in units of 2 ln L, and its ``certainty``.
 
-    ``margins``: one for each simulated cause (`planning.next_experiment`) or open parameter
-    (`planning.free_run_plan`). A plan worse than the best may lack the margins of some causes.
+    ``margins``: evidence for each simulated cause against the others (`planning.next_experiment`)
+    or for each open parameter (`planning.free_run_plan`). A plan worse than the best may lack some.
+    ``certainty``: probability that a flight of the plan decides.
     """
 
     plan: str
@@ -31,7 +32,7 @@ class Outlook:
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """The recommended plan: causes it separates, probability of a decision, plans by rank."""
+    """The recommended plan, the causes it separates, its ``certainty``, and all plans by rank."""
 
     plan: str
     separates: tuple[str, ...]
@@ -44,8 +45,8 @@ class NextExperiment:
 class OpenTerms:
     """Terms of a fit to free-run predictions on which a further flight should decide.
 
-    They are confounded causes; else terms that held-out blocks need but that are no causes; else
-    terms that are not identifiable.
+    They are a cause and those confounded with it. Without any, they are terms that improve held-out
+    predictions but are no causes. Without these, they are terms that are not identifiable.
     """
 
     fit: MultiStepFit

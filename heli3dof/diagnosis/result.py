@@ -96,7 +96,7 @@ class Fitted:
 
     @property
     def noise_floor(self) -> dict[str, float | None]:
-        """Return {axis: noise floor in degrees, `HORIZON_S` ahead}; None if it is unknown."""
+        """Return {axis: noise floor (°) of predictions `HORIZON_S` ahead; None if unknown}."""
         floor = {a: self.wrong.at(HORIZON_S, a)[1] for a in AXES}
         return {a: x if isfinite(x) else None for a, x in floor.items()}
 
@@ -116,7 +116,7 @@ class TorqueTerm:
 
 @dataclass(frozen=True)
 class Remainder:
-    """An axis on which most of the simulation error remains: RMSE in degrees, `HORIZON_S` ahead."""
+    """An axis on which most of the error remains: RMSE (°) of predictions `HORIZON_S` ahead."""
 
     axis: str
     simulation_deg: float
@@ -242,7 +242,7 @@ def _unexplained(r: Remainder) -> float:
 
 
 def confounded_names(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
-    """Return the names that are confounded with any cause, and the names of the faults."""
+    """Return the names of effects confounded with any cause, and the names of the faults."""
     names: list[str] = []
     for f in causes:
         if isinstance(f, Fault):

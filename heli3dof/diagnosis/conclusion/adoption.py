@@ -5,22 +5,23 @@ held-out data by the cause (`validation.gain`). A cause is adopted if one of the
 
 1. The 95 % interval of Δℓ lies above zero.
 2. Δℓ > `MIN_GAIN`, and the cause is the first, or its score is at least `SUFFICIENT`.
-3. Δℓ > `LARGE_GAIN`, and the error of an axis decreases significantly.
+3. Δℓ > `LARGE_GAIN`, and the prediction error of an axis decreases significantly.
 
-Condition 2 is for short flights, whose intervals are wide. The first cause has already exceeded the
-nulls' threshold; a further one below `SUFFICIENT` (`selection.select`) may only compensate for the
+Condition 2 is for short flights, whose intervals are wide. The first cause has already passed the
+score test. A further cause below `SUFFICIENT` (`selection.select`) may only compensate for the
 first one's model error.
-Condition 3 is for effects that act briefly, such as a dead zone: few cells, so a wide interval.
+Condition 3 is for effects that act briefly, such as a dead zone, so that the interval is wide.
 
 If no flights could be simulated, predictions must also confirm the cause, and the likelihood of its
 axis must not be biased (`conclusion.unknown_controller`). Whatever its gain, a cause is dropped
-if ρ > 1 and Z²/ρ is below the nulls' threshold (`screening.nulls`). Z is the cause's standardised
-score and ρ the factor by which coloured noise increases its variance
+if ρ > 1 and Z²/ρ is below the score test's threshold (`screening.nulls`). Z is the cause's
+standardised score and ρ the factor by which coloured noise increases its variance
 (`bias_correction.coloured_noise`). It is also dropped if an encoder error of at most one count
 explains the data as well (`within_a_count`).
 
-These causes are dropped first, then those with the smallest Δℓ. After each, the Δℓ of the remaining
-causes are computed again. Adopted causes are not reported as confounded with each other.
+Causes that coloured noise or an encoder error explains are dropped first, then those with the
+smallest Δℓ. After each, the Δℓ of the remaining causes are computed again. Adopted causes are not
+reported as confounded with each other.
 """
 
 from __future__ import annotations
@@ -94,10 +95,10 @@ def adopted(
 
 
 def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, first: bool) -> str:
-    """Return the reason against a cause, empty if it is adopted.
+    """Return why a cause is dropped, or "" if it is adopted.
 
-    ``g``: its gain on held-out data. ``margin``: from `coloured_noise_margin`, or 0 if the cause is
-    within an encoder count. ``first``: True for the first cause.
+    ``g``: its gain on held-out data. ``margin``: from `coloured_noise_margin`, or 0 if an encoder
+    error of one count explains the cause. ``first``: True for the first cause.
     """
     if margin < 1:
         return COLOURED if margin > 0 else WITHIN_A_COUNT
@@ -117,11 +118,11 @@ def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) ->
 
 
 def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
-    """Return Z²/ρ divided by the nulls' threshold; below 1, the cause may be coloured noise.
+    """Return Z²/ρ divided by the threshold of Z²; below 1, the cause may be coloured noise.
 
     Z is the cause's standardised score, ρ the factor by which coloured noise increases its
-    variance. The result is infinite without coloured noise, without a threshold, and for a part of
-    the body's equations (`Effect.of_base`).
+    variance. The result is infinite without coloured noise, without a threshold, and for a
+    form or part of the rigid body's equations (`Effect.of_base`).
     """
     if choice.threshold <= 0 or choice.term.effect.of_base:
         return math.inf
@@ -229,10 +230,10 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
 
 
 def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:
-    """Return the choices, with each other's and the ``formal`` names removed from ``tied_with``.
+    """Return the choices; ``tied_with`` lists neither each other's nor the ``formal`` names.
 
-    If a name is removed, the confidence is at least that against the remaining candidates.
-    ``formal``: names of the fit's other forms of the body's equations.
+    A choice that loses a name gets at least its confidence against the remaining candidates.
+    ``formal``: effects that are other forms of the rigid body's equations, not causes.
     """
     named = {c.term.name for c in choices} | set(formal)
     out = []

@@ -27,11 +27,11 @@ def conclude(
     d: Diagnosis, estimates: Sequence[BaseParameter], profile: Profile, axes: Sequence[str], *,
     level_deg: float = math.inf, ambiguous_if_unconfirmed: bool = False,
 ) -> Diagnosis:  # fmt: skip
-    """Return the diagnosis with its verdict, its remainders and the confounded encoder scales.
+    """Return ``d`` with its verdict, the errors that remain and confounded encoder scales.
 
-    ``estimates``: of the base parameters; ``axes``: the measured ones; ``level_deg``: least
+    ``estimates``: of the base parameters; ``axes``: the measured axes; ``level_deg``: least
     detectable roll offset. ``ambiguous_if_unconfirmed``: the verdict is "ambiguous" if the first
-    cause is "…-like".
+    cause is unconfirmed ("…-like").
     """
     fitted = d.fitted
     assert fitted is not None
@@ -62,9 +62,9 @@ def conclude(
 def without_causes(
     names: Sequence[str], causes: Sequence[Fault | Finding | OffNominal]
 ) -> tuple[str, ...]:
-    """Return the effects in ``names`` that are not among the causes.
+    """Return the unidentifiable effects ``names`` without those that are causes.
 
-    A large effect can be found where one of typical size would not be identifiable.
+    A large effect can be found where one of typical size is not identifiable.
     """
     found = {c.term.name for c in physical(causes)}
     return tuple(name for name in names if name not in found)

@@ -1,15 +1,17 @@
 """Report causes that are confounded with a wrong encoder scale (counts per revolution).
 
-An encoder with scale error k reads y = rest + k (q − rest) for the angle q. Flights with this error
-look like flights of a rig with other inertias J (arm length L_a, thrust F; roll r, pitch p, yaw ψ):
+An encoder with scale error k reads y = rest + k (q − rest) at the angle q. rest is the angle at
+which counts start. Flights with this error look like flights of a rig with other inertias J (arm
+length L_a, thrust F; roll r, pitch p, yaw ψ):
 
     yaw     ψ = y/k:  k L_a F cos r sin p = J_ψ ÿ, so an inertia J_ψ/k
     pitch   an inertia J_p/k; thrust directed by y/k, so also an inertia k J_ψ on yaw
     roll    an inertia J_r/k; y = 0 at q = rest (1 − 1/k), so an offset or a pendulum torque
 
 Only products of rates and higher terms of the sines differ. Let x = ln(J/J_nominal), e = ln(1 + ε)
-for the profile's tolerance ε, and δ the roll offset (of a pendulum: asin(torque/T_g)). A finding is
-confounded with a scale if some k in its range explains all inertias:
+for the profile's tolerance ε. δ is the roll offset found, or asin(τ/T_g) for a pendulum torque τ
+and the trim torque T_g. A finding is confounded with a scale if some plausible k explains all
+inertias:
 
     yaw     ln k = −x_ψ
     pitch   |x_p + ln k| ≤ e   and   |x_ψ − ln k| ≤ e
@@ -109,9 +111,9 @@ def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
-    """Return the findings; if K_f (thrust gain) is one, the others are confounded with K_f.
+    """Return the findings; if the thrust gain K_f is one, mark it and the others as confounded.
 
-    Without simulated nulls, only the profile's nominal values separate a wrong K_f from inertias
+    Without simulated flights, only the profile's nominal values separate a wrong K_f from inertias
     that are all wrong by the inverse factor (`greybox.thrust_scale`).
     """
     if not any(o.term.name == THRUST_GAIN for o in off):

@@ -5,13 +5,13 @@ k V_f V_b (front and back voltage) is, to first order about hover, a thrust mism
 torque. So each cause, each pair and all causes together are compared with a formula in their place:
 a torque c φ on one axis. The axis and the product φ of measured quantities are those that explain
 most (`unmodelled.torque_formula`). Let ℓ_s be the log-likelihood with the causes (n_s parameters, N
-encoder events), ℓ_φ the one with the formula. With K formulas and the fit's variance inflation κ
+filter updates), ℓ_φ the one with the formula. With K formulas and the fit's variance inflation κ
 (`Estimate.inflation`), the formula replaces the causes if
 
     2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `selection.select.TIE`
 
 The second summand is BIC for the causes' further parameters, the third the prior odds against
-one formula of K. On a limit cycle a likelihood may prefer a wrong model by hundreds. So if the
+one formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the
 controller is known, flights are also simulated, with the causes and with the formula. Those with
 the formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`).
 """
@@ -70,7 +70,7 @@ class Contest:
 def replaced_by_formula(setup: Setup, fit: CorrectedFit, causes: Sequence[str]) -> Contest | None:
     """Compare each of the ``causes``, each pair and all of them with a torque's formula.
 
-    Return the one with the largest margin above `TIE` that simulated flights confirm, or None.
+    Return the comparison of largest margin above `TIE` that simulated flights confirm, or None.
     """
     if not causes:
         return None

@@ -3,14 +3,15 @@
 The base fit absorbs some effects completely. For example, a step about one hover voltage only
 determines the ratio of thrust slope and inertia, so a curved thrust appears as another inertia.
 
-A unit of probe i changes base coordinate j by b_ji = (A⁻¹ T W δc_i)_j (`screening.score_test`). If
-effect i alone explains why θ_j lies beyond the edge of its tolerance, its size α (in units of the
-probe) and its statistic Z are at least
+A probe i is an effect of a trial size. It changes the base fit's coordinate θ_j of T_g or an
+inertia by b_ji = (A⁻¹ T W δc_i)_j (symbols: `screening.score_test`). If effect i alone explains why
+θ_j lies beyond the edge θ_edge of its tolerance, its size α (in units of the probe) and its
+statistic Z are at least
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
 and at most those for the opposite edge. v_i is the information of probe i, std_i the standard
-deviation of its score in the nulls. Effect i is confounded with parameter j if
+deviation of its score in flights simulated without it. Effect i is confounded with parameter j if
 
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
 2. the measured Z_i lies within this range of Z, widened by `MAX_DEVIATION`.
@@ -19,7 +20,7 @@ A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For it, �
 sizes for which x_j(α) = θ_j − α b_ji gives a K_f within the tolerance.
 
 An inertia is also confounded with effects whose full fit has this inertia within the tolerance, and
-explains the flight as well (`selection.inertia_alternatives`).
+explains the flight equally well (`selection.inertia_alternatives`).
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def with_confounded_causes(off: OffNominal, step: Step) -> OffNominal:
 
 
 def last_step_with_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:
-    """Return the last step whose fit has the same causes as ``fit``; else the last step."""
+    """Return the last selection step with the causes of ``fit``; the last step if none has them."""
     names = {t.name for t in fit.structure.terms}
     same = (s for s in reversed(steps) if {t.name for t in s.fit.structure.terms} == names)
     return next(same, steps[-1])
@@ -91,7 +92,7 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     limit = abs(edge(log_k(0.0, np.zeros(4)), fit.structure.profile.tolerance))
 
     def size_ranges(i: int) -> list[tuple[float, float]]:
-        """Return (least α, most α) of probe i that put K_f within tolerance, by sign of α."""
+        """Return ranges (least α, most α) of either sign that put K_f within tolerance."""
         p, b = screen.plain[i], screen.solved[:4, i]
         largest = LARGE * p.term.effect.parameters[0].typical / abs(p.size)
         sizes = np.linspace(0.0, largest, SIZES)[1:]

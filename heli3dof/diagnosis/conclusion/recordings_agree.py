@@ -1,7 +1,7 @@
-"""Mark as "…-like" the findings that recordings with an unknown controller cannot confirm.
+"""Mark findings as unconfirmed ("…-like") that recordings without a controller cannot confirm.
 
-Without the controller there are no null simulations, so nothing shows what a model error looks
-like. These findings are marked, with a confidence of `MOST_CONFIDENCE` at most:
+Without the controller no flights can be simulated, so nothing shows what a model error looks like.
+These findings are marked, with a confidence of `MOST_CONFIDENCE` at most:
 
 1. `disturbance.periodic` at a frequency f of the commanded motion, because the model's errors in
    that motion have the same period. x(t) are the references (the angles, if none were logged). The
@@ -61,9 +61,9 @@ def _is_doubtful(f: Finding, recordings: Sequence[Recording]) -> bool:
 
 
 def constant_voltage(recording: Recording) -> tuple[int, int] | None:
-    """Return the first and last row with both motors on at one constant, equal voltage, or None.
+    """Return (first, last) row with both motors on, if their voltages are constant and equal.
 
-    None also if the motors are switched off in between.
+    Otherwise, or if the motors are switched off in between, the result is None.
     """
     V = recording.voltage
     on = np.flatnonzero((V > 0).all(axis=1))
@@ -80,7 +80,7 @@ def is_in_motion(recording: Recording, frequency_Hz: float) -> bool:
 
 
 def line_share(t: np.ndarray, x: np.ndarray, frequency_Hz: float) -> float:
-    """Return the share of the variance of x (N,) at this frequency, t (N,) in s; 0 if constant."""
+    """Return the spectral line's share of the variance of x (N,); t (N,) in s; 0 for constant x."""
     finite = np.isfinite(x)
     if finite.sum() < 2:
         return 0.0

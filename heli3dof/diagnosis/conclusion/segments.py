@@ -1,13 +1,13 @@
 """Test whether the segments of a flight agree on which of two causes is likelier (Vuong 1989).
 
 The causes a and b are not nested. Their fits have log-likelihoods ℓ_a, ℓ_b and scores S_a > S_b
-(`selection.select`). The C cells are segments of `CELL_S`. With d_c the difference of the
+(`selection.select`). The C cells are segments of `CELL_S` seconds. With d_c the difference of the
 log-likelihoods in cell c, the standard deviation of 2 (ℓ_a − ℓ_b) is
 
     s = 2 √(C var d_c)
 
 S_a − S_b replaces 2 (ℓ_a − ℓ_b), because it also corrects bias and the numbers of parameters. If
-it is less than `MIN_CLEARANCE` s, cause a is confounded with b. Otherwise the confidence in a is at
+S_a − S_b < `MIN_CLEARANCE` · s, cause a is confounded with b. Otherwise the confidence in a is at
 most Φ((S_a − S_b)/s). Causes compared by simulated flights (`selection.rivals`) are not tested.
 """
 
@@ -44,9 +44,9 @@ def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
-    """Return the choice with the causes in ``tied_with`` that segments do not separate from it.
+    """Return the choice; ``tied_with`` also names causes that segments do not separate from it.
 
-    The ``adopted`` causes are not compared with it.
+    The ``adopted`` causes are not compared.
     """
     best, *others = choice.candidates
     if best.term.effect.of_base:
@@ -72,7 +72,7 @@ def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
 
 
 def log_likelihood_cells(c: CandidateFit) -> np.ndarray:
-    """Return the log-likelihood (C,) of a candidate's fit in each of C segments of `CELL_S`."""
+    """Return the log-likelihood (C,) of a candidate's fit in each segment of `CELL_S` seconds."""
     data = c.problem.data
     X = c.problem.run(c.optimum.theta, c.optimum.noise, keep=3).X
     assert X is not None

@@ -1,4 +1,4 @@
-"""Find causes that no single recording confirms, only the comparison of several recordings.
+"""Find causes that single recordings do not confirm, or that differ in size between them.
 
 A joint fit also attributes differences between recordings (warm motors, battery, thrust at another
 voltage) to the terms. The likelihood's σ does not contain these differences. So each recording is

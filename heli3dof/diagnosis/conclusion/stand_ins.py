@@ -82,14 +82,14 @@ def settle_unmodelled(
 
 
 def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
-    """Return the causes that may stand in for a torque: all but parts of the body's equations."""
+    """Return all causes but parts and forms of the rigid body's equations (`Effect.of_base`)."""
     return [f.term.name for f in findings if not f.term.effect.of_base]
 
 
 def _undecided(
     start: TorqueSearchResult, left: tuple[ResidualTorque, ...], removed: Sequence[Finding]
 ) -> TorqueSearchResult:
-    """Return ``start`` as undecided, with ``left``, the residual torques of the first search.
+    """Return ``start`` marked undecided, with ``left``, the first search's residual torques.
 
     Called if no residual torque is significant in the model without the stand-ins ``removed``.
     Then neither causes nor torques are certain, so the causes are marked "…-like".

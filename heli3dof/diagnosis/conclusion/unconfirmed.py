@@ -1,4 +1,4 @@
-"""Mark causes that are not confirmed as "…-like".
+"""Mark unconfirmed causes as "…-like".
 
 A cause is unconfirmed if one of these holds:
 
@@ -40,9 +40,9 @@ def insignificant(fit: Estimate) -> set[str]:
 def with_resemblance(
     residuals: Sequence[ResidualTorque], causes: Sequence[Finding]
 ) -> tuple[ResidualTorque, ...]:
-    """Return the residual torques; ``resembles`` of the first one is set unless it has a value.
+    """Return the residual torques; ``resembles`` of the first torque is set if it was None.
 
-    It names the first of the ``causes`` and those confounded with it, as "motor.delay-like".
+    The text names the first cause and those confounded with it, such as "motor.delay-like".
     """
     if not residuals or residuals[0].resembles is not None or not causes:
         return tuple(residuals)

@@ -3,14 +3,14 @@
 The controller feeds the encoders' rounding back, which biases the likelihood. Flights simulated
 with the controller show this bias (`screening.nulls`). Without the controller, a cause also needs
 
-    ΔRMSE_i > Δ_i/√12,   and its interval above zero, on an axis i
+    ΔRMSE_i > Δ_i/√12,   and its interval above zero, on at least one axis i
 
 ΔRMSE (°) is the decrease of the error of predictions 1 s ahead (`validation.gain`), Δ_i (°) the
 encoder step, and Δ_i/√12 the standard deviation of rounding. A base parameter off nominal needs
 the same; ΔRMSE is then the decrease from a refit in which it has the profile's value.
 
 On an encoder limit cycle the bias may be so large that the base fit's inertia is implausible
-(`closed_loop_fit.base_fit`). Then nothing is asserted of that axis (`is_biased`).
+(`closed_loop_fit.base_fit`). Then no finding on that axis is reported (`is_biased`).
 """
 
 from __future__ import annotations

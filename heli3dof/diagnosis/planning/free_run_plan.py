@@ -1,10 +1,10 @@
-"""Recommend the plan that soonest determines the parameters that a free-run fit left open.
+"""Recommend the plan that determines in least time the parameters that a free-run fit left open.
 
-The fit's parameters θ (n,) have the information H = D Dᵀ + Λ, with the tangents D of its residuals
-and the prior's precision Λ (`heli3dof.identification.greybox.multistep`). Each plan is simulated on
-the fitted model with noise, encoders and the default controller. The residuals of this flight, with
-the scales of the real fit, have tangents D_p. Some parameters have a value of their own in each
-recording. The prior couples the values b of the new recording to the common ones by Λ_b:
+The fit's parameters θ (n,) have the information H = D Dᵀ + Λ, with the derivatives D of its
+residuals and the prior's precision Λ (`heli3dof.identification.greybox.multistep`). Each plan is
+simulated on the fitted model with noise, encoders and the default controller. The residuals of this
+flight, with the scales of the real fit, have derivatives D_p. Some parameters have a value of their
+own in each recording. The prior couples the new recording's values b to the common ones by Λ_b:
 
     H_p = D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag (C_now⁻¹ + A − B C⁻¹ Bᵀ)⁻¹
 
@@ -43,10 +43,10 @@ MAX_TERMS = 3
 
 @dataclass(frozen=True)
 class OpenParameter:
-    """An open term's first parameter that is not logarithmic and the same for all recordings.
+    """An open term's first parameter without a log scale, shared by all recordings.
 
-    ``size``: distance from the value without the effect, in ``unit`` like ``std``; ``index``: of
-    the parameter's coordinate; ``slope``: derivative of the parameter by this coordinate.
+    ``size``: distance from the value without the effect; ``size`` and ``std`` are in ``unit``.
+    ``index``: index of the parameter's coordinate; ``slope``: derivative by this coordinate.
     """
 
     name: str
@@ -167,9 +167,9 @@ def marginal(H: np.ndarray, n: int) -> np.ndarray:
 
 
 def coupling(p: MultiStep) -> np.ndarray:
-    """Return Λ_b (dim, dim): the prior's precision without that of the common parameters alone.
+    """Return Λ_b (dim, dim), which couples the recordings' own values to common parameters.
 
-    It contains the values per recording and their coupling to the common parameters.
+    It is the prior's precision without that of the common parameters alone.
     """
     L = p.prior.copy()
     L[: p.n, : p.n] -= replace(p, flights=(), data=(), rows=()).prior

@@ -53,7 +53,7 @@ MAX_CAUSES = 4
 
 @dataclass(frozen=True)
 class Cause:
-    """A term with values of its parameters, in their units."""
+    """An effect with the parameter values at which it is simulated."""
 
     term: Term
     values: tuple[float, ...]
@@ -67,7 +67,7 @@ class Cause:
 
     @classmethod
     def typical(cls, name: str) -> Cause:
-        """Return the cause of typical size; an effect with a start value has that value.
+        """Return the cause ``name`` at its start value, or at its typical size if it has none.
 
         The size is negative if the upper bound excludes a positive one.
         """
@@ -178,7 +178,7 @@ def _why(best: Outlook, names: Sequence[str]) -> str:
 def _flights_needed(margin: float) -> str:
     """Return, as text, how many flights decide between two causes with `MIN_CERTAINTY`.
 
-    ``margin``: expected log-likelihood ratio of one flight; those of several flights add.
+    ``margin``: twice the expected log-likelihood ratio of one flight; those of several flights add.
 
     >>> _flights_needed(2.0)
     '3 such flights decide with a probability of 50 %'
@@ -210,11 +210,11 @@ def _outlooks(
     models: Sequence[GreyBoxModel],
     probe_groups: Sequence[Sequence[Probe]],
 ) -> list[Outlook]:
-    """Return the outlooks of the feasible plans; ``models``: base alone, then base with each cause.
+    """Return the feasible plans' results; ``models``: base alone, then base with each cause.
 
-    The first plan orders the causes, smallest margin first. Other plans start with the first of
-    these causes. A further cause can only lower a plan's rank, so a plan that ranks below the best
-    one simulated with all causes is abandoned.
+    The first plan is simulated with all causes, the others with its cause of smallest margin. A
+    further cause can only lower a plan's rank. So a plan that ranks below the best one simulated
+    with all causes is abandoned.
     """
     base_scores: dict[Task, np.ndarray] = {}
     margins: dict[Task, dict[int, float]] = {}
@@ -273,7 +273,7 @@ def _outlooks(
 def _scores(
     base: Estimate, task: Task, model: GreyBoxModel, probe_groups: Sequence[Sequence[Probe]]
 ) -> np.ndarray | None:
-    """Return z (P,) of every probe on a simulated flight; None if it is not feasible."""
+    """Return the score z (P,) of every probe on a simulated flight; None if it is not feasible."""
     flight = fly_task(task, model)
     runs = [] if flight is None else usable_runs(flight, 0)
     if flight is None or not runs:

@@ -22,7 +22,7 @@ from heli3dof.model.effects.base import SMALL
 
 @dataclass(frozen=True)
 class Probe:
-    """A term with values of its parameters, in their units."""
+    """An effect with trial values of its parameters, at which the score test evaluates it."""
 
     term: Term
     values: tuple[float, ...]
@@ -37,7 +37,7 @@ class Probe:
 
 
 def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[Term]:
-    """Return the candidate terms on the measured ``axes`` for a fit with the terms ``without``."""
+    """Return the candidate terms on the measured ``axes``, except the fit's terms ``without``."""
     out = []
     for effect in effects().values():
         if not (effect.candidate and effect.screened and effect.parameters):
@@ -52,7 +52,7 @@ def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[
 
 
 def probes(term: Term, V: np.ndarray) -> list[Probe]:
-    """Return the parameter values at which the score test evaluates a term, its probes.
+    """Return a term's probes: parameter values at which the score test evaluates it.
 
     ``V`` (N, 2): recorded voltages, which determine the values of a limit.
     """
@@ -67,6 +67,6 @@ def probes(term: Term, V: np.ndarray) -> list[Probe]:
 
 
 def scans(terms: Sequence[Term]) -> list[Scan]:
-    """Return a scan of each term in ``terms`` with a frequency or an instant to be scanned."""
+    """Return a scan of each term in ``terms`` that has a frequency or an instant to scan."""
     kinds: dict[str, Callable[[Term], Scan]] = {"frequency": Frequencies, "instant": Instants}
     return [kinds[t.effect.scan](t) for t in terms if t.effect.scan]

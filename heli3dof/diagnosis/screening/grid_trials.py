@@ -5,11 +5,11 @@ the gain in log-likelihood ℓ is computed at a value w of the term's first para
 
     Δℓ(w) = ℓ(θ, w, a) − ℓ(θ, 0, a)
 
-with the parameters θ and the noise intensities a of the base held. w ascends the term's grid while
-Δℓ(w) rises. A term is fitted in full if both conditions hold at the last of these values:
+θ and a are the base fit's parameters and noise intensities. w ascends the term's grid while Δℓ(w)
+rises. A term is fitted in full if both conditions hold at the last w:
 
 1. Δℓ > `MIN_TRIAL_GAIN`.
-2. If the controller is known: Δℓ > max Δℓ_null + `MIN_TRIAL_GAIN` over nulls simulated from the
+2. If the controller is known: Δℓ > max Δℓ_null + `MIN_TRIAL_GAIN` over flights simulated from the
    base. Δℓ varies widely for an axis with little motion.
 """
 
@@ -45,7 +45,7 @@ class GridTrial:
 
 
 def terms_without_score(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
-    """Return the terms without a score on the measured ``axes``, except those named ``without``."""
+    """Return the terms without a score (backlash) on ``axes``, but not those named ``without``."""
     return [
         t
         for e in effects().values()
@@ -60,7 +60,7 @@ def trials(
 ) -> list[GridTrial]:
     """Return the trials of the terms ``untested`` with Δℓ > `MIN_TRIAL_GAIN`.
 
-    Δℓ is the gain over the base with ``theta`` (n,) and ``noise`` (4,).
+    Δℓ is the gain in log-likelihood over the base fit with ``theta`` (n,) and ``noise`` (4,).
     """
     base = float(problem.run(theta, noise, keep=0).loglik.sum())
 
@@ -85,7 +85,7 @@ def exceeds_nulls(
     noise: np.ndarray,
     nulls: Sequence[Data],
 ) -> bool:
-    """Return True if the trial's Δℓ exceeds Δℓ in every null flight by `MIN_TRIAL_GAIN`."""
+    """Return True if the trial's Δℓ exceeds that of every null flight by `MIN_TRIAL_GAIN`."""
     ext = widened(problem, trial.term)
     at = np.append(theta, ext.structure.free[-1].inward(trial.value))
 
@@ -99,17 +99,18 @@ def exceeds_nulls(
 
 
 def widened(problem: Likelihood, term: Term) -> Likelihood:
-    """Return the likelihood of the structure with one more term."""
+    """Return the likelihood of the model with one more term."""
     return replace(problem, structure=problem.structure.with_terms(term))
 
 
 def fit_start(
     ext: Likelihood, theta: np.ndarray, noise: np.ndarray, term: Term
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the start of a full fit: coordinates (n + m,) and noise (4,).
+    """Return the start of a fit with ``term``: parameters (n + m,) and ``noise`` (4,).
 
-    The first round evaluates every other grid value, the second the neighbours of the best one.
-    Each round ends with updates of the noise.
+    ``theta`` (n,): current fit; m: the term's parameters. The first round evaluates every other
+    grid value, the second the neighbours of the best one. Each round ends with updates of the
+    noise.
     """
     new = ext.structure.free[len(theta) :]
     full = np.concatenate([theta, [f.inward(f.start) for f in new]])

@@ -22,7 +22,7 @@ def gumbel(largest: np.ndarray, *, least: float = 0.0) -> tuple[float, float]:
 
 
 def beyond(share: float) -> float:
-    """Return k such that the given share of all maxima exceeds μ + k β.
+    """Return k such that the ``share`` of maxima exceeds μ + k β (location μ, scale β).
 
     >>> round(beyond(0.0005), 2)
     7.6

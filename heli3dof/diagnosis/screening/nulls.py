@@ -19,8 +19,8 @@ freedom. The largest Z² of P probes exceeds Bonferroni's threshold
 in at most a share FALSE_ALARMS of recordings. From `GUMBEL_FROM` flights on, the quantile of a
 Gumbel distribution of the nulls' own largest Z² is the threshold if it is higher.
 
-If the controller is unknown, no null can be simulated: Z = z/√κ with κ of the fit, and the
-threshold is twice Bonferroni's for a normal distribution.
+If the controller is unknown, no null can be simulated. Then Z = z/√κ with the fit's variance
+inflation κ, and the threshold is twice Bonferroni's for a normal distribution.
 """
 
 from __future__ import annotations
@@ -75,7 +75,10 @@ class Nulls:
         return np.asarray((result.z - self.mean) / self.std)
 
     def least(self, term: Term) -> float:
-        """Return the threshold of a term's Z²; a formal effect has its own, by Bonferroni."""
+        """Return the threshold of a term's Z².
+
+        A form of the body's equations has its own: Bonferroni's over `FORMAL_CANDIDATES`.
+        """
         from scipy.stats import t
 
         if not term.effect.formal:
@@ -84,9 +87,9 @@ class Nulls:
         return float(spread * t.isf(FALSE_ALARMS / (2 * FORMAL_CANDIDATES), self.freedom) ** 2)
 
     def confidence(self, Z2: float) -> float:
-        """Return the probability exp(−P p) that no squared score of P probes reaches Z² by chance.
+        """Return the probability exp(−P p) that none of P squared scores reaches Z² by chance.
 
-        p is the probability that the squared score of one probe does.
+        p is the probability that one squared score does.
         """
         from scipy.stats import t
 
@@ -103,9 +106,9 @@ def simulated_nulls(
     flights: int,
     seed: int,
 ) -> tuple[Nulls, np.ndarray]:
-    """Return the distribution of z over simulated nulls, and the nulls' scores ∂ℓ/∂θ (B, n).
+    """Return the distribution of z in B = ``flights`` simulations, and their ∂ℓ/∂θ (B, n).
 
-    The controller must be known.
+    ℓ is the log-likelihood, θ the fit's coordinates. The controller must be known.
     """
     problem, o = fit.problem, fit.optimum
     model = model_at(problem, o.theta, o.noise)
@@ -123,7 +126,7 @@ def simulated_nulls(
 def nulls_from_scores(z: np.ndarray, signed: int | None = None) -> Nulls:
     """Return the distribution of the scores z (B, P) of P probes in B nulls.
 
-    The first ``signed`` probes (default: all) are plain ones, the others maxima of scans.
+    The first ``signed`` scores (default: all) are of single probes, the others maxima of scans.
     """
     from scipy.stats import t
 
@@ -152,7 +155,7 @@ def _shrunk_std(z: np.ndarray) -> np.ndarray:
 
 
 def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
-    """Return the nulls' distribution by formula, if no nulls can be simulated."""
+    """Return the scores' distribution without any effect, by formula instead of simulation."""
     from scipy.stats import chi2
 
     n = len(screen.names)

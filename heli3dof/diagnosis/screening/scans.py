@@ -1,12 +1,13 @@
 """Score test of a torque at every frequency (one Fourier transform) or instant (one running sum).
 
 λ(t) = L·e is the efficient score of a unit torque at time t. L (C, 3) is the score's adjoint
-(`screening.score_test`), e (C, 3) the torque's acceleration in rad/s², for C chunks of the flight.
+(`screening.score_test`), e (C, 3) the torque's acceleration in rad/s², in C short chunks.
 
     u(f) = Σ λ(t) exp(i 2π f t)      real part: of a cosine torque, imaginary part: of a sine
     u(t_0) = Σ_{t ≥ t_0} λ(t)        of a torque that sets in at t_0
 
-The information v is computed at knots and interpolated. The result is the largest z² = |u|²/v.
+The information v is computed at a few f or t_0 and interpolated. The result is the largest
+z² = |u|²/v.
 """
 
 from __future__ import annotations
@@ -37,16 +38,16 @@ class Scan(Protocol):
     def term(self) -> Term: ...
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return (knots, information v of a unit torque there).
+        """Return (frequencies or instants, information v of a unit torque at each).
 
-        ``unit`` (C, 3): e, in rad/s². ``A`` (n, n): as in `screening.score_test`.
+        ``unit`` (C, 3): the torque's acceleration, rad/s². ``A`` (n, n): `screening.score_test`.
         """
         ...
 
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> tuple[float, tuple[float, ...], float]:
-        """Return (largest z, the parameters' values there, distance of the first from no effect).
+        """Return (largest z, the parameters' values there, estimated size of the first one).
 
         ``L`` (C, 3): adjoint of the score. ``unit`` (C, 3): acceleration in rad/s² by one
         unit of the first parameter.
@@ -55,7 +56,7 @@ class Scan(Protocol):
 
 
 def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """Return the information v (J,) of accelerations a (J, C, 3); nan if the base absorbs them."""
+    """Return the information v (J,) of accelerations a (J, C, 3); NaN if the base absorbs them."""
     D = forward(evaluation.path, a)
     cross = (evaluation.T * evaluation.at.w) @ D.T
     full = np.einsum("ij,j,ij->i", D, evaluation.at.w, D)

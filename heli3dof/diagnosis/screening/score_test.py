@@ -1,7 +1,7 @@
 """Rao's score test of every candidate effect, without fitting any.
 
-With the filter's gains held, a probe (`screening.catalogue`) changes the predictions c of the E
-encoder events by the trace δc (E,). g and w (E,) are the events' scores and information,
+With the filter's gains held, a probe (an effect at trial values) changes the predictions c of E
+encoder readings by the trace δc (E,). g and w (E,) are the readings' scores and information,
 W = diag(w). θ (n,) is the fit, with prior mean θ_0 and prior precision Λ. T = ∂c/∂θ (n, E) and
 A = T W Tᵀ + Λ. Then
 
@@ -11,7 +11,7 @@ A = T W Tᵀ + Λ. Then
     u/v                                                estimated size, in units of the probe
 
 The parts with A⁻¹ project out the base parameters, so no refit of the base is necessary. Sums over
-events use the adjoint L: Σ q δc = Σ L·δa for an acceleration δa (`bias_correction.perturbation`).
+readings use the adjoint L: Σ q δc = Σ L·δa for an acceleration δa (`bias_correction.perturbation`).
 
 v of the recordings is also used for their nulls, so that both have the same scale. The likelihood
 is approximate, so z is biased; `screening.nulls` standardises it.
@@ -43,7 +43,7 @@ from heli3dof.model.physics.state_layout import Stage
 
 @dataclass(frozen=True, eq=False)
 class ScreenResult:
-    """Scores of P probes for the recordings or for one null."""
+    """Scores of P probes for the recordings or for one null simulation."""
 
     probes: tuple[Probe, ...]
     """Plain probes, then each scan's probe at its peak"""
@@ -95,12 +95,12 @@ class Screen:
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
     def information(self) -> np.ndarray:
-        """Return v of each plain probe per squared unit of its first parameter; 0 for a limit."""
+        """Return each plain probe's information v per squared parameter unit; 0 for a limit."""
         size = np.array([p.size if p.grows else np.inf for p in self.plain])
         return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
 
     def correlation(self, a: int, b: int) -> float:
-        """Return the correlation ρ of two plain probes' traces, the base projected out."""
+        """Return the correlation ρ of two probes' prediction changes, the base projected out."""
         full = float((self.D[a] * self.weight) @ self.D[b])
         projected = full - float(self.cross[:, a] @ self.solved[:, b])
         return projected / float(np.sqrt(self.v[a] * self.v[b]))
@@ -185,7 +185,7 @@ class Screen:
 
 
 def with_term(structure: Structure, values: np.ndarray, t: Term) -> tuple[Structure, np.ndarray]:
-    """Return the structure with one more term, and its values with that term absent."""
+    """Return the structure with one more term, and values at which this has no effect."""
     wide = structure.with_terms(t)
     # Absent is the null value (a lag of zero), not the lower bound.
     return wide, np.concatenate([values, [f.null for f in wide.free[len(values) :]]])

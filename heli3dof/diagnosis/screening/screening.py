@@ -1,4 +1,4 @@
-"""Screen a fit: the recordings' standardised scores Z of all candidates, and what they can show.
+"""Screen a fit: standardised scores Z of all candidates, and the effects that can be detected.
 
 Z = (z − mean z_null) / std z_null, with the scores z of `screening.score_test` and the nulls of
 `screening.nulls`.
@@ -25,7 +25,7 @@ LARGE = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Screening:
-    """The screen of a fit, the recordings' scores, and the nulls' distribution."""
+    """A fit's score test: the recordings' scores, and their distribution without the effects."""
 
     fit: CorrectedFit
     """The current fit: the base with all causes of earlier steps"""
@@ -77,7 +77,7 @@ class Screening:
     def detectable_size(self, name: str) -> float:
         """Return the size of a term's first parameter, in its unit, at which Z² is significant.
 
-        It is infinite for a term that the screen does not evaluate by plain probes.
+        It is infinite for a term without probes, such as a scanned one.
         """
         plain = zip(self.screen.plain, self._sigma, strict=True)
         named = [float(s) for p, s in plain if p.name == name]
@@ -85,7 +85,7 @@ class Screening:
 
     @cached_property
     def _sigma(self) -> np.ndarray:
-        """Return the standard deviation of the first parameter of each plain probe, in its unit."""
+        """Return the standard deviation of each plain probe's first parameter, in its unit."""
         v = np.maximum(self.screen.information(), 1e-300)
         return np.asarray(self.nulls.std[: len(self.screen.plain)] / np.sqrt(v))
 

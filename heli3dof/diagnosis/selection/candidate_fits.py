@@ -1,7 +1,7 @@
 """Fit the candidates of a step in full, each added to the current fit.
 
 The fits maximise the bias-corrected log-likelihood ℓ_c (`bias_correction.corrected_maximum`). With
-the nulls' variance inflation κ and N encoder events, the score of a term with m parameters is BIC's
+the nulls' variance inflation κ and N filter updates, the score of a term with m parameters is BIC's
 
     score = 2 Δℓ_c/κ − m ln N
 
@@ -56,8 +56,9 @@ def fit_candidates(
 ) -> list[CandidateFit]:
     """Return full fits of the ``ranked`` terms and of the ``tried`` terms, best score first.
 
-    ``ranked``: of `Screening.ranked`; ``tried``: terms without a score. Fits that diverge or end at
-    a bound are omitted, as are ``ranked`` terms with Z² too small to exceed the fits of ``tried``.
+    ``ranked``: of `Screening.ranked`; ``tried``: terms that the score test cannot detect. Fits that
+    diverge or end at a bound are omitted. Ranked terms whose Z² is too small to exceed the scores
+    of ``tried`` are not fitted.
     """
     if not ranked and not tried:
         return []
@@ -68,7 +69,7 @@ def fit_candidates(
     backlash = {t.name for t in problem.structure.terms if t.effect.starts}
 
     def scored(term: Term, fit: Optimum) -> float | None:
-        """Return the score; None for a fit that diverged or ended at a bound."""
+        """Return the score of ``fit``; None if it diverged or ended at a bound."""
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
         won = 2 * (fit.loglik - level.loglik) / nulls.inflation
@@ -133,14 +134,14 @@ def fit_candidates(
 
 
 def bic_penalty(m: int, at: Pass) -> float:
-    """Return BIC's penalty m ln N of ``m`` parameters; N: encoder events of the filter run."""
+    """Return BIC's penalty m ln N of ``m`` parameters; N: updates of the filter run."""
     return m * float(np.log(max(len(at.row), 2)))
 
 
 def start_at_probe(
     ext: Likelihood, current: CorrectedFit, result: ScreenResult, i: int, unbiased: float
 ) -> np.ndarray:
-    """Return the start coordinates (n + m,): the current fit (n,), the new term (m,) at probe i.
+    """Return start parameters (n + m,): the current fit (n,), the new term (m,) at probe i.
 
     ``ext``: likelihood with the new term. ``unbiased``: (z − nulls' mean z)/z of the probe.
     """

@@ -32,7 +32,7 @@ MAX_FITS = 6
 def instead_of_inertia(s: Screening) -> list[CandidateFit]:
     """Return the fits of candidates that bring all inertias off nominal back within tolerance.
 
-    The result is empty if no inertia is off nominal. The fits' ``Z2`` is their score.
+    The result is empty if no inertia is off nominal. The score replaces each fit's ``Z2``.
     """
     off = [o.term.name for o in off_nominal(s.fit, std_inflation=std_inflation(s.fit))]
     inertias = {n for n in off if n.startswith("inertia")}
@@ -52,7 +52,7 @@ def possible_alternatives(s: Screening) -> list[tuple[Term, float, int]]:
 
 
 def within(fit: Estimate, names: set[str]) -> bool:
-    """Return True if all base parameters of the findings ``names`` are within tolerance."""
+    """Return True if ``fit`` has the parameters of the findings ``names`` within tolerance."""
     tolerance = fit.structure.profile.tolerance
     named = [c for c in base_parameters(fit) if finding_of(c.name) in names]
     return all(c.beyond(tolerance) <= 0 for c in named)

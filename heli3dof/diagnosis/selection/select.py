@@ -76,7 +76,7 @@ def choose(
     """Return the next cause to add to the screened fit; None if there is none.
 
     ``earlier_score``: largest score of the earlier causes, None without one. ``tried``: terms
-    without a score to be fitted.
+    to fit that the score test cannot detect.
     """
     ranked = candidates_to_fit(s)
     formal = [r for r in s.ranked if r[0].effect.formal and s.nulls.least(r[0]) <= r[1]]
@@ -85,7 +85,7 @@ def choose(
 
 
 def candidates_to_fit(s: Screening) -> list[tuple[Term, float, int]]:
-    """Return at most `MAX_FITS` terms; none if no Z² reaches the nulls' threshold."""
+    """Return at most `MAX_FITS` terms to fit; none if no Z² reaches `Nulls.threshold`."""
     if not s.ranked or s.ranked[0][1] < s.nulls.threshold:
         return []
     return [r for r in s.ranked[:MAX_FITS] if r[1] >= MIN_RELATIVE_Z2 * s.ranked[0][1]]

@@ -58,7 +58,7 @@ class Step(Screening):
     choice: Choice | None = None
 
     def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
-        """Return the terms whose Δℓ meets both conditions of `screening.grid_trials`."""
+        """Return the trials that meet both conditions of `screening.grid_trials`."""
         o, problem = self.fit.optimum, self.fit.problem
         tried = trials(problem, o.theta, o.noise, untested)
         if not tried or self.fit.scatter is None:
@@ -76,7 +76,7 @@ class Step(Screening):
         return instead_of_inertia(self)
 
     def chosen(self, setup: Setup, earlier_score: float | None) -> Step:
-        """Return the step with its choice.
+        """Return this step with the next cause chosen, or None as its ``choice``.
 
         ``earlier_score``: largest score of the earlier causes (`selection.select`), or None.
         """
@@ -109,7 +109,10 @@ def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
 
 
 def fit_with_cause(setup: Setup, choice: Choice) -> CorrectedFit:
-    """Return the bias-corrected fit with the chosen term and further formal ones (`with_forms`)."""
+    """Return the bias-corrected fit with the chosen term.
+
+    If that is a form of the body's equations, other significant forms are added.
+    """
     best = choice.candidates[0]
     problem, optimum = best.problem, best.optimum
     if isinstance(problem, ProfileLikelihood):
@@ -121,7 +124,7 @@ def fit_with_cause(setup: Setup, choice: Choice) -> CorrectedFit:
 
 
 def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
-    """Return whether ``other`` is a significant form of the body's equations.
+    """Return whether ``other`` is a form of the body's equations, and significant.
 
     Its Z² and its score must both reach the threshold of ``choice``.
     """
@@ -131,7 +134,7 @@ def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
 def with_forms(
     problem: Likelihood, optimum: Optimum, others: Sequence[CandidateFit]
 ) -> tuple[Likelihood, Optimum]:
-    """Return problem and optimum with all ``others`` added at once: their traces hardly overlap."""
+    """Return problem and optimum with all ``others`` added and refitted: they interact little."""
     theta = optimum.theta
     for c in others:
         problem = widened(problem, c.term)
@@ -142,9 +145,9 @@ def with_forms(
 
 
 def bias_corrected(setup: Setup, problem: Likelihood, optimum: Optimum) -> CorrectedFit:
-    """Return the bias-corrected fit near an optimum; the optimum if the controller is unknown.
+    """Return the bias-corrected fit near an optimum; uncorrected if the controller is unknown.
 
-    On a limit cycle, the fit uses edge rates if its scores then scatter less.
+    On a limit cycle, a fit with encoder edge rates replaces it if its scores scatter less.
     """
     if not setup.controller_is_known:
         return CorrectedFit(problem, optimum)
@@ -188,7 +191,7 @@ def without(fit: CorrectedFit, name: str) -> CorrectedFit:
 
 
 def base_with_forms(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
-    """Return the base simulation refitted with the form of the body's equations of ``fit``."""
+    """Return the base simulation, refitted with the body's equations in the form of ``fit``."""
     if not fit.structure.formal:
         return base
     base_terms = {t.name for t in base.structure.terms}
@@ -199,7 +202,7 @@ def base_with_forms(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:
 
 
 def out_of_range(fit: CorrectedFit, keep: np.ndarray, refit: Optimum) -> bool:
-    """Return True if a refit of the coordinates ``keep`` ((n,) bool) is too far from ``fit``.
+    """Return True if a refit of the parameters ``keep`` ((n,) bool) is too far from ``fit``.
 
     The bias correction of ``fit`` is then not valid for the refit.
     """

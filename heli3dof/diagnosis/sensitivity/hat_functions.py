@@ -92,7 +92,7 @@ def hats(flight: Trail, axes: np.ndarray) -> Hats:
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """Sums over a flight's E events for J functions; see `residual_torque_passes`."""
+    """Scores and information of J hat functions, summed over a flight's E encoder readings."""
 
     u: np.ndarray
     """(J,) scores"""
@@ -107,9 +107,10 @@ class Sums:
 def sums_along(
     library: Hats, flight: Trail, tangents: np.ndarray, wanted: np.ndarray | None = None
 ) -> Sums:
-    """Return the sums of all functions of ``library``, given a fit's ``tangents`` (p, E).
+    """Return scores and information of all functions of ``library``.
 
-    ``wanted``: columns of the functions whose traces are returned; none by default.
+    ``tangents`` (p, E): derivatives of the E predictions by the fit's parameters. ``wanted``:
+    columns of functions whose changes δc of the predictions are returned; none by default.
     """
     from heli3dof.diagnosis.sensitivity.residual_torque_passes import forced
 

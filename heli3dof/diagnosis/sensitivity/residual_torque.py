@@ -36,7 +36,7 @@ SLOPE_S = 0.04  # interval of the difference quotient in `Trail.slope_of`, chose
 
 @dataclass(frozen=True, eq=False)
 class Trail:
-    """A flight's filter run with the model's derivatives along it; N rows, E events."""
+    """A flight's filter run with the model's derivatives along it; N rows, E updates."""
 
     data: Data
     at: Pass
@@ -59,7 +59,7 @@ class Trail:
 
     @cached_property
     def in_runs(self) -> np.ndarray:
-        """Return (N,) bool: the rows of the runs, without the last row of each run."""
+        """Return (N,) bool: the rows of usable stretches (runs), without the last of each."""
         out = np.zeros(len(self.data.t), dtype=bool)
         for _, start, stop in self.data.blocks:
             out[start : stop - 1] = True
@@ -134,7 +134,7 @@ def trail(fit: Estimate) -> Trail:
 
 
 def trail_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> Trail:
-    """Return the filter run at the coordinates θ = ``theta`` (n,) and ``noise`` (4,)."""
+    """Return the filter run with parameters ``theta`` (n,) and ``noise`` (4,), see `Trail`."""
     at = problem.run(theta, noise, keep=2)
     assert at.X is not None
     A, B, slope, q_ddot = along(problem, theta, at.X)

@@ -66,7 +66,7 @@ linear = compiled(_linear, error_model="numpy", nogil=True)
 
 
 def _gradient(blocks, h, A, B, slope, row, state, G, W, K, nu, mu):  # type: ignore[no-untyped-def]
-    """Write nu = ∂ ln L/∂τ_k and mu = ∂ ln L/∂q̈_k, (N, 3); τ and q̈ are constant in a row."""
+    """Write nu = ∂ ln L/∂τ_k and mu = ∂ ln L/∂q̈_k, (N, 3), with τ and q̈ constant during row k."""
     n = row.shape[0] - 1
     z, acc = np.empty(6), np.empty(3)
     for b in range(blocks.shape[0] - 1, -1, -1):
@@ -110,8 +110,9 @@ def _forced(  # type: ignore[no-untyped-def]
 
     Each of M variables has ``knots`` functions on each of ``axes``. ``left``, ``share`` (N, M): the
     knot below the variable's value, and the fraction of the way to the next one. Results:
-    ``score`` (J,), ``information`` (groups, knots, knots), ``cross`` (n, J) with the ``tangents``
-    (n, E), ``traces`` (len(wanted), E): δc of columns ``wanted``. Columns are as in `Hats`.
+    ``score`` (J,), ``information`` (groups, knots, knots), ``cross`` (n, J): information shared
+    with the n parameters of ``tangents`` (n, E), ``traces`` (len(wanted), E): δc by the functions
+    ``wanted``, numbered as in `Hats`.
     """
     M = left.shape[1]
     groups = axes.shape[0] * M

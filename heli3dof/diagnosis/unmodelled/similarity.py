@@ -26,7 +26,7 @@ LIKE = 0.9
 
 
 def named_traces(fit: Estimate) -> tuple[list[str], np.ndarray]:
-    """Return (names, traces (P, E)) of all probes of the causes that ``fit`` does not contain."""
+    """Return names of the causes that ``fit`` lacks, and their prediction changes (P, E)."""
     problem, o = fit.problem, fit.optimum
     axes = [a for a, measured in zip(AXES, problem.data.axes, strict=True) if measured]
     fitted = [t.name for t in fit.structure.terms]
@@ -47,9 +47,10 @@ def similarity(
     tangents: np.ndarray,
     A: np.ndarray,
 ) -> tuple[str, float]:
-    """Return (most similar cause, |cos|) of a torque with this ``trace`` (E,).
+    """Return (most similar cause, |cos|) of a torque that changes predictions by ``trace`` (E,).
 
-    ``named``: from `named_traces`. ``tangents`` T (p, E) and A (p, p): parameters projected out.
+    ``named``: from `named_traces`. ``tangents`` T (p, E), A (p, p): of the parameters projected
+    out, as in the module docstring.
     """
     names, D = named
     D = np.vstack([trace, D])

@@ -44,7 +44,7 @@ CONSTANT_MEMORY_S = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Nuisance:
-    """Parameters projected out of every score: the fit's and accepted residual torques."""
+    """Parameters projected out of every score: those of the fit and of accepted torques."""
 
     tangents: np.ndarray
     """(p, E) derivatives of the predicted readings"""
@@ -72,10 +72,10 @@ class Nuisance:
     def with_torque(
         self, flight: Trail, D: np.ndarray, P: np.ndarray, columns: np.ndarray, null: Scores | None
     ) -> Nuisance:
-        """Return these parameters and those of one group of hat functions with traces D (KNOTS, E).
+        """Return these parameters and the coefficients of one group of hat functions.
 
-        ``P`` (KNOTS, rank): informative directions of the group. ``columns`` (KNOTS,): the group's
-        columns in ``null.u``.
+        ``D`` (KNOTS, E): the prediction changes by these. ``P`` (KNOTS, rank): informative
+        directions of the group. ``columns`` (KNOTS,): the group's columns in ``null.u``.
         """
         D = P.T @ D
         stacked = np.vstack([self.tangents, D])
@@ -93,7 +93,7 @@ class Nuisance:
 class Evidence:
     """The scores of the candidate residual torques in ``library``, evaluated at a fit.
 
-    ``null``: the same scores of simulated nulls; None if no nulls can be simulated.
+    ``null``: the same scores in flights simulated without such torques; None if impossible.
     """
 
     fit: CorrectedFit
@@ -132,12 +132,13 @@ def coloured_noise_ratio(
 ) -> float:
     """Return ρ ≥ 1, the ratio of the scores' variance to that with white noise.
 
-    ``torque`` τ (K,) has traces D (K, E), informative in the directions P (K, k). With ``nuisance``
-    projected out of D and τ removed, the readings' scores are g − w Dᵀ τ. Their block sums have a
-    long-run covariance S (`bias_correction.coloured_noise`). ``white`` is tr(V⁺ S)/k in null
-    simulations. ρ is the larger of two ratios tr(V⁺ S)/(k ``white``): along P with `MEMORY_S`, and
-    along a constant torque with `CONSTANT_MEMORY_S`, as a fitted function of time removes slow
-    noise along P. A ratio that white noise exceeds with a probability above ``chance`` is set to 1.
+    ``torque``: τ (K,), coefficients that change the E predictions by Dᵀ τ. P (K, k): directions of
+    τ with information. With ``nuisance`` projected out of D and τ removed, the readings' scores are
+    g − w Dᵀ τ. Their block sums along P have information V and a long-run covariance S
+    (`bias_correction.coloured_noise`). ``white`` is tr(V⁺ S)/k in null simulations. ρ is the larger
+    of two ratios tr(V⁺ S)/(k ``white``): along P with `MEMORY_S`, and along a constant torque with
+    `CONSTANT_MEMORY_S`, as a fitted function of time removes slow noise along P. A ratio that white
+    noise exceeds with a probability above ``chance`` is set to 1.
     """
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]

@@ -1,15 +1,15 @@
 """A formula for an unmodelled torque: the product of measured quantities that explains most.
 
 On one axis, each product φ of at most two quantities (`PRODUCTS`) is tested as a torque c φ without
-a fit (Rao's score test). D is the change of the innovations per unit of c, w their information. The
-fit's coordinates, with tangents T, information A and score g, are projected out:
+a fit (Rao's score test). D is the change of the innovations e per unit of c, w their information.
+The fit's coordinates, with tangents T, information A and score g, are projected out:
 
     u = D·∂ln L/∂e − (T w D)ᵀ A⁻¹ g,    v = D w D − (T w D)ᵀ A⁻¹ (T w D)
     S = u²/v,    c = u/v ± √(κ/v)                       κ: inflation of the fit's scores
 
 The same test of the piecewise linear torque Σ τ_k φ_k, with r directions, gives S_spline. The
 formula is as good as this curve if BIC does not justify the curve's further r − 1 parameters (N
-encoder events):
+filter updates):
 
     S_spline − S < κ (r − 1) ln N
 
@@ -81,7 +81,7 @@ class Proposal:
 
 
 def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
-    """Return model terms for ``torque``, best first: at most a formula and a fitted curve.
+    """Return model terms for ``torque``, best first: at most one formula and one fitted curve.
 
     The formula is in the list if S_spline − S < κ (r − 1) ln N (BIC). The curve is in the list
     if its variable is a product of at most two of `heli3dof.model.effects.empirical.QUANTITIES`.
@@ -151,7 +151,7 @@ def variable_of(product: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class FilteredFit:
-    """A fit with its filter run, tangents and score, which every test of a torque needs."""
+    """A fit with its filter run, derivatives and score, which every test of a torque needs."""
 
     flight: Trail
     path: Path
@@ -207,7 +207,7 @@ def value(flight: Trail, product: str) -> np.ndarray:
 
 
 def projected(flown: FilteredFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return score u (K,) and information v (K, K) of traces D (K, E), the fit projected out."""
+    """Return score u (K,) and information v (K, K) of changes D (K, E), the fit projected out."""
     at, nuisance = flown.flight.at, flown.nuisance
     weighted = D * at.w
     cross = weighted @ nuisance.tangents.T

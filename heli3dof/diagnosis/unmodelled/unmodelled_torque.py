@@ -100,7 +100,7 @@ class ResidualTorque:
 
     @property
     def size_Nm(self) -> float:
-        """Return the root mean square of the table's torques, N·m."""
+        """Return the root mean square of the torques in ``table``, N·m."""
         return float(np.sqrt(np.mean([torque**2 for _, torque in self.table])))
 
 
@@ -157,9 +157,9 @@ def significant_torques(
 
 
 def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
-    """Return the group of hat functions of an axis and variable.
+    """Return the index of the group for ``place``, an axis and a variable.
 
-    If the variable does not move in this flight: the group of the axis with the largest x.
+    If the variable hardly moves, it has no group. Then the axis's group with the largest x is used.
     """
     groups = [q for q, (i, _) in enumerate(library.groups) if AXES[i] == place.axis]
     exact = [q for q in groups if library.groups[q][1] == place.variable]
@@ -167,7 +167,7 @@ def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
 
 
 def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list[int]:
-    """Return the ``groups`` by falling x, after `TIE` is added to x of each group of time.
+    """Return the ``groups`` by falling significance ``x``; functions of time get a bonus `TIE`.
 
     Thus slow noise is preferred to a torque of another variable that explains hardly more.
     """
@@ -197,8 +197,8 @@ def _exceeds_coloured_noise(
 ) -> bool:
     """Return whether the torque ``new`` of group q exceeds the threshold also with coloured noise.
 
-    S is divided by the noise ratio ρ. ``is_coloured``: slow noise was found, so ρ is used even if
-    it is not significant here.
+    Its statistic S is divided by the noise ratio ρ. ``is_coloured``: slow noise was found, so ρ is
+    used even if it is not significant here.
     """
     P = tests.directions[q]
     torque = np.array([f for _, f in new.table])
@@ -236,7 +236,7 @@ def score_tests(
 ) -> ScoreTests:
     """Return the tests of all groups against ``null``; if it is None, against blocks of the flight.
 
-    ``sums``: of all functions with the tangents of ``nuisance``.
+    ``sums``: from `sums_along`, with the tangents of ``nuisance``.
     """
     groups = len(library.groups)
     X = np.linalg.solve(nuisance.A, sums.cross)
@@ -290,7 +290,7 @@ def score_tests(
 
 
 def gumbel_stretch(n: int) -> float:
-    """Return the factor by which to stretch a Gumbel scale estimated from the moments of n nulls.
+    """Return the factor by which to stretch a Gumbel scale estimated from n null flights.
 
     With the stretch, a further flight exceeds the threshold with the probability
     `TORQUE_FALSE_ALARMS`. Without it, the probability is three times (n = 24) or twelve times
@@ -300,7 +300,7 @@ def gumbel_stretch(n: int) -> float:
 
 
 def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return V without the constant function, and the matrix that removes it from scores."""
+    """Return V with a constant torque projected out, and the matrix that does so for scores."""
     one = np.ones(KNOTS)
     along = V @ one
     total = float(one @ along)

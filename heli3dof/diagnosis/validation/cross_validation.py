@@ -15,12 +15,12 @@ Without hold-out recordings, this is cross-validation: each block b of the train
 2. If simulated flights give the score's covariance C, Λ_jj ← Λ_jj max(1, C_jj/H_jj), with C and H
    of the remaining rows. Otherwise an inertia could diverge if the left-out block contains the
    only step.
-3. Event times (`bias_correction.evaluation.HELD`) stay fixed: no other block contains information
-   on them.
+3. The instant of a mass change (`bias_correction.evaluation.HELD`) stays fixed: no other block
+   contains information on it.
 4. The process noise is re-estimated on the evaluated rows, for base and extended model alike, so
-   that a rougher held-out flight favours neither.
+   that a rougher held-out flight favours neither model.
 5. The filter starts `SETTLE_S` before a block. With backlash it starts `BACKLASH_SETTLE_S` before,
-   because only edges of both flanks determine the position within the backlash.
+   because only encoder edges in both directions determine the position within the backlash.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ _LOG_STEP = 0.4  # step of the log intensity, for finite differences
 def on_holdout(
     fit: Estimate, recordings: Sequence[Recording], theta: np.ndarray | None = None
 ) -> HeldOut:
-    """Evaluate a fit, or its model at coordinates θ (n,), on recordings it was not fitted to."""
+    """Evaluate a fit, or its model with parameters θ (n,), on recordings it was not fitted to."""
     runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
     problem = Likelihood(data_of(recordings, runs), fit.structure)
     optimum = fit.optimum
@@ -226,7 +226,7 @@ def _with_settling(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -
 def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
     """Return the log-likelihood ln Z (N, 3) of each row by axis; 0 outside the blocks.
 
-    X are the states of a filter run with ``keep`` = 3.
+    ``X``: states of a filter run with ``keep`` = 3.
     """
     out = np.zeros((len(d.t), 3))
     total = np.zeros(3)
@@ -239,11 +239,10 @@ def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
 def _most_likely_noise(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, first: int
 ) -> np.ndarray:
-    """Return the noise (4,) whose intensities maximise the likelihood of the rows from ``first``.
+    """Return ``noise`` (4,) with the process noise that makes rows from ``first`` most likely.
 
-    Newton's method may overshoot: too small an intensity can cost hundreds of ln Z at one edge. So
-    the most likely evaluated value is returned. Earlier rows only settle the filter, which may
-    mistake a limit cycle at its start for a rate.
+    Newton's method may overshoot, so the most likely evaluated value is returned. Earlier rows only
+    settle the filter: at its start, it may mistake a limit cycle for a rate.
     """
     a = np.array(noise, dtype=float)
     best, highest = a.copy(), np.full(3, -np.inf)
@@ -273,7 +272,7 @@ def _most_likely_noise(
 
 
 def _summed_over_cells(d: Data, on: str, parts: Sequence[RowResults]) -> HeldOut:
-    """Sum the results over cells of about `CELL_S`, none of which crosses a run."""
+    """Sum the results over cells of about `CELL_S` seconds, each within one run."""
     cell_of_row = np.full(len(d.t), -1, dtype=np.int64)
     starts: list[float] = []
     source: list[int] = []

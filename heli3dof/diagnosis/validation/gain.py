@@ -7,9 +7,9 @@ Base simulation (before) and extended model (after) are evaluated on the same ro
     ΔRMSE_i = RMSE_i(before) − RMSE_i(after)       ° on axis i, of predictions 1 s ahead
     Δℓ = Σ ln Z(after) − Σ ln Z(before)            Z: probability of a reading given earlier ones
 
-The 95 % intervals come from a block bootstrap over cells of `CELL_S`: predictions overlap, and
-noise is correlated within a second. An extension `pays` if the interval of Δℓ lies above zero. RMSE
-alone may miss a real effect: modelling a periodic torque may lower it by only 2 %.
+The 95 % intervals come from a block bootstrap over cells of `CELL_S` seconds: predictions overlap,
+and noise is correlated within a second. An extension `pays` if the interval of Δℓ lies above zero.
+RMSE alone may miss a real effect: modelling a periodic torque may lower it by only 2 %.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Predictions:
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Results of a model on held-out rows, in m cells of `CELL_S`."""
+    """Results of a model on held-out rows, in m cells of `CELL_S` seconds."""
 
     loglik: np.ndarray
     """(m,) Σ ln Z of each cell"""
@@ -95,7 +95,7 @@ class Gain:
     def of_calibration(self) -> bool:
         """Return True if the refit removes most of an axis' mean square error, significantly.
 
-        ``before`` has the profile's numbers, ``after`` refitted ones (`removes_most`).
+        ``before``: RMSE with the profile's parameters; ``after``: RMSE with refitted parameters.
         """
         return any(
             won is not None and removes_most(self.before[a] or 0.0, self.after[a] or 0.0, won.low)

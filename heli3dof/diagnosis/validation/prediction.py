@@ -69,7 +69,7 @@ def problem_of(model: GreyBoxModel, recordings: Sequence[Recording]) -> Likeliho
 
 
 def noise_of(model: GreyBoxModel) -> np.ndarray:
-    """Return the filter's noise (4,): the model's, or default values if it has none."""
+    """Return process noise by axis and sampling jitter (4,), with defaults for missing noise."""
     return np.append(np.where(model.noise > 0, model.noise, NOISE), model.jitter_s)
 
 
@@ -80,7 +80,7 @@ def prediction_errors(
     horizons_s: Sequence[float] = HORIZONS_S,
     starts: np.ndarray | None = None,
 ) -> PredictionErrors:
-    """Return the prediction errors from the filter's states X (N, ≥ 6) at the coordinates θ (n,).
+    """Return the prediction errors from the filter's states X (N, ≥ 6) at the parameters θ (n,).
 
     ``starts`` (S,): rows to start from, by default `starts_of` the data. The errors from a start
     outside the runs are NaN.
@@ -177,7 +177,7 @@ def covariance_floor_deg(
 
 
 def with_blocks(data: Data, blocks: np.ndarray) -> Data:
-    """Return the data with other ``blocks`` (B, 3), each inside an old one, without a copy."""
+    """Return the data with other ``blocks`` (B, 3), each inside an old one; nothing is copied."""
     owner = np.searchsorted(data.blocks[:, 2], blocks[:, 1], side="right")
     return replace(
         data,
