@@ -56,7 +56,7 @@ class Estimate:
 def random_effects(y: FloatArray, s: FloatArray) -> Estimate:
     """Return the estimate of θ from measurements ``y`` (n,) with standard deviations ``s`` (n,).
 
-    ``s`` = 0 means that the error of a measurement is not known apart from the scatter.
+    ``s`` = 0: the error of a measurement is unknown, and counts as part of the scatter.
     """
     n = len(y)
     if n == 1:
@@ -104,9 +104,10 @@ def _weights(s: FloatArray, variance: float) -> FloatArray:
 
 
 def shrunken(y: FloatArray, s: FloatArray, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-    """Return the estimates (n,) of the values θ + bᵢ, and their standard deviations (n,).
+    """Return each measurement's own value θ + bᵢ (n,), and its standard deviation (n,).
 
-    ``estimate``: θ̂ and τ of the measurements ``y`` with ``s``, two or more.
+    The values are shrunken from ``y`` (n,) towards the mean θ̂. ``estimate``: that of the two or
+    more measurements ``y`` with standard deviations ``s``.
     """
     total = s**2 + estimate.scatter**2
     share = np.divide(estimate.scatter**2, total, out=np.zeros_like(s), where=total > 0)

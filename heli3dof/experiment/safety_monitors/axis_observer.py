@@ -57,8 +57,8 @@ class ExpectedAcceleration:
     def typical(self) -> tuple[float, float, float]:
         """Return a typical |α| in rad/s² for roll, pitch and yaw.
 
-        With V_h = `hover_V` it is caused by two motors at V_h for roll, and by one motor at V_h for
-        pitch. For yaw it is caused by two motors at V_h and the pitch angle `TILT`.
+        Roll: two motors at the hover voltage `hover_V` cause this |α|. Pitch: one motor at
+        `hover_V`. Yaw: two motors at `hover_V`, with the body at the pitch angle `TILT`.
         """
         return (
             2 * self.roll_per_V * self.hover_V,
