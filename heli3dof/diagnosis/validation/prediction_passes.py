@@ -87,9 +87,9 @@ predict_free_run = compiled(_predict_free_run, error_model="numpy", nogil=True)
 
 
 def _grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
-    """Propagate the covariance P (6, 6) over ``d`` seconds, in short steps if a rate decays fast.
+    """Propagate the covariance P (6, 6) over ``d`` seconds by `ekf_quantised.grow`.
 
-    `grow` (in `ekf_quantised`) makes each step. Dry friction near rest is such a fast decay.
+    The steps are short where a rate decays fast, as by dry friction near rest.
     """
     fastest = 0.0
     for i in range(3):

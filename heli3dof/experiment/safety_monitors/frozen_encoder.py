@@ -204,10 +204,7 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, angle: float) -> None:
-        """Restart the observer at rest at ``angle`` (rad); keep the estimates of friction F.
-
-        ``count``: the encoder's count at this angle.
-        """
+        """Restart the observer at rest at ``angle`` (rad); keep the estimates of friction F."""
         self._observer.restart(angle)
         self.count = count
         self._bias = self._bias_s = 0.0
@@ -237,8 +234,8 @@ class _Axis:
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
         """Advance the roll axis by ``h`` (s) while the arm is near its rest angle on the table.
 
-        ``count``: the encoder's count; ``angle``: the encoder's angle in rad. ``lift``:
-        acceleration (rad/s²) by the part of the thrust above the thrust that lifts every known rig.
+        ``angle``: the encoder's angle in rad. ``lift``: acceleration (rad/s²) by the part of the
+        thrust above the thrust that lifts every known rig.
         """
         if count != self.count:
             self.restart(count, angle)
@@ -324,8 +321,7 @@ class _Axis:
     def _turn(self, count: int) -> None:
         """Update friction F and clearance C after the axis turned back by two counts.
 
-        One count would not be enough, because it may be a limit cycle. ``count``: the encoder's
-        count.
+        One count would not be enough, because it may be a limit cycle.
         """
         if self._way and self._high >= self._low:
             change = self._high - self._low

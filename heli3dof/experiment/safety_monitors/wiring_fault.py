@@ -118,8 +118,8 @@ HYPOTHESES = (NORMAL, *FAULTS)
 def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
     """Return the wiring fault that explains the motion before a safety trip, or None.
 
-    ``moments``: the last control periods before the trip; ``profile``: the rig's. The result is
-    None if no fault explains the motion clearly better than the others.
+    ``moments``: the last control periods before the trip. The result is None if no fault explains
+    the motion clearly better than the others.
     """
     if len(moments) < SHORTEST:
         return None
@@ -147,7 +147,7 @@ def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
 def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
     """Return ``trip`` with a wiring fault as its cause if the motion before the trip shows one.
 
-    ``moments``: the last control periods before the trip; ``profile``: the rig's.
+    ``moments``: the last control periods before the trip.
     """
     fault = wiring_fault(moments, profile) if trip.by_motion else None
     if fault is None:

@@ -1,9 +1,9 @@
-"""Maximise the bias-corrected likelihood: the likelihood minus the expected score's linear term.
+"""Maximise the bias-corrected log-likelihood, whose score has zero mean at the true parameters.
 
-At the true parameters, the score of the filter's likelihood ℓ has a mean: ḡ for the base parameters
-θ and s̄ for the log noise intensities ln a (`bias_correction.correction`). For a candidate's
-parameters φ the mean is b, from null simulations. To first order, the score of the corrected
-likelihood ℓ_c has zero mean:
+There, the score of the filter's log-likelihood ℓ has a mean that is not zero: ḡ by the base
+parameters θ, s̄ by the log noise intensities ln a (`bias_correction.correction`). By a candidate's
+parameters φ the mean is b, from null simulations. The simulated parameters have the index 0. To
+first order, the score of ℓ_c has zero mean:
 
     ℓ_c(θ, φ, a) = ℓ(θ, φ, a) − ḡ·(θ − θ_0) − b·(φ − φ_0) − s̄·(ln a − ln a_0) + ln prior
 
@@ -35,7 +35,7 @@ CHECKED_GAIN = 2.0
 
 @dataclass(frozen=True, eq=False)
 class ScoreBias:
-    """The mean score, and the point at which it was simulated."""
+    """The mean score of simulated flights, and the parameters and noise of these flights."""
 
     theta: np.ndarray
     """(n,) ḡ and b"""
@@ -46,7 +46,10 @@ class ScoreBias:
     """(n,) θ_0 and φ_0, (4,) a_0 (rad/s²/√Hz) and jitter (s)"""
 
     def of(self, theta: np.ndarray, noise: np.ndarray) -> float:
-        """Return the correction ḡ·(θ − θ_0) + b·(φ − φ_0) + s̄·(ln a − ln a_0)."""
+        """Return the term that is subtracted from the log-likelihood: Σ mean score × change.
+
+        ``theta`` (n,), ``noise`` (4,): the parameters and the noise at which it is computed.
+        """
         ratio = np.log(noise[:3] / self.noise_0[:3])
         return float(self.theta @ (theta - self.theta_0) + self.log_noise @ ratio)
 
@@ -55,10 +58,11 @@ def maximise_corrected(
     problem: Likelihood, start: np.ndarray, noise: np.ndarray, bias: ScoreBias | None, *,
     rounds: int = ROUNDS, hold_noise: bool = False, hold: np.ndarray | None = None,
 ) -> Optimum:  # fmt: skip
-    """Return the maximum of the corrected log-likelihood ℓ_c; of ℓ + ln prior without ``bias``.
+    """Return the maximum of the bias-corrected log-likelihood plus the log prior.
 
-    The search starts at ``start`` (n,), ``noise`` (4,). ``hold`` (n,) bool fixes coordinates,
-    ``hold_noise`` the noise.
+    The search starts at the parameters ``start`` (n,) and ``noise`` (4,). ``hold`` (n,) bool:
+    parameters that keep their values; ``hold_noise``: the noise keeps its values. Without ``bias``,
+    nothing is corrected.
     """
     if bias is None:
         bias = ScoreBias(np.zeros(len(start)), np.zeros(3), start, noise)

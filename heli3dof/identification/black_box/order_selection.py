@@ -117,7 +117,7 @@ def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str
     """Improve the model ``start`` by a fit to the data d; return the fit, also resampled to dt (s).
 
     ``method`` is ``pem`` (prediction error), ``oe`` (output error) or ``pbsid`` (no further fit).
-    ``name`` becomes the model's name. Raises NoContinuousModel where the fit cannot be resampled.
+    Raises NoContinuousModel where the fit cannot be resampled.
     """
     found = None
     model = start
