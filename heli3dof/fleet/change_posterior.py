@@ -91,7 +91,7 @@ class Prior:
 class Scale:
     """Prior distribution d·φ₀²/χ²_d of a flight's variance φ², from the sibling rigs.
 
-    χ²_d is chi-squared with d degrees of freedom. d is `freedom`; with the probability `UNLIKE`, 1.
+    χ²_d is chi-squared with d degrees of freedom: d is `freedom`, or 1 with probability `UNLIKE`.
     """
 
     variance: float
@@ -247,9 +247,9 @@ def _two_steps(
 
 
 def change_places(n: int) -> Places:
-    """Return, for each kind of change in ``n`` flights, where each of its models has the change.
+    """Return all models of changes in ``n`` flights: kind of change → flights of each model.
 
-    The result is explained at `ChangePosterior.places`.
+    `ChangePosterior.places` explains the result.
     """
     firsts = range(LEAST_SIDE, n - LEAST_SIDE + 1)
     grid = firsts[:: -(-len(firsts) // MOST_BOUNDARIES)]

@@ -4,8 +4,8 @@ The search takes the most probable change of all flights (`change_posterior`). A
 flights, and both sides are searched; two steps make three parts. A deviating flight is removed,
 and the search starts again. Several deviating flights would hide each other, so a Hampel filter
 proposes candidates first, and each is tested in the absence of the other candidates. At the end,
-the date, size and probability of each step are computed from the flights between the steps next to
-it.
+the date, size and probability of each step are computed from the flights between its two
+neighbouring steps.
 
 A change is reported if its probability is at least `REPORTED`. Prior probabilities come from
 `CHANGES_PER_RIG_SEMESTER`, divided by the number of quantities. If the posterior is calibrated (one
@@ -126,7 +126,7 @@ class _Series:
     scale: Scale | None
 
     def is_searchable(self, flights: np.ndarray) -> bool:
-        """Return True for `LEAST_FLIGHTS` flights of one plan, one more for each further plan."""
+        """Return True for at least `LEAST_FLIGHTS` flights, plus one per plan after the first."""
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:
@@ -240,7 +240,8 @@ def _change(
 ) -> Change:
     """Return the most probable change of this ``kind`` in ``flights``.
 
-    ``before``: selects a step by the index in ``flights`` of the first flight after the step.
+    ``before`` selects a step: index in ``flights`` of the first flight after it. None: the most
+    probable step.
     """
     model = posterior.best(kind)
     size, std = posterior.size[kind], posterior.size_std[kind]

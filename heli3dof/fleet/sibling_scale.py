@@ -34,7 +34,7 @@ MAD_TO_STD = 1.4826
 
 
 def sibling_scale(siblings: Sequence[Track]) -> Scale | None:
-    """Return the prior of a rig's variance φ² from its ``siblings``; None if they are too few."""
+    """Return the prior of a rig's variance between flights; None if ``siblings`` are too few."""
     from scipy.special import digamma, polygamma
 
     found = [d for d in map(_differences, siblings) if len(d) >= LEAST_DIFFERENCES and d.any()]
@@ -58,7 +58,7 @@ def _differences(track: Track) -> np.ndarray:
 
 
 def _inverse_trigamma(value: float) -> float:
-    """Return d with ψ'(d/2) = ``value`` > 0.
+    """Return d with trigamma(d/2) = ``value`` > 0.
 
     >>> round(_inverse_trigamma(1.6449341), 4)
     2.0

@@ -92,7 +92,7 @@ def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Differen
 
 
 def _with_scatter(estimate: Estimate, scatter: float) -> Estimate:
-    """Return the estimate; if it is from one flight, its std includes the flights' ``scatter``."""
+    """Return the estimate; that of a single flight gets the ``scatter`` between flights in std."""
     if estimate.n > 1:
         return estimate
     return replace(estimate, std=hypot(estimate.std, scatter))

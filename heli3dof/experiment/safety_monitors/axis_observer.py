@@ -55,10 +55,10 @@ class ExpectedAcceleration:
 
     @property
     def typical(self) -> tuple[float, float, float]:
-        """Return a typical |α| in rad/s² for roll, pitch and yaw.
+        """Return a typical size of the acceleration α, in rad/s², for roll, pitch and yaw.
 
-        Roll: two motors at the hover voltage `hover_V` cause this |α|. Pitch: one motor at
-        `hover_V`. Yaw: two motors at `hover_V`, with the body at the pitch angle `TILT`.
+        The motors are at the hover voltage `hover_V`: both motors for roll, one motor for pitch.
+        For yaw, both motors, with the body at the pitch angle `TILT`.
         """
         return (
             2 * self.roll_per_V * self.hover_V,

@@ -20,8 +20,8 @@ estimated from the axis's own motion:
   constant F_min (`F_MIN`) covers errors of F₀.
 * To turn back, an axis needs a change of α of at least 2 F₀. F is at most the third-smallest change
   of α after which the axis turned back.
-* F is at least the largest deviation of the unmodelled acceleration from b while the axis moved
-  (rotor lag, thrust curve, aerodynamics). This deviation is forgotten within seconds.
+* F is at least the largest deviation of the unmodelled acceleration from b while the axis moved.
+  This deviation is forgotten within seconds.
 * s is the angle by which the model turns while the count stays constant before the axis turns back
   (backlash, delay). C is at least twice the largest such s.
 
@@ -247,8 +247,7 @@ class _Axis:
     def step(self, h: float, alpha: float, count: int, angle: float) -> None:
         """Advance an axis in the air by ``h`` (s).
 
-        ``alpha``: expected acceleration α (rad/s²); ``count``: the encoder's count; ``angle``: the
-        encoder's angle in rad.
+        ``alpha``: expected acceleration α (rad/s²); ``angle``: the encoder's angle in rad.
         """
         observer = self._observer
         observer.step(h, alpha, angle)

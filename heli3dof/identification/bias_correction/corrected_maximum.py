@@ -1,9 +1,9 @@
-"""Maximise the bias-corrected log-likelihood, whose score has zero mean at the true parameters.
+"""Maximise the bias-corrected log-likelihood ℓ_c.
 
-There, the score of the filter's log-likelihood ℓ has a mean that is not zero: ḡ by the base
-parameters θ, s̄ by the log noise intensities ln a (`bias_correction.correction`). By a candidate's
-parameters φ the mean is b, from null simulations. The simulated parameters have the index 0. To
-first order, the score of ℓ_c has zero mean:
+At the true parameters, the score of the filter's log-likelihood ℓ should have zero mean. Its mean
+is ḡ by the base parameters θ, and s̄ by the log noise intensities ln a
+(`bias_correction.correction`). By a candidate's parameters φ it is b, from null simulations. Index
+0 marks the values that were simulated. To first order, the score of ℓ_c has zero mean:
 
     ℓ_c(θ, φ, a) = ℓ(θ, φ, a) − ḡ·(θ − θ_0) − b·(φ − φ_0) − s̄·(ln a − ln a_0) + ln prior
 
@@ -46,9 +46,9 @@ class ScoreBias:
     """(n,) θ_0 and φ_0, (4,) a_0 (rad/s²/√Hz) and jitter (s)"""
 
     def of(self, theta: np.ndarray, noise: np.ndarray) -> float:
-        """Return the term that is subtracted from the log-likelihood: Σ mean score × change.
+        """Return the term to subtract from the log-likelihood: mean score times parameter change.
 
-        ``theta`` (n,), ``noise`` (4,): the parameters and the noise at which it is computed.
+        ``theta`` (n,), ``noise`` (4,): the changed parameters and noise.
         """
         ratio = np.log(noise[:3] / self.noise_0[:3])
         return float(self.theta @ (theta - self.theta_0) + self.log_noise @ ratio)
@@ -60,9 +60,9 @@ def maximise_corrected(
 ) -> Optimum:  # fmt: skip
     """Return the maximum of the bias-corrected log-likelihood plus the log prior.
 
-    The search starts at the parameters ``start`` (n,) and ``noise`` (4,). ``hold`` (n,) bool:
-    parameters that keep their values; ``hold_noise``: the noise keeps its values. Without ``bias``,
-    nothing is corrected.
+    The search starts at the parameters ``start`` (n,) and the ``noise`` (process noise of 3 axes,
+    jitter). ``hold`` (n,) bool: parameters that keep their values; ``hold_noise``: the noise keeps
+    its values. Without ``bias``, nothing is corrected.
     """
     if bias is None:
         bias = ScoreBias(np.zeros(len(start)), np.zeros(3), start, noise)

@@ -1,7 +1,7 @@
 """Correct the bias of a fit by simulated flights: the efficient method of moments.
 
 The filter's likelihood assumes Gaussian distributions, but encoders quantise. So the score (the
-log-likelihood's derivative) has a mean at the true parameters, and the estimate is biased. The bias
+log-likelihood's derivative) has a mean at the true parameters, so the estimate is biased. The bias
 is largest for inertias on an encoder limit cycle. With a known controller, B flights of the fitted
 model are simulated (`bias_correction.simulated_flight`). Let g (n,) be the score of the recordings
 and g_b that of flight b, both at the parameters θ (n,). H (n, n) is the information; the step uses
@@ -108,7 +108,10 @@ class CorrectedFit(Estimate):
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
-    """Return the model with the parameters ``theta`` (n,) and ``noise`` (4,), covariance NaN."""
+    """Return the model with the parameters ``theta`` (n,) and ``noise`` (3 axes, jitter).
+
+    Its covariance is NaN.
+    """
     n = len(theta)
     return GreyBoxModel(
         "null", problem.structure.profile, tuple(t.name for t in problem.structure.terms),
@@ -146,9 +149,9 @@ def correct(
 ) -> CorrectedFit:
     """Return the fit at which the recordings' score equals the mean score of simulated flights.
 
-    The search starts at the parameters ``theta`` (n,) and ``noise`` (4,), simulates ``pilots``
-    flights per round and takes at most ``rounds`` rounds. If the search diverges, its start is
-    returned, with ``scatter`` and ``bias`` None.
+    The search starts at the parameters ``theta`` (n,) and ``noise`` (3 axes, jitter). It simulates
+    ``pilots`` flights per round and takes at most ``rounds`` rounds. If the search diverges, its
+    start is returned, with ``scatter`` and ``bias`` None.
     """
     start = theta, noise
     low, high = problem.bounds
@@ -221,7 +224,7 @@ def correct(
 
 @dataclass(frozen=True, eq=False)
 class NoiseScoreBias:
-    """The log-likelihood's derivatives by the log noise, averaged over simulated flights."""
+    """Mean derivatives of the log-likelihood by the axes' log process noise, from flights."""
 
     slope: np.ndarray
     curvature: np.ndarray
@@ -246,9 +249,9 @@ class NoiseScoreBias:
 def optimum_at(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, count: int, converged: bool
 ) -> Optimum:
-    """Return the result of a search that ended at the parameters ``theta`` (n,), ``noise`` (4,).
+    """Return the result of a search that ended at ``theta`` and ``noise``, as an `Optimum`.
 
-    ``count``: its iterations.
+    ``theta`` (n,): parameters; ``noise`` (4,): of 3 axes, jitter; ``count``: iterations.
     """
     low, high = problem.bounds
     point = evaluate(problem, theta, noise, whole=False)

@@ -72,10 +72,10 @@ class Evaluation(Derivatives):
 def evaluate(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bool = True
 ) -> Evaluation:
-    """Return the log-likelihood's derivatives at the parameters ``theta`` (n,), ``noise`` (4,).
+    """Return the log-likelihood's derivatives at ``theta`` and ``noise``.
 
-    If ``whole`` is False, the derivatives by the noise are not computed: they are 0 (first) and −1
-    (second).
+    ``theta`` (n,): parameters; ``noise`` (4,): process noise of 3 axes, jitter. If ``whole`` is
+    False, the derivatives by the noise are not computed: they are 0 (first) and −1 (second).
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
 

@@ -136,8 +136,8 @@ def forward(
 ) -> np.ndarray:
     """Return how J changes of the model change the filter's E predicted readings: δc (J, E).
 
-    ``a`` (J, C, 3): changes of the accelerations in C chunks; ``m`` (J, E), ``m0`` (J, B, 3):
-    changes of the readings at given angles, at the events and at the start of each of B blocks.
+    ``a`` (J, C, 3): changes of the accelerations in C chunks. ``m`` (J, E): changes of the readings
+    at given angles; ``m0`` (J, B, 3): the same at the start of each of B blocks.
     """
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0

@@ -168,8 +168,7 @@ def search(
     """Fit all orders at all sampling intervals; return the chosen fit, and the score of every fit.
 
     Rule of the choice: see the head of this file. ``method`` is ``pem``, ``oe`` or ``pbsid``.
-    ``orders`` are numbers of states, ``name`` is the model's, ``prepared`` holds the recordings.
-    Raises RecordingError if no candidate can be used.
+    ``orders`` are numbers of states. Raises RecordingError if no candidate can be used.
     """
     tried: list[tuple[CandidateOrder, StateSpaceFit | None]] = []
     for interval_s in intervals_s:

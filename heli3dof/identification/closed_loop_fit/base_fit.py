@@ -82,7 +82,7 @@ def fit_base(setup: Setup) -> CorrectedFit:
 
 
 def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
-    """Return the measured axes whose inertia differs from nominal by over `MAX_INERTIA_RATIO`.
+    """Return the measured axes with an inertia off nominal by a factor over `MAX_INERTIA_RATIO`.
 
     On an axis that hardly moves, a wrong inertia may hide a missing effect from the score test.
     """

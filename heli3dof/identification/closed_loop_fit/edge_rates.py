@@ -79,7 +79,7 @@ def fit_with_edge_rates(
 ) -> CorrectedFit:  # fmt: skip
     """Return the fit with edge rates (how often the encoder counts change) as further moments.
 
-    The search begins at ``start``, and returns ``start`` if it or the flights diverge.
+    The search begins at ``start``. The result is ``start`` if the search or the flights diverge.
     """
     n = len(start.theta)
     jitter = start.optimum.noise[3:]
