@@ -12,8 +12,8 @@ the mean E and the variance V of ln q_r are::
     E = ln φ₀² + ψ(f_r/2) − ln(f_r/2) − ψ(d/2) + ln(d/2),   V = ψ'(f_r/2) + ψ'(d/2)
 
 φ₀² and d follow from median and median absolute deviation over the siblings, so rigs that changed
-have little influence (Smyth, Stat. Appl. Genet. Mol. Biol. 3, 2004, uses means). d is limited to at
-most the sum of f_r, the degrees of freedom of φ₀² itself, and to at least 1.
+have little influence (Smyth, Stat. Appl. Genet. Mol. Biol. 3, 2004, uses means). d is at least 1,
+and at most the sum of f_r, the degrees of freedom of φ₀² itself.
 """
 
 from __future__ import annotations

@@ -170,7 +170,7 @@ class _Flight:
     ) -> tuple[_End, RampDown]:
         """Ramp to zero from the last ``sample``; return how flight and ramp ended.
 
-        ``end``: how the plan ended. The other arguments are described in `fly`.
+        ``end``: how the plan ended. Other arguments: see `fly`.
         """
         self.live.phase = "ramping down"
         limits = self.profile.limits

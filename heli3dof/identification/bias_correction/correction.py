@@ -1,8 +1,8 @@
 """Correct the bias of a fit by simulated flights: the efficient method of moments.
 
 The filter's likelihood assumes Gaussian distributions, but encoders quantise. So the score (the
-log-likelihood's derivative) has a mean at the true parameters, so the estimate is biased. The bias
-is largest for inertias on an encoder limit cycle. With a known controller, B flights of the fitted
+log-likelihood's derivative) has a nonzero mean at the true parameters. The estimate is biased, most
+of all inertias on an encoder limit cycle. With a known controller, B flights of the fitted
 model are simulated (`bias_correction.simulated_flight`). Let g (n,) be the score of the recordings
 and g_b that of flight b, both at the parameters θ (n,). H (n, n) is the information; the step uses
 the mean of the recordings' and the flights' H. θ_0 and Λ are the prior's mean and information:
@@ -108,9 +108,9 @@ class CorrectedFit(Estimate):
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
-    """Return the model with the parameters ``theta`` (n,) and ``noise`` (3 axes, jitter).
+    """Return the model with the parameters ``theta`` (n,), ``noise`` (4,), and covariance NaN.
 
-    Its covariance is NaN.
+    ``noise``: process noise of 3 axes, jitter.
     """
     n = len(theta)
     return GreyBoxModel(
@@ -149,9 +149,9 @@ def correct(
 ) -> CorrectedFit:
     """Return the fit at which the recordings' score equals the mean score of simulated flights.
 
-    The search starts at the parameters ``theta`` (n,) and ``noise`` (3 axes, jitter). It simulates
-    ``pilots`` flights per round and takes at most ``rounds`` rounds. If the search diverges, its
-    start is returned, with ``scatter`` and ``bias`` None.
+    The search starts at the parameters ``theta`` (n,) and ``noise`` (process noise of 3 axes,
+    jitter). It simulates ``pilots`` flights per round and takes at most ``rounds`` rounds. If the
+    search diverges, its start is returned, with ``scatter`` and ``bias`` None.
     """
     start = theta, noise
     low, high = problem.bounds
@@ -224,7 +224,7 @@ def correct(
 
 @dataclass(frozen=True, eq=False)
 class NoiseScoreBias:
-    """Mean derivatives of the log-likelihood by the axes' log process noise, from flights."""
+    """Mean derivatives of simulated flights' log-likelihoods by the axes' log process noise."""
 
     slope: np.ndarray
     curvature: np.ndarray
@@ -251,7 +251,8 @@ def optimum_at(
 ) -> Optimum:
     """Return the result of a search that ended at ``theta`` and ``noise``, as an `Optimum`.
 
-    ``theta`` (n,): parameters; ``noise`` (4,): of 3 axes, jitter; ``count``: iterations.
+    ``theta`` (n,): parameters; ``noise`` (4,): process noise of 3 axes, jitter; ``count``:
+    iterations.
     """
     low, high = problem.bounds
     point = evaluate(problem, theta, noise, whole=False)

@@ -167,7 +167,7 @@ def search(
 ) -> tuple[StateSpaceFit, list[CandidateOrder]]:
     """Fit all orders at all sampling intervals; return the chosen fit, and the score of every fit.
 
-    Rule of the choice: see the head of this file. ``method`` is ``pem``, ``oe`` or ``pbsid``.
+    Rule of choice: see the module. ``method`` is ``pem``, ``oe`` or ``pbsid``.
     ``orders`` are numbers of states. Raises RecordingError if no candidate can be used.
     """
     tried: list[tuple[CandidateOrder, StateSpaceFit | None]] = []

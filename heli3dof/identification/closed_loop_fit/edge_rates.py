@@ -15,10 +15,10 @@ solves (Hansen 1982; simulated moments: Gallant and Tauchen 1996)
     y ← y + A⁻¹ [Gᵀ W (m − mean m_b) − Λ(y − y_0)],      A = Gᵀ W G + Λ
     cov y = A⁻¹ (Gᵀ W (1 + 1/B) C W G + Λ) A⁻¹,          C = cov m_b
 
-Each axis has three moments: the score of its inertia, the noise slope and the rate. Within such a
-triple, W is the inverse of C, and G is estimated in the first rounds: a two-level design varies
-the flights' inertias and noises. Elsewhere W is the inverse of C's diagonal; G is the information H
-for the scores by θ, and zero otherwise.
+Each axis has three moments: the score of its inertia, its ∂ℓ/∂ln a and its edge rate. Within such a
+triple, W is the inverse of C, and G is estimated in the first rounds: a two-level design varies the
+flights' inertias and noises. Elsewhere W is the inverse of C's diagonal. The other elements of G
+are the information H for the scores by θ, and zero otherwise.
 """
 
 from __future__ import annotations
