@@ -1,8 +1,9 @@
 """Check an effect that somebody else wrote: units, equations, and the names that it refers to.
 
-The equations run at `STATES` random states of the default rig, and must return finite numbers. A
-torque must not be zero at typical sizes. It must be zero if each parameter has its ``null``, the
-value without the effect; this is not checked if a parameter's logarithm is estimated.
+The equations run at `STATES` random states of the default rig, and must return finite numbers. With
+parameters of typical size, a torque must not be zero at all states. It must be zero if each
+parameter has its ``null``, the value without the effect. The last rule is not checked if a
+parameter's logarithm is estimated.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ RUN = (*ADDED, Stage.VOLTAGE, Stage.THRUST, Stage.MEASURE)
 
 
 def effect_of_file(path: Path) -> Effect:
-    """Return the ``EFFECT`` of a Python file; the file's code runs.
+    """Run a Python file and return its ``EFFECT``.
 
     Raises UsageError if there is no such file, RecordingError if it has no effect.
     """
@@ -157,7 +158,7 @@ def _equation_problems(effect: Effect) -> Iterator[str]:
 def _change(hook: Any, stage: Stage, s: np.ndarray, axis: int, values: list[float]) -> np.ndarray:
     """Return what the hook, an equation of an effect, adds to its output array.
 
-    The array first contains zero torques or, by ``stage``, the state's voltages, thrusts or angles.
+    Depending on ``stage``, the array first holds the state's voltages, thrusts or angles, or zeros.
     """
     begun = {Stage.VOLTAGE: s[V_FRONT : V_BACK + 1], Stage.THRUST: s[F_FRONT : F_BACK + 1],
              Stage.MEASURE: s[R : R + 3]}.get(stage, np.zeros(3))  # fmt: skip

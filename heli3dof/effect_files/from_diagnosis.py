@@ -2,7 +2,7 @@
 
 The source is the JSON document of a diagnosis (``leftover``) or an extended model
 (`heli3dof.model.effects.empirical`). The package contains the effect with its equation, units and
-bounds, and the entry point that registers it. Its test has numbers that can be checked by hand.
+bounds, a test, and the entry point that registers it.
 """
 
 from __future__ import annotations

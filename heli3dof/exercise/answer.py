@@ -121,8 +121,8 @@ def make_answer(
 
     ``name``: the student's; ``diagnoses``: file name → content of ``diagnose --json``. If there are
     own claims, those of the documents are not used. Of several claims for the same effect the first
-    is kept. The hold-out error is that of the first document. Raises UsageError for a diagnosis of
-    another rig's recordings, RecordingError for an incomplete document.
+    is kept. The answer's error on held-out data is taken from the first document. Raises UsageError
+    for a diagnosis of another rig's recordings, RecordingError for an incomplete document.
     """
     claims: list[Claim] = []
     flown_on: list[str | None] = []
@@ -160,8 +160,8 @@ def make_answer(
 def claims_of(document: Mapping[str, Any]) -> list[Claim]:
     """Return the claims of a diagnosis document: its ``findings`` and its unmodelled torques.
 
-    An error in ``leftover`` that no torque explains is no claim. Without claims and with a verdict
-    in `QUIET`, the claim is `NONE`: no hidden effect.
+    A torque in ``leftover`` that depends on no measured variable is no claim. If there is no claim
+    and the verdict is in `QUIET`, the result is the claim `NONE`: no hidden effect.
     """
     claims = [_finding(f) for f in document["findings"]]
     claims += [

@@ -60,7 +60,7 @@ def mark_folder(folder: Path, key: SigningKey) -> list[MarkedAnswer]:
 
     For a file that is not an answer, the `MarkedAnswer` states the reason. Hidden files and files
     with an ending in `NOT_ANSWERS` are skipped. ``key``: the teacher's. Raises UsageError if the
-    folder is missing or has no other file.
+    folder is missing or contains only skipped files.
     """
     if not folder.is_dir():
         raise UsageError(

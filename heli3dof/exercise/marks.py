@@ -4,7 +4,6 @@ The confidence is marked by the Brier score: the sum of (c − o)² over all cla
 causes. c is the stated confidence, 1 if none is stated, 0 for a cause that is not claimed; o is 1
 for a hidden cause and 0 for any other.
 The score is proper: in expectation, stating the true probabilities gives the lowest sum. 0 is best.
-The score is a sum, because wrong claims of confidence 0 would lower a mean.
 """
 
 from __future__ import annotations

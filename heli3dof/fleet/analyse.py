@@ -62,8 +62,8 @@ def _rig(track: Track, siblings: Sequence[Track], quantities: int, plan: str) ->
     """Return the changes in a ``track``, and the estimate of its quantity since the last step.
 
     ``siblings``: tracks of the other rigs; ``quantities``: number of quantities in the table. The
-    estimate is from flights of ``plan``; without any since the last step, from the most frequent
-    plan since then.
+    estimate is from flights of ``plan``. If there are none since the last step, it is from the most
+    frequent plan since then.
     """
     changes = find_changes(
         track.t, track.y, track.s, track_prior(quantities), track.plans, sibling_scale(siblings)

@@ -5,21 +5,22 @@ one regressor x to a constant::
 
     yᵢ = m_p(i) + δ·xᵢ + eᵢ,   eᵢ ~ N(0, φ²uᵢ),   uᵢ = (1 − a)(sᵢ/s̃)² + a,   δ ~ N(0, g²φ²)
 
-    step before flight k     xᵢ = 1 for i ≥ k, else 0      2 ≤ k ≤ n − 2 (flights from 0)
+    step before flight k     xᵢ = 1 for i ≥ k, else 0      2 ≤ k ≤ n − 2 (first flight: 0)
     two steps                a step before j and one before k, j + 2 ≤ k, with two sizes δ
     drift                    xᵢ = (tᵢ − t₀)/(tₙ₋₁ − t₀)     δ: change over all flights
     deviating flight j       xᵢ = 1 for i = j, else 0
 
 p(i) is the plan of flight i: each plan has its own level m, because a fit to small steps and one to
 large ones differ on an unchanged rig. φ is the standard deviation of a typical flight (s̃: median
-of s), and a the share of the scatter between flights in its variance. A step needs two flights on
-each side, because one flight alone is a deviating flight. Two steps need a model of their own: if
-the second undoes the first, or repeats it, one step describes the flights badly. The flights
-j and k of two steps are on a grid of at most `MOST_BOUNDARIES`.
+of s). The fraction a of φ² is due to scatter between flights. A step needs two flights on each
+side, because one flight alone is a deviating flight. Two steps need a model of their own: if the
+second undoes the first, or repeats it, one step describes the flights badly. The flights j and k of
+two steps are on a grid of at most `MOST_BOUNDARIES`.
 
-Priors: each m flat; a on `SHARES`, dense near 0; g on `SIZES`: a change has equal probability in
-each octave of 1 to 32 standard deviations. A common factor of all sᵢ has no influence. φ² has the
-prior d·φ₀²/χ²_d, with `Scale` from the sibling rigs, or p(φ) ∝ 1/φ without them (d = 0).
+Priors: m is flat; a is on the grid `SHARES`, dense near 0; g on the grid `SIZES`. So a change has
+equal probability in each octave of 1 to 32 standard deviations. A common factor of all sᵢ has no
+influence. φ² has the prior d·φ₀²/χ²_d; the sibling rigs give d and φ₀ (`Scale`). Without siblings,
+p(φ) ∝ 1/φ (d = 0).
 
 m, δ and φ integrate in closed form. Let wᵢ = 1/uᵢ, P the number of plans, and ν = n − P. Sxx is
 Σwᵢxᵢ², after the weighted mean of each plan is subtracted from x; Sxy and Syy likewise::
@@ -90,7 +91,7 @@ class Prior:
 class Scale:
     """Prior distribution d·φ₀²/χ²_d of a flight's variance φ², from the sibling rigs.
 
-    d is `freedom`, or with the probability `UNLIKE` it is 1.
+    χ²_d is chi-squared with d degrees of freedom: d is `freedom`, or 1 with probability `UNLIKE`.
     """
 
     variance: float
@@ -215,9 +216,9 @@ def change_posterior(
 
 
 def _log_sum(each: FloatArray) -> FloatArray:
-    """Return for each model the logarithm of its evidence, averaged over d, g and a.
+    """Return the log evidence of each model of a change, averaged over the prior's d, g and a.
 
-    ``each`` (d, g, a, model): logarithm of the evidence for given d, g and a.
+    ``each`` (d, g, a, model): log evidence at each grid point of d, g and a (see the module).
     """
     rows = each.reshape(int(np.prod(each.shape[:-1])), each.shape[-1])
     total: FloatArray = np.logaddexp.reduce(rows, axis=0) - np.log(len(rows))
@@ -230,9 +231,9 @@ def _two_steps(
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Return Sxyᵀ(Sxx + I/g²)⁻¹Sxy and det(I + g²Sxx), each (g, a, pair), of all pairs of steps.
 
-    ``w`` (a, n): weights; ``x`` (k, n): regressors of the steps before k; ``mean`` (a, plan, k):
-    their weighted means by plan, times √Σwᵢ; ``s_xy``, ``s_xx`` (a, k): their sums Sxy, Sxx;
-    ``square`` (g, 1, 1): g².
+    ``w`` (a, n): weights; ``x`` (k, n): the regressor of a step before flight k; ``mean``
+    (a, plan, k): its weighted mean over each plan, times √Σwᵢ; ``s_xy``, ``s_xx`` (a, k): its sums
+    Sxy, Sxx; ``square`` (g, 1, 1): g². The module's docstring explains the symbols.
     """
     pairs = np.array(places["two_steps"], dtype=int).reshape(-1, 2) - LEAST_SIDE
     j, k = pairs.T
@@ -246,9 +247,9 @@ def _two_steps(
 
 
 def change_places(n: int) -> Places:
-    """Return kind of change → the flights at which each of its models has the change.
+    """Return all models of changes in ``n`` flights: kind of change → flights of each model.
 
-    The keys and values are those of `ChangePosterior.places`; ``n``: number of flights.
+    `ChangePosterior.places` explains the result.
     """
     firsts = range(LEAST_SIDE, n - LEAST_SIDE + 1)
     grid = firsts[:: -(-len(firsts) // MOST_BOUNDARIES)]
@@ -261,9 +262,9 @@ def change_places(n: int) -> Places:
 
 
 def regressors(kind: str, places: Places, t: FloatArray) -> FloatArray:
-    """Return the regressors x (models, n) of a kind of change with one size δ.
+    """Return the regressors x (models, n) of all models of a ``kind`` of change in n flights.
 
-    ``kind``: one of `SINGLE`; ``t`` (n,): times of the flights.
+    ``kind``: one of `SINGLE`, which have one size δ; ``t`` (n,): times of the flights.
     """
     flights, at = np.arange(len(t)), np.array(places[kind])
     if kind == "drift":

@@ -4,7 +4,8 @@ The search takes the most probable change of all flights (`change_posterior`). A
 flights, and both sides are searched; two steps make three parts. A deviating flight is removed,
 and the search starts again. Several deviating flights would hide each other, so a Hampel filter
 proposes candidates first, and each is tested in the absence of the other candidates. At the end,
-the date, size and probability of each step are computed from the flights between its neighbours.
+the date, size and probability of each step are computed from the flights between its two
+neighbouring steps.
 
 A change is reported if its probability is at least `REPORTED`. Prior probabilities come from
 `CHANGES_PER_RIG_SEMESTER`, divided by the number of quantities. If the posterior is calibrated (one
@@ -125,7 +126,7 @@ class _Series:
     scale: Scale | None
 
     def is_searchable(self, flights: np.ndarray) -> bool:
-        """Return True if ``flights`` has `LEAST_FLIGHTS` flights, and one more per further plan."""
+        """Return True for at least `LEAST_FLIGHTS` flights, plus one per plan after the first."""
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:
@@ -157,7 +158,7 @@ def normal_scores(y: FloatArray) -> FloatArray:
 def _candidates(series: _Series) -> Iterator[Change]:
     """Yield the deviating flights: proposed by a Hampel filter, and confirmed by the posterior.
 
-    The posterior of each is computed from this flight and all flights that are not proposed.
+    Each proposed flight is tested alone, among all flights that are not proposed.
     """
     from scipy.ndimage import median_filter
 
@@ -181,7 +182,7 @@ def _candidates(series: _Series) -> Iterator[Change]:
 def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
     """Yield the most probable change in ``flights``; for a step, also the changes on both sides.
 
-    Yields nothing if the flights are too few, or if a change is less probable than `REPORTED`.
+    Yields nothing if the flights are too few, or the probability of any change is below `REPORTED`.
     """
     if not series.is_searchable(flights):
         return
@@ -201,9 +202,9 @@ def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
 
 
 def _single(series: _Series, flights: np.ndarray) -> Change | None:
-    """Return the most probable change in ``flights``, other than two steps.
+    """Return the most probable step, drift or deviating flight in ``flights``.
 
-    Returns None if the probability of a change is below `REPORTED`.
+    Returns None if the probability of any change is below `REPORTED`.
     """
     posterior = series.posterior(flights)
     if 1 - posterior.constant < REPORTED:
@@ -214,8 +215,9 @@ def _single(series: _Series, flights: np.ndarray) -> Change | None:
 def _refined(series: _Series, kept: np.ndarray, steps: list[Change]) -> list[Change]:
     """Return the steps, each computed again from the flights between its neighbouring steps.
 
-    Once the dates no longer change, the least probable step below `REPORTED` is removed. Both are
-    repeated until all steps are probable enough.
+    When the dates no longer change, the least probable of the doubtful steps is removed, and all
+    are computed again. A step is doubtful if the probability of any change is below `REPORTED`, or
+    that of a step below 0.5.
     """
     for _ in range(REFINEMENTS * len(steps)):
         before = [c.first for c in steps]
@@ -238,7 +240,8 @@ def _change(
 ) -> Change:
     """Return the most probable change of this ``kind`` in ``flights``.
 
-    ``before``: index in ``flights`` of the first flight after the step; None: the likeliest step.
+    ``before`` selects a step: index in ``flights`` of the first flight after it. None: the most
+    probable step.
     """
     model = posterior.best(kind)
     size, std = posterior.size[kind], posterior.size_std[kind]
@@ -265,10 +268,10 @@ def _change(
 
 
 def _dates(share: FloatArray, flights: np.ndarray) -> dict[int, float]:
-    """Return first flight after the step → its probability, for the most probable flights.
+    """Return the most probable dates of a step: first flight after it → probability.
 
-    Together they have at least the probability `DATES`. ``share``: probability of a step before
-    each of ``flights``, from index 2 on.
+    Together the dates have at least the probability `DATES`. ``share``: probability of a step
+    before each of ``flights``, from index 2 on.
     """
     order = np.argsort(-share, kind="stable")
     many = int(np.searchsorted(np.cumsum(share[order]), DATES)) + 1

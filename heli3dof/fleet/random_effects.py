@@ -54,9 +54,9 @@ class Estimate:
 
 
 def random_effects(y: FloatArray, s: FloatArray) -> Estimate:
-    """Return the estimate of θ from measurements ``y`` (n,) with standard deviations ``s`` (n,).
+    """Return a quantity's estimate from its values ``y`` (n,) with standard deviations ``s`` (n,).
 
-    ``s`` = 0 means that the error of a measurement is not known apart from the scatter.
+    ``s`` = 0: the error of a measurement is unknown, and counts as part of the scatter.
     """
     n = len(y)
     if n == 1:
@@ -70,7 +70,7 @@ def random_effects(y: FloatArray, s: FloatArray) -> Estimate:
 
 
 def scatter_variance(y: FloatArray, s: FloatArray) -> float:
-    """Return τ² by Paule and Mandel's method, for two or more measurements.
+    """Return the variance τ² between two or more measurements, by Paule and Mandel's method.
 
     ``y``, ``s`` (n,): values and standard deviations.
     """
@@ -104,9 +104,10 @@ def _weights(s: FloatArray, variance: float) -> FloatArray:
 
 
 def shrunken(y: FloatArray, s: FloatArray, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-    """Return the estimates (n,) of the values θ + bᵢ, and their standard deviations (n,).
+    """Return each measurement's own value (n,), shrunken towards the mean, and its std (n,).
 
-    ``estimate``: θ̂ and τ of the measurements ``y`` with ``s``, two or more.
+    The own value is θ + bᵢ in the module. ``estimate``: that of the two or more measurements ``y``
+    with standard deviations ``s``.
     """
     total = s**2 + estimate.scatter**2
     share = np.divide(estimate.scatter**2, total, out=np.zeros_like(s), where=total > 0)

@@ -43,7 +43,7 @@ class RigQuantity:
 
 @dataclass(frozen=True, eq=False)
 class FleetQuantity:
-    """Results on one quantity: those of each rig that has it, and the mean of the fleet."""
+    """Results on one quantity, for each rig that has this quantity, and the mean of the fleet."""
 
     name: str
     rigs: tuple[RigQuantity, ...]

@@ -1,8 +1,8 @@
 """Prior for a quantity's variance from flight to flight, estimated from the sibling rigs.
 
 A few flights of one rig hardly determine its standard deviation φ, but rigs of one kind scatter
-alike. Each sibling r has an estimate of φ² from the differences of successive flights of one plan.
-A step affects only one of these differences (von Neumann, Ann. Math. Stat. 12, 1941)::
+alike. For sibling rig r, q_r estimates φ² from the differences between the values y of successive
+flights of one plan. A step affects only one of them (von Neumann, Ann. Math. Stat. 12, 1941)::
 
     q_r = mean of (yᵢ₊₁ − yᵢ)²/2 over n_r differences,   f_r = 2n_r²/(3n_r − 1) degrees of freedom
 
@@ -12,8 +12,8 @@ the mean E and the variance V of ln q_r are::
     E = ln φ₀² + ψ(f_r/2) − ln(f_r/2) − ψ(d/2) + ln(d/2),   V = ψ'(f_r/2) + ψ'(d/2)
 
 φ₀² and d follow from median and median absolute deviation over the siblings, so rigs that changed
-have little influence (Smyth, Stat. Appl. Genet. Mol. Biol. 3, 2004, with means). d is at most the
-sum of f_r, because φ₀² is not better known. It is at least 1.
+have little influence (Smyth, Stat. Appl. Genet. Mol. Biol. 3, 2004, uses means). d is at least 1,
+and at most the sum of f_r, the degrees of freedom of φ₀² itself.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ MAD_TO_STD = 1.4826
 
 
 def sibling_scale(siblings: Sequence[Track]) -> Scale | None:
-    """Return the prior of φ² of one more rig from its ``siblings``; None if they are too few."""
+    """Return the prior of a rig's variance between flights; None if ``siblings`` are too few."""
     from scipy.special import digamma, polygamma
 
     found = [d for d in map(_differences, siblings) if len(d) >= LEAST_DIFFERENCES and d.any()]
@@ -53,12 +53,12 @@ def sibling_scale(siblings: Sequence[Track]) -> Scale | None:
 
 
 def _differences(track: Track) -> np.ndarray:
-    """Return the differences in y between successive flights of the same plan."""
+    """Return the differences between the values of successive flights of the same plan."""
     return np.asarray(np.diff(track.y)[track.plans[1:] == track.plans[:-1]])
 
 
 def _inverse_trigamma(value: float) -> float:
-    """Return d with ψ'(d/2) = ``value`` > 0.
+    """Return d with trigamma(d/2) = ``value`` > 0.
 
     >>> round(_inverse_trigamma(1.6449341), 4)
     2.0

@@ -53,7 +53,7 @@ def fleet_estimate(rigs: Mapping[str, Estimate]) -> Estimate | None:
 
 
 def differing_rigs(rigs: Mapping[str, Estimate], quantities: int) -> tuple[Difference, ...]:
-    """Return the rigs that differ from their siblings in one quantity, the clearest first.
+    """Return the rigs that differ from their siblings in one quantity, most deviating first.
 
     ``rigs``: rig → its estimate; ``quantities``: number of quantities tested in the fleet.
     """
@@ -92,7 +92,7 @@ def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Differen
 
 
 def _with_scatter(estimate: Estimate, scatter: float) -> Estimate:
-    """Return the estimate; if it is from one flight, add the ``scatter`` between flights to std."""
+    """Return the estimate; that of a single flight gets the ``scatter`` between flights in std."""
     if estimate.n > 1:
         return estimate
     return replace(estimate, std=hypot(estimate.std, scatter))

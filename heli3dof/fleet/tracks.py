@@ -1,8 +1,8 @@
 """Tracks: the values of one quantity of one rig in its flights, in order of time.
 
-A quantity is a column of the batch's results table with a partner ``NAME_std``, or one of
-`WITHOUT_STD`. A recording is bad data if the verb failed (``exit_code``), if an integrity check
-failed (``faults``), or if an earlier recording has the same samples (``digest``). No track contains
+A quantity is a column NAME of the batch's results table that has a column ``NAME_std``, or one of
+`WITHOUT_STD`. A recording is bad data if its command failed (``exit_code``), an integrity check
+failed (``faults``), or an earlier recording has the same samples (``digest``). No track contains
 bad data. A quantity's track omits flights without a finite value or, unless the quantity is in
 `WITHOUT_STD`, without a standard deviation > 0.
 """

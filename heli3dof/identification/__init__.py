@@ -1,6 +1,5 @@
 """Identify models from recordings: preprocessing, feedback test, fit, bias correction, validation.
 
 `identify.identify` runs all steps. Each identification method is one file in `methods`.
-docs/explanation/identification.md explains the choices. This ``__init__`` imports nothing, so that
-the command line lists the methods quickly.
+docs/explanation/identification.md explains the choices.
 """

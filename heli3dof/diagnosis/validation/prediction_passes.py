@@ -1,14 +1,16 @@
 """Compute free-run predictions from filtered states over several horizons, and their variances.
 
 `predict_free_run` simulates as `heli3dof.model.greybox.prediction` does, in steps h of at most
-20 ms. F̄ is the exact mean of the thrusts (N), q̈ (rad/s²) is taken at the middle of each step:
+20 ms. q are the angles (rad), F̄ is the exact mean of the thrusts F (N) in a step. The acceleration
+q̈ (rad/s²) is that at the middle of the step:
 
     F̄ = (1/h) ∫ F dt,      q ← q + h q̇ + h²/2 q̈,      q̇ ← q̇ + h q̈
 
-In `prediction_variances`, the covariance P grows as in `heli3dof.model.estimation.ekf_quantised`.
-An update of state c with gain K and information w acts as a reading of variance R = 1/w − K_c:
+`prediction_variances` propagates the covariance P of the states (angles and rates) as
+`heli3dof.model.estimation.ekf_quantised` does. A filter update reads one state c, with the gain K
+and the information w. It reduces P like a reading of variance R, where P_c is column c of P:
 
-    P ← P − P_c P_cᵀ/(P_cc + R)
+    P ← P − P_c P_cᵀ/(P_cc + R),      R = 1/w − K_c
 """
 
 from __future__ import annotations
@@ -32,11 +34,11 @@ STEP_DECAYS, MAX_STEPS = 0.5, 1000.0
 def _predict_free_run(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, t, h, V, X, starts, rows, out
 ):  # fmt: skip
-    """Write the predicted readings, in rad, to out (S, H, 3).
+    """Write the predicted encoder readings (rad) to ``out`` (S, H, 3).
 
-    A prediction starts at each row ``starts`` (S,) from the states X (N, 6) and has horizons of
-    ``rows`` (H,) rows; both ascend. A reading is NaN beyond the end of a run, and infinite if the
-    prediction diverged.
+    S predictions start at the rows ``starts`` (S,), from the state of that row in X (N, 6). The H
+    horizons are ``rows`` (H,) long, in rows. Both arrays ascend. A reading is NaN beyond the end of
+    a run, and infinite if the prediction diverged.
     """
     N = V.shape[0]
     target, F, impulses = np.empty((N, 2)), np.empty((N, 2)), np.zeros((N + 1, 2))
@@ -85,9 +87,9 @@ predict_free_run = compiled(_predict_free_run, error_model="numpy", nogil=True)
 
 
 def _grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
-    """Propagate the covariance P (6, 6) over ``d`` seconds.
+    """Propagate the covariance P (6, 6) over ``d`` seconds by `ekf_quantised.grow`.
 
-    The steps are short if a rate decays fast (dry friction near rest).
+    The steps are short where a rate decays fast, as by dry friction near rest.
     """
     fastest = 0.0
     for i in range(3):
@@ -104,9 +106,9 @@ grow_stably = compiled(_grow_stably, error_model="numpy", nogil=True)
 def _prediction_variances(  # type: ignore[no-untyped-def]
     blocks, free, t, h, A, slope, row, state, W, K, a2, P0, starts, rows, out
 ):
-    """Write the variances of the predicted angles, in rad², to out (S, H, 3).
+    """Write the variances (rad²) of the predicted angles to ``out``: S starts, H horizons, 3 axes.
 
-    P0 (B, 6): variances of the states at the start of each block.
+    P0 (B, 6): variances of the states at the start of each of B blocks of rows.
     """
     P, Q, column = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
     work = np.empty((3, 6))

@@ -1,8 +1,9 @@
 """Compute a model's prediction errors by axis and horizon, their noise floor and worst intervals.
 
-The noise floor (`validation.prediction`) should be that of the extended model, because the base fit
-explains unmodelled effects by noise. The worst interval of an axis is the window of `WINDOW_S` with
-the largest mean square of the error over `HORIZON_S`.
+The noise floor is the error that the true model would have (`validation.prediction`). It should be
+that of the model with the effects found, because a fit without these explains them by noise.
+The worst interval of an axis is the window of `WINDOW_S` in which predictions over `HORIZON_S` have
+the largest mean square error.
 """
 
 from __future__ import annotations
@@ -31,7 +32,10 @@ WINDOW_S = 3.0
 
 @dataclass(frozen=True)
 class WorstInterval:
-    """The worst interval of one axis, in s on the recording's clock from its first sample."""
+    """The interval of a recording in which the predictions of one axis have the largest error.
+
+    Times are in s from the recording's first sample.
+    """
 
     axis: str
     recording: str
@@ -42,7 +46,7 @@ class WorstInterval:
 
 @dataclass(frozen=True, eq=False)
 class SimulationError:
-    """Prediction errors of a model over H horizons."""
+    """A model's prediction errors over H horizons, by axis, with their noise floor."""
 
     horizons_s: tuple[float, ...]
     rmse_deg: np.ndarray
@@ -67,9 +71,10 @@ def simulation_error(
     truth: GreyBoxModel | None = None,
     seed: int = 0,
 ) -> SimulationError:
-    """Return a model's errors on recordings, and the noise floor of ``truth`` (default: the model).
+    """Return a model's prediction errors on recordings, and their noise floor.
 
-    Raises RecordingError if no row is usable.
+    The noise floor is the error that would remain if ``truth`` (default: ``model``) were the true
+    model. Raises RecordingError if no row is usable.
     """
     problem, e = model_errors(model, recordings, HORIZONS_S)
     floor, by = floor_deg(truth or model, recordings, HORIZONS_S, seed=seed)

@@ -7,8 +7,7 @@ times are on the host's monotonic clock::
 
 The latency is the dead time of the control loop: transmission, the wait for the next sampling
 instant, and transmission back. On a rig without delay the latency is one control period minus the
-controller's computing time. A device could measure the latency only modulo its period, so the host
-measures it.
+controller's computing time.
 
 A command is **unacknowledged** if the sample at the end of its control period does not echo it.
 Such a command was lost, was refused, or has not arrived yet. A command was **never echoed** if a

@@ -170,7 +170,7 @@ class _Flight:
     ) -> tuple[_End, RampDown]:
         """Ramp to zero from the last ``sample``; return how flight and ramp ended.
 
-        ``end``: how the plan ended. The other arguments are described in `fly`.
+        ``end``: how the plan ended. Other arguments: see `fly`.
         """
         self.live.phase = "ramping down"
         limits = self.profile.limits
@@ -319,8 +319,7 @@ class _Flight:
     def judge_ramp(self, sample: Sample, voltage: Pair) -> str | None:
         """Return a safety monitor's report on a period of the ramp to zero, or None.
 
-        ``sample``: the period's sample; ``voltage``: voltages (front, back) in V sent before the
-        sample.
+        ``voltage``: voltages (front, back) in V that were sent before the period's ``sample``.
         """
         t = sample.device_time_s - self.t0
         return self.judge(self.flown, t, sample, self.angle(sample), voltage, voltage, True)

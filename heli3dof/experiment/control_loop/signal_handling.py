@@ -50,7 +50,7 @@ class StopSignals:
         )
 
     def handle(self, number: int, frame: FrameType | None) -> None:
-        """Record the signal ``number``. Python calls this handler; ``frame`` is not used."""
+        """Record the signal ``number``; ``frame`` is not used."""
         self._received.append(signal.Signals(number).name)
 
 

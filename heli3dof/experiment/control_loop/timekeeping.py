@@ -6,8 +6,8 @@ Deadlines due[k] of the samples k are absolute: due[k+1] = due[k] + dt, in s.
 timebase   deadline of sample k            skipped periods
 =========  ==============================  ====================================================
 host       when the host requests it       ⌊lateness / dt⌋ for a sample that came late: missed
-device     by the device's clock, mapped   those that the link counted, or by which the
-           to the host's (`ClockOffset`)   device's time jumped (`Instants`)
+device     by the device's clock, mapped   those that the link counted, or the jump of the
+           to the host's (`ClockOffset`)   device's time in periods (`Instants`)
 virtual    when it arrives                 none
 =========  ==============================  ====================================================
 

@@ -1,10 +1,10 @@
 """Raises the priority of the kernel's unbound workers, which deliver a serial line's bytes.
 
 The kernel passes on what a tty driver or a pseudo-terminal receives (``flush_to_ldisc``) in a
-*kernel worker* (``kworker/u…``). A kernel worker is an ordinary thread. It waits for a processor
-core among ordinary programs, whatever the priority of the loop that waits for the bytes. If
-permitted (root, CAP_SYS_NICE), these workers run under SCHED_FIFO during a flight: above the
-recorder and the live view, below the loop. USB and sockets do not use kernel workers.
+*kernel worker* (``kworker/u…``). This thread waits for a processor core among ordinary programs,
+whatever the priority of the loop that waits for the bytes. If permitted (root, CAP_SYS_NICE), these
+workers run under SCHED_FIFO during a flight: above the recorder and the live view, below the loop.
+USB and sockets do not use kernel workers.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
 """Safety monitors: each judges every control period and reports why the flight must end now.
 
-Each monitor is a subclass of `SafetyMonitor` in a file of its own here; no other file lists the
-monitors. A monitor's report is stored in the recording and ends the flight with a ramp to zero, or
-at once (`SafetyMonitor.at_once`). No monitor changes a command. Limits: the profile's ``[limits]``.
+Each monitor is a subclass of `SafetyMonitor` in a file of its own here. A monitor's report is
+stored in the recording and ends the flight with a ramp to zero, or at once
+(`SafetyMonitor.at_once`). No monitor changes a command. Limits: the profile's ``[limits]``.
 
-The first line of each file states what the monitor detects. `monitor_classes` returns the monitors
-in the order in which they judge a period; docs/reference/safety.md states how a flight ends after
-each report.
+`monitor_classes` returns the monitors in the order in which they judge a period;
+docs/reference/safety.md states how a flight ends after each report.
 """
 
 from __future__ import annotations

@@ -55,10 +55,10 @@ class ExpectedAcceleration:
 
     @property
     def typical(self) -> tuple[float, float, float]:
-        """Return a typical |α| in rad/s² for roll, pitch and yaw.
+        """Return a typical size of the acceleration α, in rad/s², for roll, pitch and yaw.
 
-        With V_h = `hover_V` it is caused by two motors at V_h for roll, and by one motor at V_h for
-        pitch. For yaw it is caused by two motors at V_h and the pitch angle `TILT`.
+        The motors are at the hover voltage `hover_V`: both motors for roll, one motor for pitch.
+        For yaw, both motors, with the body at the pitch angle `TILT`.
         """
         return (
             2 * self.roll_per_V * self.hover_V,

@@ -1,13 +1,14 @@
 """Detects an encoder count that changed by more than the rig can turn, and a wrong device clock.
 
-It reports a change Δcounts between two samples Δt apart if
+It reports a change Δcounts between two samples Δt (s) apart if
 
     |Δcounts| · q  >  2 · rate_max · Δt + 2 q      q: rad per count
 
-rate_max is the rate limit of the profile's ``[limits]``. Its factor 2 allows for the filter of the
-rate that the envelope judges. A smaller jump cannot be distinguished from motion in this way. A
-jump of about 2¹⁶ or 2²⁴ counts is reported as an overflow of the counter. A device time that
-decreases, or stays constant for longer than `CLOCK_S`, is reported as a wrong clock.
+rate_max is the axis's rate limit (rad/s) in the profile's ``[limits]``. The safety envelope judges
+a filtered rate, so the true rate may briefly be higher: hence the factor 2. This monitor cannot
+distinguish a smaller jump from motion. A jump of about 2¹⁶ or 2²⁴ counts is reported as an overflow
+of the counter. A device time that decreases, or stays constant for longer than `CLOCK_S`, is
+reported as a wrong clock.
 """
 
 from __future__ import annotations

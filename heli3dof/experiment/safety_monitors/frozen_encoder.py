@@ -7,8 +7,8 @@ the model::
 
     ω̇ = α + b − f sgn(ω)      at rest while |α + b| ≤ f       f = F + 0.25 |α + b|      (rad/s²)
 
-ω: the model's rate; α: the expected acceleration under the voltages at the motors; b: the mean
-unmodelled acceleration of the observer; f: dry friction, with the part F that is estimated below.
+ω: the model's rate; α: the expected acceleration under the voltages at the motors; b: the mean of
+the unmodelled acceleration that the observer estimates; f: dry friction, with the part F below.
 The part 0.25 |α + b| covers an error of thrust or inertia by a quarter. The encoder is reported as
 frozen when the model has turned further than the clearance C.
 
@@ -16,12 +16,12 @@ F starts at the largest value of known rigs, C at 1.2°, more than their backlas
 estimated from the axis's own motion:
 
 * Between motion in one direction and in the other, the unmodelled acceleration differs by twice the
-  axis's own friction F₀, whatever the bias b. F = F_min + 3 |F₀| after half a second in each
-  direction.
+  axis's own friction F₀, for any b. F = F_min + 3 |F₀| after half a second in each direction. The
+  constant F_min (`F_MIN`) covers errors of F₀.
 * To turn back, an axis needs a change of α of at least 2 F₀. F is at most the third-smallest change
   of α after which the axis turned back.
-* F is at least the largest deviation of the unmodelled acceleration from b while the axis moved
-  (rotor lag, thrust curve, aerodynamics). This deviation is forgotten within seconds.
+* F is at least the largest deviation of the unmodelled acceleration from b while the axis moved.
+  This deviation is forgotten within seconds.
 * s is the angle by which the model turns while the count stays constant before the axis turns back
   (backlash, delay). C is at least twice the largest such s.
 
@@ -33,7 +33,7 @@ On the table friction may hold pitch and yaw, so they are not judged. Roll is ju
 under a thrust that lifts every known rig. An axis at a mechanical stop is reported as such, and is
 not judged during the ramp to zero.
 
-False alarms: 0 in 10 h of calm and rich flight on rigs that differ by ±15 % from their profile;
+False alarms: 0 in 10 h (half calm, half plan `rich`) on rigs that differ by ±15 % from the profile;
 detection times: docs/results/benchmarks.md, `make bench TOPIC=watches`.
 """
 
@@ -94,8 +94,8 @@ MOST_FRICTION = (0.35, 1.0, 1.0)
 def frozen_trip(axis: int, what: str, *, by_motion: bool = False) -> Trip:
     """Return the trip for a frozen encoder on ``axis`` (0 roll, 1 pitch, 2 yaw).
 
-    ``what`` describes the evidence. ``by_motion``: the motion before the trip may show a wiring
-    fault.
+    ``what`` describes the evidence. ``by_motion``: True if the motion before the trip may reveal a
+    wiring fault as its cause.
     """
     return Trip(
         what,
@@ -152,7 +152,7 @@ class FrozenEncoder(SafetyMonitor):
         return None
 
     def must_still_fall(self) -> bool:
-        """Return True if the arm is above the table, but roll's count was constant for `LIVE_S`."""
+        """Return True if the arm is above the table, and roll's count constant for `LIVE_S`."""
         return self._airborne and self._axes[0].still_s > LIVE_S
 
     def _report(self, i: int, now: Period) -> Trip | None:
@@ -204,10 +204,7 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, angle: float) -> None:
-        """Restart the observer at rest at ``angle`` (rad); keep the estimates of friction F.
-
-        ``count``: the encoder's count at this angle.
-        """
+        """Restart the observer at rest at ``angle`` (rad); keep the estimates of friction F."""
         self._observer.restart(angle)
         self.count = count
         self._bias = self._bias_s = 0.0
@@ -237,8 +234,8 @@ class _Axis:
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
         """Advance the roll axis by ``h`` (s) while the arm is near its rest angle on the table.
 
-        ``count``: the encoder's count; ``angle``: the encoder's angle in rad. ``lift``:
-        acceleration (rad/s²) by the part of the thrust above the thrust that lifts every known rig.
+        ``angle``: the encoder's angle in rad. ``lift``: acceleration (rad/s²) by the part of the
+        thrust above the thrust that lifts every known rig.
         """
         if count != self.count:
             self.restart(count, angle)
@@ -250,8 +247,7 @@ class _Axis:
     def step(self, h: float, alpha: float, count: int, angle: float) -> None:
         """Advance an axis in the air by ``h`` (s).
 
-        ``alpha``: expected acceleration α (rad/s²); ``count``: the encoder's count; ``angle``: the
-        encoder's angle in rad.
+        ``alpha``: expected acceleration α (rad/s²); ``angle``: the encoder's angle in rad.
         """
         observer = self._observer
         observer.step(h, alpha, angle)
@@ -324,8 +320,7 @@ class _Axis:
     def _turn(self, count: int) -> None:
         """Update friction F and clearance C after the axis turned back by two counts.
 
-        One count would not be enough, because it may be a limit cycle. ``count``: the encoder's
-        count.
+        One count would not be enough, because it may be a limit cycle.
         """
         if self._way and self._high >= self._low:
             change = self._high - self._low

@@ -75,9 +75,10 @@ class Fault(NamedTuple):
 
 
 def _mix(motor: int, gain: int) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return `Fault.mix` of a rig on which a motor gives ``gain`` times its thrust.
+    """Return the matrix from applied to effective voltages (`Fault.mix`) with a faulty motor.
 
-    ``motor``: 0 front, 1 back; ``gain``: 0 for no thrust, −1 for the wrong direction.
+    ``motor``: 0 front, 1 back; ``gain``: factor of its thrust, 0 for none, −1 for the wrong
+    direction.
     """
     return ((gain, 0), (0, 1)) if motor == 0 else ((1, 0), (0, gain))
 
@@ -117,8 +118,8 @@ HYPOTHESES = (NORMAL, *FAULTS)
 def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
     """Return the wiring fault that explains the motion before a safety trip, or None.
 
-    ``moments``: the last control periods before the trip; ``profile``: the rig's. The result is
-    None if no fault explains the motion clearly better than the others.
+    ``moments``: the last control periods before the trip. The result is None if no fault explains
+    the motion clearly better than the others.
     """
     if len(moments) < SHORTEST:
         return None
@@ -146,7 +147,7 @@ def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
 def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
     """Return ``trip`` with a wiring fault as its cause if the motion before the trip shows one.
 
-    ``moments``: the last control periods before the trip; ``profile``: the rig's.
+    ``moments``: the last control periods before the trip.
     """
     fault = wiring_fault(moments, profile) if trip.by_motion else None
     if fault is None:
@@ -230,7 +231,8 @@ def _fit(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float) -> 
     """Fit θ₀ + ω₀ t + ½ b t² + s ∬ α dt² to one axis; return mean squared residual (rad²) and b.
 
     ``t`` (n,): times in s; ``theta`` (n,): measured angles in rad; ``alpha`` (n,): α in rad/s²; b:
-    unmodelled acceleration in rad/s². ``weight`` of the prior of b: rad per count over B, in s².
+    unmodelled acceleration in rad/s². ``weight``: q/B in s², with q rad per count and the prior
+    b ~ N(0, B²).
     """
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]

@@ -1,8 +1,7 @@
 """The kinds of segment of a plan: one file each, with a class named ``Segment``.
 
 A segment is a table of the plan's TOML file, with a duration. A segment renders, for each of its
-control periods, the references (rad) and the voltages (V) to add to the controller's. No other file
-lists the kinds.
+control periods, the references (rad) and the voltages (V) to add to the controller's.
 """
 
 from __future__ import annotations

@@ -5,10 +5,10 @@
     the rest  the stored voltages stay: pitch p → 0, and friction slows yaw:
               J_yaw ψ̈ = − c_ψ ψ̇ − τ_ψ sgn ψ̇ − …
 
-Viscous friction c_ψ causes an exponential decay of the yaw rate. Coulomb friction τ_ψ causes a
-linear decay to standstill, drag a decay that is steepest at first. Roll and pitch stay in closed
-loop. Yaw returns to closed loop beyond a share of the envelope
-(`heli3dof.model.control.loop_opening`).
+ψ is yaw (rad), J_yaw its inertia (kg·m²). Viscous friction c_ψ causes an exponential decay of the
+yaw rate. Coulomb friction τ_ψ causes a linear decay, drag a decay that is steepest at first. Roll
+and pitch stay in closed loop. Yaw returns to closed loop if an angle or rate exceeds a fraction of
+its safety limit (`heli3dof.model.control.loop_opening`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Bias-corrected fits to recordings with a known controller, by simulated flights.
 
 - `correction`: the correction, which the diagnosis also uses, and the corrected fit's covariance
-- `corrected_maximum`: the maximum of the corrected likelihood, for further effects
+- `corrected_maximum`: the maximum of the corrected likelihood of a model with further effects
 - `simulated_flight`: one closed-loop flight of a fitted model with noise
 - `evaluation`: the likelihood's score and information, from the prediction changes that
   `perturbation` computes (its compiled loops: `perturbation_passes`)

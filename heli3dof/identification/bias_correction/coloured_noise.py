@@ -1,9 +1,9 @@
 """Compute how much coloured noise increases the variance of each parameter.
 
 The filter and the simulated flights have white noise. Draughts or a swinging cable cause noise that
-is correlated over time, and parameters then scatter more. Let s_b (n,), b = 1 … m, be the sums of
-the score ∂ℓ/∂θ over blocks of `BLOCK_S`, minus their mean. The covariance of Σ s_b, by Newey and
-West (1987) with L = `MEMORY_S` / `BLOCK_S`, is
+is correlated over time, and parameters then scatter more. ℓ is the log-likelihood, θ (n,) are the
+parameters. Let s_b (n,), b = 1 … m, be the sums of the score ∂ℓ/∂θ over blocks of `BLOCK_S`, minus
+their mean. The covariance of Σ s_b, by Newey and West (1987) with L = `MEMORY_S` / `BLOCK_S`, is
 
     S = Γ_0 + Σ_{l=1}^{L} (1 − l/(L + 1)) (Γ_l + Γ_lᵀ),      Γ_l = Σ_b s_b s_{b+l}ᵀ
 
@@ -13,8 +13,8 @@ that of the prior. Coloured noise multiplies the variance of parameter j by
     ρ_j = (A⁻¹ S A⁻¹)_jj / (A⁻¹ C A⁻¹)_jj,         A = H + Λ
 
 S has about ν = 3 m/(2 (L + 1)) degrees of freedom. ρ is set to 1 unless it exceeds the quantile of
-χ²_ν/ν that white noise exceeds with the probability `CHANCE`. The diagnosis adopts a cause only if
-Z²/ρ exceeds the null simulations' threshold (`heli3dof.diagnosis.conclusion.adoption`).
+χ²_ν/ν that white noise exceeds with the probability `CHANCE`. The diagnosis divides the squared
+score Z² of a cause by this ρ (`heli3dof.diagnosis.conclusion.adoption`).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ CHANCE = 0.01  # chosen
 def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
     """Return ρ (n,), the factors by which coloured noise increases the parameters' variances.
 
-    ``scatter`` (n, n): C, the covariance of the simulated flights' scores. ρ is 1 for fewer than
-    2 (L + 1) blocks.
+    ``scatter`` (n, n): C, the covariance of the simulated flights' scores. ρ is 1 for recordings
+    of fewer than 2 (L + 1) blocks, L = `MEMORY_S` / `BLOCK_S`.
     """
     n = len(fit.optimum.theta)
     scores = block_scores(fit.problem.data, fit.optimum, BLOCK_S)
@@ -45,7 +45,10 @@ def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
 
 
 def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
-    """Return S (n, n) of the block sums ``scores`` (m, n), with lags up to L = ``memory``."""
+    """Return the long-run covariance S (n, n) of the sum of ``scores`` (m, n) of m blocks.
+
+    Method: Newey and West, with autocovariances up to the lag L = ``memory`` (in blocks).
+    """
     s = scores - scores.mean(axis=0)
     S = s.T @ s
     for lag in range(1, memory + 1):
@@ -55,7 +58,7 @@ def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
 
 
 def freedom(blocks: int, memory: int) -> float:
-    """Return ν = 3 m/(2 (L + 1)), the degrees of freedom of S, for m ``blocks``, L = ``memory``."""
+    """Return the degrees of freedom 3 m/(2 (L + 1)) of `long_run`: m ``blocks``, L = ``memory``."""
     return 1.5 * blocks / (memory + 1)
 
 

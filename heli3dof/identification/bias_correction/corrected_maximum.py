@@ -1,9 +1,9 @@
-"""Maximise the bias-corrected likelihood: the likelihood minus the expected score's linear term.
+"""Maximise the bias-corrected log-likelihood ℓ_c.
 
-At the true parameters, the score of the filter's likelihood ℓ has a mean: ḡ for the base parameters
-θ and s̄ for the log noise intensities ln a (`bias_correction.correction`). For a candidate's
-parameters φ the mean is b, from null simulations. To first order, the score of the corrected
-likelihood ℓ_c has zero mean:
+At the true parameters, the score of the filter's log-likelihood ℓ should have zero mean. But it has
+the mean ḡ by the base parameters θ, and s̄ by the log noise intensities ln a
+(`bias_correction.correction`). By a candidate's parameters φ it has the mean b, from null
+simulations. Index 0 marks the simulated values. To first order, the score of ℓ_c has zero mean:
 
     ℓ_c(θ, φ, a) = ℓ(θ, φ, a) − ḡ·(θ − θ_0) − b·(φ − φ_0) − s̄·(ln a − ln a_0) + ln prior
 
@@ -35,7 +35,7 @@ CHECKED_GAIN = 2.0
 
 @dataclass(frozen=True, eq=False)
 class ScoreBias:
-    """The mean score, and the point at which it was simulated."""
+    """The mean score of simulated flights, and the parameters and noise of these flights."""
 
     theta: np.ndarray
     """(n,) ḡ and b"""
@@ -46,7 +46,10 @@ class ScoreBias:
     """(n,) θ_0 and φ_0, (4,) a_0 (rad/s²/√Hz) and jitter (s)"""
 
     def of(self, theta: np.ndarray, noise: np.ndarray) -> float:
-        """Return the correction ḡ·(θ − θ_0) + b·(φ − φ_0) + s̄·(ln a − ln a_0)."""
+        """Return the term to subtract from the log-likelihood: mean score times parameter change.
+
+        ``theta`` (n,), ``noise`` (4,): the changed parameters and noise.
+        """
         ratio = np.log(noise[:3] / self.noise_0[:3])
         return float(self.theta @ (theta - self.theta_0) + self.log_noise @ ratio)
 
@@ -55,10 +58,11 @@ def maximise_corrected(
     problem: Likelihood, start: np.ndarray, noise: np.ndarray, bias: ScoreBias | None, *,
     rounds: int = ROUNDS, hold_noise: bool = False, hold: np.ndarray | None = None,
 ) -> Optimum:  # fmt: skip
-    """Return the maximum of the corrected log-likelihood ℓ_c; of ℓ + ln prior without ``bias``.
+    """Return the maximum of the bias-corrected log-likelihood plus the log prior.
 
-    The search starts at ``start`` (n,), ``noise`` (4,). ``hold`` (n,) bool fixes coordinates,
-    ``hold_noise`` the noise.
+    The search starts at the parameters ``start`` (n,) and the ``noise`` (process noise of 3 axes,
+    jitter). ``hold`` (n,) bool: parameters that keep their values; ``hold_noise``: the noise keeps
+    its values. Without ``bias``, nothing is corrected.
     """
     if bias is None:
         bias = ScoreBias(np.zeros(len(start)), np.zeros(3), start, noise)

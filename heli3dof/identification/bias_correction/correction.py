@@ -1,18 +1,18 @@
 """Correct the bias of a fit by simulated flights: the efficient method of moments.
 
-The filter's likelihood assumes Gaussian distributions, but encoders quantise. So its expected score
-at the true parameters is not zero and its maximum is biased, most of all the inertias on an encoder
-limit cycle. With a known controller, B flights of the estimate are simulated
-(`bias_correction.simulated_flight`). Let g (n,) be the score of the recordings and g_b that of
-flight b, both at θ (n,). H (n, n) is the information (in the step: the mean of the recordings'
-and the flights'), θ_0 and Λ are the prior's mean and information:
+The filter's likelihood assumes Gaussian distributions, but encoders quantise. So the score (the
+log-likelihood's derivative) has a nonzero mean at the true parameters. The estimate is biased, most
+of all inertias on an encoder limit cycle. With a known controller, B flights of the fitted
+model are simulated (`bias_correction.simulated_flight`). Let g (n,) be the score of the recordings
+and g_b that of flight b, both at the parameters θ (n,). H (n, n) is the information; the step uses
+the mean of the recordings' and the flights' H. θ_0 and Λ are the prior's mean and information:
 
     g(θ) − ḡ(θ) − Λ(θ − θ_0) = 0,      ḡ = mean g_b                     (estimating equation)
     θ ← θ + (H + Λ)⁻¹ (g − ḡ − Λ(θ − θ_0))
     cov θ = (H + Λ)⁻¹ ((1 + 1/B) C + Λ) (H + Λ)⁻¹,      C = cov g_b by `scatter_of`
 
-The log-likelihood's derivative s by each axis' log noise intensity is corrected alike; its bias is
-s̄ = mean s_b. Coloured noise multiplies cov θ by √(ρ_i ρ_j) (`bias_correction.coloured_noise`).
+The derivative s by each axis' log noise intensity is corrected in the same way, by s̄ = mean s_b.
+Coloured noise multiplies element ij of cov θ by √(ρ_i ρ_j) (`bias_correction.coloured_noise`).
 Sources: Gallant and Tauchen (1996); Gouriéroux, Monfort and Renault (1993).
 """
 
@@ -55,7 +55,7 @@ controller may not stabilise the fitted rig. Chosen."""
 
 @dataclass(frozen=True, eq=False)
 class CorrectedFit(Estimate):
-    """A bias-corrected fit, with its covariance from simulated flights (head of this file)."""
+    """A bias-corrected fit, with its covariance from simulated flights (see the module)."""
 
     scatter: np.ndarray | None = None
     """(n, n) C; None if no flights were simulated: the covariance is then that of `Estimate`"""
@@ -70,7 +70,10 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def colour(self) -> np.ndarray:
-        """Return ρ (n,), by which coloured noise multiplies variances; 1 without simulations."""
+        """Return the factors (n,) by which coloured noise multiplies the parameters' variances.
+
+        They are 1 if no flights were simulated.
+        """
         if self.scatter is None:
             return np.ones(len(self.optimum.theta))
         return colour(self, self.scatter)
@@ -90,19 +93,25 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def bound(self) -> np.ndarray:
-        """Return the Cramér–Rao bound (n,); κ scales it only if no flights were simulated."""
+        """Return the Cramér–Rao bound (n,) on the standard deviations, in the parameters' units."""
         if self.scatter is None:
             return super().bound
         return np.asarray(cramer_rao(self.problem, self.theta, self.optimum.noise) * self.slopes)
 
     @cached_property
     def unexplained_scatter(self) -> float:
-        """Return the variance factor of unmodelled motion: the mean ρ, or κ without flights."""
+        """Return the factor by which unmodelled motion increases the variances.
+
+        It is the mean of `colour`; if no flights were simulated, it is `inflation`.
+        """
         return self.inflation if self.scatter is None else float(self.colour.mean())
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
-    """Return the model at θ = ``theta`` (n,) and a = ``noise`` (4,); its covariance is NaN."""
+    """Return the model with the parameters ``theta`` (n,), ``noise`` (4,), and covariance NaN.
+
+    ``noise``: process noise of 3 axes, jitter.
+    """
     n = len(theta)
     return GreyBoxModel(
         "null", problem.structure.profile, tuple(t.name for t in problem.structure.terms),
@@ -140,9 +149,9 @@ def correct(
 ) -> CorrectedFit:
     """Return the fit at which the recordings' score equals the mean score of simulated flights.
 
-    The search starts at ``theta`` (n,) and ``noise`` (4,), simulates ``pilots`` flights per round
-    and takes at most ``rounds`` rounds. If the search diverges, its start is returned, with
-    ``scatter`` and ``bias`` None.
+    The search starts at the parameters ``theta`` (n,) and ``noise`` (process noise of 3 axes,
+    jitter). It simulates ``pilots`` flights per round and takes at most ``rounds`` rounds. If the
+    search diverges, its start is returned, with ``scatter`` and ``bias`` None.
     """
     start = theta, noise
     low, high = problem.bounds
@@ -215,7 +224,7 @@ def correct(
 
 @dataclass(frozen=True, eq=False)
 class NoiseScoreBias:
-    """The mean derivatives of ℓ by the log noise intensities over simulated flights."""
+    """Mean derivatives of simulated flights' log-likelihoods by the axes' log process noise."""
 
     slope: np.ndarray
     curvature: np.ndarray
@@ -227,9 +236,9 @@ class NoiseScoreBias:
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return whether flights must be simulated again, as θ or the noise moved too far.
+        """Return True if these derivatives must be computed again for ``theta`` and ``noise``.
 
-        ``theta``, ``noise``: the new values. `REUSED_WITHIN` is the largest distance.
+        `REUSED_WITHIN` is the largest distance from the values of the simulated flights.
         """
         noise_range, theta_range = REUSED_WITHIN
         noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()
@@ -240,7 +249,11 @@ class NoiseScoreBias:
 def optimum_at(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, count: int, converged: bool
 ) -> Optimum:
-    """Return the `Optimum` at ``theta`` (n,) and ``noise`` (4,) after ``count`` iterations."""
+    """Return the result of a search that ended at ``theta`` and ``noise``, as an `Optimum`.
+
+    ``theta`` (n,): parameters; ``noise`` (4,): process noise of 3 axes, jitter; ``count``:
+    iterations.
+    """
     low, high = problem.bounds
     point = evaluate(problem, theta, noise, whole=False)
     loglik = float(point.at.loglik.sum()) + problem.log_prior(theta)
@@ -260,7 +273,7 @@ class AndersonAcceleration:
         self.f: list[np.ndarray] = []
 
     def next(self, y: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """Return the accelerated step from y, where the plain iteration would step by f."""
+        """Return the accelerated step from ``y``; ``f``: the step of the plain iteration, f(y)."""
         self.y.append(y)
         self.f.append(f)
         self.y, self.f = self.y[-self.DEPTH - 1 :], self.f[-self.DEPTH - 1 :]
@@ -276,8 +289,9 @@ class AndersonAcceleration:
 def scatter_of(g: np.ndarray, H: np.ndarray) -> np.ndarray:
     """Return C (n, n), a shrinkage estimate of the scores' covariance from few flights.
 
-    C has the correlations of the information ``H`` (n, n). The ratio of each score's variance, in
-    ``g`` (B, n), to H_jj is averaged with the mean ratio, and is at least 1 (exact likelihood).
+    ``g`` (B, n): scores of B flights; ``H`` (n, n): the information. C has the correlations of H.
+    The ratio of each score's variance to H_jj is averaged with the mean ratio. It is at least 1,
+    its value for an exact likelihood.
     """
     ratio = np.sqrt(g.var(axis=0, ddof=1) / np.maximum(np.diag(H), 1e-300))
     ratio = np.maximum(np.sqrt(0.5 * ratio**2 + 0.5 * np.mean(ratio**2)), 1.0)

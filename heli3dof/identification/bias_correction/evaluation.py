@@ -3,9 +3,9 @@
     g = ∂ℓ/∂θ,   H = Σ w ∂c ∂cᵀ,   s_i = ∂ℓ/∂ ln a_i ≈ (ℓ_i(a e^δ) − ℓ_i(a e^−δ)) / 2δ
 
 ℓ is the filter's log-likelihood (`heli3dof.identification.greybox.likelihood`), ℓ_i its part of
-axis i, θ (n,) the parameter coordinates, a (4,) the noise. The predicted readings c have the
-information w and the tangents ∂c/∂θ. The step δ = `PROBE` is large, because the likelihood is
-rough at smaller scales.
+axis i, θ (n,) the parameters, a_i the process noise of axis i. H is a sum over the readings of the
+encoders. c is a reading's prediction, ∂c its derivative by θ, w its information. The step δ =
+`PROBE` is large, because the likelihood is rough at smaller scales.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ COARSE = {"mass.change.time_s": 5e-3}
 
 @dataclass(frozen=True, eq=False)
 class Derivatives:
-    """The likelihood's derivatives at one point θ (n,), a (4,)."""
+    """The log-likelihood's derivatives at given values of the n parameters and the noise."""
 
     g: np.ndarray
     H: np.ndarray
@@ -53,7 +53,7 @@ class Derivatives:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation(Derivatives):
-    """The derivatives, and the filter run that gives them.
+    """The derivatives, and the filter run from which they are computed.
 
     The run has E readings and needs much memory.
     """
@@ -65,16 +65,17 @@ class Evaluation(Derivatives):
 
     @property
     def derivatives(self) -> Derivatives:
-        """Return the derivatives without the filter run, which saves memory."""
+        """Return only the derivatives, without the large arrays of the filter run."""
         return Derivatives(self.g, self.H, self.slope, self.curvature)
 
 
 def evaluate(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bool = True
 ) -> Evaluation:
-    """Return the log-likelihood's derivatives at θ = ``theta`` (n,), a = ``noise`` (4,).
+    """Return the log-likelihood's derivatives at ``theta`` and ``noise``.
 
-    Without ``whole``, the derivatives by the noise are not computed: slope 0, curvature −1.
+    ``theta`` (n,): parameters; ``noise`` (4,): process noise of 3 axes, jitter. If ``whole`` is
+    False, the derivatives by the noise are not computed: they are 0 (first) and −1 (second).
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
 
@@ -107,11 +108,11 @@ def fixed_parameters(problem: Likelihood) -> np.ndarray:
 
 
 def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
-    """Return the derivatives ∂c/∂θ (n, E) of the E predicted readings c on the filter's path.
+    """Return the derivatives ∂c/∂θ (n, E) of the filter's E predicted readings c.
 
-    They are taken at θ = ``theta`` (n,), by `bias_correction.perturbation`. For parameters that
-    change the encoder readings, and where the perturbation diverges (negative dry friction),
-    `Likelihood.tangents` computes them by simulation instead.
+    They are computed at the parameters ``theta`` (n,) by `bias_correction.perturbation`. For
+    parameters that change the encoder readings, and where the perturbation diverges (negative dry
+    friction), `Likelihood.tangents` computes them by simulation instead.
     """
     s = problem.structure
     by_name = {t.name: t for t in s.terms}

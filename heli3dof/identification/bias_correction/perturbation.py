@@ -1,20 +1,21 @@
 """First-order change of the filter's predictions by a small change of the model.
 
-A change of the model adds δa (rad/s²) to the accelerations. The gains K (E, 6) of the extended
-Kalman filter (`heli3dof.model.estimation.ekf_quantised`) are held fixed. The filter's state
-x = (q, q̇), in rad and rad/s, and its predictions c of the E events change by
+A change of the model adds δa (rad/s²) to the accelerations. At each of E *events*, the extended
+Kalman filter (`heli3dof.model.estimation.ekf_quantised`) reads an encoder and updates its state
+x = (q, q̇), in rad and rad/s. Its gains K (E, 6) are held fixed. x and the prediction c of each
+reading change by
 
     δx ← Φ δx + [h²/2; h] δa,     Φ from A = ∂q̈/∂(q, q̇)       from row to row, h s later
     δc = σ δx_c,   δx ← δx − K w δc                             at each event of the encoders
 
-σ is the slope of the encoder reading with its angle, w the event's information.
+x_c is the state that the event reads, σ the reading's derivative by it, w the event's information.
 
-- `forcing`: δa of a change of parameters or effects, constant over chunks of `CHUNK_S`
-- `forward`: δc (E,), the trace of the change
-- `backward`, the adjoint: L_b (3,) of each chunk b for weights q (E,) of the events, so that one
-  pass serves all changes:  Σ_e q_e δc_e = Σ_b L_b · δa_b
-- `misreading`: a change δm (rad) of the reading at a given angle. It adds δm to δc at the angle's
-  events, and the initial angles change by −δm/σ.
+- `forcing`: computes δa from a change of parameters or effects, constant in chunks of `CHUNK_S`
+- `forward`: computes δc (E,) from δa
+- `backward`, the adjoint: computes L_b (3,) of each chunk b from weights q_e of the events. One
+  pass then serves all changes:  Σ_e q_e δc_e = Σ_b L_b · δa_b
+- `misreading`: computes the change δm (rad) of the reading at a given angle. It adds δm to δc at
+  the angle's events, and the initial angles change by −δm/σ.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ MOVES_THRUST = {_s.Stage.SETUP, _s.Stage.VOLTAGE}
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """The filter's states in C chunks of rows, and the derivatives there."""
+    """The filter's states in C chunks of rows, with the accelerations and their derivatives."""
 
     data: Data
     at: Pass
@@ -61,9 +62,9 @@ class Path:
 
 
 def path(structure: Structure, values: np.ndarray, data: Data, at: Pass) -> Path:
-    """Return the states and derivatives along the filter run ``at``, in chunks of `CHUNK_S`.
+    """Return the states of the filter run ``at`` and the accelerations, in chunks of `CHUNK_S`.
 
-    ``at`` must contain the run's states (``keep`` = 2).
+    ``at`` must contain the run's states (``keep`` = 2). ``values``: the model's parameters.
     """
     assert at.X is not None
     size = max(1, round(CHUNK_S / float(np.median(data.h))))
@@ -92,9 +93,10 @@ def path(structure: Structure, values: np.ndarray, data: Data, at: Pass) -> Path
 def forcing(
     p: Path, wide: Structure, sets: Sequence[np.ndarray], moves: Sequence[bool]
 ) -> np.ndarray:
-    """Return δa (J, C, 3), in rad/s², due to J sets of parameter values of the structure ``wide``.
+    """Return the changes δa (J, C, 3) of the accelerations (rad/s²) in C chunks.
 
-    ``moves`` (J,): True if a set changes the thrusts.
+    They are due to J ``sets`` of values of the parameters of ``wide``, relative to the model of
+    ``p``. ``moves`` (J,): True if a set changes the thrusts.
     """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
@@ -111,9 +113,10 @@ def forcing(
 def misreading(
     p: Path, wide: Structure, sets: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return δm (rad) of J + 1 sets of parameter values, relative to the first.
+    """Return how other parameter values change the encoder readings (rad) at given angles.
 
-    The results are δm (J, E) at the events, and (J, B, 3) at the start of each of B blocks.
+    ``sets``: J + 1 sets of values; the changes are relative to the first set. They are (J, E) at
+    the filter's E updates, and (J, B, 3) at the start of each of B blocks of rows.
     """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
@@ -131,9 +134,10 @@ def misreading(
 def forward(
     p: Path, a: np.ndarray, m: np.ndarray | None = None, m0: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return the traces δc (J, E) by δa = ``a`` (J, C, 3) and δm: ``m`` (J, E), ``m0`` (J, B, 3).
+    """Return how J changes of the model change the filter's E predicted readings: δc (J, E).
 
-    ``m`` is at the events, ``m0`` at the start of each block.
+    ``a`` (J, C, 3): changes of the accelerations in C chunks. ``m`` (J, E): changes of the readings
+    at given angles; ``m0`` (J, B, 3): the same at the start of each of B blocks.
     """
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0
@@ -145,10 +149,10 @@ def forward(
 
 
 def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the derivatives of Σ_e q_e δc_e for M sets of weights q (M, E).
+    """Return the derivatives of Σ_e q_e δc_e, a weighted sum of the changes of predicted readings.
 
-    The three results are the derivatives by δa (M, C, 3), by δm at each event (M, E), and by the
-    initial states (M, B, 6).
+    ``q`` (M, E): M sets of weights of the E readings. The derivatives are by the accelerations of
+    C chunks (M, C, 3), the readings (M, E), and B initial states (M, B, 6).
     """
     L = np.zeros((len(q), len(p.chunk), 3))
     mu = np.zeros(q.shape)

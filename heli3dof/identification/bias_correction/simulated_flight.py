@@ -6,9 +6,8 @@ random changes of the rates q̇ and angles q:
 
     Δq̇ = a √h ξ,     Δq = h/2 Δq̇,     ξ ~ N(0, 1),     a: the fitted noise, rad/s²/√Hz
 
-The omitted part of Δq, a√(h³/12), is a thousandth of an encoder step. The flight starts at rest at
-the recording's first angles. For a decimated log, every control period is simulated. Sampling
-jitter is not simulated, nor are mechanical stops other than the table.
+The flight starts at rest at the recording's first angles. For a decimated log, every control period
+is simulated. Sampling jitter is not simulated, nor are mechanical stops other than the table.
 """
 
 from __future__ import annotations
@@ -37,8 +36,8 @@ def _fly(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Simulate the closed loop; write the results ``angle`` (N, 3) rad and ``voltage`` (N, 2) V.
 
-    ``kick`` (N, 3): Δq̇; ``low``: roll on the table, rad; ``late``: 1 if the voltage acts one
-    period later, else 0.
+    ``kick`` (N, 3): random changes Δq̇ of the rates, rad/s; ``low``: roll on the table, rad;
+    ``late``: 1 if the voltage acts one period later, else 0.
     """
     setup(s, first, address, par, mem)
     s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
@@ -72,8 +71,8 @@ def simulated_flight(
 ) -> Recording:
     """Return the first ``rows`` rows of the recording, simulated with noise from ``rng``.
 
-    Angles lie on the encoders' grid through the recording's first readings. Raises ValueError if
-    the profile has no controller or an axis was not measured.
+    The angles differ from the recording's first readings by whole encoder steps. Raises ValueError
+    if the profile has no controller or an axis was not measured.
     """
     profile = recording.profile
     if profile.controller is None or len(recording.axes) < 3:

@@ -117,7 +117,7 @@ def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str
     """Improve the model ``start`` by a fit to the data d; return the fit, also resampled to dt (s).
 
     ``method`` is ``pem`` (prediction error), ``oe`` (output error) or ``pbsid`` (no further fit).
-    ``name`` becomes the model's name. Raises NoContinuousModel where the fit cannot be resampled.
+    Raises NoContinuousModel where the fit cannot be resampled.
     """
     found = None
     model = start
@@ -167,9 +167,8 @@ def search(
 ) -> tuple[StateSpaceFit, list[CandidateOrder]]:
     """Fit all orders at all sampling intervals; return the chosen fit, and the score of every fit.
 
-    Rule of the choice: see the head of this file. ``method`` is ``pem``, ``oe`` or ``pbsid``.
-    ``orders`` are numbers of states, ``name`` is the model's, ``prepared`` holds the recordings.
-    Raises RecordingError if no candidate can be used.
+    Rule of choice: see the module. ``method`` is ``pem``, ``oe`` or ``pbsid``.
+    ``orders`` are numbers of states. Raises RecordingError if no candidate can be used.
     """
     tried: list[tuple[CandidateOrder, StateSpaceFit | None]] = []
     for interval_s in intervals_s:

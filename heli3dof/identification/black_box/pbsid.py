@@ -109,10 +109,10 @@ def varx(data: Sequence[Pair], p: int) -> Varx:
 
 
 def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return each segment's state estimates x̂ (N_i − p, n_max), and Γ 𝒦 Z_p's singular values.
+    """Return each segment's state estimates x̂ (N_i − p, n_max), and the states' singular values.
 
-    ``fit`` is a VARX of order p, fitted to the segments ``data`` of N_i rows. Γ 𝒦 Z_p: see the
-    head of this file; the singular values are divided by the root of its number of columns.
+    ``fit`` is a VARX of order p, fitted to the segments ``data`` of N_i rows. The singular values
+    are those of Γ 𝒦 Z_p (module), divided by the root of its number of columns.
     """
     p, l, w = fit.Xi.shape
     L = np.linalg.cholesky(np.linalg.inv(fit.S))

@@ -18,8 +18,7 @@ The predictor's offset d becomes trims: y0 (rad) and u0 (V) such that the predic
     x[k+1] = A x[k] + B (V[k] − u0) + K e[k],  y[k] = C x[k] + y0 + e[k]
 
 has the same constant term. Many pairs (y0, u0) have this property. `trims` takes the one with the
-least ‖δy0‖² + ‖δu0/20‖², where δ is the change from the data's means. Yaw integrates, so pitch and
-voltages carry the offset of yaw.
+least ‖δy0‖² + ‖δu0/20‖², where δ is the change from the data's means.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.
 def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
     """Return each run's one-step prediction errors (rad), and voltages minus the fit's means (V).
 
-    The sampling interval is that of the fit ``chosen``.
+    Both are sampled like the fit ``chosen``.
     """
     ss = chosen.state_space
     if ss.K.any():

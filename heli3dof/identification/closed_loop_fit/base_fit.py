@@ -1,11 +1,12 @@
-"""Fit the base simulation: first step of a diagnosis; `identify` uses it on extreme limit cycles.
+"""Fit the base simulation, the model to which a diagnosis adds effects.
 
-The bias-corrected fit (`bias_correction.correction`) has two special cases:
+`identify` uses this fit on extreme limit cycles. The bias-corrected fit
+(`bias_correction.correction`) has two special cases:
 
 - Limit cycle: the likelihood hardly distinguishes a smaller inertia with more noise from the true
-  rig. The correction then starts at a matched noise (`closed_loop_fit.limit_cycle`) and, if its
-  search diverges, at the likelihood's maximum. The fit is repeated with edge rates as further
-  moments (`closed_loop_fit.edge_rates`).
+  rig. The search then starts at the noise that reproduces the recorded limit cycle
+  (`closed_loop_fit.limit_cycle`). If it diverges, it starts again at the likelihood's maximum. The
+  fit is repeated with the rates of encoder edges as further moments (`closed_loop_fit.edge_rates`).
 - Implausible inertia: the fit is repeated with a narrow prior of the inertias.
 """
 
@@ -42,9 +43,9 @@ BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
 
 @dataclass(frozen=True, eq=False)
 class ProfileLikelihood(Likelihood):
-    """The likelihood with the profile's ``tolerance`` as prior standard deviation of ln J.
+    """The likelihood with the profile's ``tolerance`` as prior std of the inertias' logarithms.
 
-    The weaker prior of `Likelihood` would allow implausible inertias J in a short recording.
+    The weaker prior of `Likelihood` would allow implausible inertias in a short recording.
     """
 
     doubt: float = 1.0
@@ -65,7 +66,10 @@ class ProfileLikelihood(Likelihood):
 
 
 def fit_base(setup: Setup) -> CorrectedFit:
-    """Return the fitted base simulation. Raises RecordingError without usable rows."""
+    """Return the fitted base simulation, to which a diagnosis adds effects.
+
+    Raises RecordingError if no row is usable.
+    """
     runs = [run for i, r in enumerate(setup.recordings) for run in usable_runs(r, i)]
     structure = Structure(setup.recordings[0].profile, named(BASES[setup.base]))
     problem = ProfileLikelihood(data_of(setup.recordings, runs), structure)
@@ -78,9 +82,9 @@ def fit_base(setup: Setup) -> CorrectedFit:
 
 
 def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
-    """Return the measured axes whose inertia differs from nominal by over `MAX_INERTIA_RATIO`.
+    """Return the measured axes with an inertia off nominal by a factor over `MAX_INERTIA_RATIO`.
 
-    The inertia of an axis that hardly moves may hide a missing effect from the score test.
+    On an axis that hardly moves, a wrong inertia may hide a missing effect from the score test.
     """
     log_ratio = np.abs(fit.theta[1:4] - fit.problem.prior_mean[1:4])
     far = fit.problem.data.axes & (log_ratio > np.log(MAX_INERTIA_RATIO))
@@ -112,10 +116,10 @@ def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:
 def start_on_limit_cycle(
     setup: Setup, plain: Estimate, cycling: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the start of a correction: θ (n,) and noise (4,).
+    """Return the start of a bias correction on a limit cycle: parameters (n,) and noise (4,).
 
-    θ has the profile's inertias. The noise is that at which simulated flights with this θ have the
-    recording's limit cycle (`closed_loop_fit.limit_cycle`).
+    The parameters are those of the fit ``plain``, but with the profile's inertias. With the noise,
+    simulated flights have the recording's limit cycle.
 
     ``cycling`` (3,) bool: the axes on a limit cycle.
     """

@@ -5,20 +5,20 @@ rig. But the encoder counts then change at other rates, so these are further mom
 y = (θ, ln a), with n parameter coordinates θ and three noise intensities a, the n + 6 moments are
 
     m = (g, ∂ℓ/∂ln a, r)         g = ∂ℓ/∂θ: score, ℓ: the filter's log-likelihood (`evaluation`)
-    r_i                          share of the samples at which count i changes (`limit_cycle`)
+    r_i                          edge rate: share of samples at which encoder i's count changes
     G = ∂ mean m_b/∂y            derivative by the y of the simulated rig; the filter's y is fixed
 
-of the recordings (m) and of B flights simulated at y (m_b). The estimate solves (Hansen 1982;
-simulated moments: Gallant and Tauchen 1996)
+m are the moments of the recordings, m_b those of flight b of B flights simulated at y. The estimate
+solves (Hansen 1982; simulated moments: Gallant and Tauchen 1996)
 
     Gᵀ W (m − mean m_b) − Λ(y − y_0) = 0               y_0, Λ: the prior's mean and information
     y ← y + A⁻¹ [Gᵀ W (m − mean m_b) − Λ(y − y_0)],      A = Gᵀ W G + Λ
     cov y = A⁻¹ (Gᵀ W (1 + 1/B) C W G + Λ) A⁻¹,          C = cov m_b
 
-Each axis has three moments: the score of its inertia, the noise slope and the rate. Within such a
-triple, W is the inverse of C, and G is estimated in the first rounds: a two-level design varies
-the flights' inertias and noises. Elsewhere W is the inverse of C's diagonal; G is the information H
-for the scores by θ, and zero otherwise.
+Each axis has three moments: the score of its inertia, its ∂ℓ/∂ln a and its edge rate. Within such a
+triple, W is the inverse of C, and G is estimated in the first rounds: a two-level design varies the
+flights' inertias and noises. Elsewhere W is the inverse of C's diagonal. The other elements of G
+are the information H for the scores by θ, and zero otherwise.
 """
 
 from __future__ import annotations
@@ -77,9 +77,9 @@ def fit_with_edge_rates(
     problem: Likelihood, start: CorrectedFit, recordings: Sequence[Recording], *, seed: int,
     flights: int = FLIGHTS, rounds: int = ROUNDS,
 ) -> CorrectedFit:  # fmt: skip
-    """Return the fit with edge rates as further moments; the search begins at ``start``.
+    """Return the fit with edge rates (how often the encoder counts change) as further moments.
 
-    The result is ``start`` if the flights or the search diverge.
+    The search begins at ``start``. The result is ``start`` if the search or the flights diverge.
     """
     n = len(start.theta)
     jitter = start.optimum.noise[3:]
@@ -125,10 +125,10 @@ def simulated_round(
     problem: Likelihood, y: np.ndarray, jitter: np.ndarray, recordings: Sequence[Recording],
     seed: tuple[int, ...], flights: int, *, designed: bool, number: int,
 ) -> Round:  # fmt: skip
-    """Return the moments of the recordings and of ``flights`` simulated flights at one y.
+    """Return the moments of the recordings and of ``flights`` flights simulated at ``y``.
 
-    y (n + 3,) is (θ, ln a). With ``designed``, the two-level design varies the flights' inertias
-    and noises. ``jitter`` (1,) is the sampling jitter in s, ``number`` the round's number.
+    ``y`` (n + 3,) is (θ, ln a): parameters and log noise. If ``designed``, the two-level `design`
+    varies the flights' inertias and noises. ``jitter`` (1,): sampling jitter in s.
     """
     n = len(y) - 3
     theta, noise = y[:n], np.append(np.exp(y[n:]), jitter)
@@ -175,10 +175,10 @@ def design(flights: int) -> np.ndarray:
 
 
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
-    """Return G (n + 6, n + 3), the derivatives of the moments by θ and the three ln a.
+    """Return G (n + 6, n + 3), the moments' derivatives by the parameters θ (n,) and 3 log noises.
 
-    Those of an axis' three moments by its inertia and noise are from ``effects`` (6, n + 6), the
-    other derivatives of the scores by θ from the information H (n, n). The rest is zero.
+    ``effects`` (6, n + 6) has the derivatives of each axis' three moments by its inertia and noise.
+    The scores' other derivatives by θ are the information H (n, n). The rest of G is zero.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))
@@ -190,7 +190,10 @@ def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
 
 
 def weights(C: np.ndarray) -> np.ndarray:
-    """Return the moments' weights W (n + 6, n + 6) for their covariance C.
+    """Return the weights W (n + 6, n + 6) of moments with the covariance C.
+
+    W inverts C within the three moments of each axis, and C's diagonal elsewhere. Before that, each
+    variance is increased by the share `RIDGE`.
 
     >>> bool(np.allclose(weights(4 * np.eye(10)), np.eye(10) / 4.4))
     True
@@ -205,5 +208,8 @@ def weights(C: np.ndarray) -> np.ndarray:
 
 
 def moments_of_axis(i: int, n: int) -> list[int]:
-    """Return the indices in m of axis i's moments: score of its inertia, noise slope, edge rate."""
+    """Return the indices of axis i's moments: score of its inertia, noise slope, edge rate.
+
+    ``n``: number of parameters.
+    """
     return [1 + i, n + i, n + 3 + i]
