@@ -108,7 +108,10 @@ def past_inputs(
 
 
 def _explained(e: np.ndarray, z: np.ndarray) -> float:
-    """Return how much of e (N, l) a regression on z (N, q) explains: tr(S_e⁻¹ S_explained)."""
+    """Return tr(S_e⁻¹ S_explained), between 0 and l, for a regression of e (N, l) on z (N, q).
+
+    S_e is the covariance of e, S_explained that of the regression's prediction.
+    """
     q, _ = np.linalg.qr(z / (z.std(axis=0) + 1e-12))
     p = q.T @ e
     return float(np.trace(np.linalg.solve(e.T @ e, p.T @ p)))

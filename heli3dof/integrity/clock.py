@@ -29,7 +29,7 @@ NEAR = 51
 
 
 def clock(view: View) -> Iterable[Fault]:
-    """Yield the faults found by `order`, or if there are none, by `rate` and `device`."""
+    """Yield faults in the stamps' `order`; without any, in their `rate` and the `device` clock."""
     faults = [*order(view)]
     yield from faults
     if not faults:
@@ -117,9 +117,9 @@ def device(view: View) -> Iterable[Fault]:
 def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if too many rows repeat the angles and voltages of the row before.
 
-    Only rows are tested whose voltage is not zero, is below its limit, and changes in the rows
-    around (`NEAR`). The voltage that the experiment adds must repeat, too, because at rest the
-    motors' voltage can be constant for a few rows.
+    The check tests only rows whose voltage is not zero, below its limit, and changing in the rows
+    around (`NEAR`). The excitation voltage must repeat, too, because at rest the motors' voltage
+    can be constant for a few rows.
     """
     r = view.recording
     if len(r) < 2 * NEAR:
