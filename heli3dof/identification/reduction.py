@@ -236,7 +236,7 @@ def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> Factor
 
 
 def _shorter(H: FactoredTransferFunction, highest: float) -> Iterator[FactoredTransferFunction]:
-    """Yield each transfer function that follows from H by omitting factors.
+    """Yield the transfer functions with fewer factors that may replace H.
 
     These are H without a numerator factor, without a numerator and a denominator factor of the same
     order (1 or 2), and without a real pole beyond ``highest`` (rad/s).

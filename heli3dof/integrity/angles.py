@@ -20,7 +20,7 @@ from heli3dof.recording.logs import angle_units
 
 
 def angles(view: View) -> Iterable[Fault]:
-    """Yield each axis' faults in the unit (`unit`); without any, those in the encoder grid."""
+    """Yield each axis' faults: a wrong unit, or if the unit is right, a wrong encoder grid."""
     if view.read.sum() < 20:
         return
     for i in view.measured:

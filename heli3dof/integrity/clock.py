@@ -1,10 +1,11 @@
 """Check time stamps: their order, their rate, the device's clock, and repeated rows.
 
-Let m be the stamps' period over the profile's, with |m − 1| > `OFF`. If neither m nor 1/m is nearly
-an integer, the clock is wrong. Otherwise the log is decimated or repeats samples, unless the motion
-shows a wrong clock. Let g be the median of the axes' responses to the voltages, as a multiple of
-the profile's (`View.responses`). Accelerations scale with 1/time², so a wrong clock gives g = 1/m²,
-a right one g = 1. The clock is wrong if g is nearer to 1/m² than to 1: |ln g + 2 ln m| < |ln g|.
+Let m be the ratio of the stamps' period to the profile's. The rate is wrong if |m − 1| > `OFF`. If
+neither m nor 1/m is nearly an integer, the cause is a wrong clock. Otherwise the log is decimated
+or repeats samples, unless the motion shows a wrong clock. Let g be the median of the axes'
+responses to the voltages, as a multiple of the profile's (`View.responses`). Accelerations scale
+with 1/time², so a wrong clock gives g = 1/m², a right one g = 1. The clock is wrong if g is nearer
+to 1/m² than to 1: |ln g + 2 ln m| < |ln g|.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ NEAR = 51
 
 
 def clock(view: View) -> Iterable[Fault]:
-    """Yield faults in the stamps' `order`; without any, in their `rate` and the `device` clock."""
+    """Yield faults of the time stamps: in order, or if it is right, in rate and device clock."""
     faults = [*order(view)]
     yield from faults
     if not faults:

@@ -62,7 +62,7 @@ class View:
 
     @cached_property
     def hover_ratio(self) -> float | None:
-        """Return the hover ratio h: the hover voltage in flight over the profile's V_o.
+        """Return the ratio h of the hover voltage in flight to the profile's V_o.
 
         h = mean(S cos p / cos r) / (2 V_o), with roll r, pitch p and the voltage sum S = V_f + V_b.
         Returns None if roll was not measured, V_o is zero or the flight is shorter than 2 s.

@@ -1,8 +1,8 @@
 """Check voltages: unit, sign, the amplifier's limit, and agreement with the commanded voltages.
 
-The hover voltage over the profile's, h (`View.hover_ratio`), is 0.5 … 2 even on rigs that differ
-from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, or one of them
-has the wrong sign.
+The ratio h of the hover voltage to the profile's (`View.hover_ratio`) is 0.5 … 2 even on rigs that
+differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, or one of
+them has the wrong sign.
 """
 
 from __future__ import annotations

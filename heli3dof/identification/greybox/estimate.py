@@ -75,9 +75,9 @@ class Estimate(PhysicalFit):
 
     @property
     def unexplained_scatter(self) -> float:
-        """Return the scores' variance relative to the expected one (`inflation`).
+        """Return the ratio of the scores' variance to the noise model's (`inflation`).
 
-        A bias-corrected fit takes the expected one from simulated flights.
+        A bias-corrected fit compares with the variance in simulated flights instead.
         """
         return self.inflation
 

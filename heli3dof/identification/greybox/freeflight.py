@@ -223,7 +223,7 @@ def _airborne(recording: Recording) -> list[Stretch]:
 
 
 def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:
-    """Return the recording up to the end of its last run; its index in ``runs`` is ``source``."""
+    """Return the recording up to the end of the last run whose recording index is ``source``."""
     return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
 
 

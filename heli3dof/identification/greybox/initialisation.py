@@ -22,9 +22,9 @@ def likeliest_start(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the scaled parameters (n,) and the noise (4,) from which a fit should start.
 
-    The parameters are ``theta``. Only the first parameter of each effect with ``starts`` gets the
-    likeliest of these values and its value in ``theta``. The noise is process noise on roll, pitch,
-    yaw (rad/s²/√Hz) and jitter (s).
+    The parameters are ``theta``, but the first parameter of each effect with ``starts`` changes to
+    the likeliest of these, unless its value in ``theta`` is likelier. The noise is process noise on
+    roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     theta = theta.copy()

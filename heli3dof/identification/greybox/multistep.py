@@ -226,7 +226,7 @@ class MultiStepFit(PhysicalFit):
 
     @property
     def theta(self) -> np.ndarray:
-        """Return the estimated scaled parameters (n,): logarithms, or values over a typical size.
+        """Return the estimated scaled parameters (n,), as defined by `MultiStep`.
 
         For a parameter that varies by recording, this is the mean over the recordings.
         """

@@ -24,7 +24,7 @@ class PhysicalFit(ABC):
     @property
     @abstractmethod
     def theta(self) -> np.ndarray:
-        """Return scaled parameters (n,): each one's logarithm, or its value over a typical size."""
+        """Return the scaled parameters (n,): logarithms, or values divided by a typical size."""
 
     @property
     @abstractmethod

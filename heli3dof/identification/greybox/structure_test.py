@@ -32,7 +32,7 @@ means odds of e⁶ = 400 to 1."""
 
 
 def with_simplifications(found: Estimate) -> Estimate:
-    """Return ``found``, or a refit with simplified equations if its own likelihood is far higher."""
+    """Return ``found``, or a refit with simplified equations if the refit is far likelier."""
     g, V = score_and_curvature(found)
     worth = [float(a @ g - 0.5 * a @ V @ a) for a in COMBINATIONS]
     best = int(np.argmax(worth))

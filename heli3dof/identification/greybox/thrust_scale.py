@@ -57,9 +57,7 @@ class ThrustScale:
 
 
 def edge(x: float, tolerance: float) -> float:
-    """Return the bound that a relative ``tolerance`` ε sets to a logarithmic deviation x.
-
-    The bound is ln(1 + ε) for x > 0, else ln(1 − ε).
+    """Return the bound of a logarithm x: ln(1 + ``tolerance``) if x > 0, else ln(1 − tolerance).
 
     >>> round(edge(0.3, 0.15), 4), round(edge(-0.3, 0.15), 4)
     (0.1398, -0.1625)

@@ -11,7 +11,8 @@ angle are left out.
 
 If the share exceeds `REPRODUCED`, d shows the cause:
 
-* d is zero if computed with `control_law` of the previous row: the controller is one period late.
+* d vanishes if the controller's voltage of the previous row is subtracted: the controller is one
+  period late.
 * The log has no extra voltage, and d does not depend on the controller's signals (errors, rates,
   integrals): an excitation was added and not logged. d is this excitation.
 * Otherwise another controller flew the recording.
