@@ -238,8 +238,8 @@ def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> Factor
 def _shorter(H: FactoredTransferFunction, highest: float) -> Iterator[FactoredTransferFunction]:
     """Yield the transfer functions with fewer factors that may replace H.
 
-    These are H without a numerator factor, without a numerator and a denominator factor of the same
-    order (1 or 2), and without a real pole beyond ``highest`` (rad/s).
+    These lack a numerator factor; or a numerator and a denominator factor of the same order (1 or
+    2); or a real pole beyond ``highest`` (rad/s).
     """
     excess = _degree(H.denominator) - _degree(H.numerator)
     for j, pole in enumerate(H.denominator):

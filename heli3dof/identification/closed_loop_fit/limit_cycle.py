@@ -91,9 +91,9 @@ def matched_noise(
 ) -> np.ndarray:  # fmt: skip
     """Return the process noise ``noise`` (4,), re-estimated on the limit-cycling ``axes``.
 
-    Flights are simulated with the scaled parameters ``theta`` (n,) and with the axis' noise times
-    each of `NOISE_STEPS`. The result is the noise at which the flights' `limit_cycle_statistics`
-    agree best with the recordings'. ``axes`` is (3,) bool.
+    It is the axis' noise times one of `NOISE_STEPS`: the one with which flights, simulated with the
+    scaled parameters ``theta`` (n,), have most nearly the recordings' `limit_cycle_statistics`.
+    ``axes`` is (3,) bool.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):

@@ -5,12 +5,12 @@ unmodelled fast motion (`heli3dof.identification.greybox.noise_check`). The meth
 switches to this method if it detects jitter or such motion, unless the user named the effects
 (``--terms``). `heli3dof.identification.greybox.multistep` defines the cost function.
 
-`REAL_TERMS` are the effects that models of real rigs needed. They include a power law of the rotor
-speed, a limit on spin-up, inflow, dry friction, the propellers' angular momentum, flapping, and the
-yaw coupling of a body that hangs below its axis. Two more effects have a different value in each
-recording. One is the offset of the pitch encoder, which is zeroed at the angle at which the body
-hangs. The other is the trim torque (``mass.imbalance``: weight, or thrust that falls as motors warm
-up).
+`REAL_TERMS` are the effects that models of real rigs needed. On thrust, they include a power law of
+rotor speed, a limit on spin-up, and inflow. On torque, they include dry friction, the propellers'
+angular momentum, flapping, and the yaw coupling of a body that hangs below its axis. Two more
+effects have a different value in each recording. One is the offset of the pitch encoder, which is
+zeroed at the angle at which the body hangs. The other is the trim torque (``mass.imbalance``:
+weight, or thrust that falls as motors warm up).
 """
 
 from __future__ import annotations

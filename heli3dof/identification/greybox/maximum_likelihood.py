@@ -161,7 +161,7 @@ def better_noise(
     """Return the noise (4,) after one Newton step of its log intensities, and the largest step.
 
     ``theta`` (n,) are the scaled parameters. ``a`` (4,) is the noise before the step: process
-    noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s), which stays. Slope and curvature are
+    noise on roll, pitch, yaw (rad/s²/√Hz) and fixed jitter (s). Slope and curvature are
     computed from intensities changed by the factors e^±`PROBE`, because the likelihood is rough at
     smaller scales. The intensity of an axis that was not measured (False in ``axes``, (3,) bool)
     stays as it is.

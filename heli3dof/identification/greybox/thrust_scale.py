@@ -12,8 +12,8 @@ with ν = `DEGREES_OF_FREEDOM`:
 If all four ratios x_i/X_i,nominal deviate by one factor, k is its inverse. If only one deviates, k
 stays near 1. The mean of ln k converts torques and inertias to SI.
 
-With ε the profile's ``tolerance``, and e = ln(1 + ε) for ln k > 0, else ln(1 − ε), a warning
-reports that K_f deviates from the profile if
+Let ε be the profile's ``tolerance``, and e = ln(1 + ε) for ln k > 0, else ln(1 − ε). A warning
+reports a deviation of K_f if
 
     |ln k| − |e| > `SCALE_QUANTILE` σ_k        σ_k: standard deviation of ln k
 """
@@ -43,8 +43,8 @@ class ThrustScale:
     def applied(self, value: float, std: float, unit: str) -> tuple[float, float]:
         """Return (value, standard deviation) in SI of an estimate in units of the thrust gain.
 
-        A parameter whose ``unit`` contains neither N·m nor kg does not depend on the thrust gain:
-        ``value`` and ``std`` are returned unchanged.
+        If the ``unit`` contains neither N·m nor kg, the estimate does not depend on the thrust gain
+        and is returned unchanged.
         """
         if not any(u in unit for u in TORQUE_UNITS):
             return value, std

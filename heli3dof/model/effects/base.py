@@ -83,9 +83,8 @@ def share(meaning: str) -> Parameter:
     """Return a `Parameter` that scales a change of the equations: 0 no change, 1 the full one.
 
     ``meaning`` describes the change. The true value is 0 or 1. So if the model has this parameter,
-    a fit starts at 1 with the prior N(1, `SHARE_STD`²). A flight at few roll angles determines the
-    parameter poorly, and without the prior the model would predict other roll angles badly. The
-    estimate may lie slightly outside 0 … 1.
+    a fit starts at 1 with the prior N(1, `SHARE_STD`²). The estimate may lie slightly outside
+    0 … 1.
     """
     return Parameter("share", "–", 0.0, -0.3, 2.0, 0.2, meaning, prior_std=SHARE_STD, start=1.0)
 
@@ -158,9 +157,9 @@ class Effect:
     def of_base(self) -> bool:
         """Return True if the effect belongs to the rigid body's equations, so it is no defect.
 
-        These are the effects that replace equations by another form (`formal`), and those that
-        restore what a simpler form omits (`within`), such as `geometry` in the hover model. A
-        diagnosis adds no penalty for their parameter, because its prior (`share`) is tight.
+        Such effects replace equations by another form (`formal`), or restore what a simpler form
+        omits (`within`), as `geometry` does in the hover model. A diagnosis adds no penalty for
+        their parameter, because its prior (`share`) is tight.
         """
         return self.formal or bool(self.within)
 
