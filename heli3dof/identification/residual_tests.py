@@ -108,9 +108,9 @@ def past_inputs(
 
 
 def _explained(e: np.ndarray, z: np.ndarray) -> float:
-    """Return tr(S_e⁻¹ S_explained), between 0 and l, for a regression of e (N, l) on z (N, q).
+    """Return how much of e (N, l) a regression on z (N, q) explains: 0 (nothing) to l (all).
 
-    S_e is the covariance of e, S_explained that of the regression's prediction.
+    It is tr(S_e⁻¹ S_explained), with the covariances of e and of the regression's prediction.
     """
     q, _ = np.linalg.qr(z / (z.std(axis=0) + 1e-12))
     p = q.T @ e

@@ -1,8 +1,8 @@
 """Check time stamps: their order, their rate, the device's clock, and repeated rows.
 
-Let m be the ratio of the stamps' period to the profile's. The rate is wrong if |m − 1| > `OFF`. If
-neither m nor 1/m is nearly an integer, the cause is a wrong clock. Otherwise the log is decimated
-or repeats samples, unless the motion shows a wrong clock. Let g be the median of the axes'
+Let m be the ratio of the stamps' period to the profile's. The rates differ if |m − 1| > `OFF`. If
+neither m nor 1/m is nearly an integer, the clock is wrong. Otherwise the log is decimated or
+repeats samples, unless the motion shows a wrong clock. Let g be the median of the axes'
 responses to the voltages, as a multiple of the profile's (`View.responses`). Accelerations scale
 with 1/time², so a wrong clock gives g = 1/m², a right one g = 1. The clock is wrong if g is nearer
 to 1/m² than to 1: |ln g + 2 ln m| < |ln g|.

@@ -119,7 +119,7 @@ def _evenly_sampled(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return angles, voltages and ``free`` with a row for every sample, lost ones too; NaN is zero.
 
-    Row k has the mean of voltages k − 1 and k: the loop holds voltage k until sample k + 1.
+    Row k has the mean of the voltages k − 1 and k: the loop holds voltage k until sample k + 1.
     """
     angle, voltage = np.nan_to_num(recording.angle), np.nan_to_num(recording.voltage)
     if number[-1] + 1 != len(number) or (np.diff(number) != 1).any():
@@ -191,9 +191,9 @@ def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> 
 
 
 def _fit(X: np.ndarray, z: np.ndarray) -> Response | None:
-    """Return the ridge estimate of the response g, the first coefficient c of X c = z.
+    """Return the ridge estimate of the response g, the first coefficient in X c = z.
 
-    The result is None if no voltage drives the axis, or if it rests.
+    The result is None if no voltage drives the axis, or if the axis rests.
     """
     drive = float(np.std(X[:, 0]))
     spread = float(np.std(z))

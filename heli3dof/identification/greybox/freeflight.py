@@ -273,7 +273,7 @@ def warnings(found: MultiStepFit) -> tuple[str, ...]:
 
 
 def notes(found: MultiStepFit) -> tuple[str, ...]:
-    """Return a sentence per parameter that varies by recording, with the value in each one."""
+    """Return a sentence per parameter that varies by recording, with each recording's value."""
     out = []
     for name, values in found.by_recording.items():
         each = ", ".join(f"{v:.3g}" for v in values)
@@ -283,7 +283,7 @@ def notes(found: MultiStepFit) -> tuple[str, ...]:
 
 
 def as_replacement(found: FitResult, reason: str) -> FitResult:
-    """Return the fit ``found`` with the method name ``freeflight`` and another first warning.
+    """Return the fit ``found`` with the method name ``freeflight`` and one more warning.
 
     The warning gives the ``reason`` why this fit replaces one by the method ``greybox``.
     """

@@ -161,10 +161,10 @@ def better_noise(
     """Return the noise (4,) after one Newton step of its log intensities, and the largest step.
 
     ``theta`` (n,) are the scaled parameters. ``a`` (4,) is the noise before the step: process
-    noise on roll, pitch, yaw (rad/s²/√Hz) and fixed jitter (s). Slope and curvature are
-    computed from intensities changed by the factors e^±`PROBE`, because the likelihood is rough at
-    smaller scales. The intensity of an axis that was not measured (False in ``axes``, (3,) bool)
-    stays as it is.
+    noise on roll, pitch, yaw (rad/s²/√Hz) and fixed jitter (s). Slope and curvature are computed
+    from intensities changed by the factors e^±`PROBE`, because the likelihood is rough at smaller
+    scales. The intensity of an axis that was not measured (False in ``axes``, (3,) bool) stays as
+    it is.
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)

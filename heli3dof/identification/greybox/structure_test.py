@@ -47,7 +47,7 @@ def with_simplifications(found: Estimate) -> Estimate:
 
 
 def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """Return the gradient g (2,) and curvature V (2, 2) of the log-likelihood at a = 0.
+    """Return gradient g (2,) and curvature V (2, 2) of the maximised log-likelihood at a = 0.
 
     a (2,) are the omitted shares (0 to 1) of two parts of the equations of ``found``: the inertia
     couplings, and the yaw inertia's variation with the angles.

@@ -57,7 +57,9 @@ class ThrustScale:
 
 
 def edge(x: float, tolerance: float) -> float:
-    """Return the bound of a logarithm x: ln(1 + ``tolerance``) if x > 0, else ln(1 − tolerance).
+    """Return the bound that ``tolerance`` sets to x, the logarithm of a ratio to nominal.
+
+    It is ln(1 + tolerance) for x > 0, else ln(1 − tolerance).
 
     >>> round(edge(0.3, 0.15), 4), round(edge(-0.3, 0.15), 4)
     (0.1398, -0.1625)

@@ -193,8 +193,8 @@ def weak_start(
 ) -> np.ndarray:  # fmt: skip
     """Return the scaled parameters (dim,) from which the multi-step fit should start.
 
-    They minimise the weak form's errors over the flights of ``problem``. The search
-    starts at ``start`` (dim,) and takes ``rounds`` rounds; ``progress`` gets lines of text.
+    They minimise the weak form's errors over the flights of ``problem``. The search starts at
+    ``start`` (dim,) and takes ``rounds`` rounds; ``progress`` gets lines of text.
     """
     logs = [log_of(f) for f in problem.flights]
     z = np.clip(problem.start if start is None else start, *problem.bounds)
