@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Factor:
-    """A factor s + a or s² + b s + c: the coefficients (a) or (b, c), and standard deviations."""
+    """A factor s + a or s² + b s + c: coefficients (a,) or (b, c), and standard deviations."""
 
     coefficients: tuple[float, ...]
     std: tuple[float, ...]
@@ -89,7 +89,7 @@ class FactoredTransferFunction:
     def at(self, s: np.ndarray, values: Callable[[Factor], np.ndarray] | None = None) -> np.ndarray:
         """Return the response in rad/V at ``s`` (F,) 1/s.
 
-        ``values``: returns the values (F,) of a factor at ``s``; by default, they are computed.
+        ``values`` is a function that returns a factor's values (F,) at ``s``; default: `Factor.at`.
         """
         value = values or (lambda f: f.at(s))
         G = np.full(np.shape(s), self.gain, dtype=complex)

@@ -43,10 +43,10 @@ class Feedback:
 
 
 def feedback_test(data: Sequence[Pair], *, p: int = 10, h: int = 5) -> Feedback:
-    """Test whether the voltages respond to the angles in the segments ``data``.
+    """Test whether the voltages respond to the angles.
 
-    ``data`` has a pair per segment: voltages (N, 2) V, angles (N, 3) rad. p is the order of the
-    autoregressions, h the number of lags in the sum Q (head of this file).
+    ``data`` has a pair per segment without gaps: voltages (N, 2) V, angles (N, 3) rad. p is the
+    order of the autoregressions that whiten both signals, h the number of lags in the test.
     """
     from scipy.stats import chi2
 

@@ -24,7 +24,7 @@ Innovations = tuple[list[np.ndarray], list[np.ndarray]]
 
 @dataclass(frozen=True)
 class Request:
-    """The options of a fit: method, order, sampling intervals, the model's effects and name."""
+    """The options of a fit: method, order, sampling intervals, effects, the model's name."""
 
     method: str
     order: int | None

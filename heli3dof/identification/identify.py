@@ -135,7 +135,10 @@ def identify(
 
 
 def residual_tests(found: FitResult, prepared: Prepared) -> tuple[ResidualTest, ...]:
-    """Return the whiteness and past-inputs tests of held-out data; () if the data are too short."""
+    """Return two tests of the residuals on held-out data; () if the data are too short.
+
+    They test whiteness, and independence of past voltages.
+    """
     settle = round(WARM_UP_S / (found.test_interval_s or found.interval_s))
     E, U = [], []
     for e, u in zip(*found.innovations(prepared, prepared.held_out), strict=True):
@@ -192,11 +195,11 @@ def rms_motion_deg(prepared: Prepared, runs: Sequence[Run]) -> np.ndarray:
 
 
 def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
-    """Return a warning of the axes whose predictions of held-out data are worse than the mean.
+    """Return warnings that name the axes with a negative fit on held-out data.
 
-    The predictions are `SUMMARY_HORIZON_S` ahead. On these axes, the measured angle's mean has
-    smaller errors (negative fit). Axes with less motion than `LITTLE_MOTION_DEG` have a warning of
-    their own: there the fit does not test the model.
+    There, predictions `SUMMARY_HORIZON_S` ahead have larger errors than the mean of the measured
+    angle. Axes with less motion than `LITTLE_MOTION_DEG` get a warning of their own, because their
+    fit does not test the model.
     """
     score = scores.prediction.get(SUMMARY_HORIZON_S)
     if score is None or not prepared.held_out:

@@ -157,7 +157,7 @@ class _Channel:
         return self._factors[f.coefficients]
 
     def refitted(self, H: FactoredTransferFunction) -> tuple[FactoredTransferFunction, float]:
-        """Return H with its gain k fitted to G, and the largest |H − G|/`limit` on the grid.
+        """Return H with its gain fitted to the response G, and the largest |H − G|/`limit`.
 
         The fit is by least squares with the weights 1/`limit`². H is accepted if the largest ratio
         is at most 1.
@@ -171,7 +171,10 @@ class _Channel:
     def nearest(
         self, candidates: Iterator[FactoredTransferFunction]
     ) -> FactoredTransferFunction | None:
-        """Return the candidate nearest to G, with refitted gain; None if all exceed `limit`."""
+        """Return the candidate nearest to the fitted response G, with refitted gain.
+
+        The result is None if every candidate deviates from G by more than `limit`.
+        """
         best, least = None, 1.0
         for H, deviation in map(self.refitted, candidates):
             if deviation <= least:
@@ -233,10 +236,10 @@ def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> Factor
 
 
 def _shorter(H: FactoredTransferFunction, highest: float) -> Iterator[FactoredTransferFunction]:
-    """Yield H without one numerator factor, and H without this and one denominator factor.
+    """Yield the transfer functions with fewer factors that may replace H.
 
-    A factor has one real root, or a pair of roots. Two factors cancel only if they have the same
-    number of roots. Also yield H without a real pole beyond ``highest`` (rad/s).
+    These lack a numerator factor; or a numerator and a denominator factor of the same order (1 or
+    2); or a real pole beyond ``highest`` (rad/s).
     """
     excess = _degree(H.denominator) - _degree(H.numerator)
     for j, pole in enumerate(H.denominator):
@@ -255,7 +258,10 @@ def _degree(factors: Sequence[Factor]) -> int:
 
 
 def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
-    """Yield H with one factor's roots moved to 0 if its coefficients are within `SIGMAS` σ of 0."""
+    """Yield H with one factor's roots moved to 0, for each factor near s or s².
+
+    Near means that its coefficients are within `SIGMAS` standard deviations of 0.
+    """
     zero = Factor((0.0,), (0.0,))
     for factors in (H.numerator, H.denominator):
         for i, f in enumerate(factors):

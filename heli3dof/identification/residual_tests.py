@@ -108,7 +108,10 @@ def past_inputs(
 
 
 def _explained(e: np.ndarray, z: np.ndarray) -> float:
-    """Return how much of e (N, l) a regression on z (N, q) explains: tr(S_e⁻¹ S_explained)."""
+    """Return how much of e (N, l) a regression on z (N, q) explains: 0 (nothing) to l (all).
+
+    It is tr(S_e⁻¹ S_explained), with the covariances of e and of the regression's prediction.
+    """
     q, _ = np.linalg.qr(z / (z.std(axis=0) + 1e-12))
     p = q.T @ e
     return float(np.trace(np.linalg.solve(e.T @ e, p.T @ p)))

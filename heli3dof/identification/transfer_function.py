@@ -104,7 +104,8 @@ class TransferFunctions:
 def polynomial(coefficients: np.ndarray, digits: int = 4, scale: float = 0.0) -> str:
     """Format a polynomial in s, with ``digits`` digits, from coefficients, highest power first.
 
-    Leading coefficients below 1e-9 of the largest one or of ``scale`` are rounding and are omitted.
+    Leading coefficients below 1e-9 times the largest one or ``scale`` are rounding errors and are
+    omitted.
 
     >>> polynomial(np.array([1.0, 1.379, 2.01, -1.072, 0.3533]))
     's^4 + 1.379s^3 + 2.01s^2 - 1.072s + 0.3533'

@@ -130,9 +130,10 @@ def predictions(
 
 
 def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
-    """Return the number of usable rows, at most ``most``, that end where the run starts.
+    """Return the number of rows, at most ``most``, in which the filter can settle before ``run``.
 
-    The filter settles in them. They belong to another run of the same recording, without a gap.
+    They are the last rows of the run that ends where this one starts. The result is 0 without such
+    a run or after a gap.
     """
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:

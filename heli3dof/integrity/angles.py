@@ -20,7 +20,7 @@ from heli3dof.recording.logs import angle_units
 
 
 def angles(view: View) -> Iterable[Fault]:
-    """Yield, for each axis, the faults of `unit`, or else those of `grid`."""
+    """Yield each axis' faults: a wrong unit, or if the unit is right, a wrong encoder grid."""
     if view.read.sum() < 20:
         return
     for i in view.measured:
@@ -58,7 +58,7 @@ def unit(view: View, i: int) -> Iterable[Fault]:
 
 
 def grid(view: View, i: int) -> Iterable[Fault]:
-    """Yield a note if axis number i is on no encoder grid, or on another one than the profile's."""
+    """Yield a note if axis number i is on no encoder grid, or not on the profile's."""
     r, axis = view.recording, AXES[i]
     q = r.angle[view.read, i]
     counts = abs(int(getattr(r.profile.encoder, axis)))

@@ -1,10 +1,11 @@
 """Check time stamps: their order, their rate, the device's clock, and repeated rows.
 
-Let m be the stamps' period over the profile's, with |m − 1| > `OFF`. If neither m nor 1/m is nearly
-an integer, the clock is wrong. Otherwise the log is decimated or repeats samples, unless the motion
-shows a wrong clock. Let g be the median of the axes' responses to the voltages, as a multiple of
-the profile's (`View.responses`). Accelerations scale with 1/time², so a wrong clock gives g = 1/m²,
-a right one g = 1. The clock is wrong if g is nearer to 1/m² than to 1: |ln g + 2 ln m| < |ln g|.
+Let m be the ratio of the stamps' period to the profile's. The rates differ if |m − 1| > `OFF`. If
+neither m nor 1/m is nearly an integer, the clock is wrong. Otherwise the log is decimated or
+repeats samples, unless the motion shows a wrong clock. Let g be the median of the axes'
+responses to the voltages, as a multiple of the profile's (`View.responses`). Accelerations scale
+with 1/time², so a wrong clock gives g = 1/m², a right one g = 1. The clock is wrong if g is nearer
+to 1/m² than to 1: |ln g + 2 ln m| < |ln g|.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ NEAR = 51
 
 
 def clock(view: View) -> Iterable[Fault]:
-    """Yield the faults found by `order`, or if there are none, by `rate` and `device`."""
+    """Yield faults of the time stamps: in order, or if it is right, in rate and device clock."""
     faults = [*order(view)]
     yield from faults
     if not faults:
@@ -117,9 +118,9 @@ def device(view: View) -> Iterable[Fault]:
 def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if too many rows repeat the angles and voltages of the row before.
 
-    Only rows are tested whose voltage is not zero, is below its limit, and changes in the rows
-    around (`NEAR`). The voltage that the experiment adds must repeat, too, because at rest the
-    motors' voltage can be constant for a few rows.
+    The check tests only rows whose voltage is not zero, below its limit, and changing in the rows
+    around (`NEAR`). The excitation voltage must repeat, too, because at rest the motors' voltage
+    can be constant for a few rows.
     """
     r = view.recording
     if len(r) < 2 * NEAR:

@@ -1,7 +1,8 @@
 """Report two swapped columns of a log, from the motion, the encoder's grid or the references.
 
-**Motion.** `response` gives each axis's response g with the explained share R². An axis is *driven*
-if its `Response.drive` exceeds `DRIVEN`. An axis is
+**Motion.** `response` gives each axis' response g to the voltages (1: as the profile predicts) and
+the share R² of the motion that it explains. An axis is *driven* if the acceleration that the
+voltages cause (`Response.drive`) exceeds `DRIVEN`. An axis is
 
 * *consistent* if |g| is within `RANGE`, g is `SURE` standard deviations from 0, R² > `EXPLAINED`;
 * *inconsistent* if it is driven, and |g| is outside `RANGE` or R² < `UNEXPLAINED`.
@@ -88,12 +89,12 @@ def _column(column: int) -> str:
 
 
 def is_consistent(x: Response) -> bool:
-    """Return True if the axis with this response is consistent (see the module)."""
+    """Return True if the response has a plausible size, is certain and explains the motion."""
     return _gain_in_range(x) and abs(x.t) > SURE and x.explained > EXPLAINED
 
 
 def inconsistent(responses: dict[str, Response]) -> set[str]:
-    """Return the axes that are inconsistent (see the module)."""
+    """Return the driven axes whose response has an implausible size or explains little motion."""
     driven = {a: x for a, x in responses.items() if x.drive > DRIVEN}
     return {a for a, x in driven.items() if x.explained < UNEXPLAINED or not _gain_in_range(x)}
 
@@ -103,7 +104,7 @@ def _gain_in_range(x: Response) -> bool:
 
 
 def agreement(responses: dict[str, Response]) -> float:
-    """Return the agreement M of the driven axes with the profile (see the module)."""
+    """Return the agreement M of the driven axes with the profile, at most 1 for each axis."""
     driven = (x for x in responses.values() if x.drive > DRIVEN and x.gain != 0)
     return float(
         sum(x.explained * np.exp(-0.5 * (np.log(abs(x.gain)) / USUAL) ** 2) for x in driven)
@@ -111,9 +112,10 @@ def agreement(responses: dict[str, Response]) -> float:
 
 
 def axes_in_question(view: View, T: np.ndarray) -> set[str]:
-    """Return the axes in question (see the module).
+    """Return the axes whose motion swapped columns may explain: the `inconsistent` ones.
 
-    ``T``: table (N, 8) of angles, voltages and references (`_table`).
+    If a voltage is constant, these are all driven axes. ``T``: table (N, 8) of angles, voltages and
+    references (`_table`).
     """
     V = np.nan_to_num(T[:, VOLTAGE])
     if (np.ptp(V, axis=0) == 0).any():
@@ -166,7 +168,7 @@ def block_means(r: Recording) -> Recording:
 
 
 def _pairs(T: np.ndarray, bad: set[str]) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of columns of T whose swap may explain the axes ``bad``."""
+    """Yield the pairs of columns of T whose swap may explain the inconsistent axes ``bad``."""
     present = [c for c in range(T.shape[1]) if np.isfinite(T[:, c]).any()]
     for a, b in combinations(present, 2):
         moves = np.nanmax(T[:, b]) > np.nanmin(T[:, b]) or b not in REFERENCE
@@ -180,9 +182,9 @@ def _names(*columns: int) -> set[str]:
 
 
 def _by_encoder(view: View) -> tuple[int, int, str] | None:
-    """Return (angle column, reference column, evidence) of a swap; None if there is none.
+    """Return (angle column, reference column, evidence) of two swapped columns, else None.
 
-    They are swapped if the reference is on the encoder's grid, but the angle is not.
+    Two columns are swapped if the reference is on the encoder's grid, but the angle is not.
     """
     r, rows = view.recording, view.read
     if rows.sum() < 100:

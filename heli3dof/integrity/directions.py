@@ -2,18 +2,19 @@
 
 The front and back voltages have the sum S and the difference D. The profile predicts accelerations
 u_r ∝ S of roll, u_p ∝ D of pitch p and u_ψ ∝ −sin p S of yaw. The measured ones are g u, with g = 1
-on a rig like its profile (`response`). With the hover ratio h (`View.hover_ratio`)
+on a rig like its profile (`response`). h is the ratio of the hover voltage to the
+profile's V_o (`View.hover_ratio`).
 
     roll's sign wrong        g_r < 0
     pitch's sign wrong       g_p < 0 and g_ψ < 0     (sin p has the wrong sign too)
     front and back swapped   g_p < 0 and g_ψ > 0     (D has the wrong sign, sin p S has not)
     yaw's sign wrong         g_p > 0 and g_ψ < 0     (or motors swapped and pitch's sign wrong)
     voltages' sign wrong     h < −0.3, and g_r < 0 or g_p < 0 (g's signs are then reversed above)
-    V_o's sign wrong         h < −0.3, and neither is negative
+    V_o's sign wrong         h < −0.3, and neither g_r nor g_p is negative
 
-g's sign is known if |g| exceeds `SURE` standard deviations, R² ≥ `EXPLAINED`, drive ≥ `DRIVE`.
-If a sign is unknown, the fault names both possible causes. Roll's sign is also wrong if roll sinks
-into the table.
+g's sign is known if |g| exceeds `SURE` standard deviations, g explains the share `EXPLAINED` of the
+motion, and the voltages cause accelerations of at least `DRIVE`. If a sign is unknown, the fault
+names both possible causes. Roll's sign is also wrong if roll sinks into the table.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ BEYOND_REACH = np.radians(60.0)
 
 
 def sign(response: Response | None) -> int:
-    """Return the sign of the response g, or 0 if it is unknown (see the module)."""
+    """Return the sign of an axis' response to the voltages; 0 if it is too small or uncertain."""
     if response is None or response.explained < EXPLAINED or response.drive < DRIVE:
         return 0
     return int(np.sign(response.t)) if abs(response.t) > SURE else 0

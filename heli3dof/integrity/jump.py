@@ -31,7 +31,11 @@ STOOD_S = 0.4
 
 
 def deviations(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return min(|d_k − d̄_k|, |d_k|) Δ_k (N − 1,) rad of axis ``i``, and the indices of jumps."""
+    """Return how far each step of axis number ``i`` deviates from its neighbours, and the jumps.
+
+    The deviations min(|d_k − d̄_k|, |d_k|) Δ_k (head of this file) are (N − 1,) rad; the jumps are
+    indices.
+    """
     r = view.recording
     change = np.diff(r.angle[:, i])
     n = np.maximum(np.diff(view.ticks.number), 1)
@@ -83,7 +87,7 @@ def jumps(view: View) -> Iterable[Fault]:
 
 
 def _stood_from(view: View, i: int, k: int) -> int:
-    """Return the first of the rows up to row k in which axis number i stays on one count."""
+    """Return the first row of the stretch up to row k in which axis number i stays on one count."""
     moved = np.flatnonzero(np.diff(view.recording.angle[: k + 1, i]) != 0)
     return int(moved[-1]) + 1 if len(moved) else 0
 

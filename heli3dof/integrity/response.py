@@ -57,14 +57,14 @@ class Response:
 
     @property
     def t(self) -> float:
-        """Return the ratio of g to its standard deviation."""
+        """Return the ratio of the response g to its standard deviation."""
         return self.gain / self.std if self.std > 0 else 0.0
 
 
 def predicted_accelerations(angle: np.ndarray, voltage: np.ndarray, profile: Profile) -> np.ndarray:
     """Return the profile's accelerations u (N, 3) rad/s² for angles (N, 3) rad, voltages (N, 2) V.
 
-    They are only those that the voltages cause, without gravity (see the module).
+    They are only those that the voltages cause, without gravity (head of this file).
     """
     g, K_f = profile.geometry, profile.motor.K_f
     J = profile.inertias
@@ -119,7 +119,7 @@ def _evenly_sampled(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return angles, voltages and ``free`` with a row for every sample, lost ones too; NaN is zero.
 
-    Row k has the mean of voltages k − 1 and k: the loop holds voltage k until sample k + 1.
+    Row k has the mean of the voltages k − 1 and k: the loop holds voltage k until sample k + 1.
     """
     angle, voltage = np.nan_to_num(recording.angle), np.nan_to_num(recording.voltage)
     if number[-1] + 1 != len(number) or (np.diff(number) != 1).any():
@@ -133,7 +133,10 @@ def _evenly_sampled(
 
 
 class _Windows:
-    """Integrals of a signal times φ, φ̇ or φ̈, for each window over n samples of ``dt`` s."""
+    """Integrals of a signal of n samples, ``dt`` s apart, times φ, φ̇ or φ̈, for each window.
+
+    φ is a test function that is zero outside the window.
+    """
 
     def __init__(self, n: int, dt: float) -> None:
         self.half = max(3, round(HALF_WIDTH_S / dt))
@@ -167,10 +170,11 @@ class _Windows:
 
 
 def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the regressors X (W, n) of z (W,), with a step of the trim as another column.
+    """Return the regressors X (W, n) of z (W,), with a step of the trim torque as another column.
 
     The column is added if the best step explains more than `STEP` of the residual sum of squares.
-    ``trim`` (W,): column of x_1; ``t`` (W,): middles of the windows, s.
+    W counts the windows. ``trim`` (W,): the trim torque's regressor; ``t`` (W,): the windows'
+    middles, s.
     """
     times = np.arange(t[0] + STEP_INSIDE_S, t[-1] - STEP_INSIDE_S, STEP_EVERY_S)
     if not len(times):
@@ -187,7 +191,10 @@ def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> 
 
 
 def _fit(X: np.ndarray, z: np.ndarray) -> Response | None:
-    """Return the ridge estimate of g = c_0 in X c = z; None if the axis is not driven or rests."""
+    """Return the ridge estimate of the response g, the first coefficient in X c = z.
+
+    The result is None if no voltage drives the axis, or if the axis rests.
+    """
     drive = float(np.std(X[:, 0]))
     spread = float(np.std(z))
     if drive < 1e-9 or spread == 0:

@@ -1,11 +1,13 @@
 """Report counts per revolution wrong by a factor of 2 or 4, and a wrong amplifier gain.
 
-If encoder i reads k_i times its angle and the thrust is K times the profile's, the responses are
+If encoder i reads k_i times its angle and the thrust is K times the profile's, the axes' responses
+to the voltages are multiples g of the profile's:
 
     g_r = K k_r          g_p = K k_p          g_ψ = K k_ψ / k_p    (pitch p drives yaw)
 
-**Counts.** A wrong number of encoder edges gives k = 2, 4, ½ or ¼ on one axis. With the hover ratio
-h, and k_ψ/k_p as yaw's k_i, the check compares each k with k = 1 by
+**Counts.** A wrong number of encoder edges gives k = 2, 4, ½ or ¼ on one axis. With h the ratio
+of the hover voltage to the profile's, and k_ψ/k_p in place of k_ψ, the check compares each k with
+k = 1 by
 
     χ² = min_K Σ_i (ln g_i − ln(K k_i))² / σ² + (ln K)² / σ_K² + (ln(K h))² / σ_K²
 
@@ -17,8 +19,8 @@ h, and k_ψ/k_p as yaw's k_i, the check compares each k with k = 1 by
   inertia.
 * The best k is reported if its χ² ≤ `FITS` and every other χ² is larger by `MARGIN` (half of it if
   the angle has only every k-th count).
-* k = 2 with all counts may also be half the inertia, and k = ½ twice the inertia: a note. Otherwise
-  it is bad data.
+* If the angle has all counts, k = 2 may also be half the inertia, and k = ½ twice the inertia: the
+  check yields a note. Otherwise it yields bad data.
 
 **Amplifier.** If the motors get K times the logged voltages, every response is K and h = 1/K. It is
 bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does not. Smaller
@@ -67,7 +69,11 @@ def reliable(responses: dict[str, Response]) -> dict[str, Response]:
 
 
 def misfit(log_g: dict[str, float], log_k: dict[str, float], h: float | None = None) -> float:
-    """Return the module's χ² for ln g and ln k by axis, and the hover ratio h if known."""
+    """Return χ² (head of this file) of the responses g, for encoder factors k.
+
+    ``log_g``, ``log_k``: {axis: ln g}, {axis: ln k}. ``h``: ratio of the hover voltage to the
+    profile's, None if unknown.
+    """
     expected = {a: log_k.get(a, 0.0) for a in log_g}
     if "yaw" in expected:
         expected["yaw"] -= log_k.get("pitch", 0.0)
@@ -147,7 +153,7 @@ def _roll_divided(view: View, k: float) -> View:
 
 
 def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
-    """Return (scale, standard deviation) of an axis: its response over the mean of the others."""
+    """Return (scale, standard deviation): an axis' response divided by the others' mean."""
     others = [
         np.log(x.gain) for a, x in responses.items() if a != axis and (axis, a) != ("pitch", "yaw")
     ] or [0.0]

@@ -62,9 +62,9 @@ class View:
 
     @cached_property
     def hover_ratio(self) -> float | None:
-        """Return the hover ratio h = mean(S cos p / cos r) / (2 V_o), S = V_f + V_b in flight.
+        """Return the ratio h of the hover voltage in flight to the profile's V_o.
 
-        h is 1 if L_a K_f S cos p = T_g cos r in the mean, with the profile's T_g = 2 L_a K_f V_o.
+        h = mean(S cos p / cos r) / (2 V_o), with roll r, pitch p and the voltage sum S = V_f + V_b.
         Returns None if roll was not measured, V_o is zero or the flight is shorter than 2 s.
         """
         r, rows = self.recording, self.flying

@@ -1,7 +1,8 @@
 """Check voltages: unit, sign, the amplifier's limit, and agreement with the commanded voltages.
 
-The hover ratio h (`View.hover_ratio`) is 0.5 … 2 on rigs that differ from their profile. If |h| is
-below `ANOTHER_UNIT`, the voltages have another unit, or one of them has the wrong sign.
+The ratio h of the hover voltage to the profile's (`View.hover_ratio`) is 0.5 … 2 even on rigs that
+differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, or one of
+them has the wrong sign.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def limit(view: View) -> Iterable[Fault]:
 
 
 def unit(view: View) -> Iterable[Fault]:
-    """Yield a fault if the hover voltage shows another unit, or a wrong sign of one motor."""
+    """Yield a fault if the hover voltage shows another unit, or a wrong sign of one voltage."""
     r, h = view.recording, view.hover_ratio
     if h is None or abs(h) >= ANOTHER_UNIT:
         return

@@ -1,16 +1,17 @@
 """Correct the bias of ``identify``'s fits to closed-loop recordings whose scores scatter too much.
 
-At rest a controller keeps the encoders on a limit cycle of a count or two. There the likelihood's
-maximum is biased: on 10° steps of 24 rigs, no 95 % interval of the roll or pitch inertia contained
-the true value (`make bench TOPIC=greybox`). The scores then scatter more than the noise model
-allows: κ exceeds `MAX_INFLATION` (`heli3dof.identification.greybox.estimate`). `without_bias`
-corrects every fit with such a κ, also if its cause is unmodelled motion, not a limit cycle. Flights
-of the fitted rig are simulated (`bias_correction.correction`), so the controller must be known.
+At rest a controller keeps the encoders on a limit cycle of a count or two. There the maximum of the
+likelihood is biased: on 10° steps of 24 rigs, no 95 % interval of the roll or pitch inertia
+contained the true value (`make bench TOPIC=greybox`). The scores (gradients of the log-likelihood)
+then have κ times the variance of the noise model, with κ > `MAX_INFLATION`
+(`heli3dof.identification.greybox.estimate`). `without_bias` corrects every fit with such a κ, even
+if unmodelled motion causes it. The correction simulates flights of the fitted rig
+(`bias_correction.correction`), so the controller must be known.
 
-On an extreme limit cycle the correction may end at an inertia that is several times too small. Then
-the scores still scatter more than those of the simulated flights, and a second fit is made, with
-the process noise of the diagnosis' base fit (`closed_loop_fit.base_fit`). The fit whose scores
-scatter less is returned.
+On an extreme limit cycle the corrected inertia may be several times too small. Then the scores
+still scatter more than those of the simulated flights. `without_bias` therefore fits a second time,
+with the process noise of the fit with which a diagnosis starts (`closed_loop_fit.base_fit`). It
+returns the fit whose scores scatter less.
 """
 
 from __future__ import annotations
@@ -39,11 +40,12 @@ flights, the standard error of their mean score is 1/√8 of one score's standar
 
 
 def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
-    """Return the corrected fit, or ``found`` if it needs no correction or none is possible.
+    """Return the bias-corrected fit, or ``found`` if no correction is needed or possible.
 
-    ``recordings``: those of ``found``, in the order of its data. The correction is impossible if a
-    recording lacks a known controller (`model.control.voltage_replay`), an angle or all references.
-    It is also impossible if its search diverges: the controller may not stabilise the fitted rig.
+    ``recordings`` are those of ``found``, in the order of its data. The correction is impossible if
+    one of them lacks a known controller (`model.control.voltage_replay`), an angle or all
+    references. It is also impossible if its search diverges: the controller may not stabilise the
+    fitted rig.
     """
     if found.inflation <= MAX_INFLATION:
         return found
@@ -64,9 +66,10 @@ def _corrected(fit: Estimate, recordings: Sequence[Recording]) -> CorrectedFit:
 
 
 def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:
-    """Return the fit of the same effects with the base fit's noise on the axes of a limit cycle.
+    """Return a fit like ``found``, with the process noise of `fit_base` on limit-cycling axes.
 
-    T_g and the inertias start at the base fit's values, the other parameters at their prior's.
+    The arm's gravity torque and the inertias start at the values of `fit_base`, the other
+    parameters at their prior means.
     """
     base = fit_base(setup)
     problem = replace(found.problem, known_noise=base.problem.known_noise)
@@ -75,7 +78,7 @@ def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:
 
 
 def correction_note(found: Estimate) -> list[str]:
-    """Return a list with a sentence on the correction; an empty list for an uncorrected fit."""
+    """Return a list with a sentence on the bias correction; empty for an uncorrected fit."""
     if not isinstance(found, CorrectedFit):
         return []
     return [

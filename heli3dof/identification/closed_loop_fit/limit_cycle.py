@@ -2,7 +2,7 @@
 
 A controller with a large derivative gain drives an axis across one encoder edge again and again: a
 limit cycle. There the maximum of the filter's likelihood may have a process noise several times too
-large and an inertia several times too small. Simulated flights of such a fit differ from the
+large and an inertia several times too small. Flights simulated with such a fit differ from the
 recording in two statistics of each axis i:
 
     c_i   share of the windows of `WINDOW_S` with three or more changes of count i, all between two
@@ -10,10 +10,12 @@ recording in two statistics of each axis i:
     r_i   share of the samples at which count i changes
 
 More noise carries the axis away from its edge, so c falls with the noise intensity a_i
-(rad/s²/√Hz). An axis with c > `CYCLES` is on a limit cycle. Its noise is the one at which flights
-with the profile's inertias agree best with the recording's c and r:
+(rad/s²/√Hz). An axis with c > `CYCLES` is on a limit cycle. Its noise intensity is the one at which
+flights simulated with the profile's inertias agree best with the recording's c and r:
 
-    a_i = argmin ((c − c̄)/σ_c)² + (ln(r/r̄)/σ_r)²        c̄, r̄: means over `FLIGHTS` flights
+    a_i = argmin ((c − c̄)/σ_c)² + (ln(r/r̄)/σ_r)²
+
+c̄ and r̄ are means over `FLIGHTS` flights; σ_c and σ_r are standard deviations (`SPREAD`).
 """
 
 from __future__ import annotations
@@ -45,13 +47,13 @@ NOISE_STEPS = np.geomspace(1 / 32, 1.0, 11)
 
 
 def edge_rates(data: Data) -> np.ndarray:
-    """Return r (3,): the share of samples within runs at which each count changes."""
+    """Return r (3,): the share of samples at which each axis' encoder count changes."""
     changed = [np.diff(data.y[start:stop], axis=0) != 0 for _, start, stop in data.blocks]
     return np.asarray(np.concatenate(changed).mean(axis=0))
 
 
 def cycling_shares(data: Data) -> np.ndarray:
-    """Return c (3,): the share of windows that each axis spends on a limit cycle."""
+    """Return c (3,): the share of `WINDOW_S` windows in which each axis is on a limit cycle."""
     shares = []
     for grid, (_, start, stop) in zip(data.grid, data.blocks, strict=True):
         n = max(2, round(WINDOW_S / float(np.median(data.h[start:stop]))))
@@ -64,21 +66,22 @@ def cycling_shares(data: Data) -> np.ndarray:
 
 
 def on_limit_cycle(data: Data) -> np.ndarray:
-    """Return (3,) bool: the axes on a limit cycle for more than `CYCLES` of the time."""
+    """Return (3,) bool: the axes on a limit cycle in more than the share `CYCLES` of windows."""
     return np.asarray(cycling_shares(data) > CYCLES)
 
 
 def scatters_on_limit_cycle(fit: Estimate) -> bool:
-    """Return whether an axis is on a limit cycle and the fit's scores scatter too much.
+    """Return True if an axis is on a limit cycle and the fit's scores scatter too much.
 
-    That is, more than the noise model or, for a corrected fit, the simulated flights explain.
+    The scores (gradients of the log-likelihood) may have up to `MAX_INFLATION` times the variance
+    of the noise model, or for a corrected fit, of the simulated flights.
     """
     cycling = on_limit_cycle(fit.problem.data).any()
     return bool(cycling) and fit.unexplained_scatter > MAX_INFLATION
 
 
 def limit_cycle_statistics(data: Data) -> np.ndarray:
-    """Return (2, 3): the cycling share c and ln of the edge rate r of each axis."""
+    """Return (2, 3): each axis' `cycling_shares` c, and ln of its `edge_rates` r."""
     return np.array([cycling_shares(data), np.log(np.maximum(edge_rates(data), 1e-6))])
 
 
@@ -86,10 +89,11 @@ def matched_noise(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, axes: np.ndarray,
     recordings: Sequence[Recording], *, seed: int,
 ) -> np.ndarray:  # fmt: skip
-    """Return ``noise`` (4,), re-estimated on the limit-cycling ``axes`` (3,) bool.
+    """Return the process noise ``noise`` (4,), re-estimated on the limit-cycling ``axes``.
 
-    Flights are simulated at the coordinates ``theta`` (n,) with each of `NOISE_STEPS` times the
-    axis' noise. The noise whose c and r agree best with the recording's is taken.
+    It is the axis' noise times one of `NOISE_STEPS`: the one with which flights, simulated with the
+    scaled parameters ``theta`` (n,), have most nearly the recordings' `limit_cycle_statistics`.
+    ``axes`` is (3,) bool.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):

@@ -1,4 +1,4 @@
-"""The settings of a fit with simulated flights: recordings, seed, number of flights, base."""
+"""Settings of a fit that simulates flights: recordings, seed, flights, rigid or hover model."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True)
 class Setup:
-    """The settings of a fit with simulated flights, or of a diagnosis."""
+    """The settings of a fit that simulates flights, or of a diagnosis."""
 
     recordings: tuple[Recording, ...]
     seed: int
@@ -28,7 +28,7 @@ class Setup:
 
     @cached_property
     def touches_stops(self) -> bool:
-        """Whether a mechanical stop held an axis. Simulated flights lack stops and may diverge."""
+        """Return True if an axis was at a mechanical stop, which simulated flights lack."""
         return any(unusable(r)["stop"].any() for r in self.recordings)
 
     @property

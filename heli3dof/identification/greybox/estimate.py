@@ -1,9 +1,10 @@
-"""Fit by maximum likelihood; compute the parameters' standard deviations, bounds and verdicts.
+"""Fit by maximum likelihood; compute standard deviations and their Cramér–Rao bounds.
 
 The noise model gives the information matrix H = Σ w ∂c ∂cᵀ over the readings. ∂c is the gradient of
-a predicted reading by the parameters, and w the information of that reading. Λ is the prior's
-precision. The scores s are the log-likelihood's gradients; their actual scatter follows from their
-sums over blocks of half a second, B = Σ_b s_b s_bᵀ. With n parameters and m blocks
+a predicted reading with respect to the parameters, and w the Fisher information of that reading. Λ
+is the prior's precision. The scores s are the log-likelihood's gradients; their actual scatter
+follows from their sums over blocks of half a second, B = Σ_b s_b s_bᵀ. With n parameters and m
+blocks
 
     κ = max(1, tr((H + Λ)⁻¹ B)/n · m/(m − n))      cov = κ (H + Λ)⁻¹
 
@@ -43,7 +44,7 @@ LOG_STD_MAX = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Estimate(PhysicalFit):
-    """A maximum-likelihood fit of a grey-box model; its n parameters are those of ``free``."""
+    """A maximum-likelihood fit of a grey-box model with n parameters, listed in ``free``."""
 
     problem: Likelihood
     optimum: Optimum
@@ -74,7 +75,10 @@ class Estimate(PhysicalFit):
 
     @property
     def unexplained_scatter(self) -> float:
-        """Return κ; for a corrected fit, the mean ρ instead (`bias_correction.correction`)."""
+        """Return the ratio of the scores' variance to the noise model's (`inflation`).
+
+        A bias-corrected fit compares with the variance in simulated flights instead.
+        """
         return self.inflation
 
     @cached_property
@@ -118,7 +122,7 @@ class Estimate(PhysicalFit):
 def estimate(
     problem: Likelihood, *, start: np.ndarray | None = None, noise: np.ndarray | None = None
 ) -> Estimate:
-    """Return the maximum-likelihood fit, searched from the parameter coordinates ``start`` (n,).
+    """Return the maximum-likelihood fit, searched from the scaled parameters ``start`` (n,).
 
     ``problem`` is the likelihood of the recordings. ``noise`` (4,) is the initial process noise on
     roll, pitch, yaw (rad/s²/√Hz) and jitter (s); None: defaults. If the search does not converge,
@@ -143,7 +147,7 @@ def estimate(
 def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
     """Return the gradients (m, n) of the log-likelihood, one for each of m blocks of ``block_s`` s.
 
-    The gradients are by the n parameter coordinates, at ``optimum``.
+    The gradients are with respect to the n scaled parameters, at ``optimum``.
     """
     o = optimum
     which = block_numbers(data, block_s)
@@ -163,10 +167,10 @@ def block_numbers(data: Data, block_s: float) -> np.ndarray:
 
 
 def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Return the Cramér–Rao bound (n,) on the standard deviations of the coordinates θ (n,).
+    """Return the Cramér–Rao bound (n,) on the standard deviations of the scaled parameters.
 
-    The bound includes the prior. ``theta`` is θ, ``noise`` (4,) is process noise on roll, pitch,
-    yaw (rad/s²/√Hz) and jitter (s).
+    The bound includes the prior. ``theta`` (n,) are the scaled parameters. ``noise`` (4,) is
+    process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """
     white = replace(
         problem,

@@ -1,16 +1,16 @@
 """Fit physical parameters by the method ``freeflight``: by free-run predictions of up to 3 s.
 
 The method suits real rigs with sampling jitter (`heli3dof.recording.logs.sampling_jitter`) or with
-unmodelled fast motion (`heli3dof.identification.greybox.noise_check`). The method ``greybox`` calls
-this method if it detects jitter or such motion, and the user named no effects (``--terms``).
-`heli3dof.identification.greybox.multistep` gives the criterion.
+unmodelled fast motion (`heli3dof.identification.greybox.noise_check`). The method ``greybox``
+switches to this method if it detects jitter or such motion, unless the user named the effects
+(``--terms``). `heli3dof.identification.greybox.multistep` defines the cost function.
 
-`REAL_TERMS` are the effects that identified rigs needed. On thrust: a power of rotor speed, a limit
-on spin-up, inflow. On torque: dry friction, the propellers' angular momentum, flapping, and the yaw
-coupling of a body that hangs below its axis. Two more effects have a different value in each
-recording. One is the offset of the pitch encoder, which is zeroed at the angle at which the body
-hangs. The other is the trim torque (``mass.imbalance``: weight, or thrust that falls as motors warm
-up).
+`REAL_TERMS` are the effects that models of real rigs needed. On thrust, they include a power law of
+rotor speed, a limit on spin-up, and inflow. On torque, they include dry friction, the propellers'
+angular momentum, flapping, and the yaw coupling of a body that hangs below its axis. Two more
+effects have a different value in each recording. One is the offset of the pitch encoder, which is
+zeroed at the angle at which the body hangs. The other is the trim torque (``mass.imbalance``:
+weight, or thrust that falls as motors warm up).
 """
 
 from __future__ import annotations
@@ -136,8 +136,8 @@ def fit_freeflight(
 ) -> MultiStepFit:
     """Return a multi-step fit of the effects ``names`` to recordings of one rig with all angles.
 
-    ``progress`` receives a line of text per iteration. Raises RecordingError if fewer than
-    `LEAST_WINDOWS` windows of 3 s are clear of take-off, table and stops.
+    ``progress`` receives a line of text per iteration. Raises RecordingError if there are fewer
+    than `LEAST_WINDOWS` windows of 3 s without take-off, table and stops.
     """
     problem = problem_of(recordings, names)
     return search(problem, weak_start(problem, progress=progress), progress=progress)
@@ -146,8 +146,8 @@ def fit_freeflight(
 def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS) -> MultiStep:
     """Return the least-squares problem of a fit to ``recordings`` with the effects ``names``.
 
-    Recordings with fewer than `LEAST_STARTS` windows are left out. Raises RecordingError if there
-    are fewer than `LEAST_WINDOWS` windows in the others.
+    Recordings with fewer than `LEAST_STARTS` prediction windows are left out. Raises RecordingError
+    if the others have fewer than `LEAST_WINDOWS` windows in total.
     """
     structure = Structure(recordings[0].profile, terms(names))
     parts = [(r, flight_of(r)) for r in recordings]
@@ -203,8 +203,8 @@ def flight_of(recording: Recording) -> Flight:
 def free_rows(recording: Recording) -> np.ndarray:
     """Return (N,) bool: True for the rows to which the rigid-body model can be fitted.
 
-    After take-off, rows are used from the end of the climb on. That is seconds earlier than for a
-    linear model (`heli3dof.identification.row_selection`).
+    After take-off, rows are True from the end of the climb on, seconds earlier than for a linear
+    model (`heli3dof.identification.row_selection`).
     """
     masks = unusable(recording)
     bad = np.logical_or.reduce([m for reason, m in masks.items() if reason != "take_off"])
@@ -216,14 +216,14 @@ def free_rows(recording: Recording) -> np.ndarray:
 
 
 def _airborne(recording: Recording) -> list[Stretch]:
-    """Return the intervals of rows to filter: off the table, without missing readings or gaps."""
+    """Return the row intervals for the Kalman filter: off the table, without gaps or NaN."""
     ok = ~table_of(recording)[1] & ~unusable(recording)["unread"]
     breaks = np.flatnonzero(np.diff(recording.t) > GAP * recording.dt) + 1
     return [Stretch(0, a, b) for a, b in stretches(ok, breaks) if b - a > 2]
 
 
 def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:
-    """Return the recording up to the last row of the ``runs`` that have its index ``source``."""
+    """Return the recording up to the end of the last run whose recording index is ``source``."""
     return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
 
 
@@ -273,7 +273,7 @@ def warnings(found: MultiStepFit) -> tuple[str, ...]:
 
 
 def notes(found: MultiStepFit) -> tuple[str, ...]:
-    """Return a sentence per parameter that varies by recording, with its value in each of them."""
+    """Return a sentence per parameter that varies by recording, with each recording's value."""
     out = []
     for name, values in found.by_recording.items():
         each = ", ".join(f"{v:.3g}" for v in values)
@@ -283,8 +283,8 @@ def notes(found: MultiStepFit) -> tuple[str, ...]:
 
 
 def as_replacement(found: FitResult, reason: str) -> FitResult:
-    """Return the fit ``found`` that replaces a fit by ``greybox``, marked as by ``freeflight``.
+    """Return the fit ``found`` with the method name ``freeflight`` and one more warning.
 
-    ``reason``, why the method was replaced, becomes the first warning.
+    The warning gives the ``reason`` why this fit replaces one by the method ``greybox``.
     """
     return replace(found, method="freeflight", warnings=(f"{reason} {INSTEAD}", *found.warnings))

@@ -1,9 +1,9 @@
 """Choose initial values of parameters whose likelihood is flat at the nominal value.
 
 An example is ``encoder.backlash``. A filter without backlash explains all of it by process noise.
-So the likelihood has no slope at zero backlash, and can have several maxima. The likelihood is
-therefore evaluated at each value that the effect lists in ``starts``, after the noise has adapted
-to this value.
+So the likelihood has no slope at zero backlash, and can have several maxima. `likeliest_start`
+therefore evaluates the likelihood at each value that the effect lists in ``starts``, each time
+after it has updated the process noise.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ SETTLING = 3
 def likeliest_start(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the parameter coordinates (n,) and the noise (4,) from which a fit should start.
+    """Return the scaled parameters (n,) and the noise (4,) from which a fit should start.
 
-    The coordinates are those of ``theta``, unless one of an effect's ``starts`` is likelier than
-    its value there. The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    The parameters are ``theta``, but the first parameter of each effect with ``starts`` changes to
+    the likeliest of these, unless its value in ``theta`` is likelier. The noise is process noise on
+    roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     theta = theta.copy()

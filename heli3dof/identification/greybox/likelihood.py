@@ -3,14 +3,14 @@
     ℓ(θ, a) = Σ_k Σ_i ln Z_ik            a fit maximises ℓ + ln prior(θ)
 
 Z_ik is the probability of reading k of axis i given all earlier readings, by the filter of
-`heli3dof.model.estimation.ekf_quantised`. θ (n,) are the parameters' coordinates: logarithms, or
+`heli3dof.model.estimation.ekf_quantised`. θ (n,) are the scaled parameters: logarithms, or
 multiples of a typical size (`Free.inward`). a (4,) is the noise: process noise on roll, pitch, yaw
 (rad/s²/√Hz), then sampling jitter (s). The prior N(start, spread²) of each parameter is weak. It
 only fixes parameters about which the recordings carry no information.
 
 Far from the true parameters a simulation may diverge between two readings. Then ℓ = −∞, so a search
-rejects the point. A derivative ∂c/∂θ that diverged counts as zero, so only the prior moves its
-coordinate.
+rejects the point. A predicted reading's derivative with respect to θ that diverged counts as zero,
+so only the prior moves its parameter.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from heli3dof.model.estimation.filter_data import ENCODER_NOISE, Data, encoder_n
 from heli3dof.model.physics.parametrisation import Structure
 
 DIFFERENCE = 1e-4
-"""Step of the finite differences, in parameter coordinates (which are of the order of one)"""
+"""Step of the finite differences, in scaled parameters (which are of the order of one)"""
 DIVERGED = 1e4
-"""rad per coordinate: a larger tangent means that the simulation diverges. In flights tangents stay
-below 10; with negative dry friction they reached 1e243, whose square overflows."""
+"""rad per scaled parameter: a larger tangent means that the simulation diverges. In flights,
+tangents stay below 10; with negative dry friction they reached 1e243, whose square overflows."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """The result of one run of the Kalman filter over the data, which makes E updates."""
+    """The result of one run of the Kalman filter over the data, with E measurement updates."""
 
     loglik: np.ndarray
     """(3,) log-likelihood by axis: Σ ln Z, Z being a reading's probability given earlier ones"""
@@ -69,27 +69,27 @@ class Likelihood:
 
     @cached_property
     def prior_mean(self) -> np.ndarray:
-        """Return the prior mean (n,) of the parameter coordinates θ."""
+        """Return the prior mean (n,) of the scaled parameters θ."""
         return np.array([f.inward(f.start) for f in self.structure.free])
 
     @cached_property
     def prior_precision(self) -> np.ndarray:
-        """Return the prior's precision (n,): 1/variance of each parameter coordinate."""
+        """Return the prior's precision (n,): 1/variance of each scaled parameter."""
         free = self.structure.free
         std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
         return np.asarray(1.0 / std**2)
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lowest and the highest allowed parameter coordinates, (n,) each."""
+        """Return the lowest and the highest allowed scaled parameters, (n,) each."""
         free = self.structure.free
         low = np.array([f.inward(f.low) for f in free])
         return low, np.array([f.inward(f.high) for f in free])
 
     def movable(self, theta: np.ndarray, g: np.ndarray) -> np.ndarray:
-        """Return (n,) bool: the coordinates ``theta`` that a step along the score g can move.
+        """Return (n,) bool: True for the scaled parameters that a step along g can change.
 
-        The others are at a bound, and g (n,) points beyond it.
+        The others are at a bound, and g (n,), the log-likelihood's gradient, points beyond it.
         """
         low, high = self.bounds
         return np.asarray(~(((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0))))
@@ -100,18 +100,18 @@ class Likelihood:
         return encoder_noise(self.data, self.noise_steps)
 
     def values(self, theta: np.ndarray) -> np.ndarray:
-        """Return the parameter values (n,) in their units at the coordinates ``theta`` (n,)."""
+        """Return the values (n,), in their units, of the scaled parameters ``theta`` (n,)."""
         return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
         return np.array([f.inward(v) for f, v in zip(self.structure.free, values, strict=True)])
 
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> Pass:
-        """Return the filter's run over the data at the coordinates θ (n,) and the noise a (4,).
+        """Return the filter's run over the data with scaled parameters θ (n,) and noise a (4,).
 
         a (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``keep`` selects
-        what the result holds: 0 the likelihood only, 1 also each update's quantities for
-        `tangents`, 2 also the states X, 3 also the running likelihood in X.
+        what the result holds: 0 the likelihood only; 1 also each update's quantities for
+        `tangents`; 2 also the states X; 3 also, in X, the log-likelihood up to each row.
         """
         from heli3dof.model.estimation.ekf_quantised import filter_blocks
 
@@ -144,9 +144,8 @@ class Likelihood:
     def tangents(self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None) -> np.ndarray:
         """Return the derivatives ∂c/∂θ (n, E) of the E predicted readings c of the run ``at``.
 
-        ``theta`` (n,): the run's parameter coordinates. ``which``: indices of the parameters to
-        differentiate by (None: all); only these have a row. The filter's gains stay fixed. Rows
-        that `diverged` are zero.
+        ``theta`` = θ (n,): the run's scaled parameters. ``which``: indices of the parameters that
+        get a row (None: all). The filter's gains stay fixed. Rows that `diverged` are zero.
         """
         from heli3dof.model.estimation.ekf_quantised import follow
 
@@ -171,15 +170,19 @@ class Likelihood:
 
 
 def diverged(D: np.ndarray) -> np.ndarray:
-    """Return (n,) bool: rows of D (n, E), the derivatives ∂c/∂θ, not finite or above `DIVERGED`."""
+    """Return (n,) bool: True for rows of D (n, E) with values not finite or above `DIVERGED`.
+
+    D are the derivatives of E predicted readings with respect to n scaled parameters.
+    """
     return np.asarray(~(np.abs(D).max(axis=1, initial=0.0) < DIVERGED))
 
 
 def score_and_information(at: Pass, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the likelihood's score (n,) and information (n, n), without the prior.
 
-    The score is Σ g ∂c, the information Σ w ∂c ∂cᵀ, over the E readings of the run ``at``. D (n, E)
-    is ∂c/∂θ, the derivatives of the predicted readings; g and w are fields of `Pass`.
+    The score is Σ g ∂c, the information Σ w ∂c ∂cᵀ, over the E readings of the filter run ``at``.
+    Each column ∂c of D (n, E) is a predicted reading's gradient with respect to the scaled
+    parameters. g and w are each reading's score and information (`Pass`).
     """
     return D @ at.g, (D * at.w) @ D.T
 

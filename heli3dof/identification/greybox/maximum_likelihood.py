@@ -1,6 +1,6 @@
 """Maximise the likelihood by Gauss–Newton steps on the innovations; also estimate the noise.
 
-θ are the parameters' coordinates. A round first takes a Newton step of the logarithm of each axis'
+θ are the scaled parameters. A round first takes a Newton step of the logarithm of each axis'
 process noise intensity, for which it evaluates the likelihood at three intensities. As the axes are
 nearly independent, it changes all three at once. Once the noise has converged, only every fourth
 round takes this step. Then the round runs the filter at θ. Let c be the filter's prediction of a
@@ -62,18 +62,18 @@ class Optimum:
     """The maximum of likelihood times prior; ``at`` is the filter's run at these parameters."""
 
     theta: np.ndarray
-    """(n,) parameter coordinates at the maximum"""
+    """(n,) scaled parameters at the maximum"""
     noise: np.ndarray
     """(4,) process noise on roll, pitch, yaw in rad/s²/√Hz, and sampling jitter in s"""
     loglik: float
     """Log-likelihood plus log prior at the maximum"""
     information: np.ndarray
-    """(n, n) information of the likelihood without the prior, in parameter coordinates"""
+    """(n, n) information of the likelihood without the prior, of the scaled parameters"""
     at: Pass
     tangents: np.ndarray
-    """(n, E) derivatives of the E predicted readings by the parameter coordinates"""
+    """(n, E) derivatives of the E predicted readings by the scaled parameters"""
     at_bound: np.ndarray
-    """(n,) bool: the coordinates that are at their lowest or highest value"""
+    """(n,) bool: the parameters that are at their lowest or highest value"""
     rounds: int
     converged: bool
 
@@ -98,9 +98,9 @@ def maximise(
 ) -> Optimum:
     """Maximise likelihood times prior in at most ``rounds`` Gauss–Newton rounds.
 
-    ``problem`` is the likelihood, a function of n parameter coordinates. The search starts at
-    coordinates ``start`` (n,), by default the prior mean. ``noise`` (4,) is the initial process
-    noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    ``problem`` is the likelihood, a function of n scaled parameters. The search starts at the
+    scaled parameters ``start`` (n,), by default the prior mean. ``noise`` (4,) is the initial
+    process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """
     low, high = problem.bounds
     theta = problem.prior_mean.copy() if start is None else np.clip(start, low, high)
@@ -160,11 +160,11 @@ def better_noise(
 ) -> tuple[np.ndarray, float]:
     """Return the noise (4,) after one Newton step of its log intensities, and the largest step.
 
-    ``theta`` (n,) are the parameter coordinates. ``a`` (4,) is the noise before the step: process
-    noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s), which stays. Slope and curvature are
-    computed from intensities changed by the factors e^±`PROBE`, because the likelihood is rough at
-    smaller scales. The intensity of an axis that was not measured (False in ``axes``, (3,) bool)
-    stays as it is.
+    ``theta`` (n,) are the scaled parameters. ``a`` (4,) is the noise before the step: process
+    noise on roll, pitch, yaw (rad/s²/√Hz) and fixed jitter (s). Slope and curvature are computed
+    from intensities changed by the factors e^±`PROBE`, because the likelihood is rough at smaller
+    scales. The intensity of an axis that was not measured (False in ``axes``, (3,) bool) stays as
+    it is.
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)

@@ -156,7 +156,7 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
 
 
 def parameters(found: Estimate) -> dict[str, Parameter]:
-    """Return {name: parameter}: value, standard deviation and its Cramér–Rao bound, verdict."""
+    """Return {name: parameter}: value, standard deviation, Cramér–Rao bound, reliability."""
     return {
         f.name: Parameter(
             float(v), float(s), f.unit, float(b), f.start if f.term is None else f.null, w

@@ -17,8 +17,8 @@ stage estimates the errors' scales s again. The search is
 `heli3dof.identification.greybox.levenberg_marquardt`; ∂e/∂θ includes the filter's change with θ.
 
 θ_0 is the prior mean, Λ its precision, weak for every effect. For the inertias Λ comes from
-geometry: lengths and a few masses determine the inertias' *ratios*. Their common factor (in units
-of K_f) follows from the thrust gain, which differs by a factor of two between rigs.
+geometry: lengths and a few masses determine the inertias' *ratios*. Their common factor depends on
+the thrust gain K_f, in whose units they are; K_f differs by a factor of two between rigs.
 
 A parameter named in ``varying`` has a different value in each recording, with the prior N(common
 value, ``varying``²).
@@ -53,7 +53,7 @@ RATIO_STD, COMMON_STD = 0.04, 0.5
 """Prior standard deviations: `RATIO_STD` of ln(J_pitch/J_roll) and of ln(J_yaw/J_roll),
 `COMMON_STD` of ln J_roll. The J are moments of inertia."""
 DIFFERENCE = 1e-3
-"""Step of the finite differences, in the coordinates z"""
+"""Step of the finite differences, in the scaled parameters z"""
 SETTLED = 0.03
 """Decrease of Q in an iteration below which a stage ends. Chosen; not derived."""
 NOISE_START = (0.08, 0.15, 0.06)
@@ -68,9 +68,9 @@ FAR = 3.0
 class MultiStep:
     """The least-squares problem of a multi-step fit: flights, their data, and a model structure.
 
-    The unknowns are coordinates z (dim,): parameters divided by their typical size, or logarithms.
-    The first n are common to all flights. Then follow, flight by flight, the coordinates of the
-    parameters in ``varying``.
+    The unknowns z (dim,) are scaled parameters: divided by their typical size, or logarithms. The
+    first n are common to all flights. Then follow, flight by flight, the values of the parameters
+    in ``varying``.
     """
 
     structure: Structure
@@ -105,7 +105,7 @@ class MultiStep:
 
     @cached_property
     def start(self) -> np.ndarray:
-        """Return the optimiser's start point (dim,): the prior mean in scaled coordinates."""
+        """Return the optimiser's start point (dim,): the prior mean of the scaled parameters."""
         theta = np.array([f.inward(self.centre.get(f.name, f.start)) for f in self.structure.free])
         return np.concatenate([theta, np.tile(theta[self.own], len(self.flights))])
 
@@ -121,7 +121,7 @@ class MultiStep:
 
     @cached_property
     def prior(self) -> np.ndarray:
-        """Return the prior's precision Λ (dim, dim), the inverse covariance of coordinates z."""
+        """Return the prior's precision Λ (dim, dim), the inverse covariance of the unknowns z."""
         free = self.structure.free
         std = []
         for f in free:
@@ -148,7 +148,7 @@ class MultiStep:
         return L
 
     def values(self, z: np.ndarray, flight: int | None = None) -> np.ndarray:
-        """Return the parameter values (n,) in their units at the coordinates z (dim,).
+        """Return the parameter values (n,) in their units, from the scaled parameters z (dim,).
 
         A parameter that varies by recording has the value of the flight with index ``flight``. If
         this is None, it has the value common to all flights.
@@ -162,8 +162,8 @@ class MultiStep:
     def states(self, z: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:
         """Return the filter's estimates (N, 6) of angles (rad), rates (rad/s) in flight number i.
 
-        z (dim,) are the coordinates; ``noise`` (4,) is process noise on roll, pitch, yaw
-        (rad/s²/√Hz) and jitter (s). Unused rows are NaN.
+        z (dim,) are the scaled parameters; ``noise`` (4,) is process noise on roll, pitch, yaw
+        (rad/s²/√Hz) and jitter (s). Rows that the filter does not use are NaN.
         """
         flight = self.flights[i]
         X = np.full((len(flight.t), 6), np.nan)
@@ -177,7 +177,7 @@ class MultiStep:
     def errors(self, z: np.ndarray, noise: np.ndarray, horizons_s: Sequence[float]) -> list[Any]:
         """Return each flight's prediction errors (S, M, 3) rad from S start rows at M horizons.
 
-        z (dim,) are the coordinates; ``noise`` (4,) is process noise on roll, pitch, yaw
+        z (dim,) are the scaled parameters; ``noise`` (4,) is process noise on roll, pitch, yaw
         (rad/s²/√Hz) and jitter (s), for the filter.
         """
         out = []
@@ -193,7 +193,7 @@ class MultiStep:
     def loglik(self, z: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """Return the log-likelihood (3,) of the recordings by axis, by the filter `ekf_jitter`.
 
-        ``z`` (dim,): the unknowns, scaled; ``noise`` (4,): process noise on roll, pitch, yaw
+        ``z`` (dim,): scaled parameters; ``noise`` (4,): process noise on roll, pitch, yaw
         (rad/s²/√Hz) and jitter (s).
         """
         parts = [
@@ -216,7 +216,7 @@ class MultiStepFit(PhysicalFit):
     the last stage"""
     cost: float
     tangents: np.ndarray
-    """(dim, R) derivatives of the R weighted residuals by the coordinates"""
+    """(dim, R) derivatives of the R weighted residuals by the scaled parameters"""
     rounds: int
     converged: bool
 
@@ -226,9 +226,9 @@ class MultiStepFit(PhysicalFit):
 
     @property
     def theta(self) -> np.ndarray:
-        """Return the estimate (n,), scaled or logarithmic as in `MultiStep`.
+        """Return the estimated scaled parameters (n,), as defined by `MultiStep`.
 
-        A parameter with one value per recording is its mean over the recordings.
+        For a parameter that varies by recording, this is the mean over the recordings.
         """
         theta = self.z[: self.problem.n].copy()
         if len(self.problem.own):
@@ -293,12 +293,13 @@ def search(
     fixed: np.ndarray | None = None,
     progress: Progress | None = None,
 ) -> MultiStepFit:
-    """Return the fit that minimises the prediction errors, from the coordinates ``start`` (dim,).
+    """Return the fit that minimises the prediction errors, searched from ``start`` (dim,).
 
-    ``problem`` holds flights and model structure. ``stages_s`` are the horizons (s) of successive
-    minimisations, of ``rounds`` iterations at most. ``noise`` (4,) is the filter's process noise on
-    roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``fixed`` (M, 3) rad are the RMS errors that scale
-    the residuals; by default each stage estimates them. ``progress`` gets a line per iteration.
+    ``problem`` holds flights and model structure, ``start`` scaled parameters. ``stages_s`` are the
+    horizons (s) of successive minimisations, of ``rounds`` iterations at most. ``noise`` (4,) is
+    the filter's process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``fixed`` (M, 3) rad
+    are the RMS errors that scale the residuals; by default each stage estimates them. ``progress``
+    gets a line per iteration.
     """
     p = problem
     z = p.start.copy() if start is None else start.copy()
@@ -344,7 +345,7 @@ def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return the noise (4,) for which the filter's likelihood is highest, searched from ``a`` (4,).
 
     The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s). The
-    parameters stay at the coordinates z (dim,).
+    scaled parameters z (dim,) stay as they are.
     """
     a = a.copy()
     tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]

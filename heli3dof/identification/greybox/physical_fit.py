@@ -24,7 +24,7 @@ class PhysicalFit(ABC):
     @property
     @abstractmethod
     def theta(self) -> np.ndarray:
-        """Return coordinates (n,): each parameter's logarithm, or its value over a typical size."""
+        """Return the scaled parameters (n,): logarithms, or values divided by a typical size."""
 
     @property
     @abstractmethod
@@ -32,7 +32,7 @@ class PhysicalFit(ABC):
         """Return the covariance (n, n) of the parameters in their units."""
 
     def values_at(self, theta: np.ndarray) -> np.ndarray:
-        """Return the parameter values (n,) in their units at the coordinates ``theta`` (n,)."""
+        """Return the values (n,), in their units, of the scaled parameters ``theta`` (n,)."""
         return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     @cached_property
@@ -42,7 +42,7 @@ class PhysicalFit(ABC):
 
     @cached_property
     def slopes(self) -> np.ndarray:
-        """Return the derivative (n,) of each parameter's value by its coordinate (see `theta`)."""
+        """Return the derivative (n,) of each parameter with respect to the scaled one (`theta`)."""
         return np.array([f.slope(v) for f, v in zip(self.structure.free, self.values, strict=True)])
 
     @property

@@ -32,7 +32,7 @@ means odds of e⁶ = 400 to 1."""
 
 
 def with_simplifications(found: Estimate) -> Estimate:
-    """Return ``found``, or a refit with simplified equations if its likelihood is far higher."""
+    """Return ``found``, or a refit with simplified equations if the refit is far likelier."""
     g, V = score_and_curvature(found)
     worth = [float(a @ g - 0.5 * a @ V @ a) for a in COMBINATIONS]
     best = int(np.argmax(worth))
@@ -47,9 +47,10 @@ def with_simplifications(found: Estimate) -> Estimate:
 
 
 def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """Return gradient g (2,) and curvature V (2, 2) of the log-likelihood's change Δℓ(a).
+    """Return gradient g (2,) and curvature V (2, 2) of the maximised log-likelihood at a = 0.
 
-    a (2,) are the omitted shares of couplings and yaw inertia's variation, zero in ``found``.
+    a (2,) are the omitted shares (0 to 1) of two parts of the equations of ``found``: the inertia
+    couplings, and the yaw inertia's variation with the angles.
     """
     o, n = found.optimum, len(found.theta)
     wide = replace(found.problem, structure=found.structure.with_terms(*terms(SIMPLIFICATIONS)))

@@ -3,16 +3,17 @@
 Flights do not identify K_f: all torques and inertias multiplied by one number give the same motion
 (`heli3dof.model.physics.rigid_body`). So a fit gives X = (T_g, J_roll, J_pitch, J_yaw), gravity
 torque and moments of inertia, in units of K_f: x_i = X_i/k, with k = K_f/K_f,nominal. The
-profile's values of K_f and of the four parameters have the relative error s, half its
-``tolerance``, with outliers. The posterior density of ln k uses Student's t with
-ν = `DEGREES_OF_FREEDOM`:
+profile's values of K_f and of the four parameters have the relative error s, half the profile's
+``tolerance``. To allow for outliers, the posterior density of ln k uses Student's t density t_ν
+with ν = `DEGREES_OF_FREEDOM`:
 
     p(ln k) ∝ t_ν(ln k/s) Π_i t_ν(ln(x_i k/X_i,nominal)/√(s² + σ_i²)),    σ_i: relative std of x_i
 
 If all four ratios x_i/X_i,nominal deviate by one factor, k is its inverse. If only one deviates, k
 stays near 1. The mean of ln k converts torques and inertias to SI.
 
-With ε the profile's ``tolerance``, and e = ln(1 + ε) for ln k > 0, else ln(1 − ε), K_f is off if
+Let ε be the profile's ``tolerance``, and e = ln(1 + ε) for ln k > 0, else ln(1 − ε). A warning
+reports a deviation of K_f if
 
     |ln k| − |e| > `SCALE_QUANTILE` σ_k        σ_k: standard deviation of ln k
 """
@@ -34,28 +35,31 @@ SCALE_QUANTILE = 2.0  # standard deviations, chosen
 
 @dataclass(frozen=True)
 class ThrustScale:
-    """k = K_f/K_f,nominal and the standard deviation ``std`` of ln k."""
+    """The ratio k of the thrust gain to the profile's, and the standard deviation of ln k."""
 
     k: float
     std: float
 
     def applied(self, value: float, std: float, unit: str) -> tuple[float, float]:
-        """Convert a parameter estimated in units of K_f to SI; return (value, standard deviation).
+        """Return (value, standard deviation) in SI of an estimate in units of the thrust gain.
 
-        A ``unit`` without N·m or kg does not depend on K_f: value and ``std`` stay.
+        If the ``unit`` contains neither N·m nor kg, the estimate does not depend on the thrust gain
+        and is returned unchanged.
         """
         if not any(u in unit for u in TORQUE_UNITS):
             return value, std
         return value * self.k, self.k * float(np.hypot(std, value * self.std))
 
     def is_off(self, tolerance: float) -> bool:
-        """Return True if K_f deviates from nominal by significantly more than ``tolerance``."""
+        """Return True if the thrust gain's relative error significantly exceeds ``tolerance``."""
         ln_k = float(np.log(self.k))
         return abs(ln_k) - abs(edge(ln_k, tolerance)) > SCALE_QUANTILE * self.std
 
 
 def edge(x: float, tolerance: float) -> float:
-    """Return the bound on x = ln k by the tolerance ε: ln(1 + ε) for x > 0, else ln(1 − ε).
+    """Return the bound that ``tolerance`` sets to x, the logarithm of a ratio to nominal.
+
+    It is ln(1 + tolerance) for x > 0, else ln(1 − tolerance).
 
     >>> round(edge(0.3, 0.15), 4), round(edge(-0.3, 0.15), 4)
     (0.1398, -0.1625)
@@ -64,7 +68,7 @@ def edge(x: float, tolerance: float) -> float:
 
 
 def thrust_scale(fit: PhysicalFit) -> ThrustScale:
-    """Return k, estimated from the gravity torque and the three inertias of a fit."""
+    """Return the thrust gain's ratio to the profile's, from a fit's gravity torque and inertias."""
     nominal = np.array([f.start for f in fit.free[:4]])
     x = fit.values[:4] / nominal
     std = fit.std[:4] / np.abs(nominal)
@@ -72,10 +76,11 @@ def thrust_scale(fit: PhysicalFit) -> ThrustScale:
 
 
 def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
-    """Return k from the ratios x (4,) of fitted to nominal parameters.
+    """Return the thrust gain's ratio k to nominal, from the ratios x (4,) of fitted parameters.
 
-    ``std`` (4,) are the ratios' standard deviations, ``s`` is the relative error of the profile's
-    values. Ratios that are not positive are ignored.
+    x are the fitted gravity torque and inertias, divided by the nominal ones; ``std`` (4,) are
+    their standard deviations. ``s`` is the relative error of the profile's values. Ratios that are
+    not positive are ignored.
 
     >>> scale = of_ratios(np.full(4, 1 / 1.4), np.zeros(4), 0.075)
     >>> round(scale.k, 1)
@@ -94,7 +99,7 @@ def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
 
 
 def thrust_gain_warning(fit: PhysicalFit) -> tuple[str, ...]:
-    """Return a warning if K_f deviates significantly from the profile's; otherwise ()."""
+    """Return a warning if the thrust gain deviates significantly from the profile's, else ()."""
     profile, scale = fit.structure.profile, thrust_scale(fit)
     if not scale.is_off(profile.tolerance):
         return ()

@@ -42,7 +42,7 @@ OVERLAP = 3
 SMOOTH_S = 0.07
 ROUNDS = 4
 DIFFERENCE = 1e-4
-"""Step of the finite differences, in the coordinates z"""
+"""Step of the finite differences, in the scaled parameters z"""
 SETTLED = 1e-4
 """The search ends when a step's predicted cost reduction is below this share of the cost."""
 FAR = 20.0
@@ -95,7 +95,7 @@ class Span:
     """(L,) weights of the sums for ∫ φ · dt (``phi``, sum 1) and ∫ φ″ · dt (``phi_2``)"""
 
     def integrals(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return ∫ φ″ q dt − ∫ φ a dt, (n, 3) rad/s², at the n positions of φ.
+        """Return ∫ φ″ q dt − ∫ φ a dt, (n, 3) rad/s², at the n positions of the test function φ.
 
         q (N, 3) rad are the angles, a (N, 3) rad/s² the model's accelerations.
         """
@@ -156,8 +156,8 @@ def residuals(
 ) -> list[np.ndarray]:
     """Return the errors (n, 3) rad/s² of the weak form, an array for each length in `SPANS_S`.
 
-    z (dim,) are the coordinates of the parameters, n the positions of the test function in the
-    flights ``logs``.
+    z (dim,) are the scaled parameters. n counts the positions of the test function in the flights
+    ``logs``.
     """
     found: list[list[np.ndarray]] = [[] for _ in SPANS_S]
     for i, log in enumerate(logs):
@@ -191,10 +191,10 @@ def weak_start(
     problem: MultiStep, start: np.ndarray | None = None, rounds: int = ROUNDS, *,
     progress: Progress | None = None,
 ) -> np.ndarray:  # fmt: skip
-    """Return the coordinates (dim,) from which the multi-step fit should start.
+    """Return the scaled parameters (dim,) from which the multi-step fit should start.
 
-    The coordinates minimise the weak form's errors over the flights of ``problem``. The search
-    starts at ``start`` (dim,) and takes ``rounds`` rounds; ``progress`` gets lines of text.
+    They minimise the weak form's errors over the flights of ``problem``. The search starts at
+    ``start`` (dim,) and takes ``rounds`` rounds; ``progress`` gets lines of text.
     """
     logs = [log_of(f) for f in problem.flights]
     z = np.clip(problem.start if start is None else start, *problem.bounds)

@@ -52,7 +52,7 @@ yaw step by 16 % and a roll step by 19 %."""
 
 @dataclass(frozen=True)
 class StepCheck:
-    """The result of one simulated reference step: largest angle and voltage, saturation, trip."""
+    """A simulated reference step's result: largest angle and voltage, saturation, safety trip."""
 
     name: str
     axis: str

@@ -73,7 +73,7 @@ def free_within(limits: Limits) -> list[float]:
 
 
 def opening(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the arrays (mode, room, z) that a compiled simulation of ``task`` gives `before_law`.
+    """Return arrays (mode, room, z) that a compiled simulation of ``task`` passes to `before_law`.
 
     ``mode``: the axes' modes in the N control periods (N, 3), or (0, 3) if the task opens no loop.
     ``room``: the bounds of `free_within`. ``z``: the initial state, `N_OPENING` zeros.
@@ -145,11 +145,12 @@ def after_law(
     extra: MutableSequence[float],
     out: MutableSequence[float],
 ) -> None:
-    """Average or replace the axes' contributions c_im after `control_law`; add the extra voltage.
+    """Average or replace the axes' contributions to the voltages that `control_law` computed.
 
-    ``extra`` (2) V and the law's output ``out`` (4) V are overwritten with the values to apply.
-    ``p`` and ``s`` are the law's parameters and state, ``z`` that of the loop opening; ``mode``
-    (3): 0 CLOSED, 1 LEARN, 2 OPEN for each axis.
+    In mode LEARN the contribution is averaged; in an open loop the average replaces it. The
+    excitation is added. ``extra`` (2) V and the law's output ``out`` (4) V are overwritten with the
+    values to apply. ``p`` and ``s`` are the law's parameters and state, ``z`` is the state of the
+    loop opening; ``mode`` (3): 0 CLOSED, 1 LEARN, 2 OPEN for each axis.
     """
     for m in range(2):
         replaced = 0.0
@@ -189,7 +190,7 @@ class OpenedController(Controller):
 
     @classmethod
     def of(cls, profile: Any) -> OpenedController:
-        """Return the controller of a `Profile`; an open loop closes at the profile's limits."""
+        """Return a `Profile`'s controller. It closes open loops at `SHARE` of the safety limits."""
         made = super().of(profile)
         assert isinstance(made, cls)
         made._room = free_within(profile.limits)

@@ -4,14 +4,15 @@
 
 d is zero if the profile's controller flew the recording. If the controller adds a constant to the
 angles (half a count), or if its integrals do not start at zero, d gets a constant and a slope; both
-are removed from each block of `BLOCK_S`. The **share** of a block is std(d)/std(v_logged), of the
-motor where it is larger. The recording's share is the upper quartile of the blocks, because a
-landing, a lost sample or a voltage limit makes single blocks differ. Rows at ±v_max or without an
+are removed from each block of `BLOCK_S`. The **share** of a block is std(d)/std(v_logged), the
+larger of the two motors' ratios. The recording's share is the upper quartile of the blocks, because
+a landing, a lost sample or a voltage limit makes single blocks differ. Rows at ±v_max or without an
 angle are left out.
 
 If the share exceeds `REPRODUCED`, d shows the cause:
 
-* d vanishes with the controller's voltage of the previous row: the controller is one period late.
+* d vanishes if the controller's voltage of the previous row is subtracted: the controller is one
+  period late.
 * The log has no extra voltage, and d does not depend on the controller's signals (errors, rates,
   integrals): an excitation was added and not logged. d is this excitation.
 * Otherwise another controller flew the recording.
@@ -89,8 +90,8 @@ class VoltageReplay:
 def voltage_replay(recording: Recording) -> VoltageReplay | None:
     """Return the comparison of the profile's controller with the voltages, or None if impossible.
 
-    It needs a known controller, references, three axes, a row for every control period, and
-    `LEAST_BLOCKS` blocks after rows were left out.
+    The comparison needs a known controller, references, three axes, a row for every control period,
+    and `LEAST_BLOCKS` blocks after rows were left out.
     """
     if why_not_replayed(recording) is not None or decimation(recording) != 1:
         return None
@@ -176,10 +177,10 @@ _replay_compiled = compiled(_replay)
 
 
 def _shares(r: Recording, rows: np.ndarray, d: np.ndarray, logged: np.ndarray) -> list[float]:
-    """Return the share std(d)/std(``logged``) of each block, of the motor where it is larger.
+    """Return std(d)/std(``logged``) of each block, the larger of the two motors' ratios.
 
     ``d`` (N, 2) V: logged minus computed voltages; its constant and slope are removed from each
-    block. ``logged`` (N, 2) V. ``rows`` (N,) bool: the rows that are not left out.
+    block. ``logged`` (N, 2) V. ``rows`` (N,) bool: the rows to compare.
     """
     counted = np.flatnonzero(rows)
     block = (r.t[counted] - r.t[0]) // BLOCK_S

@@ -80,12 +80,11 @@ SMALL = 0.1
 
 
 def share(meaning: str) -> Parameter:
-    """Return a `Parameter` that scales a change of the equations: 0 none of it, 1 all of it.
+    """Return a `Parameter` that scales a change of the equations: 0 no change, 1 the full one.
 
     ``meaning`` describes the change. The true value is 0 or 1. So if the model has this parameter,
-    a fit starts at 1 with the prior N(1, `SHARE_STD`²). A flight at few roll angles determines the
-    parameter poorly, and without the prior the model would predict other roll angles badly. The
-    estimate may lie slightly outside 0 … 1.
+    a fit starts at 1 with the prior N(1, `SHARE_STD`²). The estimate may lie slightly outside
+    0 … 1.
     """
     return Parameter("share", "–", 0.0, -0.3, 2.0, 0.2, meaning, prior_std=SHARE_STD, start=1.0)
 
@@ -156,11 +155,11 @@ class Effect:
 
     @property
     def of_base(self) -> bool:
-        """Return True if the effect is a form or a part of the body's equations, not a defect.
+        """Return True if the effect belongs to the rigid body's equations, so it is no defect.
 
-        These are the effects with `formal`, and parts of the equations that a simpler form omits
-        (`within`), such as `geometry` in the hover model. A diagnosis adds no penalty for their
-        parameter, because the prior of a `share` is tight.
+        Such effects replace equations by another form (`formal`), or restore what a simpler form
+        omits (`within`), as `geometry` does in the hover model. A diagnosis adds no penalty for
+        their parameter, because its prior (`share`) is tight.
         """
         return self.formal or bool(self.within)
 

@@ -2,7 +2,7 @@
 
 s[LINEAR] = 1 in the simulation's parameter array s selects the first-order equations about level
 hover (`heli3dof.model.physics.rigid_body`). Other effects act as on the rigid body. The effect
-`geometry` then estimates how far the recordings need the rigid body instead.
+`geometry` then tests whether the recordings need the rigid body instead.
 """
 
 from __future__ import annotations
