@@ -1,4 +1,4 @@
-"""Simplified equations that keep the yaw torque η L_h D sin(r) of tilted thrusts.
+"""Simplified equations that keep the yaw torque L_h D sin r of tilted thrusts.
 
 D = F_f − F_b (N) is the difference of front and back thrust. L_h (m) is the distance from the
 body's axis to a motor; r and p are roll and pitch. In the complete rigid body, the inertia coupling

@@ -278,10 +278,10 @@ def _follow(  # type: ignore[no-untyped-def]
     """Predict the events of `_filter` with J other parameter sets; write δc to D (J, E).
 
     δc is the change of a predicted angle or rate, with the filter's gains kept. ``s0`` and ``pars``
-    contain the J sets (each as `Structure.arrays` returns it). row, state, C, G, W, K are the
-    events that `_filter` stored; the other arguments are those of `_filter`. The integration is
-    coarser than the filter's. Therefore, pass the filter's own parameters as the first set, and
-    subtract the first row of D from the other rows.
+    contain the J sets, each from `Structure.arrays`. row, state, C, G, W, K are the events that
+    `_filter` stored; the other arguments are those of `_filter`. The integration is coarser than
+    the filter's. Therefore, pass the filter's own parameters as the first set, and subtract the
+    first row of D from the other rows.
     """
     N, E = V.shape[0], row.shape[0]
     seen = first[MEASURE + 1] > first[MEASURE]

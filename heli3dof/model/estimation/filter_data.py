@@ -36,7 +36,7 @@ ON_GRID = 0.03
 
 
 class Run(Protocol):
-    """Protocol of a run: the rows start … stop − 1 of the recording with the index ``source``."""
+    """Interface of a run: the rows start … stop − 1 of the recording with the index ``source``."""
 
     @property
     def source(self) -> int: ...

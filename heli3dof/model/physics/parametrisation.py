@@ -125,7 +125,7 @@ class Structure:
 
     @property
     def formal(self) -> tuple[Term, ...]:
-        """Return the effects that select another form of the body's equations (`Effect.formal`)."""
+        """Return the effects that are another form of the body's equations (`Effect.formal`)."""
         return tuple(t for t in self.terms if t.effect.formal)
 
     @property
