@@ -46,7 +46,7 @@ of effects, and from here on with δJ_p and δJ_ψ included in J_p and J_ψ:
 
 (the paper's eqs (10), (11) with errata E3 and E4 corrected; T_g = 2 L_a K_f V_o, and G_p = 0
 because the paper assumes equal motors). With s[LINEAR] = λ (s: `state_layout`) the acceleration is
-(1 − λ) times that of the rigid body plus λ times this; λ = 0 without the effect
+(1 − λ) times that of the rigid body plus λ times that of the hover model. λ = 0 without the effect
 `heli3dof.model.effects.base_hover`.
 
 **Simplified equations.** With s[UNCOUPLED] = κ and s[CONSTANT_YAW_INERTIA] = ν the acceleration is
@@ -63,8 +63,8 @@ where, with μ = s[WITHOUT_RATE_PRODUCTS] and η = s[SIDE_THRUST], q̈_alone is
 κ omits M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates (the largest is
 M_pψ ψ̈, up to 0.01 N·m on pitch). ν omits the change of J_ψ with the arm's tilt, μ all products of
 rates; η restores L_h sin r D. Each is zero unless the model contains its effect `simplified.*`
-(`heli3dof.model.effects.simplified_couplings` and related). The hover model is blended, by λ, with
-this q̈.
+(`heli3dof.model.effects.simplified_couplings` and related). This q̈ then replaces that of the rigid
+body in the blend with the hover model.
 
 **Not identifiable from flights.** All torques and inertias multiplied by one factor give the same
 motion. So K_f stays at the profile's value as the unit, and T_g, J_r, J_p, J_ψ and every effect's
