@@ -1,6 +1,6 @@
 """Threads for estimation: `parallel_map` distributes calls, `one_blas_thread` limits BLAS.
 
-`replicate` distributes Monte Carlo replications; inside `distribute`, a cluster can compute them.
+`replicate` computes Monte Carlo replications; inside `distribute`, it can do so on a cluster.
 
 The compiled filters release Python's global lock, so threads run in parallel: one per core, at most
 `MOST`. The calling thread works too, and helper threads join it. Nested calls of `parallel_map`

@@ -2,9 +2,9 @@
 
 Each column of Table II has a model's name, but contains the *difference* of that model from the
 experiment (erratum E11). The table's "overshoot" is a peak value (E10). No number that involves the
-experiment or the identified model can be reproduced. The paper's recording was never published, nor
-its sample rate, its start and the fit to it (E15). The transfer functions (17), printed or
-corrected, are unstable in closed loop with the gain K_g (E14).
+experiment or the identified model can be reproduced. The paper's recording was never published. Its
+sample rate, its start and the identified model's fit to it are unknown (E15). The transfer
+functions (17), printed or corrected, are unstable in closed loop with the gain K_g (E14).
 """
 
 from __future__ import annotations

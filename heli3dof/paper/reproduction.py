@@ -27,7 +27,7 @@ STEP_DEG, DURATION_S = 10.0, 10.0
 
 @dataclass(frozen=True)
 class Reproduced:
-    """A number that the paper prints, and the one simulated here in degrees (NaN: none)."""
+    """A number that the paper prints, and the simulated number (NaN if none), in degrees."""
 
     published: Published
     ours_deg: float

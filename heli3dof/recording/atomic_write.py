@@ -168,8 +168,8 @@ def unused(path: Path) -> Path:
 def mode(path: Path, *, force: bool) -> str:
     """Return the mode with which ``open`` must open ``path``; ``force`` permits overwriting.
 
-    Files are opened for reading too, existing pipes and devices for writing only. A writer that
-    also opened a pipe for reading would not notice that the pipe's reader has ended.
+    Files are opened for writing and reading, existing pipes and devices for writing only. A writer
+    that also opened a pipe for reading would not notice that the pipe's reader has ended.
     """
     if not force:
         return "x+b"

@@ -1,8 +1,8 @@
 """The encoder's zero was set at the wrong angle: reading = angle + offset.
 
-On roll it is indistinguishable from other values of the gravity and pendulum torques. On pitch, a
-reading of zero means a true pitch angle of −offset. The tilted thrust then causes a torque on yaw
-that is proportional to the offset.
+On roll, an offset has the same effect as other values of the gravity and pendulum torques. On
+pitch, a reading of zero means a true pitch angle of −offset. The thrust is then tilted and causes a
+torque on yaw that is proportional to the offset.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """Dry (Coulomb) friction τ = −τ_c sgn(q̇); it holds a joint at rest against torques up to τ_c.
 
-The simulation does not smooth it, so a joint that sticks does not creep. The equations, also for a
-Kalman filter, whose rate is uncertain, are in `heli3dof.model.physics.dry_friction`.
+A simulation step does not smooth this torque, so a joint that sticks does not creep. The step's
+equations, and those for the uncertain rate in a Kalman filter, are in
+`heli3dof.model.physics.dry_friction`.
 
-An acceleration outside a simulation step must be a function of the state alone. There the friction
-torque is −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J, with the axis' inertia J. This
+For an acceleration that is computed without a simulation step, the torque is a smooth function of
+the state: −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J, with the axis' inertia J. This
 torque damps a small rate by at most τ_c/(J ω_s) < 250 1/s.
 """
 

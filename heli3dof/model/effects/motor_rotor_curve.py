@@ -1,10 +1,11 @@
-"""Thrust grows as a power of the rotor's speed: F = K_f V_o (Ω/V_o)^n, Ω the lagged voltage.
+"""Thrust grows as a power of the rotor's speed: F = K_f V_o (Ω/V_o)^n.
 
-F is the thrust (N), K_f the thrust per volt, V_o the hover voltage. `motor.thrust_curve` acts on
-the voltage *before* the rotor's lag, this effect on the speed after the lag. In reverse the
-propeller gives almost no thrust; the model gives none. At the profile's V_o the thrust is that of
-the linear law for every n. Without a lag, `motor.thrust_curve` with a dead zone approximates the
-power so well that a one-minute flight does not distinguish them.
+F is the thrust (N), K_f the thrust per volt, V_o the hover voltage. Ω is the rotor's speed,
+expressed as the voltage (V) that causes it in steady state. `motor.thrust_curve` acts on the
+voltage *before* the rotor's lag, this effect on the speed after the lag. A reversed propeller gives
+almost no thrust; the model gives none. At the profile's V_o the thrust is K_f V_o for every n.
+Without a lag, `motor.thrust_curve` with a dead zone is so similar that a one-minute flight does not
+distinguish the two effects.
 """
 
 from __future__ import annotations

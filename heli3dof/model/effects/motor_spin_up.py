@@ -1,8 +1,8 @@
 """The amplifier's current limit bounds how fast a rotor spins up: dΩ/dt ≤ 1/p.
 
-Ω is the rotor's speed, expressed as the voltage (V) that causes it in steady state; p in s/V.
-Spinning down has no limit. The solution is exact: a straight line while the limit is active, then
-the exponential of the effect `motor.lag`.
+Ω is the rotor's speed, expressed as the voltage (V) that causes it in steady state; the parameter p
+is in s/V. Spinning down has no limit. The solution is exact: a straight line while the limit is
+active, then the exponential of the effect `motor.lag`.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """Equations without the bar's inertia couplings: q̈ = (1 − κ) q̈_rigid + κ q̈_alone.
 
-Equations of this rig are often written for each axis alone: without M_rψ, M_pψ = J_p sin r, the
-corresponding L_h sin r D, and the bar's products of rates (`heli3dof.model.physics.rigid_body`).
-The largest omission is −T_g sin r sin p on pitch, up to 0.01 N·m. The share κ (0 … 1) scales the
-omission. A simulated rig with such equations has no defect, so a diagnosis may use κ but does not
-report it as a finding. In a model with this effect, κ has the prior N(1, 0.2²)
+Equations of this rig are often written for each axis alone. Their accelerations q̈_alone lack the
+inertia couplings between the axes, which the complete rigid body's q̈_rigid contain
+(`heli3dof.model.physics.rigid_body`). The largest omitted torque is −J_p sin r ψ̈ on pitch, up to
+0.01 N·m, with roll r, yaw ψ and the pitch inertia J_p. The parameter κ (0 … 1) scales the omission.
+A simulated rig with such equations has no defect, so a diagnosis may use κ but does not report it
+as a finding. In a model with this effect, κ has the prior N(1, 0.2²)
 (`heli3dof.model.effects.base.share`).
 """
 

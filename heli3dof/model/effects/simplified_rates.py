@@ -1,9 +1,9 @@
 """Equations without products of rates: no centrifugal and Coriolis torques.
 
-These equations omit −J_r sin r cos r ψ̇² on roll r and J_p sin p cos p (ṙ² − cos² r ψ̇²) on pitch
-p, with yaw ψ and inertias J (`heli3dof.model.physics.rigid_body`). The omitted share is the
-parameter μ (0 … 1), for models with the effect ``simplified.couplings``. A diagnosis does not
-report this choice of equations as a finding.
+These equations omit the torques −J_r sin r cos r ψ̇² on roll r, J_p sin p cos p (ṙ² − cos² r ψ̇²)
+on pitch p, and 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ on yaw ψ. J are the axes' inertias
+(`heli3dof.model.physics.rigid_body`). The parameter μ (0 … 1) scales the omission. This effect is
+for models with the effect ``simplified.couplings``. A diagnosis does not report it as a finding.
 """
 
 from __future__ import annotations

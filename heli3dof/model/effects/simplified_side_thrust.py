@@ -1,10 +1,10 @@
-"""Simplified equations that keep the yaw torque η L_h D sin(r) of tilted thrusts.
+"""Simplified equations that keep the yaw torque L_h D sin r of tilted thrusts.
 
 D = F_f − F_b (N) is the difference of front and back thrust. L_h (m) is the distance from the
-body's axis to a motor; r and p are roll and pitch. In the complete rigid body, M_pψ p̈ cancels most
-of this torque, because p̈ follows D. Equations that project the thrusts but not the inertias keep
-it (`heli3dof.model.physics.rigid_body`). The share η (0 … 1) is for models with the effect
-``simplified.couplings``. A diagnosis does not report this choice of equations.
+body's axis to a motor; r and p are roll and pitch. In the complete rigid body, the inertia coupling
+J_p sin r p̈ cancels most of this torque, because p̈ follows D (see `physics.rigid_body`).
+Simplified equations without this coupling may keep the torque; the parameter η (0 … 1) scales it.
+This effect is for models with the effect ``simplified.couplings``. A diagnosis does not report it.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """Equations with a constant inertia about the vertical: J_ψ ψ̈ instead of J_ψ(r) ψ̈, ψ the yaw.
 
-At roll r the rigid body has J_ψ(r) = (J_ψ − J_p) cos² r + J_p, 7 % less at 15°. The change of J_ψ
-causes a torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). The parameter
-ν (0 … 1) is the omitted share of change and torque. A diagnosis does not report this choice of
-equations as a finding.
+With the level rig's yaw and pitch inertias J_ψ and J_p, the rigid body at roll r has
+J_ψ(r) = (J_ψ − J_p) cos² r + J_p, which is 7 % below J_ψ at r = 15°. As J_ψ(r) changes, it causes
+the torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). The parameter
+ν (0 … 1) scales the omission of the change and its torque. A diagnosis does not report this choice
+of equations as a finding.
 """
 
 from __future__ import annotations

@@ -45,11 +45,10 @@ def mean_voltage(recording: Recording) -> np.ndarray:
 
 
 def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
-    """Return a recording with a row for each control period, and where the N log rows are in it.
+    """Return a recording with one row per control period, and the indices (N,) of the log's rows.
 
-    The second result is (N,) row indices. In added rows, references are held and extra voltages
-    interpolated. Angles and voltages are unknown there; they are held, until the caller
-    simulates them.
+    In added rows, references are held and extra voltages interpolated. Angles and voltages are
+    unknown there; they are held, until the caller simulates them.
     """
     own = np.arange(len(recording))
     if decimation(recording) == 1:

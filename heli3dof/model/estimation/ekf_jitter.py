@@ -201,8 +201,8 @@ def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
     """Advance the covariance P (n, n) of x by one step of h s, in place.
 
     P ← Φ P Φᵀ + process noise of intensity a2 (3,) on the rates, as in
-    `heli3dof.model.estimation.ekf_quantised`. A (3, n) is ∂q̈/∂x. Φ is the identity plus h q̇ + ½h²
-    A x in the rows of q and h A x in those of q̇. ``AP`` and ``W`` (n, n) are work space.
+    `heli3dof.model.estimation.ekf_quantised`. With A (3, n) = ∂q̈/∂x, Φ maps x = (q, q̇, b)
+    to (q + h q̇ + ½h² A x, q̇ + h A x, b). ``AP`` and ``W`` (n, n) are work space.
     """
     half = 0.5 * h * h
     for i in range(3):
@@ -262,8 +262,8 @@ def filter_jittered(
     """Return the states and log-likelihood of ``data`` by the Kalman filter for sampling jitter.
 
     ``values`` (n,) are the parameters of ``structure``, ``noise`` (3,) rad/s²/√Hz the process
-    noise, ``jitter_s`` (s) the standard deviation of sampling instants. ``varying``: {name: σ_b} of
-    the B parameters that the filter re-estimates in each run.
+    noise, ``jitter_s`` (s) the standard deviation of sampling instants. ``varying``: name → prior
+    standard deviation of the B parameters that the filter re-estimates in each run.
     """
     varying = varying or {}
     hooks = structure.hooks

@@ -6,7 +6,7 @@ of intensity a_i² ((rad/s²)²/Hz) on each axis, so over a step h (s) P becomes
 
     P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ]
 
-The derivatives are recomputed every `RELINEARISE_S`. Then dry friction changes x and P
+The derivatives are recomputed every `RELINEARISE_S`. After each step, dry friction changes x and P
 (`heli3dof.model.physics.dry_friction`). If an encoder reads k times its angle, a² is the process
 noise of the reading, and that of the angle is a²/k². Thus k is estimated from the motion, not from
 the noise level.
@@ -16,10 +16,11 @@ change of a reading. Each event has the likelihood Z and acts on one component c
 score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where
 P_c is column c of P.
 
-Σ ln Z is the log-likelihood of a recording. A parameter set θ′ near θ changes the prediction of c
-by δc; with the gains P_c kept, the update is x ← x + P_c (g − w δc). `follow` computes δc at all
-events for several parameter sets. The differences give ∂c/∂θ, which a Gauss–Newton step needs. If
-θ′ changes the factor k of an encoder, the gain of the reading is kept and that of the angle is not.
+Σ ln Z is the log-likelihood of a recording. Parameters θ′ near the filter's θ change the prediction
+of c by δc. With the gains P_c kept, the update is then x ← x + P_c (g − w δc). `follow` computes δc
+at all events for several θ′. The differences give ∂c/∂θ, which a Gauss–Newton step needs. If θ′
+changes an encoder's factor k, the gain for the angle is multiplied by k(θ)/k(θ′), so that the gain
+for the reading stays the same.
 """
 
 from __future__ import annotations
@@ -128,8 +129,8 @@ def _filter(  # type: ignore[no-untyped-def]
 
     ``s0``, ``first``, ``address``, ``par``, ``mem0``: the model (`Structure`); ``blocks`` … ``y``:
     from `Data`; ``a2`` (3,): process noise. R2 (3,) rad² is the variance of an encoder edge,
-    ``jitter`` (s) the standard deviation of the sampling instants. ``loglik`` (3,) gets Σ ln Z of
-    each axis. ``keep`` selects what else is stored:
+    ``jitter`` (s) the standard deviation of the sampling instants. ``loglik`` (3,) gets the
+    log-likelihood of each axis. ``keep`` selects what else is stored:
     - ≥ 1: for each event its ``row``, ``state`` (0–2 an angle's reading, 3–5 a rate, 6–8 a rate
       with opposite sign), prediction C, score G, information W and gain K (6,);
     - ≥ 2: X (N, 6), the states after the updates of a row;
@@ -276,11 +277,11 @@ def _follow(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Predict the events of `_filter` with J other parameter sets; write δc to D (J, E).
 
-    δc is the change of a predicted angle or rate, with the filter's gains kept. s0 (J, SIZE) and
-    pars (J, H + 1, PARAMETERS) are the sets. row, state, C, G, W, K are the events that `_filter`
-    stored; the other arguments are those of `_filter`. The integration is coarser than the
-    filter's. Therefore, pass the filter's own parameters as the first set, and subtract the first
-    row of D from the other rows.
+    δc is the change of a predicted angle or rate, with the filter's gains kept. ``s0`` and ``pars``
+    contain the J sets, each from `Structure.arrays`. row, state, C, G, W, K are the events that
+    `_filter` stored; the other arguments are those of `_filter`. The integration is coarser than
+    the filter's. Therefore, pass the filter's own parameters as the first set, and subtract the
+    first row of D from the other rows.
     """
     N, E = V.shape[0], row.shape[0]
     seen = first[MEASURE + 1] > first[MEASURE]

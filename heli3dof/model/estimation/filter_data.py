@@ -36,7 +36,7 @@ ON_GRID = 0.03
 
 
 class Run(Protocol):
-    """Protocol of a run: the rows start … stop − 1 of the recording with the index ``source``."""
+    """Interface of a run: the rows start … stop − 1 of the recording with the index ``source``."""
 
     @property
     def source(self) -> int: ...
@@ -160,7 +160,7 @@ def starts_on_table(recording: Recording) -> bool:
 
 
 def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
-    """Return the number of rows from lift-off, the first row, to the end of the initial climb.
+    """Return the number of rows from lift-off (row 0) to the end of the initial climb.
 
     ``roll`` (N,) rad is sampled every ``dt`` s; ``rest`` is the negative roll angle on the table
     (rad). The climb ends when roll is above half of ``rest`` and has not risen for `CLIMB_S`. In
@@ -190,7 +190,7 @@ def hold_last(
 def _lead(recording: Recording, start: int) -> int:
     """Return the first row of the lead-in of a run that begins in row ``start``.
 
-    The lead-in begins after any gap or lost voltage.
+    The lead-in contains no gap and no lost voltage.
     """
     dt = recording.dt
     first = max(0, start - round(LEAD_S / dt))

@@ -5,13 +5,13 @@ unchanged reading adds almost no information. Treating every sample as white noi
 Δ²/12, or truncating the distribution at every sample, makes a fit find effects that do not exist.
 So the filter keeps a Gaussian N(m, S) of the angle, and the probability Z that the angle is in the
 interval. Z = Φ(β) − Φ(α), α = (lower edge − m)/√S, β = (upper edge − m)/√S. φ is the normal density
-and Φ its distribution function. The old Z is that after the angle's last update. An update depends
-on the reading:
+and Φ its distribution function. The old Z is Z directly after the angle's last update. The next
+update depends on the reading:
 
 * The reading passes the edge e between two samples: the angle was e, up to the distance that the
-  rate q̇ covers in one period h. The likelihood is the flux N(e; m, S) E[q̇⁺] h, q̇⁺ the rate's
-  positive part in the direction of the step, divided by the old Z. The first factor updates the
-  angle, the second the rate. The second is required, because edges are more likely at high rates.
+  rate q̇ covers in one period h. With the rate's positive part q̇⁺ in the direction of the step,
+  the likelihood is the flux N(e; m, S) E[q̇⁺] h divided by the old Z. N(e; m, S) updates the angle,
+  E[q̇⁺] the rate. E[q̇⁺] is required, because edges are more likely at high rates.
 * The reading does not change: no update until Z has fallen below exp(`LOG_UPDATE_RATIO`) times the
   old Z. Then the Gaussian gets the mean and variance of its part inside the interval. ln Z minus
   the old ln Z is added to the log-likelihood.
@@ -23,9 +23,9 @@ of hosts without real-time scheduling need this.
 
 Every such update (event) acts on one component c of the state x (an angle or a rate). With the
 score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where
-P_c is column c of P. Interval: g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S). Rate
-N(v, σ²) with u = v/σ and f = φ(u) + uΦ(u): g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f). If the readings y
-are not quantised (Δ = 0), every sample is an event with g = (y − m)/S, w = 1/S.
+P_c is column c of P. An interval has g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S). A
+rate N(v, σ²), with u = v/σ and f = φ(u) + uΦ(u), has g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f). If the
+readings y are not quantised (Δ = 0), every sample is an event with g = (y − m)/S, w = 1/S.
 """
 
 from __future__ import annotations

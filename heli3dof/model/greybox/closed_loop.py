@@ -1,9 +1,9 @@
 """Simulate the closed loop of the sampled controller with a grey-box model (compiled).
 
-In each control period the encoders read the angles, rounded to encoder steps if the task has them.
-Then the control law computes the voltage, and the rig moves under it. With an initial roll below
-`ON_TABLE_BELOW` the rig is at rest on the table, with rotors at standstill. Otherwise the initial
-thrusts balance roll and pitch.
+In each control period the encoders read the angles, rounded to encoder steps if the task states
+them. Then the control law computes the voltage, and the rig moves under it. With an initial roll
+below `ON_TABLE_BELOW` the rig is at rest on the table, with rotors at standstill. Otherwise the
+initial thrusts balance roll and pitch.
 """
 
 from __future__ import annotations

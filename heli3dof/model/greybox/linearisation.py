@@ -2,9 +2,9 @@
 
     z = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) − trim,      z[k+1] = A z[k] + B (V[k] − u0)
 
-with A, B by central differences of the simulation step; u0 are the trim voltages. A delay appends
-the delayed voltages as states. Dry friction has no linearisation and is omitted. An encoder with
-backlash is linearised in the middle of the backlash.
+with A, B by central differences of the simulation step. F_f, F_b are the thrusts, u0 the trim
+voltages. A delay appends the delayed voltages as states. Dry friction has no linearisation and is
+omitted. An encoder with backlash is linearised in the middle of the backlash.
 """
 
 from __future__ import annotations

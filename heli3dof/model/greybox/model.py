@@ -42,7 +42,7 @@ class GreyBoxModel(GreyBoxParameters):
         return fly(self, task)
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
-        """Return the poles (rad/s, rightmost first) of the loop, sampled every ``dt`` s."""
+        """Return the poles (rad/s, rightmost first) of the closed loop, sampled every ``dt`` s."""
         from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
 
         return sampled_loop_poles(self.linear(dt), controller, dt)

@@ -5,8 +5,9 @@ recorded voltages, as in `heli3dof.model.greybox.prediction`, to several horizon
 
     ŷ[k, j] = y(x̂[k], V, t_k + h_j),      e[k, j] = angle[k + n_j] − ŷ[k, j],   h_j = n_j dt
 
-One simulation per selected row yields all its horizons. This is fifty times faster than predicting
-every row at every horizon, fast enough to fit a model to these errors.
+y(…) is the simulated reading; h_j has n_j sample intervals dt. One simulation per selected row
+yields all its horizons. This is fifty times faster than predicting every row at every horizon, fast
+enough to fit a model to these errors.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ def _windows(  # type: ignore[no-untyped-def]
 
     ``out`` (S, M, 3) rad: encoder readings; ``starts`` (S,): start rows; ``ahead`` (M,): horizons
     in rows, ascending; X (N, 6 + B): filter's states; ``where`` (W, 3): `positions` of the B
-    parameters that vary by recording; ``mean`` (N + 1, 2): thrust integral; ``low``: roll on the
-    table (rad); ``stride``: rows per step. Other arguments: see `integrator`.
+    parameters that vary by recording; ``mean`` (N + 1, 2): the thrusts' time integral (`impulse`);
+    ``low``: roll on the table (rad); ``stride``: rows per step. Other arguments: see `integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))

@@ -2,9 +2,9 @@
 
     M(q) q̈ + h(q, q̇) = Q(q, F) + effects,      τ_m Ḟ_i = K_f g_i f(V_i) − F_i
 
-as in `heli3dof.model.physics.rigid_body`, with the effects that ``terms`` names
-(`heli3dof.model.effects`). `heli3dof.model.greybox.model.GreyBoxModel` adds simulation, prediction
-and export.
+q are roll, pitch, yaw, F_i the thrust of rotor i at the voltage V_i. The equations are explained in
+`heli3dof.model.physics`, modules `rigid_body` and `rotor`, and in `heli3dof.model.effects`.
+`heli3dof.model.greybox.model.GreyBoxModel` adds simulation, prediction and export.
 """
 
 from __future__ import annotations

@@ -44,9 +44,9 @@ NOISE = np.array([0.05, 0.15, 0.05])
 def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]
     """Predict n rows ahead from each state X[k]; write the encoder readings to ``out[k + n]``.
 
-    ``out`` (N, 3) is in rad; ``mean`` (N + 1, 2): thrust integral (`impulse`); ``low``: roll on the
-    table in rad; ``stride``: rows per step; ``where`` (W, 3): `positions` of parameters that vary
-    by recording. Other arguments: see `integrator`.
+    ``out`` (N, 3) is in rad; ``mean`` (N + 1, 2): the thrusts' time integral (`impulse`); ``low``:
+    roll on the table in rad; ``stride``: rows per step; ``where`` (W, 3): `positions` of parameters
+    that vary by recording. Other arguments: see `integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))

@@ -13,6 +13,8 @@ symbol                 unit               meaning
 r, p, ψ                rad                roll (elevation), pitch (tilt), yaw (travel)
 V_F, V_B               V                  front and back motor voltage
 V_o                    V                  voltage per motor at hover, eq (6)
+L_a, L_h, L_w          m                  yaw axis to body, body to motor, yaw axis to counterweight
+m_f, m_b, m_w          kg                 masses of front and back motor, and of the counterweight
 K_f                    N/V                thrust per volt
 J_roll, J_pitch, J_yaw kg·m²              moments of inertia, the denominators of (10) and (11)
 =====================  =================  =======================================================

@@ -13,8 +13,9 @@ friction in several joints, which W couples, the impulses are iterated until the
 W is diag(1/J) for the hover model (`state_layout.LINEAR`) and diagonal for uncoupled axes
 (`UNCOUPLED`); `CONSTANT_YAW_INERTIA` changes W_ψψ (`heli3dof.model.physics.rigid_body`).
 
-In the Kalman filter a rate has the distribution N(v, σ²), which friction transforms by S. With
-α = (b − v)/σ, β = (b + v)/σ, normal density φ, its upper tail Q, and u(α) = φ(α) − αQ(α):
+In the Kalman filter a rate has the distribution N(v, σ²) before friction. After it, the rate S has
+the expectations E below, with α = (b − v)/σ, β = (b + v)/σ, normal density φ, its upper tail Q, and
+u(α) = φ(α) − αQ(α):
 
     E S = σ (u(α) − u(β))              E S² = σ² (Q(α) − αu(α) + Q(β) − βu(β))
     ρ = E S′ = Q(α) + Q(β)
@@ -72,9 +73,9 @@ soft = compiled(_soft, leaf=True, error_model="numpy")
 def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
     """Apply dry friction to x = (q, q̇) after a step of h s; return True if any joint has friction.
 
-    w (≥ 8, 3) is work space; its row 3 holds the standard deviations of the rates. Row 2 becomes ρ,
-    row 3 Var S (see `_soft`), and row 4 + i becomes W_ji/W_ii for all joints j; W is the inverse
-    mass matrix. Other arguments: `heli3dof.model.physics.integrator`.
+    w (≥ 8, 3) is work space. At the call, its row 3 contains the standard deviations of the rates.
+    On return, row 2 contains ρ, row 3 Var S (see `_soft`), and row 4 + i contains W_ji/W_ii for all
+    joints j, with the inverse mass matrix W. Other arguments: `heli3dof.model.physics.integrator`.
     """
     if first[DRY + 1] == first[DRY]:
         return False

@@ -7,8 +7,8 @@ time, h[k] (s) the time to the next row. V[k] (2,) V are the voltages until then
   q̇), angles (rad) and rates (rad/s).
 - ``first``, ``address``, ``par``, ``mem``: the active effects: `Hooks.first`, `Hooks.address`,
   `Structure.arrays` and `Structure.memory` of `physics.parametrisation`.
-- ``target``, ``F`` (N, 2) N: each row's steady-state thrusts and thrusts at its start
-  (`physics.rotor`).
+- ``target`` (N, 2) N: the steady-state thrusts at each row's voltages; ``F`` (N, 2) N: the thrusts
+  at its start (`physics.rotor`).
 - ``free`` (3,) bool: the axes that can move. ``w`` (8, 3): work space. ``cache`` (6,): values that
   a step keeps for the next step; cache[0] = −1 before the first step.
 """
@@ -88,7 +88,7 @@ step = compiled(_step, leaf=True, error_model="numpy")
 
 
 def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
-    """Set a roll x[0] below ``low`` (rad, roll on the table) to ``low``, a falling rate to zero."""
+    """Limit roll x[0] to at least ``low`` (rad, on the table); stop it there if it is falling."""
     if x[0] < low:
         x[0] = low
         if x[3] < 0.0:

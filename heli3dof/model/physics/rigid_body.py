@@ -6,28 +6,30 @@ inertia only about axes perpendicular to itself. Its angular velocity is
     ω_a = ṗ + sin r ψ̇                    along the arm
     ω_n = sin p ṙ + cos r cos p ψ̇        along the body's normal
 
-The other masses, and the bar's as a point, move with the arm. With J_a = J_ψ − J_p the energies are
+The other masses, and the bar's as a point, move with the arm. With J_a = J_ψ − J_p the kinetic
+energy T and the potential energy U are
 
     2 T = J_r ṙ² + J_a cos² r ψ̇² + J_p (ω_a² + ω_n²)        U = T_g sin r + G_p cos r sin p
 
 with the inertias J_r, J_p, J_ψ about the three axes of the level rig (kg·m²). Here J_p and J_ψ are
 those of the profile's masses. If the rig's differ, the differences are δJ_p and δJ_ψ (a rotor, a
-drum, a counterweight on the shaft). They rotate with the joint alone, in M_pp and M_ψψ only. T_g is
-the gravity torque of the level arm, G_p = (m_f − m_b) g L_h that of the level body (N·m).
+drum, a counterweight on the shaft). They occur in M_pp and M_ψψ only. T_g is the gravity torque of
+the level arm, G_p = (m_f − m_b) g L_h that of the level body (N·m), with the motor masses m_f, m_b.
 Lagrange's equations M(q) q̈ + h(q, q̇) = Q have
 
     M_rr = J_r + J_p sin² p           M_rψ = J_p cos r sin p cos p
     M_pp = J_p + δJ_p                 M_pψ = J_p sin r              M_rp = 0
     M_ψψ = J_a cos² r + J_p (sin² r + cos² r cos² p) + δJ_ψ
 
-and, with ω̇ at q̈ = 0: α_a = cos r ṙ ψ̇ and α_n = cos p ṗ ṙ − (sin r cos p ṙ + cos r sin p ṗ) ψ̇,
+and, with α = ω̇ at q̈ = 0: α_a = cos r ṙ ψ̇, α_n = cos p ṗ ṙ − (sin r cos p ṙ + cos r sin p ṗ) ψ̇,
 
     h_r = J_p (sin p α_n + ω_n (cos p ṗ + sin r cos p ψ̇) − ω_a cos r ψ̇) + J_a cos r sin r ψ̇²
     h_p = J_p (α_a − ω_n (cos p ṙ − cos r sin p ψ̇))
     h_ψ = J_p (sin r α_a + ω_a cos r ṙ + cos r cos p α_n − ω_n (sin r cos p ṙ + cos r sin p ṗ))
           − 2 J_a cos r sin r ṙ ψ̇
 
-The thrusts act along the normal at the bar's ends; with F = F_f + F_b, D = F_f − F_b (N)::
+The thrusts F_f (front) and F_b act along the normal at the bar's ends, L_a (m) from the yaw axis.
+With F = F_f + F_b, D = F_f − F_b (N)::
 
     Q_r = L_a cos p F − T_g cos r + G_p sin r sin p + effects
     Q_p = L_h D − G_p cos r cos p + effects
@@ -35,7 +37,7 @@ The thrusts act along the normal at the bar's ends; with F = F_f + F_b, D = F_f 
 
 For small pitch and slow yaw these are the usual textbook equations, J_roll r̈ = L_a cos p F −
 T_g cos r and so on. The motors' mass difference acts through its weight only; its product of
-inertia, (m_f − m_b) L_a L_h, is neglected. Rotors: τ_m Ḟ_i = K_f g_i f(V_i) − F_i, solved exactly.
+inertia, (m_f − m_b) L_a L_h, is neglected. Rotors: see `heli3dof.model.physics.rotor`.
 
 **Hover model.** To first order about level hover, F = T_g/L_a and D = G_p/L_h, with the torques τ
 of effects, and from here on with δJ_p and δJ_ψ included in J_p and J_ψ:
@@ -44,7 +46,7 @@ of effects, and from here on with δJ_p and δJ_ψ included in J_p and J_ψ:
 
 (the paper's eqs (10), (11) with errata E3 and E4 corrected; T_g = 2 L_a K_f V_o, and G_p = 0
 because the paper assumes equal motors). With s[LINEAR] = λ (s: `state_layout`) the acceleration is
-(1 − λ) times that of the rigid body plus λ times this; λ = 0 without the effect
+(1 − λ) times that of the rigid body plus λ times that of the hover model. λ = 0 without the effect
 `heli3dof.model.effects.base_hover`.
 
 **Simplified equations.** With s[UNCOUPLED] = κ and s[CONSTANT_YAW_INERTIA] = ν the acceleration is
@@ -61,12 +63,14 @@ where, with μ = s[WITHOUT_RATE_PRODUCTS] and η = s[SIDE_THRUST], q̈_alone is
 κ omits M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates (the largest is
 M_pψ ψ̈, up to 0.01 N·m on pitch). ν omits the change of J_ψ with the arm's tilt, μ all products of
 rates; η restores L_h sin r D. Each is zero unless the model contains its effect `simplified.*`
-(`heli3dof.model.effects.simplified_couplings` and related). The blend with λ uses this q̈.
+(`heli3dof.model.effects.simplified_couplings` and related). This q̈ then replaces that of the rigid
+body in the blend with the hover model.
 
 **Not identifiable from flights.** All torques and inertias multiplied by one factor give the same
 motion. So K_f stays at the profile's value as the unit, and T_g, J_r, J_p, J_ψ and every effect's
 torque are estimated *in units of K_f*. If the true K_f is 1.1 times the profile's, each estimate is
-its true value divided by 1.1. The weight of one part, or the profile's masses, give the factor.
+its true value divided by 1.1. The known weight of one part, or the profile's masses, determine this
+factor.
 """
 
 from __future__ import annotations

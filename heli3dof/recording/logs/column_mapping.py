@@ -91,10 +91,10 @@ def mapped(table: Table, given: Mapping[str, str], profile: Mapping[str, str]) -
     """Return ``table`` with the columns of the mapping added or replaced.
 
     ``given``: column → expression from the command line. ``profile``: column → expression from the
-    profile's ``[log]``; for the same column, ``given`` has priority. An entry of ``profile`` is
-    skipped if the log has the column, but lacks a name in the expression. Columns of the log that
-    an expression uses are dropped, unless docs/reference/recording.md names them. Raises UsageError
-    for a faulty expression in ``given``, RecordingError for one in ``profile``.
+    profile's ``[log]``; for the same column, ``given`` has priority. If a name in an expression of
+    ``profile`` is unknown, but the log has the column itself, the log's column is used. Columns of
+    the log that an expression uses are dropped, unless docs/reference/recording.md names them.
+    Raises UsageError for a faulty expression in ``given``, RecordingError for one in ``profile``.
     """
     for name in given:
         _check_target(name)

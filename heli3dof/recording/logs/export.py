@@ -129,5 +129,5 @@ ENDINGS = {
 
 
 def layout(name: str) -> bytes:
-    """Return the bytes of the file ``name`` of `heli3dof.recording.viewers`, a viewer's layout."""
+    """Return a viewer's layout: the bytes of the file ``name`` in `heli3dof.recording.viewers`."""
     return (resources.files("heli3dof.recording.viewers") / name).read_bytes()

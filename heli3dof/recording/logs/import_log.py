@@ -26,7 +26,7 @@ from heli3dof.rig.profile import Profile
 
 
 def is_log(path: str | Path) -> bool:
-    """Return True for a log whose importer reads no profile of the rig from it: CSV or MAT.
+    """Return True for a log of a format that cannot contain the rig's profile, such as CSV or MAT.
 
     The file need not exist: usually the ending of its name decides.
     """

@@ -73,7 +73,7 @@ def ticks(t: np.ndarray) -> Ticks:
 
 
 def _counted(t: np.ndarray) -> np.ndarray:
-    """Return n_k (N,) of time stamps t (N,) s that are not in bursts."""
+    """Return the samples' numbers n_k (N,) for time stamps t (N,) s that are not in bursts."""
     period = _period(t)
     intervals = np.diff(t) / period
     steps = np.rint(intervals)
@@ -91,10 +91,11 @@ def _counted(t: np.ndarray) -> np.ndarray:
 def sampling_times(recording: Recording) -> Recording:
     """Return the recording with the times at which its samples were taken.
 
-    Time stamps are times of arrival, and the times of an even clock replace them, if
+    These are the time stamps, or evenly spaced times if all of these conditions hold:
 
-    * at least `HEAD` samples, none lost, have time stamps with a jitter above `LATE` periods, and
-    * the time stamps are in bursts (`in_bursts`), or the motion does not fit them better.
+    * The recording has at least `HEAD` samples, and none is lost.
+    * The time stamps have a jitter above `LATE` periods.
+    * They are in bursts (`in_bursts`), or fit the motion no better than evenly spaced times.
     """
     r = recording
     if len(r) < HEAD or not (np.diff(r.t) > 0).all():
@@ -118,7 +119,7 @@ def in_bursts(t: np.ndarray) -> bool:
 
 
 def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarray:
-    """Return n_k (N,) by the phase-locked loop (see the module), starting with ``period`` (s)."""
+    """Return the samples' numbers (N,) by a phase-locked loop that starts with ``period`` (s)."""
     # The first stamp may be late itself: the phase is the circular mean of the first ones.
     turn = np.exp(2j * np.pi * (t[:HEAD] - t[0]) / period)
     grid = float(t[0] + np.angle(turn.sum()) / (2 * np.pi) * period)
@@ -157,9 +158,9 @@ def _slope(number: np.ndarray, t: np.ndarray) -> float:
 
 
 def _scatter(number: np.ndarray, t: np.ndarray) -> tuple[float, int]:
-    """Return the standard deviation (s) of ε (see the module), and its degrees of freedom.
+    """Return the jitter's standard deviation (s) and this estimate's degrees of freedom.
 
-    ``number``: n_k (N,); ``t``: time stamps (N,) in s.
+    ``number``: the samples' numbers (N,); ``t``: time stamps (N,) in s.
     """
     size = min(STRETCH, len(t))
     whole = len(t) // size * size

@@ -14,9 +14,9 @@ e_i e_j, summed over samples and pairs of axes i < j:
 
 with the encoder's step q and τ = `SCALE_S`. For a single axis, σ_t² is the slope of e² over ẏ².
 
-The standard deviation of σ_t² is a jackknife over blocks of `BLOCK_S`. With b the blocks' shares of
-the denominator, σ_t² over its standard deviation follows Student's t with ν = 1/Σ b² − 1 degrees of
-freedom. If delays last longer than the window, the true jitter is larger than the estimate.
+The standard deviation of σ_t² is estimated by a jackknife over blocks of `BLOCK_S`. Divided by it,
+σ_t² follows Student's t with ν = 1/Σ b² − 1 degrees of freedom; b is a block's fraction of the
+denominator. If delays last longer than the window, the true jitter is larger than the estimate.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJ
 def _jackknife(top: np.ndarray, below: np.ndarray) -> MotionJitter:
     """Return σ_t² = Σ top / Σ below over blocks, with its jackknife standard deviation.
 
-    ``top``, ``below``: arrays with each block's share of numerator and denominator.
+    ``top``, ``below``: the sums of numerator and denominator in each block.
     """
     kept = below > 0
     top, below = top[kept], below[kept]

@@ -1,6 +1,6 @@
 """`ChunkMaker`: encodes the n rows of an MCAP chunk as bytes, in a buffer that it reuses.
 
-    Chunk: head, compressed rows | MessageIndex of channel 1: head, n × (time, offset) | of 2 …
+    Chunk: head, compressed rows | MessageIndex of each channel: head, n × (time, offset)
 
 The recorder encodes seven chunks of varying size per second. Buffers of varying size would fragment
 the heap. If zstd knew the size of each chunk, it would fit its internal buffer (half a MiB) to this

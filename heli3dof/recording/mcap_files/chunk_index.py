@@ -5,7 +5,8 @@ the data of its index entry. The length of its message indexes follows from its 
 
     n = uncompressed size / bytes per row        each message index has 15 + 16 n bytes
 
-The 15 bytes are opcode 1, length 8, channel 2, length of the entries 4; the 16: time 8, offset 8.
+15 bytes: opcode (1 byte), length (8), channel (2), length of the entries (4). 16 bytes: time (8)
+and offset (8) of a row.
 """
 
 from __future__ import annotations

@@ -45,7 +45,8 @@ class RecordingWriter:
             recording.append(row)
             recording.outcome("completed")
 
-    An exception in the block is recorded as the outcome ``error`` with its message.
+    An exception in the block is recorded as the outcome ``error`` with its message, if `outcome`
+    was not called before.
     """
 
     def __init__(

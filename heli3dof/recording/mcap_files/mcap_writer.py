@@ -184,7 +184,7 @@ def write_rows(
     names: Sequence[str],
     metadata: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Write a complete file: the metadata without `OUTCOME`, then the rows, then `OUTCOME`.
+    """Write a complete file: ``metadata`` without its record `OUTCOME`, the rows, then `OUTCOME`.
 
     ``form``: the rows' format; ``names``: see `McapFile`.
     """

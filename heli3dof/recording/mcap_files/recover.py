@@ -44,7 +44,7 @@ class Recovery:
     """Number of complete chunks that could not be decoded; they are omitted"""
 
     def document(self) -> dict[str, Any]:
-        """Return the result as JSON keys of ``recover --json``."""
+        """Return the result as a dict with the keys of ``recover --json``, except ``schema``."""
         return {
             "file": str(self.path),
             "samples": self.samples,
