@@ -37,7 +37,7 @@ LAGS_S = 0.5
 
 @dataclass(frozen=True, eq=False)
 class BodeCurve:
-    """A model's complex frequency response (M,) and the standard deviation (M,) of its modulus."""
+    """A model's complex response at M frequencies, and the standard deviation of its modulus."""
 
     label: str
     kind: str
