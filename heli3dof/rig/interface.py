@@ -141,7 +141,7 @@ class Rig(Protocol):
         """Apply the command now; return the sample at the end of the control period.
 
         ``due_s``: the end of the period on the host's monotonic clock, in s. A rig whose device
-        keeps time ignores it.
+        keeps time ignores ``due_s``.
         """
         ...
 

@@ -148,7 +148,7 @@ def _prediction_cells(
 
 
 def table_ii(flight: FlightComparison) -> Grid | None:
-    """Return a table like Table II of the paper, with the paper's numbers and this flight's.
+    """Return a table like Table II of the paper, with the numbers of the paper and of this flight.
 
     The numbers are |model − experiment| of the peak and of the steady error. The paper's word for
     the peak is overshoot (erratum E10). Returns None if the closed loop was not simulated with the
@@ -186,7 +186,10 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return "hover", "identification" for the first identified model of ``models``, or None."""
+    """Return which model of the paper this one corresponds to; None without a counterpart.
+
+    "hover" is the hover model, "identification" the first identified model of ``models``.
+    """
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]
@@ -229,8 +232,8 @@ def published_table(rows: Iterable[Reproduced]) -> Grid:
 def fit_table(comparison: Comparison) -> Grid:
     """Return one table of all models: RMSE of predictions and of the replay, by recording and axis.
 
-    The last row of each recording has the errors of predicting constant angles. If this gives more
-    than `MOST_ROWS` rows, the table has the RMS over all recordings instead.
+    The last row of each recording has the errors of predicting that the angles stay constant. If
+    this gives more than `MOST_ROWS` rows, the table has the RMS over all recordings instead.
     """
     horizon = min(comparison.horizons_s, key=lambda h: abs(h - HORIZON_S), default=HORIZON_S)
     flights = [replace(comparison, flights=(f,)) for f in comparison.flights]
@@ -267,7 +270,7 @@ def flight_grids(flight: FlightComparison, *, paper: bool = False) -> list[Grid]
 
 
 def comparison_grids(comparison: Comparison, *, paper: bool = False) -> list[Grid]:
-    """Return the tables of all models and of each recording; ``paper`` adds those like Table II."""
+    """Return the table of all models and each recording's; ``paper`` adds tables like Table II."""
     grids = [g for f in comparison.flights for g in flight_grids(f, paper=paper)]
     return [fit_table(comparison), *grids]
 
