@@ -1,8 +1,7 @@
 """`write_recording`: writes a `Recording` to an MCAP file, completely or not at all.
 
-A message field without an entry in ``Recording.channels`` is NaN (integers: 0) in the file. The
-metadata record ``heli3dof.columns`` lists such fields, so that reading the file restores the
-recording.
+Message fields that the recording lacks are NaN (integers: 0) in the file. The metadata record
+``heli3dof.columns`` lists these fields, so that reading the file restores the recording.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
 def metadata(recording: Recording, absent: list[str]) -> dict[str, dict[str, Any]]:
     """Return the metadata records of a recording by name, in their order in a file.
 
-    ``absent``: names of the message fields without a channel in the recording (`encode`).
+    ``absent``: names of the message fields that the recording lacks (`encode`).
     """
     meta = {k: v for k, v in recording.meta.items() if k not in {"outcome", "outcome_details"}}
     outcome: dict[str, Any] = {"rows": len(recording)}
@@ -76,8 +75,8 @@ def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
     """Return (rows, names, absent): a recording as the rows of an MCAP file.
 
     ``rows``: structured array, see `RowFormat`. ``names``: channels without a field in the messages
-    Sample and Command. ``absent``: fields of these messages without a channel. Raises UsageError
-    for more than `MAX_CHANNELS` ``names``.
+    Sample and Command. ``absent``: fields of these messages that the recording lacks. Raises
+    UsageError for more than `MAX_CHANNELS` ``names``.
     """
     channels = {name: np.asarray(column) for name, column in recording.channels.items()}
     known: dict[str, np.ndarray] = {}

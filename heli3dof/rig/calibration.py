@@ -10,8 +10,8 @@ The device has not restarted if
 
     |s_now − s_zero| ≤ START_TOLERANCE_S + CLOCK_TOLERANCE · W        modulo UPTIME_WRAP_S
 
-s_zero is the start instant stored by ``heli3dof zero``, s_now the present one. A restart whose
-s_now is within this tolerance is not detected. The first line that applies determines the counts:
+s_zero is the start instant stored by ``heli3dof zero``, s_now the present one. Only the boot number
+shows a restart that stays within this tolerance. The first line that applies gives the counts:
 
 =====================================================  ========================================
 stored calibration, compared with the device           counts_at_rest

@@ -1,4 +1,4 @@
-"""An MCAP file for Foxglove: a recording's own messages, and the rig in three dimensions.
+"""An MCAP file for the viewer Foxglove: a recording's messages, and the rig in three dimensions.
 
 Besides the recording's topics, the file has JSON messages with Foxglove's own schemas:
 

@@ -1,4 +1,4 @@
-"""An .rrd file for Rerun: every column as a curve, and the rig in three dimensions.
+"""An .rrd file for the viewer Rerun: every column as a curve, and the rig in three dimensions.
 
 Entities: ``/flight/NAME`` for each exported column NAME, with its unit, and ``/rig/base``,
 ``/rig/arm``, ``/rig/arm/body`` for the frames of `heli3dof.recording.viewers.scene`, with the parts

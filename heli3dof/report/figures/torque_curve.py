@@ -163,8 +163,9 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
 def _clearest(flight: Trail, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
     """Return the variable and axis in which the residual torque τ̂ follows the cause's τ best.
 
-    The measure is Σ (τ̂ − mean)²/σ² − Σ (τ̂ − τ − mean)²/σ² over the bins (σ: standard error). A
-    variable replaces the best one so far only with `MIN_CLARITY_RATIO` times its measure.
+    The measure is Σ (τ̂ − mean)²/σ² − Σ (τ̂ − τ − mean)²/σ² over the bins (σ: standard error,
+    mean: over the bins). A variable replaces the best one so far only with `MIN_CLARITY_RATIO`
+    times its measure.
     """
     best = (names[0], 0, 0.0)
     for name in dict.fromkeys(names):
@@ -192,10 +193,10 @@ def _squares_about_mean(x: np.ndarray, weight: np.ndarray) -> float:
 def _binned(
     z: np.ndarray, torque: np.ndarray, h: np.ndarray, bins: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return means of the variable z and torque, and the torque's standard error, in equal bins.
+    """Return the means of z and torque, and the torque's standard error, in bins of z.
 
-    The bins lie between the quantiles 0.002 and 0.998 of z; bins of less than `MIN_TIME_S` are
-    omitted. ``h`` (N,): sampling intervals in s.
+    The bins are of equal width, between the quantiles 0.002 and 0.998 of the variable z. Bins of
+    less than `MIN_TIME_S` are omitted. ``h`` (N,): sampling intervals in s.
     """
     low, high = np.quantile(z, [0.002, 0.998])
     which = np.clip(((z - low) / max(high - low, 1e-12) * bins).astype(int), 0, bins - 1)

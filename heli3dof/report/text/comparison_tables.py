@@ -56,10 +56,10 @@ def step_name(step: StepMetrics) -> str:
 
 
 def metrics_table(flight: FlightComparison) -> Grid:
-    """Return a table of the step metrics of experiment and models, and of their differences.
+    """Return a table of step metrics: of the experiment, each model, and their differences.
 
-    The table describes one recording. Its last column is the RMSE of each model's closed-loop
-    replay in degrees.
+    The metrics are peak, overshoot, steady error, rise and settling time for one recording. The
+    last column is the RMSE of each model's closed-loop replay in degrees.
     """
     rows = []
     for i, axis in enumerate(AXES):
@@ -94,7 +94,7 @@ METRIC_HEADS = ("peak °", "overshoot °", "% of step", "error °", "rise s", "s
 
 
 def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:
-    """Return a table of step metrics with the given title, a row per segment of each axis."""
+    """Return a table of step metrics, with a row per reference segment of each axis."""
     rows = [
         [axis, step_name(step), *_metric_cells(step.values())]
         for axis in AXES
@@ -112,7 +112,7 @@ def _metric_cells(values: Mapping[str, float], *, sign: bool = False) -> list[st
 
 
 def prediction_table(flight: FlightComparison) -> Grid | None:
-    """Return a table of prediction RMSE (°) by axis, model and horizon; None if none was made."""
+    """Return a table of prediction RMSE (°) by axis, model, horizon; None without predictions."""
     if flight.constant_angles is None:
         return None
     horizons = list(flight.constant_angles.ahead_deg)

@@ -412,7 +412,7 @@ def kept_terms(document: Document) -> Iterator[str]:
 
 
 def model_deviations(document: Document) -> Iterator[str]:
-    """Yield a sentence per take-off, or slow drift in roll, that the extended model lacks."""
+    """Yield a sentence per take-off or slow roll drift that the extended model does not explain."""
     for x in document.get("about", {}).get("still_hidden", ()):
         yield f"Not explained: {x['sentence']}"
 
