@@ -93,7 +93,7 @@ def bode_figure(
 
 
 def bode_with_bands(found: Identification):  # type: ignore[no-untyped-def]
-    """Draw Bode diagrams from front motor to angles; None if the model is not linear."""
+    """Draw an identified model's Bode diagrams, front motor to angles; None if it is nonlinear."""
     omega = np.geomspace(LOWEST, 0.8 * np.pi / found.interval_s, POINTS)
     try:
         response, std = found.frequency_response(omega)

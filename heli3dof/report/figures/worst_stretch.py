@@ -39,7 +39,10 @@ class Stretch:
 
 
 def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
-    """Return the stretch and axis with the largest ratio of errors; None without predictions."""
+    """Return the stretch and axis whose RMSE before is largest, relative to the median RMSE after.
+
+    Returns None without predictions.
+    """
     e_before, e_after = (
         np.ma.masked_invalid(rms_deg(x.squares, x.counts)) for x in (before, after)
     )

@@ -99,7 +99,7 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
 
 
 def _kinds_of_reason(bad: BadRecording) -> list[str]:
-    """Return the failed integrity checks, or else the error, with "it" for the recording's name.
+    """Return the failed integrity checks, or the error with "it" instead of the recording's name.
 
     >>> _kinds_of_reason(BadRecording("term/a.mcap", "r", "exit code 5: a holds pitch only."))
     ['exit code 5: it holds pitch only']
