@@ -7,8 +7,8 @@ error of a bin's mean, in which samples within `WINDOW_S` count as one, is
 
     σ = std(τ̂)/√max(T/`WINDOW_S`, 1)               T: time in the bin, s
 
-The curve is the cause's torque τ (N·m). It follows from the accelerations q̈ (rad/s²) of the models
-with and without the cause, at the filter's states x, and the mass matrix M (kg·m²):
+The curve is the cause's torque τ (N·m). M is the mass matrix (kg·m²), q̈ the acceleration (rad/s²)
+of the model with or without the cause, at the filter's states x:
 
     τ = M (q̈_with(x) − q̈_without(x))
 

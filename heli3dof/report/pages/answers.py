@@ -1,9 +1,8 @@
 """Write the first screen of the report: its questions, each with one sentence and one picture.
 
-A diagnosis answers how wrong the simulation was, what the cause is, by how much the extended model
-reduces the error, and what to do next. Without a diagnosis, a comparison answers how wrong the
-simulation was and which model predicts best. Without both, an identification answers how well its
-model predicts.
+A diagnosis answers how wrong the simulation was, what the cause is, what the extended model gains,
+and what to do next. Without a diagnosis, a comparison answers how wrong the simulation was and
+which model predicts best. Without both, an identification answers how well its model predicts.
 """
 
 from __future__ import annotations
