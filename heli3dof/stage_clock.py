@@ -32,8 +32,9 @@ class StageClock:
     def counts(self, what: str, done: int, of: int) -> None:
         """Report that ``done`` of ``of`` items of the stage are finished, with the time left.
 
-        ``what`` names the items: ``Screening … flights: 31 of 64, 4 s left``. Calls within
-        `PROGRESS_EVERY_S` report nothing. The items finished so far give the time per item.
+        ``what`` names the items: ``Screening … flights: 31 of 64, 4 s left``. A call within
+        `PROGRESS_EVERY_S` of the last report is ignored. The items finished so far give the time
+        per item.
         """
         now = time.perf_counter()
         if self._first is None or done <= self._first[0]:

@@ -31,9 +31,9 @@ ELSEWHERE = "another place with -o"
 
 
 def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofError | None:
-    """Return a heli3dof error for an OSError from writing ``path``; None for any other cause.
+    """Return a heli3dof error for an OSError from writing ``path``; None for an unlisted cause.
 
-    ``fix``: what the error's message recommends.
+    The table at the file's top lists the causes. ``fix``: what the error's message recommends.
     """
     if error.errno in FULL:
         return NoSpace(
@@ -61,7 +61,7 @@ def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofErro
 def write_errors_explained(path: Path, *, fix: str = ELSEWHERE) -> Iterator[None]:
     """Context manager: convert an OSError from writing ``path`` to a heli3dof error (`refusal`).
 
-    ``fix``: what the error's message recommends. An OSError with another cause stays as it is.
+    ``fix``: what the error's message recommends. Other OSErrors pass unchanged.
     """
     try:
         yield

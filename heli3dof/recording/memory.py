@@ -23,7 +23,7 @@ class MemoryRecorder:
         self.rows.append(row)
 
     def recording(self, profile: Profile, meta: Mapping[str, Any]) -> Recording:
-        """Return the rows as a recording, with the columns and channels that a file would have."""
+        """Return the rows as a recording, like one read from a file of the same flight."""
         return rows_to_recording(self.rows, profile, meta)
 
 

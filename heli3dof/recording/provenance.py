@@ -33,8 +33,8 @@ def provenance(
 
     ``source`` is ``flight``, ``simulation`` or ``import``; ``plan`` the experiment plan flown;
     ``seed`` the seed of the plan's random signals; ``device`` the rig's URL; ``identity`` what the
-    rig reports about itself. ``named_host=False`` omits host and command line, for published
-    recordings. ``more`` is added unchanged. Entries that are None are omitted.
+    rig reports about itself. ``named_host=False`` omits the computer's name and the command line.
+    ``more``: further entries. Entries that are None are omitted.
     """
     now = datetime.now(UTC)
     meta: dict[str, Any] = {
@@ -70,7 +70,7 @@ def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
 
 @cache
 def versions() -> Mapping[str, str]:
-    """Return the versions of Python and of the `PACKAGES`, and the system's name, by name."""
+    """Return {name: version} of Python and the `PACKAGES`; ``system`` is the operating system."""
     found = {"python": platform.python_version(), "system": platform.system()}
     for name in PACKAGES:
         try:

@@ -2,7 +2,7 @@
 
 The controller computes sample k's voltage from sample k's angles and holds it until sample k+1. So
 ``voltage[k]`` acts on the plant between ``t[k]`` and ``t[k+1]``, and ``angle[k]`` was measured
-before that. Units are SI: s, V, rad.
+before this interval. Units are SI: s, V, rad.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Recording(Result):
                 raise ValueError(f"Recording.{name} has shape {got}, not {shape}")
 
     def summary(self) -> str:
-        """Return three lines of text on the recording: its size, its axes and its channels."""
+        """Return three lines of text: the recording's size, its axes, the names of its channels."""
         rate = f"{self.duration:.1f} s at {1 / self.dt:.6g} Hz" if len(self) > 1 else "no duration"
         references = [a for a in self.axes if self.has_reference(a)]
         known = "" if self.profile.controller_is_known else ", controller unknown"
@@ -86,8 +86,9 @@ class Recording(Result):
     def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas data frame with index ``t_s``, angles in degrees.
 
-        Its columns are those of docs/reference/recording.md and the channels. Columns that were not
-        logged are absent. Raises UsageError if pandas is missing.
+        The columns are those of docs/reference/recording.md, and the further signals in
+        ``channels``. Columns that were not logged are absent. Raises UsageError if pandas is
+        missing.
         """
         pd = optional("pandas")
         columns = contract_columns(self)
@@ -191,8 +192,8 @@ def make_recording(
     """Return a `Recording` made of arrays; omitted references and voltages become columns of NaN.
 
     ``t`` (N,) in s; voltages (N, 2) in V, front and back; ``angle``, ``reference`` (N, 3) in rad,
-    roll, pitch and yaw; ``channels``: name → (N,). ``voltage_cmd``: before the limiter;
-    ``voltage_extra``: added by the experiment.
+    roll, pitch and yaw; ``channels``: further signals, name → (N,). ``voltage_cmd``: before the
+    limiter; ``voltage_extra``: added by the experiment.
     """
     times = np.asarray(t, dtype=float)
 

@@ -19,9 +19,10 @@ in 12 emulated flights with a third to three times the default torque noise."""
 
 
 def still_encoder_warnings(recording: Recording) -> list[str]:
-    """Return a warning for each axis whose count was constant in the loop's last `STILL_S` seconds.
+    """Return a warning for each axis whose count was constant for the last `STILL_S` s or more.
 
-    The list is empty for a flight that was cut short, since its outcome names another cause.
+    Only the time under closed-loop control counts. The list is empty for a flight that did not
+    complete; its outcome then states the reason.
     """
     phase = recording.channels.get("phase")
     if phase is None or recording.meta.get("outcome") != "completed":

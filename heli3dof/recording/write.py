@@ -1,8 +1,7 @@
 """`write_recording`: writes a `Recording` to an MCAP file, completely or not at all.
 
-Message fields for which the recording has no channel are NaN (integers: 0) in the file. The
-metadata record ``heli3dof.columns`` lists these fields, so that reading the file restores the
-recording.
+Message fields that the recording lacks are NaN (integers: 0) in the file. The metadata record
+``heli3dof.columns`` lists these fields, so that reading the file restores the recording.
 """
 
 from __future__ import annotations
@@ -43,8 +42,8 @@ INTEGER_RANGE = {"fixed32": (0, 2**32 - 1), "sfixed32": (-(2**31), 2**31 - 1)}
 def write_recording(recording: Recording, path: str | Path, *, force: bool = False) -> Path:
     """Write a recording to the MCAP file ``path`` and return the path.
 
-    `read_recording` restores equal arrays, channels and meta. Raises OutputExists (without
-    ``force``), UsageError or NoSpace.
+    `read_recording` restores equal arrays, channels and meta. Raises OutputExists if the
+    file exists, unless ``force``; UsageError or NoSpace if the file cannot be written.
     """
     rows, names, absent = encode(recording)
     form = RowFormat(layouts_with(names))
@@ -57,7 +56,7 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
 def metadata(recording: Recording, absent: list[str]) -> dict[str, dict[str, Any]]:
     """Return the metadata records of a recording by name, in their order in a file.
 
-    ``absent``: names of the message fields for which the recording has no channel (`encode`).
+    ``absent``: names of the message fields that the recording lacks (`encode`).
     """
     meta = {k: v for k, v in recording.meta.items() if k not in {"outcome", "outcome_details"}}
     outcome: dict[str, Any] = {"rows": len(recording)}
@@ -73,11 +72,11 @@ def metadata(recording: Recording, absent: list[str]) -> dict[str, dict[str, Any
 
 
 def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
-    """Return a recording as the rows of an MCAP file, in a structured array (see `RowFormat`).
+    """Return (rows, names, absent): a recording as the rows of an MCAP file.
 
-    The second result lists the channels that have no field in the messages Sample and Command. The
-    third lists the fields for which the recording has no channel. Raises UsageError for more than
-    `MAX_CHANNELS` channels.
+    ``rows``: structured array, see `RowFormat`. ``names``: channels without a field in the messages
+    Sample and Command. ``absent``: fields of these messages that the recording lacks. Raises
+    UsageError for more than `MAX_CHANNELS` ``names``.
     """
     channels = {name: np.asarray(column) for name, column in recording.channels.items()}
     known: dict[str, np.ndarray] = {}

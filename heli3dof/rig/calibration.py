@@ -10,20 +10,20 @@ The device has not restarted if
 
     |s_now − s_zero| ≤ START_TOLERANCE_S + CLOCK_TOLERANCE · W        modulo UPTIME_WRAP_S
 
-s_zero is before ``heli3dof zero`` ran. After a later restart, s_now is after it, so they differ.
+s_zero is the start instant stored by ``heli3dof zero``, s_now the present one. Only the boot number
+shows a restart that stays within this tolerance. The first line that applies gives the counts:
 
-=====================  ============================  ==========================================
-stored                 the device states             counts_at_rest
-=====================  ============================  ==========================================
-no calibration                                       0: the device is assumed to have started
-                                                     at rest
-boot, start            the same boot, the same start as stored
-boot, start            another boot, or start        0, with a note that names heli3dof zero
-boot                   the same boot, no start       as stored
-no boot, start         the same start                as stored
-no boot, no start      neither boot nor start        as stored, with a note of the date
-for other encoders     other counts per rev.         0, with a note
-=====================  ============================  ==========================================
+=====================================================  ========================================
+stored calibration, compared with the device           counts_at_rest
+=====================================================  ========================================
+none                                                   0: the device is assumed to have started
+                                                       at rest
+unreadable, or other counts per revolution             0, with a note
+another boot number, or only one side has a number     0, with a note
+both start instants known, and too far apart           0, with a note
+no boot number, and a start instant unknown            as stored, with a note of the date
+any other                                              as stored
+=====================================================  ========================================
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ COUNTS_AT_POWER_UP = RestCounts((0, 0, 0), "power-up")
 def rest_counts_of(identity: Identity) -> RestCounts:
     """Return the encoder counts at the rest angles of the connected device ``identity``.
 
-    The table in the module's docstring states when the stored counts are used.
+    The counts are the stored ones, or 0 if the device has restarted (table at the file's top).
     """
     try:
         stored = load_calibration(identity.serial)
@@ -130,8 +130,8 @@ def rest_counts_of(identity: Identity) -> RestCounts:
 def _same_start(stored: Calibration, identity: Identity) -> bool | None:
     """Return True if the device has not restarted since ``stored`` was measured, else False.
 
-    It compares the start instants of ``stored`` and of the connected device ``identity``. Returns
-    None if one of the instants is missing.
+    The function compares the start instants of ``stored`` and of the connected device ``identity``.
+    Returns None if an instant or the date of ``stored`` is missing.
     """
     if stored.started_s is None or identity.started_s is None:
         return None

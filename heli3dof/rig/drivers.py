@@ -28,8 +28,8 @@ def registered() -> dict[str, EntryPoint]:
 def load_driver(scheme: str) -> Driver:
     """Return the driver for a URL scheme.
 
-    A scheme such as ``serial+socket`` that is not registered uses the driver of ``serial``. Raises
-    UsageError for an unknown scheme, naming the nearest known one.
+    An unregistered scheme such as ``serial+socket`` uses the driver of the part before the +.
+    Raises UsageError for an unknown scheme, DeviceError if the driver cannot be loaded.
     """
     known = registered()
     if scheme not in known:

@@ -1,4 +1,4 @@
-"""A histogram of times with bins of a constant ratio: quantiles in constant memory.
+"""A histogram of times with logarithmic bins: quantiles in constant memory.
 
     bin(t) = ⌈ln(t / SHORTEST_S) / ln(1 + RATIO)⌉     bin 0: up to SHORTEST_S; the last: from 85 s
 

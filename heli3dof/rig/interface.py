@@ -141,7 +141,7 @@ class Rig(Protocol):
         """Apply the command now; return the sample at the end of the control period.
 
         ``due_s``: the end of the period on the host's monotonic clock, in s. A rig whose device
-        keeps time ignores it.
+        keeps time ignores ``due_s``.
         """
         ...
 
@@ -249,7 +249,7 @@ class RecognisesRigs(Protocol):
     """Optional interface of a driver whose `Driver.find` may list ports without a rig."""
 
     def is_rig(self, url: DeviceUrl) -> bool:
-        """Return True if the port at ``url`` shows signs of a rig now, e.g. its USB numbers."""
+        """Return True if the port at ``url`` now looks like a rig's, e.g. by its USB numbers."""
         ...
 
 

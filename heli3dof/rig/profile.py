@@ -1,6 +1,6 @@
 """A rig's profile: the parameters of the paper's Table I and of the control loop, read from TOML.
 
-The keys are named by the paper's symbols. The `heli3dof.toml_file.Key` of each key gives its unit,
+The keys are the paper's symbols. The `heli3dof.toml_file.Key` of each key gives its unit,
 its range and how to measure it. ``Profile.controller`` is None if the file has no ``[controller]``;
 the controller of an imported log is then unknown. Every model of the rig derives from the keys::
 
@@ -177,9 +177,9 @@ def _encoder(axis: str, positive: str, typical: str) -> Key:
 class Encoder(Section):
     """The encoders: counts per revolution of roll, pitch and yaw, and the angles at rest.
 
-    An encoder gives 4 counts per line. The number is negative if the count falls as the angle
-    rises. Counts are zero at power-up, with the rig at its rest angles. The paper's rig rests with
-    its body on the table, at −27.5° in roll.
+    The counts per revolution are 4 times the encoder's lines, and negative if the count falls as
+    the angle rises. Counts are zero at power-up, with the rig at its rest angles. The paper's rig
+    rests with its body on the table, at −27.5° in roll.
     """
 
     roll: Annotated[Counts, _encoder("roll", "body up", "4096")]

@@ -5,9 +5,9 @@ sample's time d on the device's clock is
 
     t_0 + i·dt ≤ d < t_0 + (i + BUSY)·dt        t_0: time of instant 0, estimated
 
-The estimate of t_0 is the smallest d − i·dt so far. dt is the control period in s, i counts the
-instants. Before each sample the estimate rises by CREEP·dt, since the device's period on its own
-crystal may be longer than dt.
+dt is the control period in s; BUSY and CREEP are shares of it. The estimate of t_0 is the smallest
+d − i·dt so far. The estimate may rise by up to CREEP·dt per sample, since the device's period
+may be longer than dt.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ class Exercise(BaseModel):
         return self.model_dump_json(indent=2).encode() + b"\n"
 
     def is_intact(self) -> bool:
-        """Return True if the signature of the key ``teacher`` fits exactly this content."""
+        """Return True if the public key ``teacher`` confirms the signature of this content."""
         check_nacl()
         from nacl.exceptions import CryptoError
         from nacl.signing import VerifyKey

@@ -1,4 +1,4 @@
-"""An MCAP file for Foxglove: a recording's own messages, and the rig in three dimensions.
+"""An MCAP file for the viewer Foxglove: a recording's messages, and the rig in three dimensions.
 
 Besides the recording's topics, the file has JSON messages with Foxglove's own schemas:
 
@@ -133,7 +133,7 @@ def entity(part: Part, time: int) -> Message:
 
 
 def json_schema(example: Any) -> dict[str, Any]:
-    """Return the JSON schema of the message ``example``; the items of an empty list are objects.
+    """Return the JSON schema of the message ``example``, whose lists contain only dicts.
 
     >>> json_schema({"sec": 0})
     {'type': 'object', 'properties': {'sec': {'type': 'integer'}}}

@@ -1,7 +1,8 @@
-"""Draw a cause of a diagnosis in the residual torque.
+"""Draw the evidence for a cause: residual torque over the variable on which the cause depends.
 
-Points are measured residual torques, with error bars of one standard error. The line is the cause's
-torque as fitted to the innovations of the Kalman filter, not to the points.
+Points are the residual torque of the model without the cause, with error bars of one standard
+error. The line is the cause's torque as fitted to the innovations of the Kalman filter, not to the
+points.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ ROOM = 1.35
 
 
 def evidence_figure(e: TorqueCurve) -> Figure:
-    """Draw measured residual torque ``e`` over the variable it depends on, and the fitted cause."""
+    """Draw the residual torque ``e`` over its variable, and the fitted torque of the cause."""
     import matplotlib
     from matplotlib.figure import Figure
 

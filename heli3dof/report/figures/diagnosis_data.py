@@ -1,8 +1,9 @@
 """Compute the data of a diagnosis report's figures, from the diagnosis and its recordings.
 
-This module fits nothing. For each finding and each residual torque it runs the Kalman filter over
-the recordings. With the references of the held-out recordings (or, without any, of the fitted ones)
-it simulates two fitted models: "before" lacks the causes, "after" includes them.
+This module fits nothing. For each finding (reported cause) and each residual torque it runs the
+Kalman filter over the fitted recordings. It replays two fitted models in closed loop: "before"
+lacks the causes, "after" includes them. Their references are those of the held-out recordings, or
+of the fitted ones if none was held out.
 """
 
 from __future__ import annotations

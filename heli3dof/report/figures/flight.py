@@ -49,7 +49,7 @@ def flight_figure(recording: Recording) -> Figure:
 def plan_figure(plan: Plan, dt: float) -> Figure:
     """Draw a plan's references in degrees and, if any, the voltages that it adds in V.
 
-    Random signals are drawn with the seed 0. ``dt``: the control period in s.
+    Random signals are generated with the seed 0. ``dt``: the control period in s.
     """
     signals = plan.render(dt, seed=0)
     styles = (Line(BLUE, 1.6), Line(GREEN, 1.6, (3, 1)), Line(VERMILION, 1.6, (6, 1.5)))
@@ -76,7 +76,7 @@ def _panel_figure(
 ) -> Figure:
     """Draw panels (label, curves) below one another over one time axis.
 
-    ``ramp_from_s``: time from which the motors ramp to zero, which is shaded.
+    ``ramp_from_s``: when the motors begin to ramp to zero, in s; the rest is shaded.
     """
     import matplotlib
     from matplotlib.figure import Figure

@@ -37,7 +37,7 @@ LAGS_S = 0.5
 
 @dataclass(frozen=True, eq=False)
 class BodeCurve:
-    """A model's complex frequency response (M,) and the standard deviation (M,) of its modulus."""
+    """A model's complex response at M frequencies, and the standard deviation of its modulus."""
 
     label: str
     kind: str
@@ -93,7 +93,7 @@ def bode_figure(
 
 
 def bode_with_bands(found: Identification):  # type: ignore[no-untyped-def]
-    """Draw Bode diagrams from front motor to angles; None if the model is not linear."""
+    """Draw an identified model's Bode diagrams, front motor to angles; None if it is nonlinear."""
     omega = np.geomspace(LOWEST, 0.8 * np.pi / found.interval_s, POINTS)
     try:
         response, std = found.frequency_response(omega)

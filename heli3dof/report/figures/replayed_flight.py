@@ -1,8 +1,9 @@
 """Compute overshoot and steady error in closed-loop replay (the paper's Table II) of two models.
 
 Both models are simulated with the recording's references (`heli3dof.comparison.replay`). The same
-metrics are computed for them and the flight (`heli3dof.comparison.metrics`). Feedback hides some
-effects: a delay may show only in the overshoot, friction only in the steady error.
+metrics are computed for both simulations and for the flight (`heli3dof.comparison.metrics`).
+Feedback hides some effects: a delay may show only in the overshoot, friction only in the steady
+error.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True)
 class Replayed:
-    """Overshoot and steady error of one axis; NaN if not defined or if the model diverges."""
+    """Overshoot and steady error of one axis, °; NaN if undefined or if the model diverges."""
 
     recording: str
     axis: str
@@ -35,9 +36,10 @@ class Replayed:
 def replayed(
     before: GreyBoxModel, after: GreyBoxModel, recordings: Sequence[Recording]
 ) -> tuple[Replayed, ...]:
-    """Return the results for each axis with a step or constant reference.
+    """Return the results for each recording, and each axis with a step or constant reference.
 
-    Recordings with an unknown controller are omitted.
+    ``before``, ``after``: models without and with the causes. Recordings that cannot be replayed
+    are omitted, such as those with an unknown controller.
     """
     out = []
     for recording in recordings:

@@ -104,7 +104,7 @@ def plain(text: str, most: int = 200) -> str:
 
 
 def model_lines(kinds: list[str]) -> list[Line]:
-    """Return a line style for each kind in ``kinds``; the hover model's is the same everywhere."""
+    """Return a line style for each model kind; the hover model's is the same in all figures."""
     lines: list[Line] = []
     identified = 0
     for kind in kinds:
@@ -124,7 +124,7 @@ def to_svg(figure: Figure) -> str:
 
 
 def drawn(figure: Figure, ending: str) -> bytes:
-    """Return the figure in the format of the file name's ``ending``, one of `FORMATS`."""
+    """Return the figure's file content; the ``ending``, one of `FORMATS`, states the format."""
     import matplotlib
 
     buffer = io.BytesIO()

@@ -1,20 +1,21 @@
 """Compute a cause's figure: residual torque against the variable on which the cause depends.
 
-The Kalman filter runs with the final fit minus the cause's term, and with the noise of a refit
-without this term. This gives the residual torque τ̂ (N·m, `diagnosis.sensitivity.residual_torque`),
-averaged in bins of the variable z. A bin with T seconds has the standard error (samples within
-`WINDOW_S` count as one)
+The Kalman filter runs with the fitted model without the cause, and with the noise intensities of a
+refit without the cause. It gives the residual torque τ̂ (N·m,
+`diagnosis.sensitivity.residual_torque`), which is averaged in bins of the variable. The standard
+error of a bin's mean, in which samples within `WINDOW_S` count as one, is
 
-    σ = std(τ̂)/√max(T/`WINDOW_S`, 1)
+    σ = std(τ̂)/√max(T/`WINDOW_S`, 1)               T: time in the bin, s
 
-The curve is the torque of the cause along the same states x. With the accelerations q̈ (rad/s²) of
-both models and B = M(q)⁻¹ (1/(kg·m²)),
+The curve is the cause's torque τ (N·m). M is the mass matrix (kg·m²), q̈ the acceleration (rad/s²)
+of the model with or without the cause, at the filter's states x:
 
-    τ = B⁻¹ (q̈_with(x) − q̈_without(x))
+    τ = M (q̈_with(x) − q̈_without(x))
 
-An encoder error only changes the reading y of an angle q. Then the filter runs with both models:
+An encoder error only changes the reading y of an angle q. The filter then runs once with each
+model, which gives the states x_with and x_without:
 
-    τ = B⁻¹ (∂y/∂q q̈(x_with) − q̈(x_without))
+    τ = M (∂y/∂q q̈(x_with) − q̈(x_without))
 """
 
 from __future__ import annotations
@@ -86,7 +87,7 @@ class TorqueCurve:
 
 
 def variable_of(effect: Effect, axis: str | None) -> str | None:
-    """Return the variable of an effect's figure, one of `UNITS`; None if it has no figure."""
+    """Return the variable on the horizontal axis of an effect's figure; None without a figure."""
     if not effect.hooks or effect.name == BACKLASH:
         return None
     variable = (
@@ -101,9 +102,10 @@ def variable_of(effect: Effect, axis: str | None) -> str | None:
 
 
 def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | None:
-    """Return the figure of a cause, a term of ``fit``; None if the cause has no figure.
+    """Return the data of the figure of a cause, a term of ``fit``; None if it has no figure.
 
-    ``noise`` (4,): that of the fit without the cause.
+    ``noise`` (4,): process noise of roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s), from a
+    fit without the cause.
     """
     name = variable_of(term.effect, term.axis)
     if name is None:
@@ -142,7 +144,7 @@ def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | 
 
 
 def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
-    """Return the figure of a residual torque of ``fit``."""
+    """Return the data of the figure of a residual torque that ``fit`` leaves."""
     flight = trail(fit)
     i = AXES.index(residual.axis)
     rows = flight.in_runs & np.isfinite(flight.torque[:, i])
@@ -161,8 +163,9 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
 def _clearest(flight: Trail, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
     """Return the variable and axis in which the residual torque τ̂ follows the cause's τ best.
 
-    The clarity is Σ (τ̂ − mean)²/σ² − Σ (τ̂ − τ − mean)²/σ² over the bins. The base's trim torque
-    absorbs the means. Another variable needs `MIN_CLARITY_RATIO` times the best clarity so far.
+    The measure is Σ (τ̂ − mean)²/σ² − Σ (τ̂ − τ − mean)²/σ² over the bins (σ: standard error,
+    mean: over the bins). A variable replaces the best one so far only with `MIN_CLARITY_RATIO`
+    times its measure.
     """
     best = (names[0], 0, 0.0)
     for name in dict.fromkeys(names):
@@ -190,9 +193,10 @@ def _squares_about_mean(x: np.ndarray, weight: np.ndarray) -> float:
 def _binned(
     z: np.ndarray, torque: np.ndarray, h: np.ndarray, bins: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the means of z and torque, and the torque's standard error, in bins of equal width.
+    """Return the means of z and torque, and the torque's standard error, in bins of z.
 
-    The bins lie between the quantiles 0.002 and 0.998 of z. ``h`` (N,): sampling intervals in s.
+    The bins are of equal width, between the quantiles 0.002 and 0.998 of the variable z. Bins of
+    less than `MIN_TIME_S` are omitted. ``h`` (N,): sampling intervals in s.
     """
     low, high = np.quantile(z, [0.002, 0.998])
     which = np.clip(((z - low) / max(high - low, 1e-12) * bins).astype(int), 0, bins - 1)
@@ -206,5 +210,5 @@ def _binned(
 
 
 def _in_unit(z: np.ndarray, unit: str) -> np.ndarray:
-    """Return z in ``unit``: angles in degrees."""
+    """Return z (SI) in ``unit``: angles and rates in degrees, others unchanged."""
     return np.degrees(z) if unit.startswith("°") else np.asarray(z)

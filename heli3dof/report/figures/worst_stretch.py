@@ -1,9 +1,9 @@
-"""Draw predictions over the stretch with the largest relative error, before and after.
+"""Draw predictions of the models "before" and "after" over the stretch with the largest error.
 
-"Before" is the refitted model without the causes, "after" the model with the causes. Both are
-evaluated on held-out rows, in cells of `CELL_S` (`heli3dof.diagnosis.validation.gain`). With E the
-RMSE of predictions 1 s ahead, the stretch is the cell and axis with the largest relative error
-E_before / median(E_after), with the median over all cells of the axis.
+"Before" is the refitted model without the causes, "after" the model with the causes. The held-out
+data are divided into stretches of `CELL_S` seconds (`heli3dof.diagnosis.validation.gain`). E is the
+RMSE of predictions 1 s ahead on one axis in one stretch. The stretch and axis drawn have the
+largest ratio E_before / median(E_after), with the median over all stretches.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BEFORE = Line(VERMILION, 1.5, (6, 1.5), 5)
 
 @dataclass(frozen=True)
 class Stretch:
-    """RMSE of one axis in one cell, before and after; start and end on the recording's clock."""
+    """A stretch of `CELL_S` s: RMSE of one axis, before and after; times on the log's clock."""
 
     source: int
     """Index of the recording"""
@@ -39,7 +39,10 @@ class Stretch:
 
 
 def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
-    """Return the stretch with the largest E_before / median(E_after); None without predictions."""
+    """Return the stretch and axis whose RMSE before is largest, relative to the median RMSE after.
+
+    Returns None without predictions.
+    """
     e_before, e_after = (
         np.ma.masked_invalid(rms_deg(x.squares, x.counts)) for x in (before, after)
     )
@@ -57,8 +60,8 @@ def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
 def stretch_figure(before: HeldOut, after: HeldOut, worst: Stretch, recording: str = "") -> Figure:
     """Draw 1 s predictions without and with the causes over the stretch ``worst``.
 
-    ``before``, ``after``: predictions without and with the causes; ``worst``: axis and times (s) of
-    the stretch; ``recording``: name of the recording, for the title.
+    ``before``, ``after``: predictions of the model without and with the causes. ``recording``: the
+    recording's name, for the title.
     """
     i = AXES.index(worst.axis)
     c = before.course

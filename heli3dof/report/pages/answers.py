@@ -1,9 +1,8 @@
 """Write the first screen of the report: its questions, each with one sentence and one picture.
 
-A diagnosis answers how wrong the simulation was, what the cause is, by how much the extended model
-reduces the error, and what to do next. Without a diagnosis, a comparison answers how
-wrong the simulation was and which model predicts best. Without both, an identification answers how
-well its model predicts.
+A diagnosis answers how wrong the simulation was, what the cause is, what the extended model gains,
+and what to do next. Without a diagnosis, a comparison answers how wrong the simulation was and
+which model predicts best. Without both, an identification answers how well its model predicts.
 """
 
 from __future__ import annotations
@@ -121,7 +120,7 @@ def comparison_answers(comparison: Comparison) -> list[Answer]:
 
 
 def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
-    """Return the axis with the model's largest RMSE; the first axis if no error is known."""
+    """Return the axis of the model's largest RMSE (replay, or else predictions), or the first."""
     errors = m.replay_rmse_deg
     if errors is None or not np.isfinite(errors).any():
         errors = None if m.prediction is None else m.prediction.over_window_deg
@@ -131,9 +130,9 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _best(comparison: Comparison) -> list[Answer]:
-    """Return the verdict as an answer, with bars of the models' errors for the first recording.
+    """Return one answer: which model predicts best, with bars of the models' errors.
 
-    The list is empty if nothing was predicted.
+    The bars are for the first recording. Returns an empty list if no model predicted it.
     """
     flight = comparison.flights[0]
     alt = prediction_sentence(flight)

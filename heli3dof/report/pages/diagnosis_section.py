@@ -142,7 +142,7 @@ def residual_torque_table(residual_torques: Sequence[ResidualTorque]) -> Grid:
 
 
 def replayed_table(replayed: Sequence[Replayed]) -> Grid:
-    """Return a table of overshoot and steady error (°): measured; without, with the causes."""
+    """Return a table of overshoot and steady error (°) in flights and in two models' replays."""
     rows = [
         [r.recording, r.axis, *(fixed(v, 2) for v in (*r.overshoot_deg, *r.steady_error_deg))]
         for r in replayed

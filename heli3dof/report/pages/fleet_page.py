@@ -1,7 +1,7 @@
 """Write the HTML page of a fleet: what changed and which rigs differ, then each quantity.
 
-At most `MOST_FIGURES` quantities have a figure: those with a finding, then the main ones, then
-others. Every quantity has a table.
+At most `MOST_FIGURES` quantities have a figure: first those that changed or that differ between
+rigs, then the main ones, then others. Every quantity has a table.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def drawn_quantities(fleet: Fleet) -> list[FleetQuantity]:
 
 
 def _answers(fleet: Fleet) -> list[Answer]:
-    """Return the answers of the first screen: changes, differing rigs, limits such as bad data."""
+    """Return the answers of the first screen: changes, differing rigs, what limits the results."""
     changes = [change_sentence(track, c) for track, c in fleet.changes()]
     different = [difference_sentence(quantity, d) for quantity, d in fleet.differences()]
     rest = list(remark_sentences(fleet))

@@ -177,7 +177,8 @@ def _plan_name(r: Recording) -> str | None:
 def _comparison(comparison: Comparison, *, paper: bool) -> Section:
     """Return the section of a comparison: its verdict, one figure and the table of all models.
 
-    The figure shows the first recording, on the axis where the first model's error is largest.
+    The figure shows the first recording, on the axis where the first model's error is largest. A
+    click opens the other figures. ``paper`` adds tables like the paper's Table II.
     """
     blocks = [key(s) for s in verdict(comparison)]
     details = []
@@ -222,7 +223,7 @@ def _provenance(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _flat(meta: Mapping[str, Any], prefix: str = "") -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return nested metadata as two flat dicts with dotted names: one-line values, long values."""
+    """Return nested metadata as two flat dicts with dotted names: short texts, and long values."""
     short: dict[str, Any] = {}
     long: dict[str, Any] = {}
     for name, value in meta.items():

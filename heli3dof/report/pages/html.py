@@ -171,7 +171,7 @@ def page(
     answers: Sequence[Answer] = (),
     footer: str = "",
 ) -> str:
-    """Return a complete HTML page. Its texts are plain; ``answers`` are the first screen."""
+    """Return a complete HTML page; ``answers`` fill its first screen. All strings: plain text."""
     sections = [s for s in sections if s.blocks or s.details]
     links = "".join(
         f'<a href="#s{i}">{html.escape(s.title)}</a>' for i, s in enumerate(sections, 1)

@@ -1,4 +1,4 @@
-"""Write the sentences of a comparison: each model's peak, RMSE over the flight, and predictions."""
+"""Write the sentences of a comparison: peak of roll, RMSE over the flight, prediction errors."""
 
 from __future__ import annotations
 

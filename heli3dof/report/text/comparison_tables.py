@@ -56,10 +56,10 @@ def step_name(step: StepMetrics) -> str:
 
 
 def metrics_table(flight: FlightComparison) -> Grid:
-    """Return a table of the step metrics of experiment and models, and of their differences.
+    """Return a table of step metrics: of the experiment, each model, and their differences.
 
-    The table describes one recording. Its last column is the RMSE of each model's closed-loop
-    replay in degrees.
+    The metrics are peak, overshoot, steady error, rise and settling time for one recording. The
+    last column is the RMSE of each model's closed-loop replay in degrees.
     """
     rows = []
     for i, axis in enumerate(AXES):
@@ -94,7 +94,7 @@ METRIC_HEADS = ("peak °", "overshoot °", "% of step", "error °", "rise s", "s
 
 
 def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:
-    """Return a table of step metrics with the given title, a row per segment of each axis."""
+    """Return a table of step metrics, with a row per reference segment of each axis."""
     rows = [
         [axis, step_name(step), *_metric_cells(step.values())]
         for axis in AXES
@@ -112,7 +112,7 @@ def _metric_cells(values: Mapping[str, float], *, sign: bool = False) -> list[st
 
 
 def prediction_table(flight: FlightComparison) -> Grid | None:
-    """Return a table of prediction RMSE (°) by axis, model and horizon; None if none was made."""
+    """Return a table of prediction RMSE (°) by axis, model, horizon; None without predictions."""
     if flight.constant_angles is None:
         return None
     horizons = list(flight.constant_angles.ahead_deg)
@@ -148,7 +148,7 @@ def _prediction_cells(
 
 
 def table_ii(flight: FlightComparison) -> Grid | None:
-    """Return a table like Table II of the paper, with the paper's numbers and this flight's.
+    """Return a table like Table II of the paper, with the numbers of the paper and of this flight.
 
     The numbers are |model − experiment| of the peak and of the steady error. The paper's word for
     the peak is overshoot (erratum E10). Returns None if the closed loop was not simulated with the
@@ -186,7 +186,10 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return "hover", "identification" for the first identified model of ``models``, or None."""
+    """Return which model of the paper this one corresponds to; None without a counterpart.
+
+    "hover" is the hover model, "identification" the first identified model of ``models``.
+    """
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]
@@ -229,8 +232,8 @@ def published_table(rows: Iterable[Reproduced]) -> Grid:
 def fit_table(comparison: Comparison) -> Grid:
     """Return one table of all models: RMSE of predictions and of the replay, by recording and axis.
 
-    The last row of each recording has the errors of predicting constant angles. If this gives more
-    than `MOST_ROWS` rows, the table has the RMS over all recordings instead.
+    The last row of each recording has the errors of predicting that the angles stay constant. If
+    this gives more than `MOST_ROWS` rows, the table has the RMS over all recordings instead.
     """
     horizon = min(comparison.horizons_s, key=lambda h: abs(h - HORIZON_S), default=HORIZON_S)
     flights = [replace(comparison, flights=(f,)) for f in comparison.flights]
@@ -267,7 +270,7 @@ def flight_grids(flight: FlightComparison, *, paper: bool = False) -> list[Grid]
 
 
 def comparison_grids(comparison: Comparison, *, paper: bool = False) -> list[Grid]:
-    """Return the tables of all models and of each recording; ``paper`` adds those like Table II."""
+    """Return the table of all models and each recording's; ``paper`` adds tables like Table II."""
     grids = [g for f in comparison.flights for g in flight_grids(f, paper=paper)]
     return [fit_table(comparison), *grids]
 

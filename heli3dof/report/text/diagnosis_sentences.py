@@ -86,7 +86,7 @@ def verdict(document: Document) -> str:
 
 
 def noise_is_unknown(document: Document) -> bool:
-    """Return True if errors were measured, but no noise floor to compare them with."""
+    """Return True if the simulation error was measured, but the noise floor is unknown."""
     known = [e for e in document["simulation_error"].values() if e["rmse_deg"] is not None]
     return bool(known) and all(e["noise_floor_deg"] is None for e in known)
 
@@ -108,8 +108,8 @@ def before_and_after(gain: Document) -> str:
 def refit_explains(document: Document) -> bool:
     """Return True if a refit of the profile's numbers removes most of an axis' mean square error.
 
-    The decrease must be significant (`heli3dof.diagnosis.validation.gain.removes_most`). Also True
-    for the verdict ``off_calibration``.
+    The decrease must be significant (`heli3dof.diagnosis.validation.gain.removes_most`). With the
+    verdict ``off_calibration`` the result is True without this test.
     """
     if document["verdict"] == "off_calibration":
         return True
@@ -125,10 +125,10 @@ def refit_explains(document: Document) -> bool:
 
 
 def calibration_change(document: Document) -> Iterator[str]:
-    """Yield sentences on a refit: RMSE before and after, and ratios that differ from the profile.
+    """Yield sentences on a refit: RMSE before and after, and parameter ratios unlike the profile's.
 
-    Yields nothing unless `refit_explains`, or the verdict is ``nothing_found`` and the noise floor
-    is unknown.
+    Yields sentences only if the refit explains the error (`refit_explains`), or if nothing was
+    found and the noise floor is unknown.
     """
     unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
     if not (unknown or refit_explains(document)):
@@ -186,7 +186,7 @@ def faults(document: Document) -> Iterator[str]:
 
 
 def limits(document: Document) -> Iterator[str]:
-    """Yield sentences on recordings that were not fitted, and on missing or unreliable errors."""
+    """Yield sentences on recordings not fitted, and on a missing or doubtful simulation error."""
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:
         yield (
@@ -294,7 +294,7 @@ def measured_on(document: Document) -> str:
 
 
 def unmodelled_effects(document: Document) -> Iterator[str]:
-    """Yield sentences on each residual torque without a known cause: axis, variable, model term.
+    """Yield sentences on each torque without a known cause: axis, variable, term of the model.
 
     The last sentence states the errors that remain without an explanation, if there are any.
     """
@@ -346,9 +346,10 @@ def slow_noise(document: Document) -> Iterator[str]:
 
 
 def _torque_term(rest: Document, where: str) -> str:
-    """Return sentences on the extended model's term for an unmodelled torque, and on its effect.
+    """Return sentences on an unmodelled torque: its term in the extended model, and RMSE.
 
-    The effect is the RMSE before → after; ``where`` names the data.
+    ``rest``: the torque's object in the JSON document. The RMSE is given without and with the term;
+    ``where`` names the data on which it was measured.
     """
     if not rest.get("term"):
         return "The extended model does not contain this torque."
@@ -395,7 +396,7 @@ def not_adopted(document: Document) -> Iterator[str]:
 
 
 def equation_changes(document: Document) -> Iterator[str]:
-    """Yield a sentence per simplification of the equations of motion that the data support."""
+    """Yield a sentence for each simplification in the extended model's equations of motion."""
     yield from map(str, document.get("about", {}).get("written", ()))
 
 
@@ -411,7 +412,7 @@ def kept_terms(document: Document) -> Iterator[str]:
 
 
 def model_deviations(document: Document) -> Iterator[str]:
-    """Yield a sentence per take-off or roll creep that the extended model does not explain."""
+    """Yield a sentence per take-off or slow roll drift that the extended model does not explain."""
     for x in document.get("about", {}).get("still_hidden", ()):
         yield f"Not explained: {x['sentence']}"
 

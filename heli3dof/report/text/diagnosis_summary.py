@@ -36,7 +36,7 @@ def diagnosis_summary(document: Document) -> list[str]:
 
 
 def faults(document: Document) -> list[str]:
-    """Return a sentence per fault of the kind ``bad_data`` or ``finding``; --verbose lists all."""
+    """Return a sentence per fault that stops the diagnosis or is a finding; --verbose lists all."""
     stated = [f for f in document.get("integrity", ()) if f["kind"] in ("bad_data", "finding")]
     return list(dict.fromkeys(words.faults({"integrity": stated})))
 

@@ -99,7 +99,7 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
 
 
 def _kinds_of_reason(bad: BadRecording) -> list[str]:
-    """Return the failed integrity checks, or an error message with "it" for the recording's name.
+    """Return the failed integrity checks, or the error with "it" instead of the recording's name.
 
     >>> _kinds_of_reason(BadRecording("term/a.mcap", "r", "exit code 5: a holds pitch only."))
     ['exit code 5: it holds pitch only']
@@ -158,7 +158,7 @@ def _chance(p: float) -> str:
 
 
 def _level(track: Track, change: Change) -> float:
-    """Return the median value of all flights before a change; earlier changes hardly affect it."""
+    """Return the median of the quantity over all flights before a change."""
     return float(np.median(track.y[: change.first]))
 
 

@@ -14,7 +14,7 @@ from heli3dof.report.text.table import Grid
 
 @dataclass(frozen=True)
 class Column:
-    """A table column: pattern of the quantity's name, title, factor to the title's unit."""
+    """A table column: pattern of a quantity's name, title, factor from its unit to the title's."""
 
     pattern: str
     title: str
@@ -57,10 +57,10 @@ def rig_table(fleet: Fleet) -> Grid:
 
 
 def main_quantities(fleet: Fleet) -> list[tuple[FleetQuantity, Column]]:
-    """Return pairs (quantity, column): a column of `MAIN` and the first quantity that matches it.
+    """Return (quantity, column) for each column of `MAIN` whose pattern a quantity matches.
 
-    At most `MOST_COLUMNS` pairs are returned. If no quantity matches a column of `MAIN`, they are
-    the fleet's first quantities.
+    The first such quantity counts. If there is none in any column, the fleet's first quantities
+    are returned. At most `MOST_COLUMNS` pairs are returned.
     """
     found = []
     for column in MAIN:

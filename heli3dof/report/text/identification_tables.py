@@ -32,7 +32,7 @@ def identification_tables(found: Identification) -> list[Grid]:
 
 
 def identification_summary(found: Identification) -> list[str | Grid]:
-    """Return what `heli3dof identify` prints without --verbose: scores, parameters, responses.
+    """Return what `heli3dof identify` prints without --verbose: fits, parameters, responses.
 
     The responses are the transfer functions from the voltages' sum to roll, and from their
     difference to pitch and yaw.
@@ -80,8 +80,8 @@ def _residual_tests(found: Identification) -> Iterator[str]:
 def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
     """Return a table of the estimates with standard deviations and Cramér–Rao bounds.
 
-    ``brief``: without bounds; a note names the effects left out, those within two standard
-    deviations of no effect.
+    ``brief``: without bounds. An effect is left out, and named in a note, if its estimate is
+    within two standard deviations of the value that means "no effect".
     """
     parameters = found.found.parameters
     absent = {

@@ -101,7 +101,7 @@ class _FittingTable:
         return head.rsplit(" ", 1) if self.grid.is_number(column) else [head]
 
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
-        """Return the columns' widths: the least ones, increased from the left within ``width``."""
+        """Return the columns' widths: the least ones, widened from the left up to ``width``."""
         from rich.cells import cell_len
 
         widths = [self._least_width(i) for i in columns]

@@ -89,7 +89,7 @@ def traffic(armed: Armed) -> Check:
 
 
 def _missing(rig: StoppableRig) -> dict[str, int]:
-    """Return the rig's counts of lost samples by cause; empty if the rig lacks a counter."""
+    """Return the rig's counts of lost samples by cause; empty if the rig lacks one of them."""
     counts = {why: count_of(rig.statistics, why) for why in WHERE}
     found = {why: n for why, n in counts.items() if n is not None}
     return found if len(found) == len(WHERE) else {}

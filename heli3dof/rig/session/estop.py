@@ -156,8 +156,8 @@ class EstopResult:
     def raise_if_not_stopped(self, device: str | None = None) -> None:
         """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
 
-        ``device``: the URL to stop; None: all. If None, a device that no session held may be no
-        rig, so its failure to confirm raises no error if another device was stopped.
+        ``device``: the URL to stop; None: all. If all are stopped, an unconfirmed device raises no
+        error if no session held it (it may be no rig) and another rig was stopped.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:

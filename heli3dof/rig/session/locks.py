@@ -1,8 +1,8 @@
-"""Locks a rig: its port before it is opened, and its device once that is identified.
+"""Locks a rig: its port before it is opened, and its device once its serial number is known.
 
-    port     <runtime>/<device>.lock        the place in the URL
-    device   <runtime>/<serial>-<…>.rig     IDENTITY's serial number and boot, so that only one of
-                                            a device's two ports (USB pipe, serial) is used
+    port     <runtime>/<device>.lock        a name made from the device's URL
+    device   <runtime>/<serial>-<hash>.rig  hash of the device's serial and boot number, so that
+                                            only one of its two ports (USB pipe, serial) is used
     holder   <lock>.json                    the process that holds the lock: a separate file, since
                                             on Windows no other process can read a locked file
 
@@ -83,7 +83,7 @@ def read_holder(lock: Path) -> dict[str, Any]:
 
 
 def device_lock_path(serial: str, boot: int | None) -> Path:
-    """Return the path of a device's lock file, which is the same for all ports of the device."""
+    """Return the path of a device's lock file, the same for all of its ports."""
     readable = re.sub(r"[^A-Za-z0-9]+", "-", serial).strip("-")[:24]
     return runtime_folder() / f"{readable}-{binascii.crc32(f'{serial}/{boot}'.encode()):08x}.rig"
 

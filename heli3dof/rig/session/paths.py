@@ -24,7 +24,7 @@ from heli3dof.rig.url import DeviceUrl, parse_url
 def runtime_folder() -> Path:
     """Return the folder of running sessions; create it if it is missing.
 
-    Raises DeviceError where another user owns it, since its content cannot be trusted.
+    Raises DeviceError if another user owns the folder: its content cannot be trusted.
     """
     given = os.environ.get("XDG_RUNTIME_DIR")
     user = (

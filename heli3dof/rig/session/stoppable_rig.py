@@ -46,7 +46,7 @@ class StoppableRig:
 
     @property
     def statistics(self) -> object:
-        """Return the counters of the rig's link; None for a rig that does not count."""
+        """Return the counters of the rig's link; None for a rig without counters."""
         return self.inner.statistics if isinstance(self.inner, HasLinkStatistics) else None
 
     @property
