@@ -182,7 +182,7 @@ def forward_selection(
         if step.choice is None:
             break
         choice = step.choice
-        wider = fit_with_cause(setup, choice)
+        wider = fit_with_cause(setup, fit, choice)
         if wider.scatter is None and fit.scatter is not None and not setup.touches_stops:
             # Flights simulated with this cause diverge from the recorded one: it is refuted.
             steps[-1] = replace(step, choice=None)

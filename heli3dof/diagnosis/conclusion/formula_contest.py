@@ -92,8 +92,8 @@ def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool
         return True
     o = formula.optimum
     corrected = correct(
-        formula.problem, o.theta, o.noise, setup.recordings, seed=setup.seed, pilots=setup.pilots,
-        rounds=ROUNDS,
+        formula.problem, [(o.theta, o.noise)], setup.recordings, seed=setup.seed,
+        pilots=setup.pilots, rounds=ROUNDS,
     )  # fmt: skip
     W = odds(*likelihoods([fit, corrected], setup.recordings, seed=setup.seed))
     return bool(W[1, 0] > TIE)

@@ -75,4 +75,4 @@ def fit_with(setup: Setup, fit: CorrectedFit, proposal: Proposal) -> CorrectedFi
     new = wide.structure.free[len(o.theta) :]
     start = [f.inward(v) for f, v in zip(new, proposal.start, strict=True)]
     at = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)
-    return bias_corrected(setup, wide, at)
+    return bias_corrected(setup, wide, at, fit)

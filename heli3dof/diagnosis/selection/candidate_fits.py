@@ -25,7 +25,7 @@ from heli3dof.diagnosis.screening.grid_trials import (
 from heli3dof.diagnosis.screening.score_test import ScreenResult
 from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
-from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.bias_correction.correction import CorrectedFit, Start
 from heli3dof.identification.greybox.likelihood import Likelihood, Pass
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
@@ -131,6 +131,19 @@ def fit_candidates(
     ranked = [r for r in ranked if MAX_SCORE_PER_Z2 * r[1] > best]
     fits += [f for f in parallel_map(one, len(ranked), what="fits") if f is not None]
     return sorted(fits, key=lambda f: -f.score)
+
+
+def correction_starts(optimum: Optimum, current: CorrectedFit | None) -> list[Start]:
+    """Return where the bias correction of an optimum starts: at the optimum, then elsewhere.
+
+    The second start has the parameters and noise of the ``current`` fit. Terms that it lacks have
+    the sizes of the optimum.
+    """
+    starts = [(optimum.theta, optimum.noise)]
+    if current is not None:
+        theta = np.append(current.theta, optimum.theta[len(current.theta) :])
+        starts.append((theta, current.optimum.noise))
+    return starts
 
 
 def bic_penalty(m: int, at: Pass) -> float:

@@ -22,7 +22,11 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.diagnosis.screening.nulls import Nulls
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, bic_penalty
+from heli3dof.diagnosis.selection.candidate_fits import (
+    CandidateFit,
+    bic_penalty,
+    correction_starts,
+)
 from heli3dof.diagnosis.selection.select import TIE, Choice, certainty
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
@@ -67,20 +71,28 @@ def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[floa
 
 
 def compared_by_simulation(
-    choice: Choice, nulls: Nulls, recordings: Sequence[Recording], *, seed: int, pilots: int
-) -> Choice:
+    choice: Choice, current: CorrectedFit, nulls: Nulls, recordings: Sequence[Recording], *,
+    seed: int, pilots: int,
+) -> Choice:  # fmt: skip
     """Return the choice, revised by flights simulated from each rival if there are rivals.
 
-    ``pilots``: simulated flights of a bias correction.
+    ``current``: the fit to which the cause is added. ``pilots``: simulated flights of a bias
+    correction. A rival whose correction diverges cannot be simulated, so it is not the cause.
     """
-    if not (compared := rivals(choice, nulls)):
-        return choice
+    compared = rivals(choice, nulls)
     fits = [
-        correct(c.problem, c.optimum.theta, c.optimum.noise, recordings, seed=seed, pilots=pilots,
-                rounds=ROUNDS)
+        correct(c.problem, correction_starts(c.optimum, current), recordings, seed=seed,
+                pilots=pilots, rounds=ROUNDS)
         for c in compared
     ]  # fmt: skip
-    W = odds(*likelihoods(fits, recordings, seed=seed))
+    simulated = [k for k, f in enumerate(fits) if f.scatter is not None]
+    if not simulated:
+        return choice
+    W = np.full((len(fits), len(fits)), -np.inf)
+    W[simulated] = np.inf
+    W[np.ix_(simulated, simulated)] = odds(
+        *likelihoods([fits[k] for k in simulated], recordings, seed=seed)
+    )
     k = int(np.argmax(least_odds(W)))
     best = replace(compared[k], optimum=fits[k].optimum)
     m = sum(f.term == best.term.name for f in best.problem.structure.free)

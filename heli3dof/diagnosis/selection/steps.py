@@ -24,7 +24,7 @@ from heli3dof.diagnosis.screening.grid_trials import (
 from heli3dof.diagnosis.screening.nulls import formula_nulls, simulated_nulls
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.screening.screening import Screening
-from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, correction_starts
 from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia
 from heli3dof.diagnosis.selection.rivals import compared_by_simulation
 from heli3dof.diagnosis.selection.select import Choice, choose
@@ -85,7 +85,7 @@ class Step(Screening):
         choice = choose(self, earlier_score, tried)
         if choice is not None and setup.controller_is_known:
             choice = compared_by_simulation(
-                choice, self.nulls, setup.recordings, seed=setup.seed, pilots=setup.pilots
+                choice, self.fit, self.nulls, setup.recordings, seed=setup.seed, pilots=setup.pilots
             )
         return replace(self, choice=choice)
 
@@ -108,8 +108,8 @@ def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
     return Step(fit, screen, screen.score(recorded, prior=True), nulls, bias)
 
 
-def fit_with_cause(setup: Setup, choice: Choice) -> CorrectedFit:
-    """Return the bias-corrected fit with the chosen term.
+def fit_with_cause(setup: Setup, current: CorrectedFit, choice: Choice) -> CorrectedFit:
+    """Return the ``current`` fit with the chosen term, bias-corrected.
 
     If that is a form of the body's equations, other significant forms are added.
     """
@@ -120,7 +120,7 @@ def fit_with_cause(setup: Setup, choice: Choice) -> CorrectedFit:
     if best.term.effect.formal:
         also = [c for c in choice.candidates[1:] if is_significant_form(c, choice)]
         problem, optimum = with_forms(problem, optimum, also)
-    return bias_corrected(setup, problem, optimum)
+    return bias_corrected(setup, problem, optimum, current)
 
 
 def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
@@ -144,17 +144,19 @@ def with_forms(
     return problem, maximise_corrected(problem, theta, optimum.noise, None)
 
 
-def bias_corrected(setup: Setup, problem: Likelihood, optimum: Optimum) -> CorrectedFit:
-    """Return the bias-corrected fit near an optimum; uncorrected if the controller is unknown.
+def bias_corrected(
+    setup: Setup, problem: Likelihood, optimum: Optimum, current: CorrectedFit | None = None
+) -> CorrectedFit:
+    """Return the bias-corrected fit near an optimum; the optimum if the controller is unknown.
 
-    On a limit cycle, a fit with encoder edge rates replaces it if its scores scatter less.
+    ``current``: the fit without the optimum's new terms, for a second start (`correction_starts`).
+    On a limit cycle, the fit uses edge rates if its scores then scatter less.
     """
     if not setup.controller_is_known:
         return CorrectedFit(problem, optimum)
     fit = correct(
         problem,
-        optimum.theta,
-        optimum.noise,
+        correction_starts(optimum, current),
         setup.recordings,
         seed=setup.seed,
         pilots=setup.pilots,

@@ -137,10 +137,13 @@ def simulate_again(
     return data_of(simulated, data.runs)
 
 
+Start = tuple[np.ndarray, np.ndarray]
+"""Start of a search: parameters (n,) and noise (4,), which is process noise of 3 axes and jitter"""
+
+
 def correct(
     problem: Likelihood,
-    theta: np.ndarray,
-    noise: np.ndarray,
+    starts: Sequence[Start],
     recordings: Sequence[Recording],
     *,
     seed: int,
@@ -149,11 +152,25 @@ def correct(
 ) -> CorrectedFit:
     """Return the fit at which the recordings' score equals the mean score of simulated flights.
 
-    The search starts at the parameters ``theta`` (n,) and ``noise`` (process noise of 3 axes,
-    jitter). It simulates ``pilots`` flights per round and takes at most ``rounds`` rounds. If the
-    search diverges, its start is returned, with ``scatter`` and ``bias`` None.
+    The search begins at the first of the ``starts``. If it diverges, it begins again at the next
+    one. It simulates ``pilots`` flights per round and takes at most ``rounds`` rounds. If the
+    search diverges from every start, the most likely start is returned, with ``scatter`` and
+    ``bias`` None.
     """
-    start = theta, noise
+    for start in starts:
+        fit = corrected_from(problem, start, recordings, seed=seed, pilots=pilots, rounds=rounds)
+        if fit is not None:
+            return fit
+    fits = [CorrectedFit(problem, optimum_at(problem, *start, 0, False)) for start in starts]
+    return max(fits, key=lambda f: f.optimum.loglik)
+
+
+def corrected_from(
+    problem: Likelihood, start: Start, recordings: Sequence[Recording], *,
+    seed: int, pilots: int, rounds: int,
+) -> CorrectedFit | None:  # fmt: skip
+    """Return the result of `correct` from one start; None if the search diverges."""
+    theta, noise = start
     low, high = problem.bounds
     precision = problem.prior_precision
     axes = problem.free_noise
@@ -195,7 +212,7 @@ def correct(
         noise_step = np.where(axes, np.clip(-slope / curvature, -0.7, 0.7), 0.0)
         length = float(np.abs(step / sd).max())
         if not np.isfinite(length) or (count >= DIVERGED_AFTER and length > DIVERGED):
-            return CorrectedFit(problem, optimum_at(problem, *start, count, converged))
+            return None
         if length < CONVERGED and np.abs(noise_step).max() < NOISE_CONVERGED:
             # Take this step too: without it, searches that start on one side end on that side.
             theta = np.clip(theta + step, low, high)

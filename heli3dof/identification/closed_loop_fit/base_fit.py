@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.identification.bias_correction.correction import CorrectedFit, correct
+from heli3dof.identification.bias_correction.correction import CorrectedFit, Start, correct
 from heli3dof.identification.closed_loop_fit.edge_rates import fit_with_edge_rates
 from heli3dof.identification.closed_loop_fit.limit_cycle import matched_noise, on_limit_cycle
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -99,13 +99,8 @@ def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:
     cycling = on_limit_cycle(problem.data)
     starts = [start_on_limit_cycle(setup, plain, cycling)] if cycling.any() else []
     starts.append((plain.optimum.theta, plain.optimum.noise))
-    for theta, noise in starts:
-        fit = correct(problem, theta, noise, setup.recordings, seed=setup.seed, pilots=setup.pilots)
-        if fit.scatter is not None:
-            break
-    else:
-        return CorrectedFit(problem, plain.optimum)
-    if not cycling.any():
+    fit = correct(problem, starts, setup.recordings, seed=setup.seed, pilots=setup.pilots)
+    if fit.scatter is None or not cycling.any():
         return fit
     fit = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)
     # Later fits with further effects use the likelihood alone: it would increase the noise again.
@@ -113,9 +108,7 @@ def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:
     return replace(fit, problem=replace(problem, known_noise=(roll, pitch, yaw)))
 
 
-def start_on_limit_cycle(
-    setup: Setup, plain: Estimate, cycling: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def start_on_limit_cycle(setup: Setup, plain: Estimate, cycling: np.ndarray) -> Start:
     """Return the start of a bias correction on a limit cycle: parameters (n,) and noise (4,).
 
     The parameters are those of the fit ``plain``, but with the profile's inertias. With the noise,

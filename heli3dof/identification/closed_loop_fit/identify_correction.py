@@ -62,7 +62,8 @@ def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
 
 def _corrected(fit: Estimate, recordings: Sequence[Recording]) -> CorrectedFit:
     o = fit.optimum
-    return correct(fit.problem, o.theta, o.noise, recordings, seed=0, pilots=FLIGHTS, rounds=ROUNDS)
+    start = o.theta, o.noise
+    return correct(fit.problem, [start], recordings, seed=0, pilots=FLIGHTS, rounds=ROUNDS)
 
 
 def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from heli3dof.diagnosis.selection.rivals import least_odds, odds, rivals
+from heli3dof.diagnosis.selection import rivals as module
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
+from heli3dof.diagnosis.selection.rivals import compared_by_simulation, least_odds, odds, rivals
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.selection.steps import screening_step
 from heli3dof.experiment.fly import fly_plan
@@ -60,6 +62,30 @@ def test_a_large_bias_lets_the_comparison_decide() -> None:
     assert [c.term.name for c in compared] == ["a", "b"]
     assert rivals(choice(a, b, far), nulls(-1.0, 1.0, 20.0)) == []
     assert rivals(choice(tried, a, b), nulls(-10.0, 1.0, 0.0)) == []
+
+
+def test_a_rival_that_cannot_be_simulated_is_not_the_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fitted(name: str) -> CandidateFit:
+        structure = SimpleNamespace(free=[SimpleNamespace(term=name)])
+        optimum = SimpleNamespace(at=SimpleNamespace(row=np.arange(10)))
+        problem: Any = SimpleNamespace(structure=structure)
+        probe = ["a", "b"].index(name)
+        return CandidateFit(SimpleNamespace(name=name), problem, optimum, 90.0, 70.0, probe)  # type: ignore[arg-type]
+
+    def correct(problem: Any, *args: object, **keywords: object) -> Any:
+        name = problem.structure.free[0].term
+        scatter = np.eye(1) if name == "b" else None
+        return SimpleNamespace(scatter=scatter, optimum=SimpleNamespace(at=SimpleNamespace(row=[])))
+
+    monkeypatch.setattr(module, "correct", correct)
+    monkeypatch.setattr(module, "correction_starts", lambda optimum, current: [])
+    monkeypatch.setattr(module, "likelihoods", lambda *a, **k: (np.zeros(1), np.zeros((1, 12, 1))))
+    biased = SimpleNamespace(mean=np.array([-10.0, 1.0]), inflation=1.0, confidence=lambda Z2: 1.0)
+    revised = compared_by_simulation(
+        choice(fitted("a"), fitted("b")), cast(Any, None), cast(Any, biased), [], seed=0, pilots=6
+    )
+    assert revised.term.name == "b"
+    assert revised.tied_with == ()
 
 
 @pytest.mark.accuracy

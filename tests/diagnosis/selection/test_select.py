@@ -55,7 +55,7 @@ def test_dry_friction_is_not_taken_for_viscous() -> None:
 
 def test_an_adopted_cause_leaves_the_candidates_and_can_be_removed_again() -> None:
     setup, step, choice = coulomb()
-    fitted = fit_with_cause(setup, choice)
+    fitted = fit_with_cause(setup, step.fit, choice)
     after = screening_step(setup, fitted, 10)
     assert "friction.coulomb.roll" not in after.screen.names
     assert max(z for _, z in after.largest) < step.nulls.threshold

@@ -1,12 +1,15 @@
-"""The fit with a cause on a limit cycle does not keep the noise of the fit without it."""
+"""The bias-corrected fit with a cause: its noise on a limit cycle, and its second start."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.screening.grid_trials import widened
 from heli3dof.diagnosis.selection.steps import bias_corrected
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -33,3 +36,14 @@ def test_with_its_cause_a_fit_on_a_limit_cycle_has_the_rig_s_roll_inertia() -> N
     fit = bias_corrected(setup, problem, start)
     assert fit.values[1] == pytest.approx(truth, rel=0.06)
     assert fit.optimum.noise[0] < 0.4 * noise[0]
+
+
+@pytest.mark.accuracy
+def test_a_delay_is_found_although_its_full_fit_cannot_be_simulated() -> None:
+    """The full fit has a tenth of the yaw inertia. The correction starts again without that."""
+    device = "mock:?speed=max&noise=0.3&hide=motor.delay:0.05"
+    flight = fly_plan(step_plan((10.0, None, None)), device=device, seed=2952).recording
+    (cause,) = diagnose(flight).findings
+    assert cause.term.name == "motor.delay"
+    delay_s, std = cause.values["delay_s"]
+    assert abs(delay_s - 0.05) < 3 * std

@@ -135,7 +135,7 @@ def test_a_constant_pitch_torque_is_not_fitted_as_a_large_inertia() -> None:
     assert step.choice is not None
     names = {step.choice.term.name, *step.choice.tied_with}
     assert "bias.torque.pitch" in names
-    result = fit_with_cause(setup, step.choice)
+    result = fit_with_cause(setup, step.fit, step.choice)
     assert not implausible_inertias(result)
     assert isinstance(result.problem, ProfileLikelihood)
     assert result.problem.doubt == 1.0
