@@ -272,7 +272,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
         deadline = self._clock() + timeout / 1000
         while True:
             function = self._claimed(dev_handle)
-            taken = function.take(self.now_us(), data.tobytes())
+            taken = function.receive(self.now_us(), data.tobytes())
             if taken:
                 self._lock.notify_all()
                 return len(data)
@@ -285,7 +285,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
         deadline = self._clock() + timeout / 1000
         while True:
             function = self._claimed(dev_handle)
-            given = function.give(self.now_us(), len(buff))
+            given = function.send(self.now_us(), len(buff))
             if given:
                 buff[: len(given)] = array("B", given)
                 return len(given)

@@ -73,7 +73,7 @@ class UsbFunction:
         self.configuration = value
         self.halted.clear()
 
-    def take(self, now_us: int, data: bytes) -> bool | None:
+    def receive(self, now_us: int, data: bytes) -> bool | None:
         """Accept ``data`` from the host at ``now_us`` (µs); return True.
 
         A return value of False means NAK: the host must send the bytes again. None means STALL.
@@ -85,7 +85,7 @@ class UsbFunction:
         self._send(self.endpoint.receive(now_us, data))
         return True
 
-    def give(self, now_us: int, longest: int) -> bytes | None:
+    def send(self, now_us: int, longest: int) -> bytes | None:
         """Return at most ``longest`` bytes for the host at ``now_us`` (µs).
 
         An empty result means NAK: there are no bytes yet. None means STALL.

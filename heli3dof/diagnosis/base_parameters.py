@@ -64,7 +64,7 @@ class BaseParameter:
         ratio = self.value / self.nominal
         return float(np.log(ratio)) if ratio > 0 else -np.inf
 
-    def beyond(self, tolerance: float) -> float:
+    def excess(self, tolerance: float) -> float:
         """Return |x| − |e|, by which x exceeds the tolerance's edge e; negative within it."""
         return abs(self.x) - abs(edge(self.x, tolerance))
 
@@ -95,7 +95,7 @@ def base_parameters(fit: PhysicalFit) -> tuple[BaseParameter, ...]:
         BaseParameter("K_f", K_f, K_f * scale.k, K_f * scale.k * scale.std, "N/V", 0.0, scale.std)
     ]
     for f, v, s in zip(fit.free[:4], fit.values[:4], fit.std[:4], strict=True):
-        value, std = scale.applied(float(v), float(s), f.unit)
+        value, std = scale.to_si(float(v), float(s), f.unit)
         out.append(BaseParameter(f.name, f.start, value, std, f.unit, float(s / abs(v)), scale.std))
     return tuple(out)
 
@@ -128,7 +128,7 @@ def off_nominal(
     out = [
         _off(c)
         for c in base_parameters(fit)
-        if c.is_significant(c.beyond(tolerance), quantile(), std_inflation * c.noise_std)
+        if c.is_significant(c.excess(tolerance), quantile(), std_inflation * c.noise_std)
     ]
     return tuple(sorted(out, key=lambda o: -o.score))
 
@@ -139,7 +139,7 @@ def std_inflation(fit: CorrectedFit) -> float:
     It is 1 for a fit that also uses how often encoder counts change
     (`closed_loop_fit.edge_rates`), else `STD_INFLATION`.
     """
-    return STD_INFLATION if fit.spread is None else 1.0
+    return STD_INFLATION if fit.covariance_with_edge_rates is None else 1.0
 
 
 def finding_of(parameter: str) -> str:
@@ -165,7 +165,7 @@ def _off(c: BaseParameter) -> OffNominal:
 def in_SI(fit: PhysicalFit, scale: ThrustScale, name: str) -> dict[str, tuple[float, float]]:
     """Return {parameter: (value, standard deviation)} of the effect ``name``, in SI."""
     return {
-        f.name.removeprefix(f"{name}."): scale.applied(float(v), float(s), f.unit)
+        f.name.removeprefix(f"{name}."): scale.to_si(float(v), float(s), f.unit)
         for f, v, s in zip(fit.free, fit.values, fit.std, strict=True)
         if f.term == name
     }

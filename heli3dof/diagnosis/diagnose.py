@@ -56,7 +56,7 @@ FLIGHTS, QUICK_FLIGHTS = 64, 16
 """Number of null simulations of the first score test, without and with ``quick``. Chosen."""
 FURTHER_SHARE = 0.5
 """Number of null simulations of a later score test, as a share of the first test's. Chosen."""
-PILOTS, QUICK_PILOTS = 12, 6
+ROUND_FLIGHTS, QUICK_ROUND_FLIGHTS = 12, 6
 """Number of simulated flights of a bias correction, without and with ``quick``. Chosen."""
 TORQUE_FLIGHTS, QUICK_TORQUE_FLIGHTS = 24, 8
 """Number of null simulations of the torque search, without and with ``quick``. Chosen."""
@@ -110,7 +110,7 @@ def _diagnosed(
             train, held, faults, why=why, base=base, quick=quick, seed=seed, progress=clock.progress
         )
     flights = QUICK_FLIGHTS if quick else FLIGHTS
-    setup = Setup(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base)
+    setup = Setup(tuple(train), seed, QUICK_ROUND_FLIGHTS if quick else ROUND_FLIGHTS, base)
     clock.start("base", "Fitting the base simulation and simulating its bias …")
     base_fit = fit_base(setup)
     steps, fit = forward_selection(setup, base_fit, flights, clock)
@@ -136,7 +136,7 @@ def _diagnosed(
     clock.start("off", "Comparing the calibration with the profile …")
     inflation = std_inflation(settled.fit)
     off = off_nominal(settled.fit, std_inflation=inflation) if settled.is_decided else ()
-    if settled.fit.scatter is None:
+    if not settled.fit.is_corrected:
         off = confirmed(off, settled.fit, settled.after, held, seed=seed)
     off = tuple(with_confounded_causes(o, last_step_with_causes(steps, settled.fit)) for o in off)
     clock.stop()
@@ -183,7 +183,7 @@ def forward_selection(
             break
         choice = step.choice
         wider = fit_with_cause(setup, fit, choice)
-        if wider.scatter is None and fit.scatter is not None and not setup.touches_stops:
+        if not wider.is_corrected and fit.is_corrected and not setup.touches_stops:
             # Flights simulated with this cause diverge from the recorded one: it is refuted.
             steps[-1] = replace(step, choice=None)
             break

@@ -21,8 +21,8 @@ from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
     Fitted,
-    Remainder,
     TorqueTerm,
+    UnexplainedError,
     physical,
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
@@ -86,7 +86,7 @@ def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
     """Return an axis' prediction error with the profile's numbers, and its noise floor."""
     if f is None:
         return {"rmse_deg": None, "noise_floor_deg": None, "horizon_s": HORIZON_S}
-    error, floor = (_finite_or_none(x) for x in f.wrong.at(HORIZON_S, axis))
+    error, floor = (_finite_or_none(x) for x in f.simulation_error.at(HORIZON_S, axis))
     return {
         "rmse_deg": error,
         "noise_floor_deg": floor,
@@ -94,10 +94,10 @@ def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
         "by_horizon": [
             {
                 "horizon_s": h,
-                "rmse_deg": _finite_or_none(f.wrong.at(h, axis)[0]),
-                "noise_floor_deg": _finite_or_none(f.wrong.at(h, axis)[1]),
+                "rmse_deg": _finite_or_none(f.simulation_error.at(h, axis)[0]),
+                "noise_floor_deg": _finite_or_none(f.simulation_error.at(h, axis)[1]),
             }
-            for h in f.wrong.horizons_s
+            for h in f.simulation_error.horizons_s
         ],
         "worst": [
             {
@@ -106,7 +106,7 @@ def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
                 "stop_s": w.stop_s,
                 "rmse_deg": w.rmse_deg,
             }
-            for w in f.wrong.worst
+            for w in f.simulation_error.worst
             if w.axis == axis
         ],
     }
@@ -125,7 +125,7 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
     def beyond(c: BaseParameter) -> str:
         if finding_of(c.name) in findings:
             return "surely"
-        return "not_surely" if c.beyond(tolerance) > 0 else "no"
+        return "not_surely" if c.excess(tolerance) > 0 else "no"
 
     return [
         {
@@ -266,7 +266,7 @@ def _residual_torque(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
     }
 
 
-def _remainder(r: Remainder) -> dict[str, Any]:
+def _remainder(r: UnexplainedError) -> dict[str, Any]:
     """Return an unexplained error as the JSON object of a residual torque without a variable."""
     return {
         "axis": r.axis,

@@ -12,7 +12,7 @@ MIN_CERTAINTY = 0.5
 
 
 @dataclass(frozen=True)
-class Outlook:
+class PlanForecast:
     """Expected result of a plan: its evidence, in units of 2 ln L, and its ``certainty``.
 
     ``margins``: evidence for each simulated cause against the others (`planning.next_experiment`)
@@ -38,11 +38,11 @@ class NextExperiment:
     separates: tuple[str, ...]
     why: str
     certainty: float | None
-    ranking: tuple[Outlook, ...] = field(default=())
+    ranking: tuple[PlanForecast, ...] = field(default=())
 
 
 @dataclass(frozen=True, eq=False)
-class OpenTerms:
+class UndecidedTerms:
     """Terms of a fit to free-run predictions on which a further flight should decide.
 
     They are a cause and those confounded with it. Without any, they are terms that improve held-out

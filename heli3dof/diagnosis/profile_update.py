@@ -150,7 +150,7 @@ def _from_model(path: Path) -> Calibration:
     base = {"K_f": Measured(K_f, K_f * scale.k, K_f * scale.k * scale.std)}
     for f, v, s in zip(free, model.values, std, strict=False):
         assert any(u in f.unit for u in TORQUE_UNITS)
-        base[f.name] = Measured(f.start, *scale.applied(float(v), float(s), f.unit))
+        base[f.name] = Measured(f.start, *scale.to_si(float(v), float(s), f.unit))
     return Calibration(path.name, base, left_out=tuple(model.terms), profile=model.profile)
 
 

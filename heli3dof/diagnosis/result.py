@@ -10,7 +10,7 @@ from typing import Any
 from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal
-from heli3dof.diagnosis.outlook import OpenTerms
+from heli3dof.diagnosis.outlook import UndecidedTerms
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
@@ -85,19 +85,19 @@ class Fitted:
     before: HeldOut | None
     after: HeldOut | None
     """Results on held-out data of the refitted base simulation and of the extended model"""
-    wrong: SimulationError
+    simulation_error: SimulationError
     """Prediction errors with the profile's numbers, and the extended model's noise floor"""
     refit: Gain | None = None
     """Gain of the refitted base simulation over the one with the profile's numbers"""
     calibration: tuple[BaseParameter, ...] = ()
     """The base parameters if there is no ``final`` that contains them"""
-    open: OpenTerms | None = None
+    open: UndecidedTerms | None = None
     """Open terms; None if a likelihood was fitted, or the extended model was not adopted"""
 
     @property
     def noise_floor(self) -> dict[str, float | None]:
         """Return {axis: noise floor (°) of predictions `HORIZON_S` ahead; None if unknown}."""
-        floor = {a: self.wrong.at(HORIZON_S, a)[1] for a in AXES}
+        floor = {a: self.simulation_error.at(HORIZON_S, a)[1] for a in AXES}
         return {a: x if isfinite(x) else None for a, x in floor.items()}
 
 
@@ -115,7 +115,7 @@ class TorqueTerm:
 
 
 @dataclass(frozen=True)
-class Remainder:
+class UnexplainedError:
     """An axis on which most of the error remains: RMSE (°) of predictions `HORIZON_S` ahead."""
 
     axis: str
@@ -144,7 +144,7 @@ class Diagnosis:
     residual_torques: tuple[ResidualTorque, ...] = ()
     torque_terms: tuple[TorqueTerm | None, ...] = ()
     """The extended model's term for each of ``residual_torques``; None: it contains none"""
-    remainders: tuple[Remainder, ...] = ()
+    remainders: tuple[UnexplainedError, ...] = ()
     """Errors that neither causes nor noise explain, see `remainders`"""
     slow_noise: tuple[ResidualTorque, ...] = ()
     """Residual torques that depend on time only, such as a draught's: no model can predict them"""
@@ -184,7 +184,7 @@ def physical(causes: Sequence[Fault | Finding | OffNominal]) -> list[Finding | O
 
 def verdict_of(
     findings: Sequence[Fault | Finding | OffNominal],
-    left: Sequence[ResidualTorque | Remainder],
+    left: Sequence[ResidualTorque | UnexplainedError],
     refit: Gain | None = None,
     *,
     ambiguous: bool = False,
@@ -209,7 +209,7 @@ def remainders(
     f: Fitted,
     findings: Sequence[Fault | Finding | OffNominal],
     slow_noise: Sequence[ResidualTorque] = (),
-) -> tuple[Remainder, ...]:
+) -> tuple[UnexplainedError, ...]:
     """Return the errors that remain, largest first; empty if the causes explain most of the error.
 
     On held-out data, e_0 is the RMSE of the simulation with the profile's numbers and e_1 that of
@@ -227,16 +227,16 @@ def remainders(
     each = []
     for axis in (a for a in AXES if a not in {x.axis for x in slow_noise}):
         e_0, e_1 = f.refit.before.get(axis), f.gain.after.get(axis)
-        e_n = f.wrong.at(HORIZON_S, axis)[1]
+        e_n = f.simulation_error.at(HORIZON_S, axis)[1]
         if e_0 is not None and e_1 is not None and isfinite(e_0) and isfinite(e_1):
-            each.append(Remainder(axis, e_0, e_1, e_n if isfinite(e_n) else None))
+            each.append(UnexplainedError(axis, e_0, e_1, e_n if isfinite(e_n) else None))
     if sum(map(_unexplained, each)) <= sum(r.simulation_deg**2 for r in each) / 2:
         return ()
     most = (r for r in each if _unexplained(r) > r.simulation_deg**2 / 2)
     return tuple(sorted(most, key=_unexplained, reverse=True))
 
 
-def _unexplained(r: Remainder) -> float:
+def _unexplained(r: UnexplainedError) -> float:
     """Return the mean square in deg² that neither the extended model nor noise explains."""
     return float(max(r.extended_deg**2 - (r.noise_deg or 0.0) ** 2, 0.0))
 

@@ -26,7 +26,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
 from heli3dof.identification.row_selection import REASONS, clipped, stretches, unusable
-from heli3dof.model.estimation.filter_data import LOST, Run, Stretch
+from heli3dof.model.estimation.filter_data import LOST, RowRange, Run
 from heli3dof.recording.gap_filling import GAP, fill_gaps
 from heli3dof.recording.recording import Recording
 
@@ -270,7 +270,9 @@ def _usable_runs(recording: Recording, source: int) -> tuple[list[Run], Recordin
         bad |= masks[reason]
     breaks = np.flatnonzero(np.diff(recording.t) > LOST * clock.period_s) + 1
     least = SEGMENT_MIN_S / clock.period_s
-    found: list[Run] = [Stretch(source, a, b) for a, b in stretches(~bad, breaks) if b - a >= least]
+    found: list[Run] = [
+        RowRange(source, a, b) for a, b in stretches(~bad, breaks) if b - a >= least
+    ]
     used = sum(r.stop - r.start for r in found) / n
     clip = float((clipped(recording) & ~bad).mean())
     report = RecordingReport(
@@ -303,9 +305,9 @@ def _split(runs: list[Run], share: float) -> tuple[list[Run], list[Run]]:
         length = r.stop - r.start
         cut = r.start + min(max(keep, 0), length)
         if cut > r.start:
-            train.append(Stretch(r.source, r.start, cut))
+            train.append(RowRange(r.source, r.start, cut))
         if cut < r.stop:
-            test.append(Stretch(r.source, cut, r.stop))
+            test.append(RowRange(r.source, cut, r.stop))
         keep -= length
     return train, test
 

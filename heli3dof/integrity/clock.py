@@ -18,7 +18,7 @@ from heli3dof.errors import RecordingError
 from heli3dof.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
 from heli3dof.integrity.directions import EXPLAINED, SURE
 from heli3dof.integrity.view import View
-from heli3dof.recording.logs.log_validation import long_enough, time_increases
+from heli3dof.recording.logs.log_validation import check_sampling_times, long_enough
 
 OFF, REPORTED_OFF = 0.02, 0.002
 """Limits of |m − 1| for bad data and for a note. Chosen, as are all constants below."""
@@ -49,7 +49,7 @@ def order(view: View) -> Iterable[Fault]:
                 cause="cells are empty, or the clock was not read.",
                 fix="remove these rows; gaps in time are allowed",
             )
-        time_increases(r.name, r.t, r.profile.dt, lambda k: f"row {k + 1}")
+        check_sampling_times(r.name, r.t, r.profile.dt, lambda k: f"row {k + 1}")
     except RecordingError as error:
         yield bad_data_fault("clock.order", view, error)
 

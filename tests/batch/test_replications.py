@@ -49,7 +49,7 @@ def document() -> dict[str, Any]:
 def test_a_diagnosis_has_the_same_numbers_on_an_engine(monkeypatch: pytest.MonkeyPatch) -> None:
     """All functions of replications are picklable; few replications, so that it is fast."""
     pytest.importorskip("cloudpickle")
-    for name, count in (("FLIGHTS", 6), ("PILOTS", 3), ("TORQUE_FLIGHTS", 4)):
+    for name, count in (("FLIGHTS", 6), ("ROUND_FLIGHTS", 3), ("TORQUE_FLIGHTS", 4)):
         monkeypatch.setattr(f"heli3dof.diagnosis.diagnose.QUICK_{name}", count)
     engine = Elsewhere()
     with distribute(replications_on(engine)):

@@ -52,7 +52,7 @@ def one_fit(job: tuple[int, str, float]) -> dict[str, Any]:
     flight = fly(seed, plan, noise=noise)
     result = fit_greybox(flight.recording)
     problem = result.problem
-    truth = problem.coordinates(np.array([flight.truth[f.name] for f in result.free]))
+    truth = problem.scaled(np.array([flight.truth[f.name] for f in result.free]))
     on = {t.effect.name for t in result.structure.terms}
     absent = [
         f"{e.name}.{a}" if a else e.name
@@ -132,7 +132,7 @@ def one_start(seed: int) -> float:
         elif f.name == "T_g":
             theta[j] *= factor
         else:
-            theta[j] = factor * f.inward(f.typical)
+            theta[j] = factor * f.scaled(f.typical)
     again = maximise(result.problem, theta)
     sd = result.std / result.slopes
     return float(np.abs((again.theta - result.optimum.theta) / sd).max())

@@ -42,7 +42,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def result(flight: Path) -> Result:
     with pytest.MonkeyPatch.context() as few:
         few.setattr(module, "QUICK_FLIGHTS", 8, raising=False)
-        few.setattr(module, "QUICK_PILOTS", 4, raising=False)
+        few.setattr(module, "QUICK_ROUND_FLIGHTS", 4, raising=False)
         model = flight.with_name("extended.json")
         page = ("--report", flight.with_name("page.html"))
         return heli3dof("diagnose", flight, "--quick", "-o", model, *page, "--json", "--seed", "3")

@@ -178,7 +178,7 @@ def test_the_demo_does_the_whole_chain_and_keeps_an_earlier_one(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(diagnosing, "QUICK_FLIGHTS", 6)
-    monkeypatch.setattr(diagnosing, "QUICK_PILOTS", 3)
+    monkeypatch.setattr(diagnosing, "QUICK_ROUND_FLIGHTS", 3)
     monkeypatch.setattr(diagnosing, "QUICK_TORQUE_FLIGHTS", 4)
     monkeypatch.setattr("heli3dof.experiment.plan.load_plan", lambda name: first_part(name, 30.0))
     result = heli3dof("demo", "--json")

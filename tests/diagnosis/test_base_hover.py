@@ -89,7 +89,7 @@ def test_the_gain_of_geometry_is_relative_to_the_refitted_hover_model(result: Di
     assert after is not None
     assert after < 0.5 * before
     # Calibration is not part of the gain: the hover model with the profile's values is worse.
-    assert whole.wrong.at(1.0, "roll")[0] > before
+    assert whole.simulation_error.at(1.0, "roll")[0] > before
 
 
 def test_the_command_diagnoses_the_linear_model(command: tuple[Result, Diagnosis]) -> None:

@@ -58,7 +58,7 @@ def test_two_standard_deviations_are_not_enough() -> None:
     # standard deviations (σ = 0.065, σ_k = 0.048), but 0.8 of what q = 3.24 requires.
     fit = rig((1, 1, 1.4, 1), relative_std=0.065)
     pitch = base_parameters(fit)[3]
-    assert pitch.beyond(0.15) > 2 * np.hypot(pitch.noise_std, pitch.scale)
+    assert pitch.excess(0.15) > 2 * np.hypot(pitch.noise_std, pitch.scale)
     assert names(off_nominal(fit)) == []
 
 

@@ -17,7 +17,7 @@ from heli3dof.diagnosis.profile_update import Measured, ratios
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
-    Remainder,
+    UnexplainedError,
     in_order,
     remainders,
     verdict_of,
@@ -86,7 +86,7 @@ def errors(before: tuple[float, ...], after: tuple[float, ...], noise: tuple[flo
     """A fit whose errors (roll, pitch, yaw) are ``before`` with the profile's numbers."""
     known = {a: (b, n) for a, b, n in zip(AXES, before, noise, strict=True)}
     return SimpleNamespace(
-        wrong=SimpleNamespace(at=lambda horizon_s, axis: known[axis]),
+        simulation_error=SimpleNamespace(at=lambda horizon_s, axis: known[axis]),
         refit=SimpleNamespace(before=dict(zip(AXES, before, strict=True))),
         gain=SimpleNamespace(after=dict(zip(AXES, after, strict=True))),
     )
@@ -120,7 +120,7 @@ def test_slow_noise_is_no_unexplained_error() -> None:
 
 
 def test_an_unexplained_error_is_left_over_and_depends_on_nothing() -> None:
-    rest = Remainder("pitch", 7.0, 6.2, None)
+    rest = UnexplainedError("pitch", 7.0, 6.2, None)
     d = Diagnosis(("a",), (), "unexplained", (), remainders=(rest,))
     (left,) = diagnosis_document(d)["leftover"]
     assert (left["axis"], left["depends_on"], left["table"]) == ("pitch", None, [])
@@ -169,7 +169,7 @@ def test_beyond_tolerance_has_three_values() -> None:
     gain = SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on="holdout")
     fitted = SimpleNamespace(refit=None,
         final=None, open=None, model=model, calibration=numbers, gain=gain, noise_floor={},
-        wrong=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),
+        simulation_error=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),
     )  # fmt: skip
     d = Diagnosis(("a",), (), "explained", (), cast(Any, fitted), calibration_findings=(off(),))
     statuses = {c["parameter"]: c["beyond_tolerance"] for c in diagnosis_document(d)["calibration"]}
@@ -194,7 +194,7 @@ def test_a_log_without_a_likelihood_has_the_keys_of_the_profile_too() -> None:
         refit=None, final=None, open=None, model=SimpleNamespace(profile=profile),
         gain=SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on=""),
         calibration=numbers, noise_floor={},
-        wrong=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),
+        simulation_error=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),
     )  # fmt: skip
     document = diagnosis_document(Diagnosis(("a",), (), "explained", (), cast(Any, fitted)))
     keys = {k["key"]: k["value"] for k in document["profile"]}

@@ -37,7 +37,7 @@ def score_test(found: Estimate, term: Term) -> ScoreTestResult:
     o = found.optimum
     old = len(o.theta)
     theta = np.concatenate(
-        [o.theta, [f.inward(f.start if f.log else f.null) for f in wider.free[old:]]]
+        [o.theta, [f.scaled(f.start if f.log else f.null) for f in wider.free[old:]]]
     )
     new = np.arange(old, len(theta))
     D = np.vstack([o.tangents, problem.tangents(theta, o.at, new)])

@@ -5,7 +5,7 @@ import pytest
 
 from heli3dof.errors import RecordingError
 from heli3dof.identification.preprocessing import check_clock, prepare, segments
-from heli3dof.model.estimation.filter_data import Stretch
+from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import default_profile
 
@@ -23,7 +23,7 @@ def flying(n: int = 10_000, seed: int = 0, t: np.ndarray | None = None) -> Recor
 
 def test_segments_hold_mean_voltages_and_angles_at_the_interval_start() -> None:
     rec = flying()
-    cut = segments(prepare([rec]), [Stretch(0, 100, 130)], 10)[0]
+    cut = segments(prepare([rec]), [RowRange(0, 100, 130)], 10)[0]
     np.testing.assert_allclose(cut.u[0], rec.voltage[100:110].mean(axis=0))
     np.testing.assert_allclose(cut.u[2], rec.voltage[120:130].mean(axis=0))
     np.testing.assert_array_equal(cut.y, rec.angle[[100, 110, 120]])
@@ -33,7 +33,7 @@ def test_the_mean_voltage_is_weighted_by_hold_time() -> None:
     t = np.cumsum(np.r_[0, np.tile([0.0022, 0.0018], 5000)])[:10_000]
     rec = flying(t=t)
     rec.voltage[0], rec.voltage[1] = 1.0, 2.0
-    cut = segments(prepare([rec]), [Stretch(0, 0, 4)], 2)[0]
+    cut = segments(prepare([rec]), [RowRange(0, 0, 4)], 2)[0]
     # (1 V · 2.2 ms + 2 V · 1.8 ms) / 4 ms = 1.45 V
     np.testing.assert_allclose(cut.u[0], 1.45)
 
@@ -68,8 +68,8 @@ def test_across_lost_samples_voltage_is_held_and_angle_interpolated() -> None:
     whole = flying()
     lost = [200, 207, 208]
     rec = whole.rows(np.delete(np.arange(10_000), lost))
-    (cut,) = segments(prepare([rec]), [Stretch(0, 0, 997)], 10)
-    (true,) = segments(prepare([whole]), [Stretch(0, 0, 1000)], 10)
+    (cut,) = segments(prepare([rec]), [RowRange(0, 0, 997)], 10)
+    (true,) = segments(prepare([whole]), [RowRange(0, 0, 1000)], 10)
     assert len(cut.y) == len(true.y) == 100
     untouched = np.delete(np.arange(100), [19, 20])
     np.testing.assert_allclose(cut.u[untouched], true.u[untouched], rtol=1e-9)

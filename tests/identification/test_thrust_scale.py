@@ -50,9 +50,9 @@ def test_rigs_within_seven_per_cent_are_estimated_within_the_interval(draws: lis
 
 def test_a_torque_scales_with_it_and_a_time_does_not() -> None:
     scale = ThrustScale(1.1, 0.03)
-    value, std = scale.applied(2.0, 0.0, "N·m·s/rad")
+    value, std = scale.to_si(2.0, 0.0, "N·m·s/rad")
     assert (value, std) == pytest.approx((2.2, 0.066))
-    assert scale.applied(0.1, 0.01, "s") == (0.1, 0.01)
+    assert scale.to_si(0.1, 0.01, "s") == (0.1, 0.01)
 
 
 @pytest.mark.parametrize(

@@ -88,13 +88,13 @@ class Cable:
         # First the host's data: the device may reply to it.
         for waiting in sorted(self._waiting, key=lambda w: not w.towards_device):
             if waiting.towards_device:
-                taken = self._function.take(now_us, waiting.data)
+                taken = self._function.receive(now_us, waiting.data)
                 if taken is False:
                     continue
                 self._waiting.remove(waiting)
                 self._answer(waiting.number, b"" if taken else None, len(waiting.data))
             else:
-                given = self._function.give(now_us, waiting.length)
+                given = self._function.send(now_us, waiting.length)
                 if given == b"":
                     continue
                 self._waiting.remove(waiting)

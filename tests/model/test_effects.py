@@ -116,7 +116,7 @@ def test_parameters_start_inside_their_bounds() -> None:
     structure = Structure(default_profile(), terms(all_names()))
     for f in structure.free:
         assert f.low <= f.start <= f.high, f.name
-        assert f.outward(f.inward(f.start)) == pytest.approx(f.start)
+        assert f.unscaled(f.scaled(f.start)) == pytest.approx(f.start)
 
 
 def test_a_plugin_that_cannot_be_loaded_is_left_out_with_a_warning(monkeypatch, caplog) -> None:  # type: ignore[no-untyped-def]

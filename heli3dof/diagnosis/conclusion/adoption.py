@@ -104,7 +104,7 @@ def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, firs
         return COLOURED if margin > 0 else WITHIN_A_COUNT
     if not pays_enough(choice, g, first=first):
         return DOES_NOT_PAY
-    if fit.scatter is None:
+    if not fit.is_corrected:
         if not choice.term.effect.of_base and is_biased(fit, choice.term.axis):
             return LIMIT_CYCLE
         if not exceeds_rounding(g, fit.structure.profile):
@@ -129,7 +129,7 @@ def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
     j = first_parameters(fit.free).get(choice.term.name)
     if j is None:
         return math.inf
-    rho = float(fit.colour[j])
+    rho = float(fit.coloured_noise_factor[j])
     return math.inf if rho <= 1 else choice.Z2 / rho / choice.threshold
 
 

@@ -88,12 +88,12 @@ def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool
 
     The flights are simulated; ``fit`` contains the causes. True if simulation is impossible.
     """
-    if not setup.controller_is_known or fit.scatter is None:
+    if not setup.controller_is_known or not fit.is_corrected:
         return True
     o = formula.optimum
     corrected = correct(
         formula.problem, [(o.theta, o.noise)], setup.recordings, seed=setup.seed,
-        pilots=setup.pilots, rounds=ROUNDS,
+        flights_per_round=setup.flights_per_round, rounds=ROUNDS,
     )  # fmt: skip
     W = odds(*likelihoods([fit, corrected], setup.recordings, seed=setup.seed))
     return bool(W[1, 0] > TIE)
@@ -126,6 +126,6 @@ def with_best_product(fit: CorrectedFit) -> Formula:
     k = int(S.argmax())
     o = fit.optimum
     wide = widened(fit.problem, term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}"))
-    start = wide.structure.free[-1].inward(float(c[k]))
+    start = wide.structure.free[-1].scaled(float(c[k]))
     best = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)
     return Formula(wide, best, Place(AXES[i], variable_of(PRODUCTS[k])))

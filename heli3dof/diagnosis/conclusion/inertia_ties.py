@@ -3,7 +3,7 @@
 The base fit absorbs some effects completely. For example, a step about one hover voltage only
 determines the ratio of thrust slope and inertia, so a curved thrust appears as another inertia.
 
-A probe i is an effect of a trial size. It changes the base fit's coordinate θ_j of T_g or an
+A probe i is an effect of a trial size. It changes the base fit's scaled parameter θ_j of T_g or an
 inertia by b_ji = (A⁻¹ T W δc_i)_j (symbols: `screening.score_test`). If effect i alone explains why
 θ_j lies beyond the edge θ_edge of its tolerance, its size α (in units of the probe) and its
 statistic Z are at least
@@ -72,7 +72,10 @@ def confounded_causes(step: Step, j: int) -> tuple[str, ...]:
     x, v = float(np.log(value / f.start)), float(fit.values[j])
     tolerance = fit.structure.profile.tolerance
     same_side, other_side = (float(np.exp(edge(s, tolerance) - x)) for s in (x, -x))
-    least, most = f.inward(v) - f.inward(v * same_side), f.inward(v) - f.inward(v * other_side)
+    least, most = (
+        f.scaled(v) - f.scaled(v * same_side),
+        f.scaled(v) - f.scaled(v * other_side),
+    )
     solved = enumerate(screen.solved[j, : len(screen.plain)])
     return plausible_terms(step, ((i, least / b, most / b) for i, b in solved if b))
 
@@ -83,10 +86,10 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     base, half = fit.free[:4], 0.5 * fit.structure.profile.tolerance
     nominal = np.array([f.start for f in base])
     std = fit.std[:4] / np.abs(nominal)
-    at = np.array([f.inward(float(v)) for f, v in zip(base, fit.values, strict=False)])
+    at = np.array([f.scaled(float(v)) for f, v in zip(base, fit.values, strict=False)])
 
     def log_k(amount: float, b: np.ndarray) -> float:
-        x = np.array([f.outward(float(c)) for f, c in zip(base, at - amount * b, strict=True)])
+        x = np.array([f.unscaled(float(c)) for f, c in zip(base, at - amount * b, strict=True)])
         return float(np.log(of_ratios(x / nominal, std, half).k))
 
     limit = abs(edge(log_k(0.0, np.zeros(4)), fit.structure.profile.tolerance))

@@ -52,9 +52,11 @@ def settle_unmodelled(
 
     ``flights``: number of null simulations per search.
     """
-    if start.fit.scatter is None:  # a cause dropped by now may have prevented simulation
+    if not start.fit.is_corrected:  # a cause dropped by now may have prevented simulation
         again = bias_corrected(setup, start.fit.problem, start.fit.optimum)
-        start = start if again.scatter is None else _adopted_again(setup, start, again, (), holdout)
+        start = (
+            start if not again.is_corrected else _adopted_again(setup, start, again, (), holdout)
+        )
     now, removed, certain = start, list[Finding](), None
     first: tuple[ResidualTorque, ...] | None = None
     while True:
@@ -62,7 +64,7 @@ def settle_unmodelled(
         if scores.null is None and certain is None:
             certain = significant_formula(now.fit)
         left, slow_noise = split_off_slow_noise(significant_torques(scores, certain))
-        if now.fit.scatter is None:
+        if not now.fit.is_corrected:
             left = tuple(x for x in left if not is_biased(now.fit, x.axis))
         contest = replaced_by_formula(setup, now.fit, replaceable_causes(now.findings))
         if contest is None:

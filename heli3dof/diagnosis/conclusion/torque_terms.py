@@ -73,6 +73,6 @@ def fit_with(setup: Setup, fit: CorrectedFit, proposal: Proposal) -> CorrectedFi
     o = fit.optimum
     wide = widened(fit.problem, term(proposal.term))
     new = wide.structure.free[len(o.theta) :]
-    start = [f.inward(v) for f, v in zip(new, proposal.start, strict=True)]
+    start = [f.scaled(v) for f, v in zip(new, proposal.start, strict=True)]
     at = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)
     return bias_corrected(setup, wide, at, fit)

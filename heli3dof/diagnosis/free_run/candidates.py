@@ -1,7 +1,7 @@
 """Score test of every effect that a multi-step fit lacks, without fitting any.
 
 r (R,) are the fit's weighted residuals and Q = r·r + prior its cost, which is like −2 ln L
-(`heli3dof.identification.greybox.multistep`). D (dim, R) is ∂r/∂z, with the coordinates z.
+(`heli3dof.identification.greybox.multistep`). D (dim, R) is ∂r/∂z, with the scaled parameters z.
 z_0 and Λ are the prior's mean and precision, H = D Dᵀ + Λ. A probe (`screening.catalogue`) changes
 r by d (R,), which one simulation gives. With the fit's parameters projected out,
 
@@ -130,7 +130,7 @@ def possible_replacements(fit: MultiStepFit, name: str, tests: Sequence[Candidat
         if f.term == name:
             at = [j, *(recording_indices(p, j) if f.name in p.varying else [])]
             own[at] = True
-            absent[at] = f.inward(f.low if f.log else f.null)
+            absent[at] = f.scaled(f.low if f.log else f.null)
     D = fit.tangents[~own]
     H = D @ D.T + p.prior[np.ix_(~own, ~own)]
     w = project_out((absent - fit.z)[own] @ fit.tangents[own], D, H)
@@ -149,7 +149,7 @@ def _with_probe(fit: MultiStepFit, probe: Probe) -> np.ndarray:
     new = restructured(p, [*(t.name for t in fit.structure.terms), probe.name])
     z, _ = carried_over(fit, new)
     z[p.n : new.n] = [
-        f.inward(value) for f, value in zip(new.structure.free[p.n :], probe.values, strict=True)
+        f.scaled(value) for f, value in zip(new.structure.free[p.n :], probe.values, strict=True)
     ]
     return _residuals(fit, new, z)
 

@@ -33,7 +33,7 @@ from heli3dof.diagnosis.free_run.elimination import (
 from heli3dof.diagnosis.free_run.halves import PRIOR_SHARE, compare_halves, null_distance
 from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
 from heli3dof.diagnosis.free_run.refits import refit
-from heli3dof.diagnosis.outlook import OpenTerms
+from heli3dof.diagnosis.outlook import UndecidedTerms
 from heli3dof.diagnosis.validation.gain import LEVEL
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.thrust_scale import thrust_scale
@@ -95,7 +95,7 @@ def confidence(result: Elimination, r: TermResult) -> float:
 
 def open_terms(
     result: Elimination, model: GreyBoxModel, causes: list[TermResult], only_kept: list[TermResult]
-) -> OpenTerms:
+) -> UndecidedTerms:
     """Return the terms on which a further flight should decide.
 
     These are a cause and the terms confounded with it; else terms that held-out blocks need but
@@ -107,9 +107,9 @@ def open_terms(
             for other in r.tied_with:
                 if other not in {t.name for t in fit.structure.terms}:
                     fit = refit(fit, "", other)
-            return OpenTerms(fit, model, (r.term, *r.tied_with), tied=True)
+            return UndecidedTerms(fit, model, (r.term, *r.tied_with), tied=True)
     needed = [r.term for r in only_kept if r not in result.gone]
-    return OpenTerms(result.fit, model, tuple(needed or not_identifiable(result.fit, causes)))
+    return UndecidedTerms(result.fit, model, tuple(needed or not_identifiable(result.fit, causes)))
 
 
 def kept_terms(result: Elimination, only_kept: list[TermResult]) -> list[dict[str, Any]]:
@@ -147,12 +147,12 @@ def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
     prior = p.start[: p.n]
     for j, f in enumerate(fit.structure.free):
         if f.term == name:
-            value, std = scale.applied(float(fit.values[j]), float(fit.std[j]), f.unit)
+            value, std = scale.to_si(float(fit.values[j]), float(fit.std[j]), f.unit)
             out[f.name.removeprefix(f"{name}.")] = {
                 "value": value,
                 "std": std,
-                "prior_mean": scale.applied(float(f.outward(prior[j])), 0.0, f.unit)[0],
-                "prior_std": scale.applied(float(fit.prior_std[j]), 0.0, f.unit)[0],
+                "prior_mean": scale.to_si(float(f.unscaled(prior[j])), 0.0, f.unit)[0],
+                "prior_std": scale.to_si(float(fit.prior_std[j]), 0.0, f.unit)[0],
                 "unit": f.unit,
             }
     return out

@@ -181,7 +181,7 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
         for j, f in enumerate(full.structure.free):
             if f.term != t.name:
                 continue
-            null = f.inward(f.low if f.log else f.null)
+            null = f.scaled(f.low if f.log else f.null)
             at = [j] if f.name not in p.varying else recording_indices(p, j)
             z2 += sum(float((full.z[i] - null) ** 2 / C[i, i]) for i in at)
         out[t.name] = z2
@@ -227,7 +227,7 @@ def known_beforehand(problem: MultiStep) -> set[str]:
     for j, f in enumerate(problem.structure.free):
         if f.term is None or f.log or f.name in problem.varying:
             continue
-        if abs(problem.start[j] - f.inward(f.null)) > SIGMAS * sd[j]:
+        if abs(problem.start[j] - f.scaled(f.null)) > SIGMAS * sd[j]:
             out.add(f.term)
     return out
 

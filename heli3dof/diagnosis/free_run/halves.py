@@ -65,14 +65,14 @@ def compare_halves(halves: tuple[MultiStepFit, ...], name: str) -> HalvesCompari
 def null_distance(fit: MultiStepFit, name: str) -> tuple[float, float, float, bool] | None:
     """Return (u = (θ − θ_0)/σ, θ, σ, whether σ > `PRIOR_SHARE` σ_prior) of the first parameter.
 
-    On a logarithmic scale u is infinite, and θ, σ are coordinates. None without a parameter or σ.
+    On a logarithmic scale u is infinite, and θ, σ are scaled. None without a parameter or σ.
     """
     p = fit.problem
     for j, f in enumerate(fit.structure.free):
         if f.term != name:
             continue
         if f.log:
-            return math.inf, *_in_coordinates(fit, j)
+            return math.inf, *_scaled_estimate(fit, j)
         if f.name in p.varying:
             return equivalent_deviation(*chi_squared(fit, j)), 0.0, 0.0, False
         value, std = float(fit.values[j]), float(fit.std[j])
@@ -82,7 +82,7 @@ def null_distance(fit: MultiStepFit, name: str) -> tuple[float, float, float, bo
     return None
 
 
-def _in_coordinates(fit: MultiStepFit, j: int) -> tuple[float, float, bool]:
+def _scaled_estimate(fit: MultiStepFit, j: int) -> tuple[float, float, bool]:
     p = fit.problem
     C, before = (np.linalg.inv(H)[j, j] for H in (fit.tangents @ fit.tangents.T + p.prior, p.prior))
     return float(fit.z[j]), float(np.sqrt(C)), bool(PRIOR_SHARE**2 * before < C)
@@ -93,7 +93,7 @@ def chi_squared(fit: MultiStepFit, j: int) -> tuple[float, int]:
     p = fit.problem
     at, f = recording_indices(p, j), fit.structure.free[j]
     C = np.linalg.inv(fit.tangents @ fit.tangents.T + p.prior)[np.ix_(at, at)]
-    d = fit.z[at] - f.inward(f.null)
+    d = fit.z[at] - f.scaled(f.null)
     return float(d @ np.linalg.solve(C, d)), len(at)
 
 

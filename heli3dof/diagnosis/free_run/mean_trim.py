@@ -41,7 +41,7 @@ class MeanTrimFit(PhysicalFit):
     @property
     def theta(self) -> np.ndarray:
         values = self._combination @ self.fit.values
-        return np.array([f.inward(v) for f, v in zip(self.free, values, strict=True)])
+        return np.array([f.scaled(v) for f, v in zip(self.free, values, strict=True)])
 
     @cached_property
     def covariance(self) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Refit a multi-step fit without a term, with another term, or to some windows or recordings.
 
-Each refit starts at the given fit, with its coordinates z and its tangents D = ∂r/∂z (r: weighted
-residuals). `heli3dof.identification.greybox.levenberg_marquardt.follow_on` then updates D
+Each refit starts at the given fit, with its scaled parameters z and its tangents D = ∂r/∂z, where r
+are the weighted residuals. `identification.greybox.levenberg_marquardt.follow_on` then updates D
 (Broyden). All refits keep the given fit's error scales s, so that their costs Q are comparable.
 """
 
@@ -104,7 +104,7 @@ def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
 
 
 def carried_over(full: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.ndarray]:
-    """Return the start of the fit ``new``: coordinates z, and derivatives D of predictions by z.
+    """Return the start of the fit ``new``: parameters z, and derivatives D of predictions by z.
 
     A parameter that the fit ``full`` lacks has its prior mean in z and NaN in D.
     """

@@ -29,7 +29,13 @@ import numpy as np
 from heli3dof.diagnosis.free_run.elimination import QUANTILE
 from heli3dof.diagnosis.free_run.halves import PRIOR_SHARE
 from heli3dof.diagnosis.free_run.refits import STAGE_S
-from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, OpenTerms, Outlook, percent
+from heli3dof.diagnosis.outlook import (
+    MIN_CERTAINTY,
+    NextExperiment,
+    PlanForecast,
+    UndecidedTerms,
+    percent,
+)
 from heli3dof.diagnosis.planning.plan_flights import fly_task, is_stable, task_of
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
@@ -46,7 +52,7 @@ class OpenParameter:
     """An open term's first parameter without a log scale, shared by all recordings.
 
     ``size``: distance from the value without the effect; ``size`` and ``std`` are in ``unit``.
-    ``index``: index of the parameter's coordinate; ``slope``: derivative by this coordinate.
+    ``index``: index of the scaled parameter; ``slope``: derivative of the value by it.
     """
 
     name: str
@@ -61,7 +67,7 @@ class OpenParameter:
         return self.size * math.sqrt(max(after**-2 - self.std**-2, 0.0))
 
 
-def open_parameters(open_: OpenTerms) -> list[OpenParameter]:
+def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
     """Return the open parameters that a plan can determine, at most `MAX_TERMS`."""
     fit, out = open_.fit, []
     for name in open_.names:
@@ -76,7 +82,7 @@ def open_parameters(open_: OpenTerms) -> list[OpenParameter]:
 
 
 def next_free_flight(
-    open_: OpenTerms, *, plans: Sequence[str] | None = None, seed: int = 0
+    open_: UndecidedTerms, *, plans: Sequence[str] | None = None, seed: int = 0
 ) -> NextExperiment | None:
     """Return the recommended plan; None if nothing is open or no plan is feasible.
 
@@ -101,7 +107,7 @@ def next_free_flight(
     if not significances:
         return None
     outlooks = (
-        Outlook(
+        PlanForecast(
             name, T, tuple(x**2 for x in u), float(np.mean([probability_significant(x) for x in u]))
         )
         for name, (T, u) in significances.items()
@@ -115,7 +121,7 @@ def next_free_flight(
     )  # fmt: skip
 
 
-def why_none(open_: OpenTerms | None) -> str:
+def why_none(open_: UndecidedTerms | None) -> str:
     """Return the reason why `next_free_flight` recommends no plan or was not called."""
     if open_ is None:
         return "the extended model was not adopted, so there is no model to simulate plans on"
@@ -134,7 +140,7 @@ def probability_significant(u: float) -> float:
     return 0.5 * (1 + math.erf((u - QUANTILE) / math.sqrt(2)))
 
 
-def information(open_: OpenTerms, plan: Plan, seed: int) -> np.ndarray | None:
+def information(open_: UndecidedTerms, plan: Plan, seed: int) -> np.ndarray | None:
     """Return the information (n, n) of a flight of ``plan`` on the common parameters.
 
     The flight is simulated; None if it is not feasible.
@@ -177,12 +183,12 @@ def coupling(p: MultiStep) -> np.ndarray:
 
 
 def _common_covariance(fit: MultiStepFit) -> np.ndarray:
-    """Return the covariance (n, n) of the common coordinates."""
+    """Return the covariance (n, n) of the scaled parameters that all recordings share."""
     H = fit.tangents @ fit.tangents.T + fit.problem.prior
     return np.asarray(np.linalg.inv(H)[: fit.problem.n, : fit.problem.n])
 
 
-def _why(best: Outlook, parameters: Sequence[OpenParameter], tied: bool) -> str:
+def _why(best: PlanForecast, parameters: Sequence[OpenParameter], tied: bool) -> str:
     probabilities = (percent(probability_significant(math.sqrt(m))) for m in best.margins)
     each = ", ".join(
         f"{w.name} ({w.size:.2g} {w.unit}, probability {p})"

@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
-from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, Outlook, percent
+from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, PlanForecast, percent
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
 from heli3dof.diagnosis.planning.plan_flights import Task, fly_task, is_stable, task_of
 from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis, Dropped
@@ -161,7 +161,7 @@ def _dropped_cause(x: Dropped) -> Cause:
     return Cause.typical(x.name) if x.choice is None else Cause.fitted(x.choice.candidates[0])
 
 
-def _why(best: Outlook, names: Sequence[str]) -> str:
+def _why(best: PlanForecast, names: Sequence[str]) -> str:
     seconds = f"{best.duration_s:.0f} s"
     if len(names) == 1:
         return (
@@ -209,7 +209,7 @@ def _outlooks(
     tasks: Sequence[Task],
     models: Sequence[GreyBoxModel],
     probe_groups: Sequence[Sequence[Probe]],
-) -> list[Outlook]:
+) -> list[PlanForecast]:
     """Return the feasible plans' results; ``models``: base alone, then base with each cause.
 
     The first plan is simulated with all causes, the others with its cause of smallest margin. A
@@ -260,7 +260,7 @@ def _outlooks(
             break
         fly([(t, i) for t in ranked[:COMPLETED_AT_ONCE] for i in causes if i not in margins[t]])
     return [
-        Outlook(
+        PlanForecast(
             task.plan.name,
             task.plan.duration_s,
             tuple(m[i] for i in sorted(m)),
@@ -280,7 +280,7 @@ def _scores(
         return None
     problem = replace(base.problem, data=data_of([flight], runs))
     optimum = base.optimum
-    evaluation = evaluate(problem, optimum.theta, optimum.noise, whole=False)
+    evaluation = evaluate(problem, optimum.theta, optimum.noise, with_noise_derivatives=False)
     probes = [p for group in probe_groups for p in group]
     return Screen(problem, optimum.theta, evaluation, probes).score(evaluation, prior=False).z
 

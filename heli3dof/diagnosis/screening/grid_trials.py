@@ -68,7 +68,7 @@ def trials(
         ext = widened(problem, untested[k])
         best = GridTrial(untested[k], 0.0, -np.inf)
         for value in untested[k].effect.starts:
-            at = np.append(theta, ext.structure.free[-1].inward(value))
+            at = np.append(theta, ext.structure.free[-1].scaled(value))
             gain = float(ext.run(at, noise, keep=0).loglik.sum()) - base
             if not gain > best.gain:
                 break
@@ -87,7 +87,7 @@ def exceeds_nulls(
 ) -> bool:
     """Return True if the trial's Δℓ exceeds that of every null flight by `MIN_TRIAL_GAIN`."""
     ext = widened(problem, trial.term)
-    at = np.append(theta, ext.structure.free[-1].inward(trial.value))
+    at = np.append(theta, ext.structure.free[-1].scaled(trial.value))
 
     def one(b: int) -> float:
         extended = replace(ext, data=nulls[b]).run(at, noise, keep=0).loglik.sum()
@@ -113,9 +113,9 @@ def fit_start(
     noise.
     """
     new = ext.structure.free[len(theta) :]
-    full = np.concatenate([theta, [f.inward(f.start) for f in new]])
+    full = np.concatenate([theta, [f.scaled(f.start) for f in new]])
     j, a = len(theta), noise.copy()
-    values = [new[0].inward(v) for v in term.effect.starts]
+    values = [new[0].scaled(v) for v in term.effect.starts]
     best, indices = 0, range(0, len(values), 2)
     for _ in range(2):
         loglik = {}

@@ -74,7 +74,7 @@ class Nulls:
         """Return the standardised scores Z (P,)."""
         return np.asarray((result.z - self.mean) / self.std)
 
-    def least(self, term: Term) -> float:
+    def threshold_of(self, term: Term) -> float:
         """Return the threshold of a term's Z².
 
         A form of the body's equations has its own: Bonferroni's over `FORMAL_CANDIDATES`.
@@ -108,14 +108,16 @@ def simulated_nulls(
 ) -> tuple[Nulls, np.ndarray]:
     """Return the distribution of z in B = ``flights`` simulations, and their ∂ℓ/∂θ (B, n).
 
-    ℓ is the log-likelihood, θ the fit's coordinates. The controller must be known.
+    ℓ is the log-likelihood, θ the fit's scaled parameters. The controller must be known.
     """
     problem, o = fit.problem, fit.optimum
     model = model_at(problem, o.theta, o.noise)
 
     def one(b: int) -> tuple[np.ndarray, np.ndarray]:
         data = simulate_again(model, recordings, problem.data, (seed, 1, b))
-        evaluation = evaluate(replace(problem, data=data), o.theta, o.noise, whole=False)
+        evaluation = evaluate(
+            replace(problem, data=data), o.theta, o.noise, with_noise_derivatives=False
+        )
         return screen.score(evaluation, prior=False).z, evaluation.g
 
     out = replicate(one, flights, what="flights")

@@ -26,7 +26,7 @@ from heli3dof.diagnosis.screening.score_test import ScreenResult
 from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit, Start
-from heli3dof.identification.greybox.likelihood import Likelihood, Pass
+from heli3dof.identification.greybox.likelihood import FilterRun, Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
 from heli3dof.parallel import parallel_map
@@ -89,11 +89,11 @@ def fit_candidates(
             raw = nulls.mean[i] * np.sqrt(screen.v[i]) + screen.solved[:, i] @ bias
             per = raw / screen.plain[i].size
             if new[0].log:  # slope along the logarithm of an effect that grows linearly from zero
-                slope[0] = per * new[0].outward(theta_0[0])
+                slope[0] = per * new[0].unscaled(theta_0[0])
                 theta_0[0] -= 1.0
             else:
                 slope[0] = per * new[0].typical
-                theta_0[0] = new[0].inward(new[0].null)
+                theta_0[0] = new[0].scaled(new[0].null)
         score_bias = ScoreBias(np.append(bias, slope), none, np.append(o.theta, theta_0), o.noise)
         # The likelihood is jagged along a backlash width, so that width is held.
         jagged = np.array([f.term in backlash for f in ext.structure.free])
@@ -109,7 +109,7 @@ def fit_candidates(
         if not fit.loglik > level.loglik and not new[0].log:
             # Near zero the likelihood is that of the current fit, so an ascent from there gains.
             again, at = begin.copy(), len(o.theta)
-            absent = new[0].inward(new[0].null)
+            absent = new[0].scaled(new[0].null)
             again[at] = absent + SECOND_START * (again[at] - absent)
             fit = maximise_corrected(ext, again, level.noise, score_bias, rounds=28, hold=jagged)
         score = scored(term, fit)
@@ -146,7 +146,7 @@ def correction_starts(optimum: Optimum, current: CorrectedFit | None) -> list[St
     return starts
 
 
-def bic_penalty(m: int, at: Pass) -> float:
+def bic_penalty(m: int, at: FilterRun) -> float:
     """Return BIC's penalty m ln N of ``m`` parameters; N: updates of the filter run."""
     return m * float(np.log(max(len(at.row), 2)))
 
@@ -167,8 +167,8 @@ def start_at_probe(
     inside = []
     for v, f in zip(guess, new, strict=True):
         if f.log:
-            inside.append(f.inward(min(max(v, f.low * 1.1), f.high / 1.1)))
+            inside.append(f.scaled(min(max(v, f.low * 1.1), f.high / 1.1)))
         else:
             room = min(0.01 * (f.high - f.low), 0.05 * f.typical)
-            inside.append(f.inward(min(max(v, f.low + room), f.high - room)))
+            inside.append(f.scaled(min(max(v, f.low + room), f.high - room)))
     return np.concatenate([current.optimum.theta, inside])

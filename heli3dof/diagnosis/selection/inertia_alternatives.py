@@ -55,4 +55,4 @@ def within(fit: Estimate, names: set[str]) -> bool:
     """Return True if ``fit`` has the parameters of the findings ``names`` within tolerance."""
     tolerance = fit.structure.profile.tolerance
     named = [c for c in base_parameters(fit) if finding_of(c.name) in names]
-    return all(c.beyond(tolerance) <= 0 for c in named)
+    return all(c.excess(tolerance) <= 0 for c in named)

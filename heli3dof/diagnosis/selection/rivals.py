@@ -72,20 +72,20 @@ def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[floa
 
 def compared_by_simulation(
     choice: Choice, current: CorrectedFit, nulls: Nulls, recordings: Sequence[Recording], *,
-    seed: int, pilots: int,
+    seed: int, flights_per_round: int,
 ) -> Choice:  # fmt: skip
     """Return the choice, revised by flights simulated from each rival if there are rivals.
 
-    ``current``: the fit to which the cause is added. ``pilots``: simulated flights of a bias
-    correction. A rival whose correction diverges cannot be simulated, so it is not the cause.
+    ``current``: the fit to which the cause is added. ``flights_per_round``: as in `correct`. A
+    rival whose correction diverges cannot be simulated, so it is not the cause.
     """
     compared = rivals(choice, nulls)
     fits = [
         correct(c.problem, correction_starts(c.optimum, current), recordings, seed=seed,
-                pilots=pilots, rounds=ROUNDS)
+                flights_per_round=flights_per_round, rounds=ROUNDS)
         for c in compared
     ]  # fmt: skip
-    simulated = [k for k, f in enumerate(fits) if f.scatter is not None]
+    simulated = [k for k, f in enumerate(fits) if f.is_corrected]
     if not simulated:
         return choice
     W = np.full((len(fits), len(fits)), -np.inf)

@@ -14,8 +14,8 @@ projected out. The last summand, for plain probes only, is the error of the bias
 simulated without the cause. The rules (`best_choice`):
 
 1. If the best score is below `TIE`, no effect is a cause.
-2. A candidate qualifies if its own Z² reaches its threshold (`Nulls.least`). In addition, it must
-   be confounded with the best candidate, or its score must reach that threshold too.
+2. A candidate qualifies if its own Z² reaches its threshold (`Nulls.threshold_of`). In addition, it
+   must be confounded with the best candidate, or its score must reach that threshold too.
 3. The best candidate that qualifies is taken. All candidates with higher scores are confounded with
    it: their scores may be bias.
 4. The error of an earlier cause's formula may resemble a further cause. So a further cause needs at
@@ -79,7 +79,7 @@ def choose(
     to fit that the score test cannot detect.
     """
     ranked = candidates_to_fit(s)
-    formal = [r for r in s.ranked if r[0].effect.formal and s.nulls.least(r[0]) <= r[1]]
+    formal = [r for r in s.ranked if r[0].effect.formal and s.nulls.threshold_of(r[0]) <= r[1]]
     ranked += [r for r in formal if r not in ranked]
     return best_choice(s, fit_candidates(s, ranked, tried), earlier_score)
 
@@ -104,7 +104,7 @@ def best_choice(
         return None
 
     def qualifies(f: CandidateFit) -> bool:
-        least = nulls.least(f.term)
+        least = nulls.threshold_of(f.term)
         confounded = fits[0].score - f.score < tie_margin(s, fits[0], f)
         return least <= f.Z2 and (confounded or least <= f.score)
 

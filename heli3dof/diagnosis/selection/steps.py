@@ -61,7 +61,7 @@ class Step(Screening):
         """Return the trials that meet both conditions of `screening.grid_trials`."""
         o, problem = self.fit.optimum, self.fit.problem
         tried = trials(problem, o.theta, o.noise, untested)
-        if not tried or self.fit.scatter is None:
+        if not tried or not self.fit.is_corrected:
             return tried
         model = model_at(problem, o.theta, o.noise)
         flown = [
@@ -85,7 +85,12 @@ class Step(Screening):
         choice = choose(self, earlier_score, tried)
         if choice is not None and setup.controller_is_known:
             choice = compared_by_simulation(
-                choice, self.fit, self.nulls, setup.recordings, seed=setup.seed, pilots=setup.pilots
+                choice,
+                self.fit,
+                self.nulls,
+                setup.recordings,
+                seed=setup.seed,
+                flights_per_round=setup.flights_per_round,
             )
         return replace(self, choice=choice)
 
@@ -93,12 +98,12 @@ class Step(Screening):
 def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
     """Return the step after ``fit``: scores, nulls from ``flights`` simulations, no choice yet."""
     problem, o = fit.problem, fit.optimum
-    recorded = evaluate(problem, o.theta, o.noise, whole=False)
+    recorded = evaluate(problem, o.theta, o.noise, with_noise_derivatives=False)
     terms = candidates([t.name for t in problem.structure.terms], setup.axes)
     plain = [p for t in terms for p in probes(t, problem.data.V)]
     screen = Screen(problem, o.theta, recorded, plain, scans(terms))
     bias = np.zeros(len(fit.theta))
-    if fit.scatter is not None:
+    if fit.is_corrected:
         nulls, scores = simulated_nulls(
             fit, setup.recordings, screen, flights=flights, seed=setup.seed
         )
@@ -159,10 +164,10 @@ def bias_corrected(
         correction_starts(optimum, current),
         setup.recordings,
         seed=setup.seed,
-        pilots=setup.pilots,
+        flights_per_round=setup.flights_per_round,
         rounds=4,
     )
-    if fit.scatter is None or not scatters_on_limit_cycle(fit):
+    if not fit.is_corrected or not scatters_on_limit_cycle(fit):
         return fit
     # The noise held on such axes is that of a fit without the last cause; it may be too large.
     again = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)
@@ -188,8 +193,9 @@ def without(fit: CorrectedFit, name: str) -> CorrectedFit:
     if out_of_range(fit, keep, refit):
         bias, noise_bias = np.zeros(len(theta)), np.zeros(3)
         refit = maximise_corrected(problem, theta, noise, None)
-    scatter = None if fit.scatter is None else fit.scatter[np.ix_(keep, keep)]
-    return CorrectedFit(problem, refit, scatter, bias, noise_bias, fit.flights)
+    C = fit.score_covariance
+    C = None if C is None else C[np.ix_(keep, keep)]
+    return CorrectedFit(problem, refit, C, bias, noise_bias, fit.flights)
 
 
 def base_with_forms(base: CorrectedFit, fit: CorrectedFit) -> CorrectedFit:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail
+from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, LinearisedRun
 
 KNOTS = 9
 TAIL = 0.005  # share of the samples beyond each outer knot, chosen
@@ -44,7 +44,7 @@ class Hats:
     def columns(self, group: int) -> slice:
         return slice(group * KNOTS, (group + 1) * KNOTS)
 
-    def place(self, flight: Trail) -> tuple[np.ndarray, np.ndarray]:
+    def place(self, flight: LinearisedRun) -> tuple[np.ndarray, np.ndarray]:
         """Return, for each variable z, the knot below z and the fraction of the way to the next.
 
         Both arrays are (N, M).
@@ -59,7 +59,7 @@ class Hats:
             share[:, m] = position - left[:, m]
         return left, share
 
-    def scores(self, flight: Trail, blocks: np.ndarray | None = None) -> np.ndarray:
+    def scores(self, flight: LinearisedRun, blocks: np.ndarray | None = None) -> np.ndarray:
         """Return the scores ∂ ln L/∂τ_j (J,) of the functions.
 
         With ``blocks`` (N,), the block number of each row, the scores are (B, J), by block.
@@ -75,7 +75,7 @@ class Hats:
         return out[0] if blocks is None else out
 
 
-def hats(flight: Trail, axes: np.ndarray) -> Hats:
+def hats(flight: LinearisedRun, axes: np.ndarray) -> Hats:
     """Return the basis for a flight: its variables with a range above `MIN_RANGE`, on ``axes``."""
     names, knots = [], []
     for name, unit in UNITS.items():
@@ -91,7 +91,7 @@ def hats(flight: Trail, axes: np.ndarray) -> Hats:
 
 
 @dataclass(frozen=True, eq=False)
-class Sums:
+class HatScores:
     """Scores and information of J hat functions, summed over a flight's E encoder readings."""
 
     u: np.ndarray
@@ -105,8 +105,8 @@ class Sums:
 
 
 def sums_along(
-    library: Hats, flight: Trail, tangents: np.ndarray, wanted: np.ndarray | None = None
-) -> Sums:
+    library: Hats, flight: LinearisedRun, tangents: np.ndarray, wanted: np.ndarray | None = None
+) -> HatScores:
     """Return scores and information of all functions of ``library``.
 
     ``tangents`` (p, E): derivatives of the E predictions by the fit's parameters. ``wanted``:
@@ -124,4 +124,4 @@ def sums_along(
         d.blocks, d.h, flight.A, flight.B, flight.slope, at.row, at.state, at.g, at.w, at.K,
         left, share, np.ascontiguousarray(tangents), library.axes, keep, KNOTS, u, V, cross, traces,
     )  # fmt: skip
-    return Sums(u, V, cross, traces)
+    return HatScores(u, V, cross, traces)

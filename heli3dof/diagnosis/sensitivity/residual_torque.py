@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.likelihood import Likelihood, Pass
+from heli3dof.identification.greybox.likelihood import FilterRun, Likelihood
 from heli3dof.model.estimation.filter_data import Data
 
 UNITS = {
@@ -31,15 +31,15 @@ UNITS = {
     "pitch_rate*yaw_rate": "rad²/s²", "pitch*voltage_sum": "rad V", "roll*voltage_sum": "rad V",
 }  # fmt: skip
 """The variables on which a residual torque may depend, with their display units"""
-SLOPE_S = 0.04  # interval of the difference quotient in `Trail.slope_of`, chosen
+SLOPE_S = 0.04  # interval of the difference quotient in `LinearisedRun.slope_of`, chosen
 
 
 @dataclass(frozen=True, eq=False)
-class Trail:
+class LinearisedRun:
     """A flight's filter run with the model's derivatives along it; N rows, E updates."""
 
     data: Data
-    at: Pass
+    at: FilterRun
     A: np.ndarray
     """(N, 3, 6) ∂q̈/∂(q, q̇)"""
     B: np.ndarray
@@ -128,23 +128,23 @@ class Trail:
         return out
 
 
-def trail(fit: Estimate) -> Trail:
+def linearised_run(fit: Estimate) -> LinearisedRun:
     """Return the filter run of a fit over its recordings."""
-    return trail_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
+    return linearised_run_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
 
 
-def trail_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> Trail:
-    """Return the filter run with parameters ``theta`` (n,) and ``noise`` (4,), see `Trail`."""
+def linearised_run_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> LinearisedRun:
+    """Return the run of the filter with parameters ``theta`` (n,) and ``noise`` (4,)."""
     at = problem.run(theta, noise, keep=2)
     assert at.X is not None
     A, B, slope, q_ddot = along(problem, theta, at.X)
-    return Trail(problem.data, at, A, B, slope, q_ddot, np.asarray(noise))
+    return LinearisedRun(problem.data, at, A, B, slope, q_ddot, np.asarray(noise))
 
 
 def along(
     problem: Likelihood, theta: np.ndarray, X: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return A, B, slope and q̈ (see `Trail`) of the model at θ (n,), along the states X (N, 6)."""
+    """Return A, B, slope and q̈ of `LinearisedRun`: of the model at θ (n,), states X (N, 6)."""
     from heli3dof.diagnosis.sensitivity.residual_torque_passes import linear
 
     d, hooks = problem.data, problem.structure.hooks

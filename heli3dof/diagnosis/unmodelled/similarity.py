@@ -19,7 +19,7 @@ from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.sensitivity.projection import project_out
 from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.likelihood import Pass
+from heli3dof.identification.greybox.likelihood import FilterRun
 
 LIKE = 0.9
 """|cos| from which torque and cause count as similar. Chosen; not derived."""
@@ -36,13 +36,13 @@ def named_traces(fit: Estimate) -> tuple[list[str], np.ndarray]:
         if not t.effect.formal
         for p in probes(t, problem.data.V)
     ]
-    evaluation = evaluate(problem, o.theta, o.noise, whole=False)
+    evaluation = evaluate(problem, o.theta, o.noise, with_noise_derivatives=False)
     return [p.name for p in named], Screen(problem, o.theta, evaluation, named).D
 
 
 def similarity(
     named: tuple[list[str], np.ndarray],
-    at: Pass,
+    at: FilterRun,
     trace: np.ndarray,
     tangents: np.ndarray,
     A: np.ndarray,

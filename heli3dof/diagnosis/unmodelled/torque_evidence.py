@@ -1,8 +1,9 @@
 """Scores and information of free-form torques and of a fit's parameters, from a recorded flight.
 
-A fit has p coordinates θ (`Free.inward`), with prior mean θ_0 and prior information Λ. T (p, E) are
-the derivatives ∂c/∂θ of the E predicted readings c; w (E,) is the readings' information. D (K, E)
-are the derivatives by K coefficients of free-form torques (`sensitivity.hat_functions`). Then
+A fit has p scaled parameters θ (`FreeParameter.scaled`), with prior mean θ_0 and information Λ.
+T (p, E) are the derivatives ∂c/∂θ of the E predicted readings c; w (E,) is the readings'
+information. D (K, E) are the derivatives by K coefficients of free-form torques
+(`sensitivity.hat_functions`). Then
 
     A = T w Tᵀ + Λ        g = T ∂ ln L/∂c − Λ(θ − θ_0)      information and score of θ
     V = D w Dᵀ            u = D ∂ ln L/∂c                   information and score of the torques
@@ -20,7 +21,7 @@ import numpy as np
 
 from heli3dof.diagnosis.sensitivity.hat_functions import Hats, hats
 from heli3dof.diagnosis.sensitivity.projection import project_out
-from heli3dof.diagnosis.sensitivity.residual_torque import Trail, trail
+from heli3dof.diagnosis.sensitivity.residual_torque import LinearisedRun, linearised_run
 from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, simulated_scores
 from heli3dof.identification.bias_correction.coloured_noise import (
     MEMORY_S,
@@ -55,7 +56,7 @@ class Nuisance:
     """(B, p) scores in the null simulations"""
 
     @staticmethod
-    def of_fit(fit: CorrectedFit, flight: Trail, null: Scores | None) -> Nuisance:
+    def of_fit(fit: CorrectedFit, flight: LinearisedRun, null: Scores | None) -> Nuisance:
         problem, o = fit.problem, fit.optimum
         # Not the fit's own tangents: without convergence these belong to an earlier point.
         tangents = problem.tangents(o.theta, flight.at)
@@ -70,7 +71,12 @@ class Nuisance:
         )
 
     def with_torque(
-        self, flight: Trail, D: np.ndarray, P: np.ndarray, columns: np.ndarray, null: Scores | None
+        self,
+        flight: LinearisedRun,
+        D: np.ndarray,
+        P: np.ndarray,
+        columns: np.ndarray,
+        null: Scores | None,
     ) -> Nuisance:
         """Return these parameters and the coefficients of one group of hat functions.
 
@@ -97,7 +103,7 @@ class Evidence:
     """
 
     fit: CorrectedFit
-    flight: Trail
+    flight: LinearisedRun
     library: Hats
     null: Scores | None
     nuisance: Nuisance
@@ -112,17 +118,17 @@ def evidence(
     It includes max(``flights``, `MIN_NULLS`) null simulations, if the controller is known and
     stabilises the fitted rig.
     """
-    flight = trail(fit)
+    flight = linearised_run(fit)
     library = hats(flight, np.flatnonzero(fit.problem.data.axes))
     null = None
-    if fit.scatter is not None and controller_is_known(recordings):
+    if fit.is_corrected and controller_is_known(recordings):
         flights = max(flights, MIN_NULLS)
         null = simulated_scores(fit, recordings, library, flights=flights, seed=seed)
     return Evidence(fit, flight, library, null, Nuisance.of_fit(fit, flight, null))
 
 
 def coloured_noise_ratio(
-    flight: Trail,
+    flight: LinearisedRun,
     nuisance: Nuisance,
     D: np.ndarray,
     P: np.ndarray,

@@ -2,7 +2,7 @@
 
 On one axis, each product φ of at most two quantities (`PRODUCTS`) is tested as a torque c φ without
 a fit (Rao's score test). D is the change of the innovations e per unit of c, w their information.
-The fit's coordinates, with tangents T, information A and score g, are projected out:
+The fit's scaled parameters, with tangents T, information A and score g, are projected out:
 
     u = D·∂ln L/∂e − (T w D)ᵀ A⁻¹ g,    v = D w D − (T w D)ᵀ A⁻¹ (T w D)
     S = u²/v,    c = u/v ± √(κ/v)                       κ: inflation of the fit's scores
@@ -37,7 +37,7 @@ from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, hats, sums_along
 from heli3dof.diagnosis.sensitivity.projection import project_out
-from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail, trail
+from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, LinearisedRun, linearised_run
 from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, informative_directions
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     TORQUE_FALSE_ALARMS,
@@ -153,18 +153,18 @@ def variable_of(product: str) -> str:
 class FilteredFit:
     """A fit with its filter run, derivatives and score, which every test of a torque needs."""
 
-    flight: Trail
+    flight: LinearisedRun
     path: Path
     """The filter's states with derivatives, for a torque's effect on the innovations"""
     nuisance: Nuisance
     """The fit's tangents and information"""
     g: np.ndarray
-    """(n,) score of the fit's coordinates, without the filter's bias"""
+    """(n,) score of the fit's scaled parameters, without the filter's bias"""
 
 
 def filtered_fit(fit: CorrectedFit) -> FilteredFit:
     """Return the fit with the filter run over the fit's recordings."""
-    flight, problem = trail(fit), fit.problem
+    flight, problem = linearised_run(fit), fit.problem
     nuisance = Nuisance.of_fit(fit, flight, None)
     g = nuisance.g if fit.bias is None else nuisance.g - fit.bias
     p = path(problem.structure, problem.values(fit.optimum.theta), problem.data, flight.at)
@@ -196,7 +196,7 @@ def product_traces(flown: FilteredFit, axis: int, products: Sequence[str]) -> np
     return traces_of(p, phi[:, :, None] * flight.B[middle][None, :, :, axis])
 
 
-def value(flight: Trail, product: str) -> np.ndarray:
+def value(flight: LinearisedRun, product: str) -> np.ndarray:
     """Return (N,) the product along the flight, in SI units."""
     out = np.ones(len(flight.data.t))
     for name in product.split("*"):

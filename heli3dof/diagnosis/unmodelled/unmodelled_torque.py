@@ -36,8 +36,8 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
 from heli3dof.diagnosis.selection.select import TIE
-from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, Sums, sums_along
-from heli3dof.diagnosis.sensitivity.residual_torque import Trail
+from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, HatScores, sums_along
+from heli3dof.diagnosis.sensitivity.residual_torque import LinearisedRun
 from heli3dof.diagnosis.unmodelled.similarity import LIKE, named_traces, similarity
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     RANK_TOLERANCE,
@@ -232,7 +232,12 @@ class ScoreTests:
 
 
 def score_tests(
-    fit: Estimate, flight: Trail, library: Hats, sums: Sums, nuisance: Nuisance, null: Scores | None
+    fit: Estimate,
+    flight: LinearisedRun,
+    library: Hats,
+    sums: HatScores,
+    nuisance: Nuisance,
+    null: Scores | None,
 ) -> ScoreTests:
     """Return the tests of all groups against ``null``; if it is None, against blocks of the flight.
 
@@ -322,7 +327,9 @@ def minus_2_log_p(S: np.ndarray, rank: int) -> np.ndarray:
     return np.asarray(-2 * chi2.logsf(S, rank))
 
 
-def _residual_torque(flight: Trail, library: Hats, tests: ScoreTests, best: int) -> ResidualTorque:
+def _residual_torque(
+    flight: LinearisedRun, library: Hats, tests: ScoreTests, best: int
+) -> ResidualTorque:
     axis, name = library.groups[best]
     E = tests.directions[best]
     inverse = E @ np.linalg.inv(E.T @ tests.V[best] @ E) @ E.T

@@ -15,7 +15,7 @@ Without hold-out recordings, this is cross-validation: each block b of the train
 2. If simulated flights give the score's covariance C, Λ_jj ← Λ_jj max(1, C_jj/H_jj), with C and H
    of the remaining rows. Otherwise an inertia could diverge if the left-out block contains the
    only step.
-3. The instant of a mass change (`bias_correction.evaluation.HELD`) stays fixed: no other block
+3. The instant of a mass change (`bias_correction.evaluation.SCANNED`) stays fixed: no other block
    contains information on it.
 4. The process noise is re-estimated on the evaluated rows, for base and extended model alike, so
    that a rougher held-out flight favours neither model.
@@ -36,7 +36,7 @@ from heli3dof.diagnosis.validation.prediction import prediction_errors, starts_o
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.evaluation import fixed_parameters
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.likelihood import Likelihood, Pass, score_and_information
+from heli3dof.identification.greybox.likelihood import FilterRun, Likelihood, score_and_information
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_SETTLED
 from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.estimation.filter_data import LEAD_S, Data, data_of
@@ -94,7 +94,7 @@ def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
 def uncalibrated(fit: Estimate, holdout: Sequence[Recording]) -> HeldOut:
     """Evaluate the fit's structure with the profile's numbers, on the rows that `held_out` uses."""
     problem, noise = fit.problem, fit.optimum.noise
-    theta = problem.coordinates(fit.structure.values_of({}))
+    theta = problem.scaled(fit.structure.values_of({}))
     if holdout:
         return on_holdout(fit, holdout, theta)
     cuts = _blocks(problem.data, BLOCKS)
@@ -130,7 +130,7 @@ def training(d: Data, rows: tuple[int, int]) -> Data:
 
 
 def _estimate_without(
-    fit: Estimate, at: Pass, tangents: np.ndarray, rows: tuple[int, int]
+    fit: Estimate, at: FilterRun, tangents: np.ndarray, rows: tuple[int, int]
 ) -> np.ndarray:
     """Return θ (n,) estimated without these rows; the prior mean if no other row remains."""
     problem = replace(fit.problem, data=training(fit.problem.data, rows))
@@ -147,9 +147,9 @@ def _estimate_without(
         replace(at, g=np.where(remains, at.g, 0.0), w=np.where(remains, at.w, 0.0)), tangents
     )
     precision = problem.prior_precision
-    scatter = getattr(fit, "scatter", None)
-    if scatter is not None:
-        share = np.diag(scatter) * float(remains.mean())
+    C = getattr(fit, "score_covariance", None)
+    if C is not None:
+        share = np.diag(C) * float(remains.mean())
         precision = precision * np.maximum(1.0, share / np.maximum(np.diag(H), 1e-12))
         problem = _with_prior_precision(problem, precision)
     A = H + np.diag(precision)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.sensitivity.residual_torque import trail_at
+from heli3dof.diagnosis.sensitivity.residual_torque import linearised_run_at
 from heli3dof.errors import RecordingError
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -112,7 +112,7 @@ def model_errors(
 ) -> tuple[Likelihood, PredictionErrors]:
     """Return the likelihood of the recordings, and the model's prediction errors on them."""
     problem = problem_of(model, recordings)
-    theta = problem.coordinates(model.values)
+    theta = problem.scaled(model.values)
     X = problem.run(theta, noise_of(model), keep=2).X
     assert X is not None
     return problem, prediction_errors(problem, theta, X, horizons_s)
@@ -157,7 +157,7 @@ def covariance_floor_deg(
 
     problem = problem_of(model, recordings)
     noise = noise_of(model)
-    flight = trail_at(problem, problem.coordinates(model.values), noise)
+    flight = linearised_run_at(problem, problem.scaled(model.values), noise)
     d, at = flight.data, flight.at
     starts, rows = starts_of(d), _rows_ahead(d, horizons_s)
     out = np.full((len(starts), len(rows), 3), np.nan)

@@ -76,11 +76,11 @@ def maximise_corrected(
     def corrected(loglik: np.ndarray, theta: np.ndarray, a: np.ndarray) -> float:
         return float(loglik.sum()) + problem.log_prior(theta) - bias.of(theta, a)
 
-    current: Evaluation = evaluate(problem, theta, a, whole=not hold_noise)
+    current: Evaluation = evaluate(problem, theta, a, with_noise_derivatives=not hold_noise)
     for count in range(1, rounds + 1):
         if count > 1:
             with_noise = not hold_noise and (noise_step > NOISE_CONVERGED or count % 4 == 0)
-            current = evaluate(problem, theta, a, whole=with_noise)
+            current = evaluate(problem, theta, a, with_noise_derivatives=with_noise)
         value = corrected(current.at.loglik, theta, a)
         g = current.g - bias.theta - precision * (theta - problem.prior_mean)
         A = current.H + np.diag(precision)

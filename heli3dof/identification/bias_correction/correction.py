@@ -57,7 +57,7 @@ controller may not stabilise the fitted rig. Chosen."""
 class CorrectedFit(Estimate):
     """A bias-corrected fit, with its covariance from simulated flights (see the module)."""
 
-    scatter: np.ndarray | None = None
+    score_covariance: np.ndarray | None = None
     """(n, n) C; None if no flights were simulated: the covariance is then that of `Estimate`"""
     bias: np.ndarray | None = None
     """(n,) ḡ; None: zero"""
@@ -65,36 +65,41 @@ class CorrectedFit(Estimate):
     """(3,) s̄, the mean derivative by the log noise intensities; None: zero"""
     flights: int = 0
     """B, the simulated flights of a round; 0: none"""
-    spread: np.ndarray | None = None
+    covariance_with_edge_rates: np.ndarray | None = None
     """(n, n) covariance of θ of a fit with edge rates (`closed_loop_fit.edge_rates`), else None"""
 
+    @property
+    def is_corrected(self) -> bool:
+        """Return whether flights of the fitted rig could be simulated, which corrected the bias."""
+        return self.score_covariance is not None
+
     @cached_property
-    def colour(self) -> np.ndarray:
+    def coloured_noise_factor(self) -> np.ndarray:
         """Return the factors (n,) by which coloured noise multiplies the parameters' variances.
 
         They are 1 if no flights were simulated.
         """
-        if self.scatter is None:
+        if self.score_covariance is None:
             return np.ones(len(self.optimum.theta))
-        return colour(self, self.scatter)
+        return colour(self, self.score_covariance)
 
     @cached_property
     def covariance(self) -> np.ndarray:
         """Return the covariance (n, n) of the parameters in their units."""
-        if self.scatter is None:
+        if self.score_covariance is None:
             return super().covariance
-        scale = self.slopes * np.sqrt(self.colour)
-        if self.spread is not None:
-            return np.asarray(self.spread * np.outer(scale, scale))
+        scale = self.slopes * np.sqrt(self.coloured_noise_factor)
+        if self.covariance_with_edge_rates is not None:
+            return np.asarray(self.covariance_with_edge_rates * np.outer(scale, scale))
         L = np.diag(self.problem.prior_precision)
         inverse = np.linalg.inv(self.optimum.information + L)
-        middle = (1 + 1 / self.flights) * self.scatter + L
+        middle = (1 + 1 / self.flights) * self.score_covariance + L
         return np.asarray(inverse @ middle @ inverse * np.outer(scale, scale))
 
     @cached_property
     def bound(self) -> np.ndarray:
         """Return the Cramér–Rao bound (n,) on the standard deviations, in the parameters' units."""
-        if self.scatter is None:
+        if self.score_covariance is None:
             return super().bound
         return np.asarray(cramer_rao(self.problem, self.theta, self.optimum.noise) * self.slopes)
 
@@ -102,9 +107,9 @@ class CorrectedFit(Estimate):
     def unexplained_scatter(self) -> float:
         """Return the factor by which unmodelled motion increases the variances.
 
-        It is the mean of `colour`; if no flights were simulated, it is `inflation`.
+        It is the mean of `coloured_noise_factor`; if no flights were simulated, it is `inflation`.
         """
-        return self.inflation if self.scatter is None else float(self.colour.mean())
+        return float(self.coloured_noise_factor.mean()) if self.is_corrected else self.inflation
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
@@ -147,18 +152,25 @@ def correct(
     recordings: Sequence[Recording],
     *,
     seed: int,
-    pilots: int,
+    flights_per_round: int,
     rounds: int = ROUNDS,
 ) -> CorrectedFit:
     """Return the fit at which the recordings' score equals the mean score of simulated flights.
 
     The search begins at the first of the ``starts``. If it diverges, it begins again at the next
-    one. It simulates ``pilots`` flights per round and takes at most ``rounds`` rounds. If the
-    search diverges from every start, the most likely start is returned, with ``scatter`` and
-    ``bias`` None.
+    one. If it diverges from every start, the most likely start is returned, without a correction
+    (`CorrectedFit.is_corrected`). ``rounds``: largest number of rounds; ``flights_per_round``:
+    number of flights simulated in each.
     """
     for start in starts:
-        fit = corrected_from(problem, start, recordings, seed=seed, pilots=pilots, rounds=rounds)
+        fit = corrected_from(
+            problem,
+            start,
+            recordings,
+            seed=seed,
+            flights_per_round=flights_per_round,
+            rounds=rounds,
+        )
         if fit is not None:
             return fit
     fits = [CorrectedFit(problem, optimum_at(problem, *start, 0, False)) for start in starts]
@@ -167,7 +179,7 @@ def correct(
 
 def corrected_from(
     problem: Likelihood, start: Start, recordings: Sequence[Recording], *,
-    seed: int, pilots: int, rounds: int,
+    seed: int, flights_per_round: int, rounds: int,
 ) -> CorrectedFit | None:  # fmt: skip
     """Return the result of `correct` from one start; None if the search diverges."""
     theta, noise = start
@@ -185,9 +197,9 @@ def corrected_from(
         flights = replicate(
             lambda b, m=model, th=theta, a=noise, w=update: evaluate(  # type: ignore[misc]
                 replace(problem, data=simulate_again(m, recordings, problem.data, (seed, 7, b))),
-                th, a, whole=w,
+                th, a, with_noise_derivatives=w,
             ).derivatives,
-            pilots,
+            flights_per_round,
             what=f"flights, round {count}",
         )  # fmt: skip
         g = (
@@ -236,7 +248,9 @@ def corrected_from(
     scores = np.array([f.g for f in flights])
     C = scatter_of(scores, optimum.information)
     assert noise_bias is not None
-    return CorrectedFit(problem, optimum, C, scores.mean(axis=0), noise_bias.slope, pilots)
+    return CorrectedFit(
+        problem, optimum, C, scores.mean(axis=0), noise_bias.slope, flights_per_round
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +286,7 @@ def optimum_at(
     iterations.
     """
     low, high = problem.bounds
-    point = evaluate(problem, theta, noise, whole=False)
+    point = evaluate(problem, theta, noise, with_noise_derivatives=False)
     loglik = float(point.at.loglik.sum()) + problem.log_prior(theta)
     bound = (theta <= low) | (theta >= high)
     return Optimum(theta, noise, loglik, point.H, point.at, point.T, bound, count, converged)

@@ -24,8 +24,8 @@ from heli3dof.identification.bias_correction.perturbation import (
 )
 from heli3dof.identification.greybox.likelihood import (
     DIFFERENCE,
+    FilterRun,
     Likelihood,
-    Pass,
     diverged,
     score_and_information,
 )
@@ -33,10 +33,10 @@ from heli3dof.identification.greybox.maximum_likelihood import PROBE
 from heli3dof.model.physics.state_layout import Stage
 from heli3dof.parallel import parallel_map
 
-HELD = ("mass.change.time_s",)
+SCANNED = ("mass.change.time_s",)
 """Parameters that a scan sets and no search changes: the likelihood has many local maxima."""
 COARSE = {"mass.change.time_s": 5e-3}
-"""Steps of the finite differences in place of `DIFFERENCE`, in coordinates: 0.05 s. Chosen."""
+"""Steps of the finite differences in place of `DIFFERENCE`; this one is 0.05 s. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class Evaluation(Derivatives):
     The run has E readings and needs much memory.
     """
 
-    at: Pass
+    at: FilterRun
     path: Path
     T: np.ndarray
     """(n, E) tangents ∂c/∂θ"""
@@ -70,12 +70,16 @@ class Evaluation(Derivatives):
 
 
 def evaluate(
-    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bool = True
+    problem: Likelihood,
+    theta: np.ndarray,
+    noise: np.ndarray,
+    *,
+    with_noise_derivatives: bool = True,
 ) -> Evaluation:
     """Return the log-likelihood's derivatives at ``theta`` and ``noise``.
 
-    ``theta`` (n,): parameters; ``noise`` (4,): process noise of 3 axes, jitter. If ``whole`` is
-    False, the derivatives by the noise are not computed: they are 0 (first) and −1 (second).
+    ``theta`` (n,): parameters; ``noise`` (4,): process noise of 3 axes, jitter. Without
+    ``with_noise_derivatives``, those by the noise are 0 (first) and −1 (second).
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
 
@@ -91,7 +95,7 @@ def evaluate(
             return centre()
         return problem.run(theta, noise * factor if i == 1 else noise / factor, keep=0).loglik
 
-    if not whole:
+    if not with_noise_derivatives:
         return centre()
     result: Evaluation
     result, up, down = parallel_map(part, 3)
@@ -103,8 +107,8 @@ def evaluate(
 
 
 def fixed_parameters(problem: Likelihood) -> np.ndarray:
-    """Return (n,) bool: the parameters that no search changes (`HELD`)."""
-    return np.array([f.name in HELD for f in problem.structure.free])
+    """Return (n,) bool: the parameters that no search changes (`SCANNED`)."""
+    return np.array([f.name in SCANNED for f in problem.structure.free])
 
 
 def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.identification.bias_correction import perturbation_passes as passes
-from heli3dof.identification.greybox.likelihood import Pass
+from heli3dof.identification.greybox.likelihood import FilterRun
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.parametrisation import Structure
@@ -41,7 +41,7 @@ class Path:
     """The filter's states in C chunks of rows, with the accelerations and their derivatives."""
 
     data: Data
-    at: Pass
+    at: FilterRun
     chunk: np.ndarray
     """(C, 3) int64: first row, row after the last, block of `Data`"""
     X: np.ndarray
@@ -61,7 +61,7 @@ class Path:
         return np.asarray(self.data.t[(self.chunk[:, 0] + self.chunk[:, 1]) // 2])
 
 
-def path(structure: Structure, values: np.ndarray, data: Data, at: Pass) -> Path:
+def path(structure: Structure, values: np.ndarray, data: Data, at: FilterRun) -> Path:
     """Return the states of the filter run ``at`` and the accelerations, in chunks of `CHUNK_S`.
 
     ``at`` must contain the run's states (``keep`` = 2). ``values``: the model's parameters.

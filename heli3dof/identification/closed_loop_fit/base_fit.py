@@ -35,7 +35,7 @@ MAX_INERTIA_RATIO = 2.5
 TIGHT_PRIOR = 0.1
 """Prior standard deviation of ln J in units of the tolerance, until a cause is found. Chosen."""
 HELD_STD = 1e-4
-"""Prior standard deviation of a coordinate that keeps its value. Far below any estimate's."""
+"""Prior standard deviation of a scaled parameter that keeps its value. Far below any estimate's."""
 
 BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
 """Effects that each base simulation adds to the rigid body, by the base's name"""
@@ -51,13 +51,13 @@ class ProfileLikelihood(Likelihood):
     doubt: float = 1.0
     """Factor by which the tolerance is multiplied"""
     at_nominal: tuple[int, ...] = ()
-    """Indices of the coordinates that keep the profile's value"""
+    """Indices of the parameters that keep the profile's value"""
     implausible: tuple[str, ...] = ()
     """Axes whose inertia is implausible without a narrow prior: the likelihood is biased there"""
 
     @cached_property
     def prior_precision(self) -> np.ndarray:
-        """Return the prior's precision (n,): 1/variance of each parameter coordinate."""
+        """Return the prior's precision (n,): 1/variance of each scaled parameter."""
         free = self.structure.free
         std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
         std[1:4] = self.doubt * self.structure.profile.tolerance
@@ -99,8 +99,14 @@ def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:
     cycling = on_limit_cycle(problem.data)
     starts = [start_on_limit_cycle(setup, plain, cycling)] if cycling.any() else []
     starts.append((plain.optimum.theta, plain.optimum.noise))
-    fit = correct(problem, starts, setup.recordings, seed=setup.seed, pilots=setup.pilots)
-    if fit.scatter is None or not cycling.any():
+    fit = correct(
+        problem,
+        starts,
+        setup.recordings,
+        seed=setup.seed,
+        flights_per_round=setup.flights_per_round,
+    )
+    if not fit.is_corrected or not cycling.any():
         return fit
     fit = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)
     # Later fits with further effects use the likelihood alone: it would increase the noise again.

@@ -2,7 +2,7 @@
 
 On a limit cycle, a smaller inertia with more noise has nearly the same expected score as the true
 rig. But the encoder counts then change at other rates, so these are further moments. For
-y = (θ, ln a), with n parameter coordinates θ and three noise intensities a, the n + 6 moments are
+y = (θ, ln a), with n scaled parameters θ and three noise intensities a, the n + 6 moments are
 
     m = (g, ∂ℓ/∂ln a, r)         g = ∂ℓ/∂θ: score, ℓ: the filter's log-likelihood (`evaluation`)
     r_i                          edge rate: share of samples at which encoder i's count changes

@@ -54,16 +54,18 @@ def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
         return found
     fits = [_corrected(found, flown)]
     if scatters_on_limit_cycle(fits[0]):
-        setup = Setup(tuple(flown), seed=0, pilots=FLIGHTS)
+        setup = Setup(tuple(flown), seed=0, flights_per_round=FLIGHTS)
         fits.append(_corrected(with_noise_of_base(found, setup), flown))
-    fits = [f for f in fits if f.scatter is not None]
+    fits = [f for f in fits if f.is_corrected]
     return min(fits, key=lambda f: f.unexplained_scatter, default=found)
 
 
 def _corrected(fit: Estimate, recordings: Sequence[Recording]) -> CorrectedFit:
     o = fit.optimum
     start = o.theta, o.noise
-    return correct(fit.problem, [start], recordings, seed=0, pilots=FLIGHTS, rounds=ROUNDS)
+    return correct(
+        fit.problem, [start], recordings, seed=0, flights_per_round=FLIGHTS, rounds=ROUNDS
+    )
 
 
 def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:

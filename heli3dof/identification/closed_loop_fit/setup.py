@@ -17,7 +17,7 @@ class Setup:
 
     recordings: tuple[Recording, ...]
     seed: int
-    pilots: int
+    flights_per_round: int
     """Flights simulated per iteration of the bias correction"""
     base: str = "rigid"
     """Name of the base simulation, a key of `closed_loop_fit.base_fit.BASES`"""

@@ -30,7 +30,7 @@ from heli3dof.identification.greybox.likelihood import Likelihood, score_and_inf
 from heli3dof.identification.greybox.maximum_likelihood import OTHER_ROUNDS, Optimum, maximise
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.model.estimation.filter_data import Data
-from heli3dof.model.physics.parametrisation import Free, Structure
+from heli3dof.model.physics.parametrisation import FreeParameter, Structure
 
 BLOCK_S = 0.5
 """s: length of the blocks over which scores are summed for B"""
@@ -110,7 +110,7 @@ class Estimate(PhysicalFit):
             out.append(self._sentence(f, tied) if vague else "")
         return tuple(out)
 
-    def _sentence(self, f: Free, tied: tuple[str, ...]) -> str:
+    def _sentence(self, f: FreeParameter, tied: tuple[str, ...]) -> str:
         verdict = f"{f.name} is not identifiable from these recordings"
         if tied:
             verdict += f": it trades off against {', '.join(tied)}"

@@ -30,8 +30,8 @@ from heli3dof.identification.row_selection import stretches, unusable
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation.filter_data import (
     GAP,
+    RowRange,
     Run,
-    Stretch,
     climb_rows,
     data_of,
     hold_last,
@@ -215,11 +215,11 @@ def free_rows(recording: Recording) -> np.ndarray:
     return np.asarray(~bad)
 
 
-def _airborne(recording: Recording) -> list[Stretch]:
+def _airborne(recording: Recording) -> list[RowRange]:
     """Return the row intervals for the Kalman filter: off the table, without gaps or NaN."""
     ok = ~table_of(recording)[1] & ~unusable(recording)["unread"]
     breaks = np.flatnonzero(np.diff(recording.t) > GAP * recording.dt) + 1
-    return [Stretch(0, a, b) for a, b in stretches(ok, breaks) if b - a > 2]
+    return [RowRange(0, a, b) for a, b in stretches(ok, breaks) if b - a > 2]
 
 
 def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:

@@ -34,14 +34,14 @@ def likeliest_start(
         j = problem.structure.names.index(f"{term.name}.{term.effect.parameters[0].name}")
         best, chosen = -np.inf, theta[j]
         settled = a
-        for coordinate in (
+        for start in (
             theta[j],
-            *(problem.structure.free[j].inward(v) for v in term.effect.starts),
+            *(problem.structure.free[j].scaled(v) for v in term.effect.starts),
         ):
-            theta[j] = coordinate
+            theta[j] = start
             loglik, a = _at(problem, theta, a)
             if loglik > best:
-                best, chosen, settled = loglik, coordinate, a
+                best, chosen, settled = loglik, start, a
         theta[j], a = chosen, settled
     return theta, a
 

@@ -4,9 +4,9 @@
 
 Z_ik is the probability of reading k of axis i given all earlier readings, by the filter of
 `heli3dof.model.estimation.ekf_quantised`. θ (n,) are the scaled parameters: logarithms, or
-multiples of a typical size (`Free.inward`). a (4,) is the noise: process noise on roll, pitch, yaw
-(rad/s²/√Hz), then sampling jitter (s). The prior N(start, spread²) of each parameter is weak. It
-only fixes parameters about which the recordings carry no information.
+multiples of a typical size (`FreeParameter.scaled`). a (4,) is the noise: process noise on roll,
+pitch, yaw (rad/s²/√Hz), then sampling jitter (s). The prior N(start, spread²) of each parameter is
+weak. It only fixes parameters about which the recordings carry no information.
 
 Far from the true parameters a simulation may diverge between two readings. Then ℓ = −∞, so a search
 rejects the point. A predicted reading's derivative with respect to θ that diverged counts as zero,
@@ -31,7 +31,7 @@ tangents stay below 10; with negative dry friction they reached 1e243, whose squ
 
 
 @dataclass(frozen=True, eq=False)
-class Pass:
+class FilterRun:
     """The result of one run of the Kalman filter over the data, with E measurement updates."""
 
     loglik: np.ndarray
@@ -70,7 +70,7 @@ class Likelihood:
     @cached_property
     def prior_mean(self) -> np.ndarray:
         """Return the prior mean (n,) of the scaled parameters θ."""
-        return np.array([f.inward(f.start) for f in self.structure.free])
+        return np.array([f.scaled(f.start) for f in self.structure.free])
 
     @cached_property
     def prior_precision(self) -> np.ndarray:
@@ -83,8 +83,8 @@ class Likelihood:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the lowest and the highest allowed scaled parameters, (n,) each."""
         free = self.structure.free
-        low = np.array([f.inward(f.low) for f in free])
-        return low, np.array([f.inward(f.high) for f in free])
+        low = np.array([f.scaled(f.low) for f in free])
+        return low, np.array([f.scaled(f.high) for f in free])
 
     def movable(self, theta: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Return (n,) bool: True for the scaled parameters that a step along g can change.
@@ -101,12 +101,13 @@ class Likelihood:
 
     def values(self, theta: np.ndarray) -> np.ndarray:
         """Return the values (n,), in their units, of the scaled parameters ``theta`` (n,)."""
-        return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
+        return np.array([f.unscaled(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
-    def coordinates(self, values: np.ndarray) -> np.ndarray:
-        return np.array([f.inward(v) for f, v in zip(self.structure.free, values, strict=True)])
+    def scaled(self, values: np.ndarray) -> np.ndarray:
+        """Return the scaled parameters (n,) of ``values`` (n,); the inverse of `values`."""
+        return np.array([f.scaled(v) for f, v in zip(self.structure.free, values, strict=True)])
 
-    def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> Pass:
+    def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> FilterRun:
         """Return the filter's run over the data with scaled parameters θ (n,) and noise a (4,).
 
         a (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``keep`` selects
@@ -132,7 +133,7 @@ class Likelihood:
         if not keep:
             E = 0
         lost = ~(np.isfinite(c[:E]) & np.isfinite(g[:E]) & np.isfinite(w[:E]))
-        return Pass(
+        return FilterRun(
             np.where(np.isfinite(loglik), loglik, -np.inf), row[:E].copy(), state[:E].copy(),
             c[:E].copy(), np.where(lost, 0.0, g[:E]), np.where(lost, 0.0, w[:E]),
             K[:E].copy(), X if keep >= 2 else None,
@@ -141,7 +142,9 @@ class Likelihood:
     def log_prior(self, theta: np.ndarray) -> float:
         return float(-0.5 * (self.prior_precision * (theta - self.prior_mean) ** 2).sum())
 
-    def tangents(self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None) -> np.ndarray:
+    def tangents(
+        self, theta: np.ndarray, at: FilterRun, which: np.ndarray | None = None
+    ) -> np.ndarray:
         """Return the derivatives ∂c/∂θ (n, E) of the E predicted readings c of the run ``at``.
 
         ``theta`` = θ (n,): the run's scaled parameters. ``which``: indices of the parameters that
@@ -177,12 +180,12 @@ def diverged(D: np.ndarray) -> np.ndarray:
     return np.asarray(~(np.abs(D).max(axis=1, initial=0.0) < DIVERGED))
 
 
-def score_and_information(at: Pass, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def score_and_information(at: FilterRun, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the likelihood's score (n,) and information (n, n), without the prior.
 
     The score is Σ g ∂c, the information Σ w ∂c ∂cᵀ, over the E readings of the filter run ``at``.
     Each column ∂c of D (n, E) is a predicted reading's gradient with respect to the scaled
-    parameters. g and w are each reading's score and information (`Pass`).
+    parameters. g and w are each reading's score and information (`FilterRun`).
     """
     return D @ at.g, (D * at.w) @ D.T
 

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.identification.greybox.likelihood import (
+    FilterRun,
     Likelihood,
-    Pass,
     score_and_information,
 )
 from heli3dof.model.compiled import announced
@@ -69,7 +69,7 @@ class Optimum:
     """Log-likelihood plus log prior at the maximum"""
     information: np.ndarray
     """(n, n) information of the likelihood without the prior, of the scaled parameters"""
-    at: Pass
+    at: FilterRun
     tangents: np.ndarray
     """(n, E) derivatives of the E predicted readings by the scaled parameters"""
     at_bound: np.ndarray

@@ -106,7 +106,7 @@ class MultiStep:
     @cached_property
     def start(self) -> np.ndarray:
         """Return the optimiser's start point (dim,): the prior mean of the scaled parameters."""
-        theta = np.array([f.inward(self.centre.get(f.name, f.start)) for f in self.structure.free])
+        theta = np.array([f.scaled(self.centre.get(f.name, f.start)) for f in self.structure.free])
         return np.concatenate([theta, np.tile(theta[self.own], len(self.flights))])
 
     @cached_property
@@ -115,7 +115,7 @@ class MultiStep:
         out = []
         for side in ("low", "high"):
             other = self.least if side == "low" else {}
-            c = np.array([f.inward(other.get(f.name, getattr(f, side))) for f in free])
+            c = np.array([f.scaled(other.get(f.name, getattr(f, side))) for f in free])
             out.append(np.concatenate([c, np.tile(c[self.own], len(self.flights))]))
         return out[0], out[1]
 
@@ -157,7 +157,7 @@ class MultiStep:
         if flight is not None:
             b = len(self.own)
             theta[self.own] = z[self.n + flight * b : self.n + (flight + 1) * b]
-        return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
+        return np.array([f.unscaled(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     def states(self, z: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:
         """Return the filter's estimates (N, 6) of angles (rad), rates (rad/s) in flight number i.
@@ -245,7 +245,7 @@ class MultiStepFit(PhysicalFit):
         """Return {name: values (flights,)} of the parameters that vary by recording."""
         free = self.structure.free
         return {
-            free[j].name: np.array([free[j].outward(c) for c in self._own[:, b]])
+            free[j].name: np.array([free[j].unscaled(c) for c in self._own[:, b]])
             for b, j in enumerate(self.problem.own)
         }
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.model.physics.parametrisation import Free, Structure
+from heli3dof.model.physics.parametrisation import FreeParameter, Structure
 
 
 class PhysicalFit(ABC):
@@ -18,7 +18,7 @@ class PhysicalFit(ABC):
     def structure(self) -> Structure: ...
 
     @property
-    def free(self) -> tuple[Free, ...]:
+    def free(self) -> tuple[FreeParameter, ...]:
         return self.structure.free
 
     @property
@@ -33,7 +33,7 @@ class PhysicalFit(ABC):
 
     def values_at(self, theta: np.ndarray) -> np.ndarray:
         """Return the values (n,), in their units, of the scaled parameters ``theta`` (n,)."""
-        return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
+        return np.array([f.unscaled(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     @cached_property
     def values(self) -> np.ndarray:

@@ -57,7 +57,7 @@ def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
     theta = np.append(o.theta, np.zeros(len(SIMPLIFICATIONS)))
     new = wide.structure.free[n:]
     C = wide.tangents(theta, o.at, np.arange(n, n + len(SIMPLIFICATIONS)))
-    C *= np.array([[f.inward(1.0) - f.inward(0.0)] for f in new])
+    C *= np.array([[f.scaled(1.0) - f.scaled(0.0)] for f in new])
     g, H = score_and_information(o.at, np.vstack([o.tangents, C]))
     A = H[:n, :n] + np.diag(found.problem.prior_precision)
     pull = g[:n] - found.problem.prior_precision * (o.theta - found.problem.prior_mean)

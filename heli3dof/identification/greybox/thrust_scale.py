@@ -40,7 +40,7 @@ class ThrustScale:
     k: float
     std: float
 
-    def applied(self, value: float, std: float, unit: str) -> tuple[float, float]:
+    def to_si(self, value: float, std: float, unit: str) -> tuple[float, float]:
         """Return (value, standard deviation) in SI of an estimate in units of the thrust gain.
 
         If the ``unit`` contains neither N·m nor kg, the estimate does not depend on the thrust gain

@@ -47,7 +47,7 @@ class Run(Protocol):
 
 
 @dataclass(frozen=True)
-class Stretch:
+class RowRange:
     """A run (`Run`): the rows start … stop − 1 of the recording with the index ``source``."""
 
     source: int

@@ -20,7 +20,7 @@ from heli3dof.model.estimation.ekf_jitter import filter_jittered, positions
 from heli3dof.model.estimation.ekf_quantised import filter_blocks
 from heli3dof.model.estimation.filter_data import (
     Data,
-    Stretch,
+    RowRange,
     climb_rows,
     data_of,
     encoder_noise,
@@ -119,7 +119,7 @@ def filtered(
             for a, b in spans
         ]
         spans = [part for (a, b), c in zip(spans, cut, strict=True) for part in ((a, c), (c, b))]
-    runs = [Stretch(0, a, b) for a, b in spans if b - a > 2]
+    runs = [RowRange(0, a, b) for a, b in spans if b - a > 2]
     X = np.full((N, 6 + len(model.varying)), np.nan)
     X[table, :3] = y[table]
     X[table, 3:6] = 0.0

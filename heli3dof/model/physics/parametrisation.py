@@ -34,7 +34,7 @@ INERTIA_PRIOR = 0.7
 
 
 @dataclass(frozen=True)
-class Free:
+class FreeParameter:
     """A parameter to estimate: name, bounds, prior, typical size (as `effects.base.Parameter`)."""
 
     name: str
@@ -50,20 +50,20 @@ class Free:
     term: str | None = None
     """The name of its term (effect on an axis); None for a base parameter."""
 
-    def inward(self, value: float) -> float:
-        """Return the optimiser's coordinate of a value: value/typical, or ln(value) if ``log``."""
+    def scaled(self, value: float) -> float:
+        """Return the scaled parameter θ, which a fit estimates: value/typical, or ln(value)."""
         return math.log(value) if self.log else value / self.typical
 
-    def outward(self, coordinate: float) -> float:
-        """Return the parameter value for an optimiser's coordinate; the inverse of `inward`."""
-        return math.exp(coordinate) if self.log else coordinate * self.typical
+    def unscaled(self, theta: float) -> float:
+        """Return the value of the scaled parameter ``theta``; the inverse of `scaled`."""
+        return math.exp(theta) if self.log else theta * self.typical
 
     def slope(self, value: float) -> float:
-        """Return d(value)/d(coordinate) at ``value``; the coordinate is that of `inward`."""
+        """Return the derivative of the value with respect to the scaled parameter, at ``value``."""
         return value if self.log else self.typical
 
 
-def first_parameters(free: Sequence[Free]) -> dict[str, int]:
+def first_parameters(free: Sequence[FreeParameter]) -> dict[str, int]:
     """Return a dict: name of a term (effect on an axis) → index of its first entry in ``free``."""
     return {f.term: j for j, f in reversed(list(enumerate(free))) if f.term is not None}
 
@@ -96,19 +96,19 @@ class Structure:
     terms: tuple[Term, ...]
 
     @cached_property
-    def free(self) -> tuple[Free, ...]:
+    def free(self) -> tuple[FreeParameter, ...]:
         """Return the n parameters to estimate: four of the rigid body, then effect parameters."""
         p = self.profile
         T_g = p.trim_torque
         size = max(abs(T_g), 0.1)
-        out = [Free("T_g", "N·m", -10 * size, 10 * size, T_g, size, size, T_g, False)]
+        out = [FreeParameter("T_g", "N·m", -10 * size, 10 * size, T_g, size, size, T_g, False)]
         for axis, J in zip(AXES, p.inertias, strict=True):
             name = f"J_{axis}"
-            out.append(Free(name, "kg·m²", J / 8, J * 8, J, INERTIA_PRIOR, J, J, True))
+            out.append(FreeParameter(name, "kg·m²", J / 8, J * 8, J, INERTIA_PRIOR, J, J, True))
         for t in self.terms:
             for q in t.effect.parameters:
                 out.append(
-                    Free(
+                    FreeParameter(
                         f"{t.name}.{q.name}", q.unit, q.low, q.high, q.started, q.spread,
                         q.typical, q.null, q.log, t.name,
                     )

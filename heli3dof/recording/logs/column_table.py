@@ -54,7 +54,7 @@ def recording_from_table(
     for name in sorted(KNOWN & columns.keys()):
         log_validation.finite(table.source, name, columns[name], table.where)
     t = columns["t_s"]
-    warnings += log_validation.time_increases(table.source, t, profile.dt, table.where)
+    warnings += log_validation.check_sampling_times(table.source, t, profile.dt, table.where)
     if check_values:
         warnings += log_validation.voltages(
             table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max

@@ -12,7 +12,7 @@ import numpy as np
 from heli3dof.errors import RecordingError
 from heli3dof.recording.atomic_write import stem
 from heli3dof.recording.logs.importer import Table
-from heli3dof.recording.logs.log_validation import time_rises
+from heli3dof.recording.logs.log_validation import check_time_increases
 
 CLOCK_NAMES = ("t_s", "time", "t", "tout", "time_s", "seconds")
 """Names (lower case) that a log's clock may have, in order of priority"""
@@ -103,7 +103,7 @@ def _common_rows(tables: Sequence[Table]) -> dict[int, np.ndarray]:
     if all(np.array_equal(t, other) for other in times):
         return {id(table): np.arange(len(t)) for table in tables}
     for table in tables:
-        time_rises(table.source, table.columns["t_s"], table.where)
+        check_time_increases(table.source, table.columns["t_s"], table.where)
     period = float(np.median(np.diff(t)))
     partners = []
     for table, other in zip(tables, times, strict=True):

@@ -89,7 +89,7 @@ def long_enough(source: str, n: int) -> None:
         )
 
 
-def time_rises(source: str, t: np.ndarray, where: Where) -> None:
+def check_time_increases(source: str, t: np.ndarray, where: Where) -> None:
     """Raise RecordingError if the time t (N,) s does not increase at every sample.
 
     ``source``: the log's name; ``where``: returns a sample's position in the file as text.
@@ -110,13 +110,13 @@ def time_rises(source: str, t: np.ndarray, where: Where) -> None:
         )
 
 
-def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) -> list[str]:
+def check_sampling_times(source: str, t: np.ndarray, period_s: float, where: Where) -> list[str]:
     """Raise RecordingError if t (N,) does not increase or is not in seconds; return warnings.
 
     Warnings are on gaps, on jitter, and on a sampling period other than ``period_s``, the profile's
     control period. ``where``: returns a sample's position in the file as text.
     """
-    time_rises(source, t, where)
+    check_time_increases(source, t, where)
     found = timing(t)
     for factor, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
         if 0.5 < found.period_s / (period_s * factor) < 2:

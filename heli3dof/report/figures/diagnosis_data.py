@@ -25,7 +25,7 @@ from heli3dof.report.figures.torque_curve import TorqueCurve, residual_evidence,
 class FigureData:
     """The data of the figures in a diagnosis report; a figure whose data are empty is omitted."""
 
-    wrong: SimulationError | None = None
+    simulation_error: SimulationError | None = None
     """The simulation error by horizon and axis"""
     evidence: Sequence[TorqueCurve] = ()
     """Residual torque, averaged in bins, of each finding (reported cause) that acts as a torque"""
@@ -51,7 +51,7 @@ def figure_data(
         return FigureData()
     if f.base is None or f.final is None:
         return FigureData(
-            f.wrong,
+            f.simulation_error,
             residual_torques=found.residual_torques,
             gain=f.gain if found.findings else None,
         )
@@ -62,7 +62,7 @@ def figure_data(
         flown = replayed(base, f.model, unseen)
     seen = (torque_curve(f.final, x.term, x.noise) for x in found.findings)
     return FigureData(
-        f.wrong,
+        f.simulation_error,
         [e for e in seen if e is not None],
         found.residual_torques,
         [residual_evidence(f.final, x) for x in found.residual_torques],

@@ -26,7 +26,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail, along, trail, trail_at
+from heli3dof.diagnosis.sensitivity.residual_torque import (
+    UNITS,
+    LinearisedRun,
+    along,
+    linearised_run,
+    linearised_run_at,
+)
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import WINDOW_S, ResidualTorque
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects import Effect, Term
@@ -113,11 +119,11 @@ def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | 
     keep = tuple(t for t in fit.structure.terms if t.name != term.name)
     problem_without = replace(fit.problem, structure=Structure(fit.structure.profile, keep))
     parameters = dict(zip(fit.structure.names, fit.values.tolist(), strict=True))
-    theta = problem_without.coordinates(problem_without.structure.values_of(parameters))
-    flight = trail_at(problem_without, theta, noise)
+    theta = problem_without.scaled(problem_without.structure.values_of(parameters))
+    flight = linearised_run_at(problem_without, theta, noise)
     is_encoder_error = Stage.MEASURE in term.effect.hooks
     if is_encoder_error:
-        flight_with = trail_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
+        flight_with = linearised_run_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
         q_ddot_with = flight_with.slope * flight_with.q_ddot
     else:
         q_ddot_with = along(fit.problem, fit.optimum.theta, flight.X)[3]
@@ -145,7 +151,7 @@ def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | 
 
 def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
     """Return the data of the figure of a residual torque that ``fit`` leaves."""
-    flight = trail(fit)
+    flight = linearised_run(fit)
     i = AXES.index(residual.axis)
     rows = flight.in_runs & np.isfinite(flight.torque[:, i])
     unit = UNITS[residual.depends_on]
@@ -160,7 +166,7 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
     )  # fmt: skip
 
 
-def _clearest(flight: Trail, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
+def _clearest(flight: LinearisedRun, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
     """Return the variable and axis in which the residual torque τ̂ follows the cause's τ best.
 
     The measure is Σ (τ̂ − mean)²/σ² − Σ (τ̂ − τ − mean)²/σ² over the bins (σ: standard error,

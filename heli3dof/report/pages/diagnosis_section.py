@@ -44,8 +44,8 @@ def diagnosis_section(
     details = [paragraph(s) for s in words.calibration_change(document)]
     if steps := [paragraph(s) for s in words.next_steps(document)]:
         details += [subheading("What to do next"), *steps]
-    if p.wrong is not None:
-        details.append(table(error_table(p.wrong)))
+    if p.simulation_error is not None:
+        details.append(table(error_table(p.simulation_error)))
     details += [*_causes(document, p), *_gain(document, p), *_unmodelled(document, p)]
     if document["calibration"]:
         details.append(table(calibration(document)))

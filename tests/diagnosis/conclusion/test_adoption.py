@@ -114,7 +114,7 @@ def test_a_brief_effect_pays_by_its_odds_and_one_better_predicted_axis(
 
 def found_with(rho: float) -> Any:
     free = [SimpleNamespace(term=None), SimpleNamespace(term=DRAG)]
-    return SimpleNamespace(free=free, colour=[9.0, rho])
+    return SimpleNamespace(free=free, coloured_noise_factor=[9.0, rho])
 
 
 def test_coloured_noise_lowers_a_cause_s_margin_over_the_threshold() -> None:
@@ -146,7 +146,7 @@ def fit_of(**sizes: float) -> Any:
     names = [n.replace("__", ".") for n in sizes]
     return SimpleNamespace(
         free=[SimpleNamespace(term=n) for n in names], values=[*sizes.values()],
-        colour=[1.0] * len(names), scatter=np.eye(len(names)),
+        coloured_noise_factor=[1.0] * len(names), is_corrected=True,
     )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ from tests.flown import flown
 TWO = ("motor.thrust_mismatch", "bias.torque.pitch")
 
 
-SETUP = Setup((), seed=0, pilots=6)
+SETUP = Setup((), seed=0, flights_per_round=6)
 
 
 @cache
@@ -79,9 +79,11 @@ def test_a_likelihood_that_flights_with_the_causes_have_too_replaces_nothing(
     flights = np.array([causes, formula])
     recording = np.array([0.0, recorded])
     monkeypatch.setattr(formula_contest, "likelihoods", lambda *a, **k: (recording, flights))
-    setup = cast(Setup, SimpleNamespace(controller_is_known=True, recordings=(), seed=0, pilots=6))
+    setup = cast(
+        Setup, SimpleNamespace(controller_is_known=True, recordings=(), seed=0, flights_per_round=6)
+    )
     o = SimpleNamespace(theta=None, noise=None)
-    fit = cast(Any, SimpleNamespace(scatter=np.eye(4)))
+    fit = cast(Any, SimpleNamespace(is_corrected=True))
     assert (
         simulations_agree(setup, fit, cast(Any, SimpleNamespace(problem=None, optimum=o))) is agrees
     )

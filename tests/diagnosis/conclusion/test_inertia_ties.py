@@ -23,7 +23,7 @@ def step(absorbed: float, v: float, Z: float, ratio: float = 1.4) -> Any:
     ``absorbed`` in ln J_roll; its information is v, and the recording shows Z."""
     curve = term("motor.thrust_curve")
     values = np.array([1.0, ratio, 1.0, 1.0])
-    free = [SimpleNamespace(start=1.0, unit="kg·m²", inward=np.log)] * 4
+    free = [SimpleNamespace(start=1.0, unit="kg·m²", scaled=np.log)] * 4
     probe = SimpleNamespace(
         term=curve, name=curve.name, grows=True, size=curve.effect.parameters[0].typical,
         values=(0.0,),
@@ -72,7 +72,7 @@ def scaled_base(share: float, v: float, Z: float) -> Any:
     as much. The probe, a dead zone of 1 V, lowers the logarithm of each by ``share``."""
     dead = term("motor.dead_zone")
     values = np.full(4, 1.6)
-    free = [SimpleNamespace(start=1.0, unit="N·m", inward=np.log, outward=np.exp)] * 4
+    free = [SimpleNamespace(start=1.0, unit="N·m", scaled=np.log, unscaled=np.exp)] * 4
     probe = SimpleNamespace(term=dead, name=dead.name, grows=True, size=1.0, values=(1.0,))
     fit = SimpleNamespace(
         free=free, values=values, std=0.001 * values,

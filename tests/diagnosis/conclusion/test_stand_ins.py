@@ -56,11 +56,11 @@ def test_an_unmodelled_torque_gets_no_asserted_name() -> None:
 @pytest.mark.accuracy
 def test_a_base_that_cannot_be_simulated_is_screened_without_nulls() -> None:
     """On steps alone the torque raises the pitch inertia until no controller stabilises the rig."""
-    setup = Setup((product("steps", 1304),), seed=0, pilots=6)
+    setup = Setup((product("steps", 1304),), seed=0, flights_per_round=6)
     runs = usable_runs(setup.recordings[0], 0)
     structure = Structure(setup.recordings[0].profile, ())
     base = corrected_base(setup, ProfileLikelihood(data_of(setup.recordings, runs), structure))
-    assert base.scatter is None
+    assert not base.is_corrected
     assert implausible_inertias(base)
     assert np.isfinite(base.values).all()
     step = screening_step(setup, base, flights=8)
@@ -69,7 +69,7 @@ def test_a_base_that_cannot_be_simulated_is_screened_without_nulls() -> None:
     # The screen still detects an effect.
     assert step.largest[0][1] > step.nulls.threshold
     # A diagnosis starts with inertias held to the profile: that model flies.
-    assert fit_base(setup).scatter is not None
+    assert fit_base(setup).score_covariance is not None
 
 
 @pytest.mark.parametrize(("flies", "named"), [(True, ["drag.quadratic.yaw"]), (False, [BACKLASH])])
@@ -79,11 +79,11 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
     """After bias correction the remaining causes may have another size, or none."""
 
     def settled_again(setup: Any, problem: Any, optimum: Any) -> Any:
-        return SimpleNamespace(scatter=np.eye(4) if flies else None)
+        return SimpleNamespace(is_corrected=flies)
 
     def adopted(fit: Any, kept: Any, holdout: Any, *, seed: int) -> Any:
         assert [c.term.name for c in kept] == [BACKLASH]
-        assert fit.scatter is not None
+        assert fit.is_corrected
         return fit, (finding("drag.quadratic.yaw"),), (), None
 
     def finding(name: str) -> Any:
@@ -96,7 +96,7 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
     monkeypatch.setattr(stand_ins, "replaced_by_formula", lambda *a: None)
     monkeypatch.setattr(stand_ins, "significant_torques", lambda *a: ())
     monkeypatch.setattr(stand_ins, "marked_unconfirmed", lambda findings, fit: findings)
-    fit = SimpleNamespace(scatter=None, problem=None, optimum=None)
+    fit = SimpleNamespace(is_corrected=False, problem=None, optimum=None)
     setup = SimpleNamespace(recordings=(), seed=0)
     start = stand_ins.TorqueSearchResult(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
     last = stand_ins.settle_unmodelled(cast(Any, setup), start, [], flights=8)

@@ -53,7 +53,7 @@ def fit_of(*implausible: str, simulated: bool) -> Any:
     """A fit with or without simulated flights, and the axes with an implausible base inertia."""
     problem = ProfileLikelihood(cast(Any, None), cast(Any, None), implausible=implausible)
     return SimpleNamespace(
-        scatter=[1.0] if simulated else None, structure=SimpleNamespace(profile=PROFILE),
+        is_corrected=simulated, structure=SimpleNamespace(profile=PROFILE),
         problem=problem,
     )  # fmt: skip
 

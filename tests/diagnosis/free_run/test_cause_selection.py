@@ -41,7 +41,7 @@ def determined(fit: MultiStepFit, values: dict[str, float], std: float) -> Multi
     for name, value in values.items():
         j = fit.structure.names.index(name)
         f = fit.structure.free[j]
-        z[j] = f.inward(value)
+        z[j] = f.scaled(value)
         rows[j, j] = f.slope(value) / std
     return replace(fit, z=z, tangents=rows)
 
@@ -69,7 +69,7 @@ def test_an_offset_per_recording_is_tested_by_its_values(flat: MultiStepFit) -> 
     j = fit.structure.names.index("encoder.offset.pitch.angle_deg")
     f, at = fit.structure.free[j], fit.problem.n
     z, rows = fit.z.copy(), fit.tangents.copy()
-    z[at] = f.inward(5.0)
+    z[at] = f.scaled(5.0)
     rows[at, at] = f.slope(5.0)
     fit = replace(fit, z=z, tangents=rows)
     assert probability_nonzero(fit, "encoder.offset.pitch") > 0.99999

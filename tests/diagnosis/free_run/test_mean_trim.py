@@ -30,14 +30,14 @@ def changed(fit: MultiStepFit, **ratios: float) -> MultiStepFit:
     for name, ratio in ratios.items():
         j = fit.structure.names.index(name)
         f = fit.structure.free[j]
-        z[j] = f.inward(ratio * f.outward(z[j]))
+        z[j] = f.scaled(ratio * f.unscaled(z[j]))
     return replace(fit, z=z)
 
 
 def test_the_mean_of_the_recordings_counts_with_the_trim_torque(known: MultiStepFit) -> None:
     j = known.structure.names.index(WEIGHT)
     p, z = known.problem, known.z.copy()
-    z[p.n + list(p.own).index(j)] += known.structure.free[j].inward(0.1)
+    z[p.n + list(p.own).index(j)] += known.structure.free[j].scaled(0.1)
     more = MeanTrimFit(replace(known, z=z)).values - MeanTrimFit(known).values
     assert more[0] == pytest.approx(0.1)
     assert more[1:] == pytest.approx(np.zeros(len(more) - 1))

@@ -9,7 +9,7 @@ import pytest
 
 from heli3dof.diagnosis import outlook
 from heli3dof.diagnosis.free_run.refits import STAGE_S
-from heli3dof.diagnosis.outlook import OpenTerms
+from heli3dof.diagnosis.outlook import UndecidedTerms
 from heli3dof.diagnosis.planning import free_run_plan as module
 from heli3dof.diagnosis.planning.free_run_plan import (
     OpenParameter,
@@ -26,12 +26,12 @@ NAMES = ("friction.viscous.yaw", "motor.lag", "encoder.offset.pitch")
 
 
 @pytest.fixture(scope="module")
-def open_() -> OpenTerms:
+def open_() -> UndecidedTerms:
     """A flight with little yaw motion; yaw's viscous friction is left open."""
     recording = fly(1022, until_s=40.0).recording.between(0, 25)
     problem = problem_of([recording], NAMES)
     fit = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=2)
-    return OpenTerms(fit, model_of(fit, [recording], "rig"), ("friction.viscous.yaw",))
+    return UndecidedTerms(fit, model_of(fit, [recording], "rig"), ("friction.viscous.yaw",))
 
 
 def test_the_doctests_pass() -> None:
@@ -39,7 +39,7 @@ def test_the_doctests_pass() -> None:
     assert doctest.testmod(outlook).failed == 0
 
 
-def test_a_flight_that_turns_determines_yaw_s_friction(open_: OpenTerms) -> None:
+def test_a_flight_that_turns_determines_yaw_s_friction(open_: UndecidedTerms) -> None:
     result = next_free_flight(open_, plans=["ring-down", "coast-down"])
     assert result is not None
     assert result.plan == "coast-down"
@@ -50,16 +50,20 @@ def test_a_flight_that_turns_determines_yaw_s_friction(open_: OpenTerms) -> None
 
 
 def test_no_plan_is_proposed_if_nothing_or_only_offsets_per_recording_are_open(
-    open_: OpenTerms,
+    open_: UndecidedTerms,
 ) -> None:
     for names in ((), ("encoder.offset.pitch",)):
-        assert next_free_flight(OpenTerms(open_.fit, open_.model, names), plans=["steps"]) is None
+        assert (
+            next_free_flight(UndecidedTerms(open_.fit, open_.model, names), plans=["steps"]) is None
+        )
 
 
 def test_confounded_terms_are_planned_for_together_by_those_with_an_absence(
-    open_: OpenTerms,
+    open_: UndecidedTerms,
 ) -> None:
-    confounded = OpenTerms(open_.fit, open_.model, ("friction.viscous.yaw", "motor.lag"), tied=True)
+    confounded = UndecidedTerms(
+        open_.fit, open_.model, ("friction.viscous.yaw", "motor.lag"), tied=True
+    )
     assert [w.name for w in open_parameters(confounded)] == ["friction.viscous.yaw"]
     result = next_free_flight(confounded, plans=["coast-down"])
     assert result is not None
@@ -74,7 +78,7 @@ def test_half_the_deviation_is_three_times_the_information_in_addition() -> None
     assert w.significance(0.1) == 0.0
 
 
-def test_the_link_between_own_values_leaves_their_common_mean_free(open_: OpenTerms) -> None:
+def test_the_link_between_own_values_leaves_their_common_mean_free(open_: UndecidedTerms) -> None:
     """A common shift of the mean and of an own value costs nothing, however wide the prior."""
     p = open_.fit.problem
     L = coupling(p)

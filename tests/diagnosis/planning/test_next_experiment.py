@@ -31,7 +31,7 @@ def base() -> Estimate:
     """Base fit to the steps plan, on a rig with Coulomb friction that the model lacks."""
     device = "mock:?speed=max&start=level&hide=friction.coulomb.yaw:0.03"
     flown = fly_plan(load_plan("steps"), device=device, seed=1231).recording
-    return fit_base(Setup((flown,), seed=0, pilots=2))
+    return fit_base(Setup((flown,), seed=0, flights_per_round=2))
 
 
 def test_the_doctests_pass() -> None:
@@ -109,7 +109,7 @@ def test_a_dropped_cause_is_planned_for_at_its_estimated_size(
     lag = term("motor.lag")
     structure = base.structure.with_terms(lag)
     problem = replace(base.problem, structure=structure)
-    theta = problem.coordinates(np.append(base.values, 0.013))
+    theta = problem.scaled(np.append(base.values, 0.013))
     candidate = CandidateFit(lag, problem, replace(base.optimum, theta=theta), 9.0, 20.0, None)
     choice = Choice(lag, 9.0, 20.0, 0.9, (), (candidate,))
     next_experiment(diagnosed(base, Dropped("motor.lag", None, choice=choice)))  # type: ignore[arg-type]

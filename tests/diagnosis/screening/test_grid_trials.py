@@ -65,7 +65,7 @@ def test_the_grid_is_climbed_while_the_likelihood_rises(monkeypatch: pytest.Monk
         tried.append(width)
         return SimpleNamespace(loglik=np.array([gains.get(width, 0.0)]))
 
-    structure = SimpleNamespace(free=[SimpleNamespace(inward=lambda w: w)])
+    structure = SimpleNamespace(free=[SimpleNamespace(scaled=lambda w: w)])
     problem = cast(Any, SimpleNamespace(run=run, structure=structure))
     monkeypatch.setattr(grid_trials, "widened", lambda problem, term: problem)
     (trial,) = trials(problem, np.zeros(0), np.zeros(4), terms_without_score((), ("yaw",)))

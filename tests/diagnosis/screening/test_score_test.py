@@ -28,7 +28,7 @@ def fitted(recording: Recording) -> tuple[Estimate, Evaluation]:
     runs = usable_runs(recording, 0)
     fit = estimate(ProfileLikelihood(data_of([recording], runs), Structure(recording.profile, ())))
     o = fit.optimum
-    return fit, evaluate(fit.problem, o.theta, o.noise, whole=False)
+    return fit, evaluate(fit.problem, o.theta, o.noise, with_noise_derivatives=False)
 
 
 def screened(fit: Estimate, evaluation: Evaluation) -> Screen:

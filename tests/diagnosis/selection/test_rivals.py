@@ -74,15 +74,21 @@ def test_a_rival_that_cannot_be_simulated_is_not_the_cause(monkeypatch: pytest.M
 
     def correct(problem: Any, *args: object, **keywords: object) -> Any:
         name = problem.structure.free[0].term
-        scatter = np.eye(1) if name == "b" else None
-        return SimpleNamespace(scatter=scatter, optimum=SimpleNamespace(at=SimpleNamespace(row=[])))
+        return SimpleNamespace(
+            is_corrected=name == "b", optimum=SimpleNamespace(at=SimpleNamespace(row=[]))
+        )
 
     monkeypatch.setattr(module, "correct", correct)
     monkeypatch.setattr(module, "correction_starts", lambda optimum, current: [])
     monkeypatch.setattr(module, "likelihoods", lambda *a, **k: (np.zeros(1), np.zeros((1, 12, 1))))
     biased = SimpleNamespace(mean=np.array([-10.0, 1.0]), inflation=1.0, confidence=lambda Z2: 1.0)
     revised = compared_by_simulation(
-        choice(fitted("a"), fitted("b")), cast(Any, None), cast(Any, biased), [], seed=0, pilots=6
+        choice(fitted("a"), fitted("b")),
+        cast(Any, None),
+        cast(Any, biased),
+        [],
+        seed=0,
+        flights_per_round=6,
     )
     assert revised.term.name == "b"
     assert revised.tied_with == ()

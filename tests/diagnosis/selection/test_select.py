@@ -71,7 +71,7 @@ def test_backlash_in_roll_is_not_compensated_by_its_score_bias() -> None:
     flight = flown("rich", 20.0, device=device, seed=1031)
     structure = Structure(flight.profile, (backlash,))
     problem = ProfileLikelihood(data_of([flight], usable_runs(flight, 0)), structure)
-    start = problem.coordinates(np.array([f.start for f in structure.free[:-1]] + [1.0]))
+    start = problem.scaled(np.array([f.start for f in structure.free[:-1]] + [1.0]))
     fit = maximise_corrected(problem, start, np.array([0.003, 0.014, 0.0025, 0.0]), None)
     bias = np.array([1235.0, -92.0, -148.0, -79.0, -14.0])  # of hidden case rich-pair-40020
     fitted = CorrectedFit(problem, fit, np.eye(5), bias, np.array([692.0, 10.0, -32.0]), 12)
@@ -113,7 +113,7 @@ def test_a_cause_below_the_screen_threshold_is_not_named(
     monkeypatch.setattr(select, "fit_candidates", lambda *a: fits)
     monkeypatch.setattr(select, "tie_margin", lambda *a: TIE)
     nulls = cast(
-        Any, SimpleNamespace(threshold=28.2, least=lambda t: 28.2, confidence=lambda z: 1.0)
+        Any, SimpleNamespace(threshold=28.2, threshold_of=lambda t: 28.2, confidence=lambda z: 1.0)
     )
     choice = select.choose(
         cast(Any, SimpleNamespace(nulls=nulls, ranked=[(screened, 34.7, 1)])), None
@@ -149,7 +149,7 @@ def test_a_screened_cause_is_taken_over_a_likelier_one_below_the_threshold(
     ]
     monkeypatch.setattr(select, "tie_margin", lambda *a: TIE)
     nulls = cast(
-        Any, SimpleNamespace(threshold=28.2, least=lambda t: 28.2, confidence=lambda z: 1.0)
+        Any, SimpleNamespace(threshold=28.2, threshold_of=lambda t: 28.2, confidence=lambda z: 1.0)
     )
     choice = select.best_choice(cast(Any, SimpleNamespace(nulls=nulls)), fits, None)
     assert (choice is not None) is named

@@ -120,8 +120,8 @@ def test_the_threshold_is_lower_than_for_a_cause() -> None:
     # t_23 exceeds 3.60 with probability 0.003/4: 3.60² (1 + 1/16) = 13.8. A cause needs the nulls'
     # threshold, because it is one of many candidates.
     nulls = Nulls(np.zeros(1), np.ones(1), 1.0, 20.0, 23.0, 16, "simulated")
-    assert nulls.least(term("simplified.couplings")) == pytest.approx(13.8, abs=0.05)
-    assert nulls.least(term("drag.quadratic.yaw")) == 20.0
+    assert nulls.threshold_of(term("simplified.couplings")) == pytest.approx(13.8, abs=0.05)
+    assert nulls.threshold_of(term("drag.quadratic.yaw")) == 20.0
     form = candidate("simplified.couplings", 10.0, 15.0)
     assert chosen_name(form, earlier_score=None) is not None
     assert chosen_name(candidate("drag.quadratic.yaw", 10.0, 15.0), earlier_score=None) is None

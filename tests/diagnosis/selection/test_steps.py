@@ -28,7 +28,7 @@ def test_with_its_cause_a_fit_on_a_limit_cycle_has_the_rig_s_roll_inertia() -> N
     body = driver.truth.body  # type: ignore[attr-defined]
     driver.close()
     truth = float((body.J[0] + body.dJ[0]) * default_profile().motor.K_f / body.K_f)
-    setup = Setup((flown("steps", 90.0, device=RIG, seed=2901),), seed=0, pilots=12)
+    setup = Setup((flown("steps", 90.0, device=RIG, seed=2901),), seed=0, flights_per_round=12)
     base = fit_base(setup)
     problem = widened(base.problem, term("stiffness.pendulum.roll"))
     noise = base.optimum.noise

@@ -12,7 +12,7 @@ import pytest
 from heli3dof.diagnosis.screening.gumbel import EULER
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, hats, sums_along
-from heli3dof.diagnosis.sensitivity.residual_torque import trail
+from heli3dof.diagnosis.sensitivity.residual_torque import linearised_run
 from heli3dof.diagnosis.unmodelled import torque_formula
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence
 from heli3dof.diagnosis.unmodelled.torque_formula import proposals, significant_formula
@@ -140,7 +140,7 @@ def test_time_comes_first_if_another_variable_explains_hardly_more() -> None:
 def test_the_residual_torque_lies_on_the_hidden_line(
     coupled: tuple[Recording, CorrectedFit],
 ) -> None:
-    path = trail(coupled[1])
+    path = linearised_run(coupled[1])
     rows = path.in_runs
     slope = np.polyfit(path.variable("pitch_rate")[rows], path.torque[rows, 2], 1)[0]
     assert slope == pytest.approx(-0.1, rel=0.1)
@@ -151,7 +151,7 @@ def test_one_backward_pass_gives_the_score_of_any_torque(
 ) -> None:
     """Compare with the filter's finite difference for a small viscous friction."""
     fit = coupled[1]
-    path = trail(fit)
+    path = linearised_run(fit)
     terms = (*fit.structure.terms, term("friction.viscous.yaw"))
     extended = replace(fit.problem, structure=Structure(fit.structure.profile, terms))
     theta = np.append(fit.optimum.theta, 0.0)
@@ -164,7 +164,7 @@ def test_one_backward_pass_gives_the_score_of_any_torque(
 def test_forward_and_backward_passes_give_the_same_scores(
     coupled: tuple[Recording, CorrectedFit],
 ) -> None:
-    path = trail(coupled[1])
+    path = linearised_run(coupled[1])
     library = hats(path, np.arange(3))
     u = library.scores(path)
     assert sums_along(library, path, np.zeros((0, len(path.at.row)))).u == pytest.approx(
@@ -174,7 +174,7 @@ def test_forward_and_backward_passes_give_the_same_scores(
 
 def test_hat_functions_add_up_to_one(coupled: tuple[Recording, CorrectedFit]) -> None:
     """The sum of a group's scores is therefore that of a constant torque, for every variable."""
-    path = trail(coupled[1])
+    path = linearised_run(coupled[1])
     library = hats(path, np.arange(3))
     constant = path.gradients[0][path.in_runs].sum(axis=0)
     sums = library.scores(path).reshape(3, -1, KNOTS).sum(axis=2)

@@ -28,13 +28,13 @@ def test_the_pipes_carry_the_golden_transcripts_in_transfers_of_any_size(name: s
     for i, following in zip(requests, [*requests[1:], len(lines)], strict=True):
         data = lines[i].bytes
         for start in range(0, len(data), packet):
-            assert usb.take(lines[i].time_us, data[start : start + packet]) is True
+            assert usb.receive(lines[i].time_us, data[start : start + packet]) is True
         answers: tuple[Line, ...] = lines[i + 1 : following]
         heard = b""
         for line in answers or (lines[i],):
             if line.sender == "clock":
                 usb.endpoint.held_up(line.time_us)
-            while part := usb.give(line.time_us, packet):
+            while part := usb.send(line.time_us, packet):
                 heard += part
         assert heard == b"".join(line.bytes for line in answers)
 
@@ -66,17 +66,17 @@ def test_an_unknown_request_is_stalled():
 
 def test_the_stop_request_stops_with_its_reason_and_without_a_reply_on_the_pipe():
     usb = function()
-    usb.take(1000, wire(Arm(0, 1, 0, 0)))
-    usb.give(1000, 512)
+    usb.receive(1000, wire(Arm(0, 1, 0, 0)))
+    usb.send(1000, 512)
     assert usb.setup(1500, Setup(0x40, 0x45, Cause.BUTTON, 0, 0)) == b""
     amplifier = usb.endpoint.amplifier
     assert (amplifier.flags, amplifier.cause) == (16, Cause.BUTTON)
-    assert usb.give(1500, 512) == b""
+    assert usb.send(1500, 512) == b""
 
 
 def test_removing_the_configuration_stops_with_cause_supply():
     usb = function()
-    usb.take(1000, wire(Arm(0, 1, 0, 0)))
+    usb.receive(1000, wire(Arm(0, 1, 0, 0)))
     assert usb.setup(1500, Setup(0x00, 9, 0, 0, 0)) == b""
     amplifier = usb.endpoint.amplifier
     assert (amplifier.flags, amplifier.cause) == (16, Cause.SUPPLY)
@@ -87,18 +87,18 @@ def test_a_halted_pipe_stalls_until_it_is_cleared(pipe: int):
     usb = function()
     usb.setup(0, Setup(0x02, 3, 0, pipe, 0))
     assert usb.setup(0, Setup(0x82, 0, 0, pipe, 2)) == b"\x01\x00"
-    assert (usb.take(0, b"\0") if pipe == OUT else usb.give(0, 512)) is None
+    assert (usb.receive(0, b"\0") if pipe == OUT else usb.send(0, 512)) is None
     usb.setup(0, Setup(0x02, 1, 0, pipe, 0))
-    assert (usb.take(0, b"\0") if pipe == OUT else usb.give(0, 512)) is not None
+    assert (usb.receive(0, b"\0") if pipe == OUT else usb.send(0, 512)) is not None
 
 
 def test_a_host_that_does_not_read_loses_whole_frames():
     usb = function()
-    usb.take(0, wire(Arm(0, 1, 1000, 0)))
+    usb.receive(0, wire(Arm(0, 1, 1000, 0)))
     for t_us in range(0, 1_900_000, 50_000):
-        usb.take(t_us, b"\0")
+        usb.receive(t_us, b"\0")
     data = b""
-    while part := usb.give(1_900_000, 512):
+    while part := usb.send(1_900_000, 512):
         data += part
     assert len(data) <= FIFO
     splitter = Splitter()

@@ -77,12 +77,12 @@ def test_only_significant_ratios_count_as_colour() -> None:
 @pytest.fixture(scope="module")
 def white() -> tuple[Recording, CorrectedFit]:
     flight = flown("steps", 48.0, device=DEVICE, seed=1411).between(8.0, 48.0)
-    return flight, fit_base(Setup((flight,), seed=0, pilots=6))
+    return flight, fit_base(Setup((flight,), seed=0, flights_per_round=6))
 
 
 @pytest.mark.accuracy
 def test_a_flight_with_white_noise_has_no_colour(white: tuple[Recording, CorrectedFit]) -> None:
-    np.testing.assert_array_equal(white[1].colour, np.ones(4))
+    np.testing.assert_array_equal(white[1].coloured_noise_factor, np.ones(4))
 
 
 @pytest.mark.accuracy
@@ -92,14 +92,14 @@ def test_a_flight_with_slow_noise_has_wider_intervals(
     recording, result = white
     model = model_at(result.problem, result.optimum.theta, result.optimum.noise)
     slow = simulated_flight(model, recording, cast(Any, Slow(1413, recording.dt)))
-    fit = fit_base(Setup((slow,), seed=0, pilots=6))
-    assert fit.colour[0] > 2.0  # the trim torque, the slowest parameter
+    fit = fit_base(Setup((slow,), seed=0, flights_per_round=6))
+    assert fit.coloured_noise_factor[0] > 2.0  # the trim torque, the slowest parameter
     # The standard deviation for white noise of the estimated intensity, times √ρ.
-    spread = fit.spread  # of a fit with edge rates
+    spread = fit.covariance_with_edge_rates  # of a fit with edge rates
     if spread is None:
-        assert fit.scatter is not None
+        assert fit.is_corrected
         L = np.diag(fit.problem.prior_precision)
         inverse = np.linalg.inv(fit.optimum.information + L)
-        spread = inverse @ ((1 + 1 / fit.flights) * fit.scatter + L) @ inverse
+        spread = inverse @ ((1 + 1 / fit.flights) * fit.score_covariance + L) @ inverse
     plain = np.sqrt(spread[0, 0]) * fit.slopes[0]
-    assert fit.std[0] == pytest.approx(np.sqrt(fit.colour[0]) * plain)
+    assert fit.std[0] == pytest.approx(np.sqrt(fit.coloured_noise_factor[0]) * plain)

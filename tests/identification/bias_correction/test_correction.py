@@ -49,7 +49,7 @@ def true_roll_inertia() -> float:
 def test_on_steps_the_corrected_roll_inertia_is_right_and_the_plain_one_is_not() -> None:
     recording, truth = steps(90.0), true_roll_inertia()
     plain = fit_greybox(recording, ())
-    corrected = fit_base(Setup((recording,), seed=0, pilots=6))
+    corrected = fit_base(Setup((recording,), seed=0, flights_per_round=6))
     assert abs(plain.values[1] - truth) > 3 * plain.std[1]
     assert abs(corrected.values[1] - truth) < 3 * corrected.std[1]
     assert abs(corrected.values[1] / truth - 1) < 0.03
@@ -127,7 +127,7 @@ def test_a_constant_pitch_torque_is_not_fitted_as_a_large_inertia() -> None:
     problem = ProfileLikelihood(
         data_of([recording], usable_runs(recording, 0)), Structure(profile, ())
     )
-    setup = Setup((recording,), seed=0, pilots=6)
+    setup = Setup((recording,), seed=0, flights_per_round=6)
     assert implausible_inertias(corrected_base(setup, problem))
     held = fit_base(setup)
     np.testing.assert_allclose(held.theta[1:4], held.problem.prior_mean[1:4], atol=0.1)

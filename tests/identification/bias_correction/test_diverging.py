@@ -64,9 +64,12 @@ def test_a_step_that_is_not_finite_is_not_taken(
     problem: Likelihood, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def no_number(
-        p: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bool
+        p: Likelihood, theta: np.ndarray, noise: np.ndarray, *, with_noise_derivatives: bool
     ) -> Evaluation:
-        return replace(evaluate(p, theta, noise, whole=whole), g=np.full(len(theta), np.nan))
+        return replace(
+            evaluate(p, theta, noise, with_noise_derivatives=with_noise_derivatives),
+            g=np.full(len(theta), np.nan),
+        )
 
     monkeypatch.setattr(corrected_maximum, "evaluate", no_number)
     result = maximise_corrected(problem, problem.prior_mean, NOISE, None, hold_noise=True)

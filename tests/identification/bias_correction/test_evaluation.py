@@ -39,7 +39,10 @@ def test_without_the_noise_an_evaluation_is_the_same_with_a_third_of_the_passes(
     problem: ProfileLikelihood,
 ) -> None:
     theta, noise = problem.prior_mean, np.array([0.1, 0.1, 0.05, 0.0])
-    whole, part = evaluate(problem, theta, noise), evaluate(problem, theta, noise, whole=False)
+    whole, part = (
+        evaluate(problem, theta, noise),
+        evaluate(problem, theta, noise, with_noise_derivatives=False),
+    )
     np.testing.assert_array_equal(whole.g, part.g)
     np.testing.assert_array_equal(whole.H, part.H)
     assert not part.slope.any()

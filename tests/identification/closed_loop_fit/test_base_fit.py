@@ -29,7 +29,7 @@ def test_if_the_search_from_the_matched_noise_diverges_the_fit_is_still_correcte
         return fit
 
     monkeypatch.setattr(correction, "corrected_from", noted)
-    fit = fit_base(Setup((with_known_controller(flight.recording),), seed=0, pilots=8))
+    fit = fit_base(Setup((with_known_controller(flight.recording),), seed=0, flights_per_round=8))
     assert starts == [False, True]
     truth = np.array([flight.truth[f.name] for f in fit.free])
     assert fit.values[1:4] / truth[1:4] == pytest.approx(np.ones(3), abs=0.08)

@@ -24,7 +24,7 @@ from heli3dof.identification.closed_loop_fit.edge_rates import (
 )
 from heli3dof.identification.closed_loop_fit.limit_cycle import edge_rates
 from heli3dof.identification.closed_loop_fit.setup import Setup
-from heli3dof.model.estimation.filter_data import Stretch, data_of
+from heli3dof.model.estimation.filter_data import RowRange, data_of
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile
 from tests.flown import flown
@@ -36,7 +36,7 @@ DEVICE = "mock:?speed=max&spread=0.07&seed=1022"
 @pytest.fixture(scope="module")
 def fitted() -> tuple[Setup, CorrectedFit]:
     flown = fly_plan(step_plan((10.0, None, None)), device=DEVICE, seed=1022).recording
-    setup = Setup((flown,), seed=0, pilots=6)
+    setup = Setup((flown,), seed=0, flights_per_round=6)
     return setup, fit_base(setup)
 
 
@@ -48,12 +48,12 @@ def test_the_edge_rate_is_the_share_of_samples_with_a_count_change(
     counts = np.array([[0, 0, 5], [0, 1, 5], [1, 0, 5], [1, 1, 5], [1, 1, 6]])
     part = replace(flown.rows(slice(0, 5)), angle=counts * step)
     # Four intervals: roll changes in one, pitch in three, yaw in one.
-    assert edge_rates(data_of([part], [Stretch(0, 0, 5)])) == pytest.approx([0.25, 0.75, 0.25])
+    assert edge_rates(data_of([part], [RowRange(0, 0, 5)])) == pytest.approx([0.25, 0.75, 0.25])
 
 
 def test_the_inertias_lie_within_their_intervals(fitted: tuple[Setup, CorrectedFit]) -> None:
     _, fit = fitted
-    assert fit.spread is not None
+    assert fit.covariance_with_edge_rates is not None
     rig = open_driver(DEVICE, default_profile())
     body = rig.truth.body  # type: ignore[attr-defined]
     rig.close()
@@ -124,7 +124,9 @@ def test_if_the_search_ends_where_the_filter_diverges_the_fit_is_unchanged(
 
 def test_without_a_limit_cycle_edge_rates_are_not_used() -> None:
     flight = flown("rich", 22.0, device=DEVICE, seed=1022).between(6.0, 22.0)
-    assert fit_base(Setup((flight,), seed=0, pilots=4)).spread is None
+    assert (
+        fit_base(Setup((flight,), seed=0, flights_per_round=4)).covariance_with_edge_rates is None
+    )
 
 
 def test_the_three_moments_of_each_axis_are_weighted_by_their_covariance() -> None:

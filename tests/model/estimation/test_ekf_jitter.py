@@ -9,7 +9,7 @@ import pytest
 
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation.ekf_jitter import filter_jittered, positions
-from heli3dof.model.estimation.filter_data import Stretch, data_of
+from heli3dof.model.estimation.filter_data import RowRange, data_of
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
@@ -24,7 +24,7 @@ def recording() -> Recording:
 
 
 def data(recording: Recording, start: int = 2500):  # type: ignore[no-untyped-def]
-    return data_of([recording], [Stretch(0, start, len(recording))])
+    return data_of([recording], [RowRange(0, start, len(recording))])
 
 
 def test_a_number_that_varies_is_found_where_its_hook_keeps_it(recording: Recording) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, Trail, trail_at
+from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, LinearisedRun, linearised_run_at
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import on_blocks
 from heli3dof.diagnosis.validation.gain import gain
@@ -99,11 +99,11 @@ def test_a_residual_torque_is_drawn_against_its_variable(base: Estimate) -> None
 def test_an_effect_whose_torque_was_not_measured_has_no_figure(
     base: Estimate, with_friction: Estimate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def unmeasured(*known: Any) -> Trail:
-        flight = trail_at(*known)
+    def unmeasured(*known: Any) -> LinearisedRun:
+        flight = linearised_run_at(*known)
         return replace(flight, noise=np.full_like(flight.noise, np.nan))
 
-    monkeypatch.setattr(module, "trail_at", unmeasured)
+    monkeypatch.setattr(module, "linearised_run_at", unmeasured)
     friction = term("friction.viscous.yaw")
     assert torque_curve(with_friction, friction, base.optimum.noise) is None
 
@@ -128,7 +128,7 @@ def test_the_section_has_tables_and_figures_and_is_reproducible(
         "roll", "roll*pitch", 0.2, ((0.0, 0.0), (1.0, 0.1)), (0.1, 0.1), 30.0, 0.99
     )
     everything = FigureData(
-        wrong=simulation_error(model, [recording]),
+        simulation_error=simulation_error(model, [recording]),
         evidence=(seen,),
         residual_torques=(rest,),
         gain=g,
