@@ -14,7 +14,7 @@ import numpy as np
 from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.transfer_function import TransferFunctions
 from heli3dof.model.base import Model
-from heli3dof.model.estimation.filter_data import Run
+from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.recording.recording import Recording
 
 Innovations = tuple[list[np.ndarray], list[np.ndarray]]
@@ -111,7 +111,7 @@ class FitResult:
     order: int
     interval_s: float
     """s: sampling interval of the data that were fitted"""
-    innovations: Callable[[Prepared, Sequence[Run]], Innovations]
+    innovations: Callable[[Prepared, Sequence[RowRange]], Innovations]
     """Function (prepared, runs) → prediction errors and voltages per run of usable rows. The errors
     are those of predictions `test_interval_s` ahead, or of the simulation for output error."""
     poles: tuple[Pole, ...] = ()

@@ -19,7 +19,7 @@ from heli3dof.identification.residual_tests import ResidualTest, past_inputs, wh
 from heli3dof.identification.result import SUMMARY_HORIZON_S, Identification
 from heli3dof.identification.validation import WARM_UP_S, Metrics, metrics
 from heli3dof.model.base import Model
-from heli3dof.model.estimation.filter_data import Run
+from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.parallel import one_blas_thread, report_progress
 from heli3dof.recording.logs.sampling_clock import sampling_times
@@ -188,7 +188,7 @@ def extrapolation_warnings(prepared: Prepared) -> list[str]:
     ]
 
 
-def rms_motion_deg(prepared: Prepared, runs: Sequence[Run]) -> np.ndarray:
+def rms_motion_deg(prepared: Prepared, runs: Sequence[RowRange]) -> np.ndarray:
     """Return the standard deviation (3,) of the angles in the runs, in degrees."""
     parts = [prepared.recordings[r.source].angle[r.start : r.stop] for r in runs]
     return np.asarray(np.rad2deg(np.vstack([p - p.mean(axis=0) for p in parts]).std(axis=0)))

@@ -26,7 +26,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
 from heli3dof.identification.row_selection import REASONS, clipped, stretches, unusable
-from heli3dof.model.estimation.filter_data import LOST, RowRange, Run
+from heli3dof.model.estimation.filter_data import LOST, RowRange
 from heli3dof.recording.gap_filling import GAP, fill_gaps
 from heli3dof.recording.recording import Recording
 
@@ -114,8 +114,8 @@ class Prepared:
     """Recordings with their runs (ranges of usable rows) to train on and to hold out."""
 
     recordings: tuple[Recording, ...]
-    train: tuple[Run, ...]
-    held_out: tuple[Run, ...]
+    train: tuple[RowRange, ...]
+    held_out: tuple[RowRange, ...]
     reports: tuple[RecordingReport, ...]
     dt: float
     """s: the control period of all recordings"""
@@ -218,7 +218,7 @@ def prepare(
     return Prepared(everything, tuple(train), tuple(test), tuple(reports), dt, split)
 
 
-def segments(prepared: Prepared, runs: Sequence[Run], factor: int) -> list[Segment]:
+def segments(prepared: Prepared, runs: Sequence[RowRange], factor: int) -> list[Segment]:
     """Return a `Segment`, decimated by ``factor``, for each run of at least 2 · ``factor`` rows.
 
     The gaps of a run are filled first: voltages are held, angles interpolated.
@@ -259,7 +259,7 @@ def _check_content(recording: Recording) -> None:
         )
 
 
-def _usable_runs(recording: Recording, source: int) -> tuple[list[Run], RecordingReport]:
+def _usable_runs(recording: Recording, source: int) -> tuple[list[RowRange], RecordingReport]:
     clock = check_clock(recording)
     masks = unusable(recording)
     n = len(recording)
@@ -270,7 +270,7 @@ def _usable_runs(recording: Recording, source: int) -> tuple[list[Run], Recordin
         bad |= masks[reason]
     breaks = np.flatnonzero(np.diff(recording.t) > LOST * clock.period_s) + 1
     least = SEGMENT_MIN_S / clock.period_s
-    found: list[Run] = [
+    found: list[RowRange] = [
         RowRange(source, a, b) for a, b in stretches(~bad, breaks) if b - a >= least
     ]
     used = sum(r.stop - r.start for r in found) / n
@@ -296,11 +296,11 @@ def _common_period(recordings: Sequence[Recording]) -> float:
     return nominal if abs(period / nominal - 1) < 1e-3 else period
 
 
-def _split(runs: list[Run], share: float) -> tuple[list[Run], list[Run]]:
+def _split(runs: list[RowRange], share: float) -> tuple[list[RowRange], list[RowRange]]:
     total = sum(r.stop - r.start for r in runs)
     keep = round(total * (1 - share))
-    train: list[Run] = []
-    test: list[Run] = []
+    train: list[RowRange] = []
+    test: list[RowRange] = []
     for r in runs:
         length = r.stop - r.start
         cut = r.start + min(max(keep, 0), length)
@@ -312,7 +312,7 @@ def _split(runs: list[Run], share: float) -> tuple[list[Run], list[Run]]:
     return train, test
 
 
-def _check_length(train: Sequence[Run], dt: float, recordings: Sequence[Recording]) -> None:
+def _check_length(train: Sequence[RowRange], dt: float, recordings: Sequence[Recording]) -> None:
     seconds = sum(r.stop - r.start for r in train) * dt
     if seconds < USABLE_MIN_S:
         names = ", ".join(r.name for r in recordings)

@@ -20,7 +20,7 @@ from heli3dof.axes import AXES
 from heli3dof.identification.preprocessing import Prepared
 from heli3dof.model.base import Model
 from heli3dof.model.control.loop_task import control_instants, loop_task, why_not_replayed
-from heli3dof.model.estimation.filter_data import LOST, Run
+from heli3dof.model.estimation.filter_data import LOST, RowRange
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
 WARM_UP_S = 2.0
@@ -109,7 +109,7 @@ def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
 
 
 def predictions(
-    model: Model, prepared: Prepared, runs: Sequence[Run], horizon_s: float
+    model: Model, prepared: Prepared, runs: Sequence[RowRange], horizon_s: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return measured and predicted angles (N, 3) rad for each run of usable rows.
 
@@ -129,7 +129,7 @@ def predictions(
     return out
 
 
-def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
+def _lead_in(prepared: Prepared, run: RowRange, most: int) -> int:
     """Return the number of rows, at most ``most``, in which the filter can settle before ``run``.
 
     They are the last rows of the run that ends where this one starts. The result is 0 without such
@@ -158,7 +158,7 @@ def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
 
 
 def replays(
-    model: Model, prepared: Prepared, runs: Sequence[Run]
+    model: Model, prepared: Prepared, runs: Sequence[RowRange]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return measured and replayed angles (N, 3) rad for each recording that has ``runs``.
 
@@ -192,7 +192,7 @@ def _first_usable(prepared: Prepared, source: int, otherwise: int) -> int:
     return min(runs, default=otherwise)
 
 
-def metrics(model: Model, prepared: Prepared, runs: Sequence[Run]) -> Metrics:
+def metrics(model: Model, prepared: Prepared, runs: Sequence[RowRange]) -> Metrics:
     """Return all scores of a model over ``runs``, usually ``prepared.held_out``."""
     prediction = {h: score(predictions(model, prepared, runs, h)) for h in (0.0, *HORIZONS_S)}
     note = replay_obstacle(prepared, sorted({r.source for r in runs}))

@@ -29,7 +29,7 @@ from heli3dof.identification.black_box.pem import PemFit, pem
 from heli3dof.identification.black_box.resampling import NoContinuousModel, at_rate, trims
 from heli3dof.identification.fit_result import CandidateOrder
 from heli3dof.identification.preprocessing import Prepared, segments
-from heli3dof.model.estimation.filter_data import Run
+from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.parallel import report_count
 
@@ -74,7 +74,7 @@ class Decimated:
     interval_s: float
 
 
-def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Decimated:
+def decimated(prepared: Prepared, runs: Sequence[RowRange], interval_s: float) -> Decimated:
     """Return voltages and angles of ``runs``, decimated to about ``interval_s`` s.
 
     The means over all runs are subtracted.

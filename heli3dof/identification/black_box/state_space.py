@@ -34,7 +34,7 @@ from heli3dof.identification.fit_result import (
 )
 from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.transfer_function import TransferFunctions
-from heli3dof.model.estimation.filter_data import Run
+from heli3dof.model.estimation.filter_data import RowRange
 
 OPEN_RHO = 1 - 1e-6
 
@@ -86,7 +86,7 @@ def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.
     return G, response_std(chosen.pem, chosen.interval_s, omega)
 
 
-def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
+def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[RowRange]) -> Innovations:
     """Return each run's one-step prediction errors (rad), and voltages minus the fit's means (V).
 
     Both are sampled like the fit ``chosen``.

@@ -21,7 +21,7 @@ from heli3dof.identification.fit_result import (
     rightmost_first,
 )
 from heli3dof.identification.preprocessing import Prepared
-from heli3dof.model.estimation.filter_data import Run
+from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.model.linear.model import LinearModel
 
 INTERVAL_S = 0.04
@@ -86,7 +86,7 @@ def _response(model: LinearModel, omega: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def simulation_errors(
-    model: LinearModel, prepared: Prepared, runs: Sequence[Run], interval_s: float
+    model: LinearModel, prepared: Prepared, runs: Sequence[RowRange], interval_s: float
 ) -> Innovations:
     """Return each run's simulation errors (rad) and voltages minus the model's trim (V).
 

@@ -31,7 +31,6 @@ from heli3dof.model.effects import terms
 from heli3dof.model.estimation.filter_data import (
     GAP,
     RowRange,
-    Run,
     climb_rows,
     data_of,
     hold_last,
@@ -222,7 +221,7 @@ def _airborne(recording: Recording) -> list[RowRange]:
     return [RowRange(0, a, b) for a, b in stretches(ok, breaks) if b - a > 2]
 
 
-def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:
+def _cut(recording: Recording, runs: Sequence[RowRange], source: int) -> Recording:
     """Return the recording up to the end of the last run whose recording index is ``source``."""
     return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
 

@@ -23,7 +23,7 @@ from heli3dof.identification.greybox.thrust_scale import thrust_gain_warning
 from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.transfer_function import TransferFunctions
 from heli3dof.model.discretisation import Continuous, numerators
-from heli3dof.model.estimation.filter_data import Run
+from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.model.greybox.model import GreyBoxModel
 
 TEST_INTERVAL_S = 0.04
@@ -92,7 +92,7 @@ def linear_quantities(
     return rightmost_first(poles), TransferFunctions(num, den, T @ cov @ T.T), response
 
 
-def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
+def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[RowRange]) -> Innovations:
     """Return each run's prediction errors (rad) and mean voltages (V), every `TEST_INTERVAL_S` s.
 
     ``runs`` are ranges of usable rows of the recordings in ``prepared``. Predictions are

@@ -25,7 +25,7 @@ from heli3dof.identification.greybox.structure_test import with_simplifications
 from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.identification.preprocessing import Prepared
 from heli3dof.model.effects import terms
-from heli3dof.model.estimation.filter_data import Run, data_of
+from heli3dof.model.estimation.filter_data import RowRange, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
@@ -56,7 +56,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     """
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]
-    runs: list[Run] = list(prepared.train)
+    runs: list[RowRange] = list(prepared.train)
     for i, recording in enumerate(request.partial, start=len(prepared.recordings)):
         runs += usable_runs(recording, i)
     structure = Structure(prepared.recordings[0].profile, terms(chosen))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -35,20 +34,9 @@ ON_GRID = 0.03
 """Encoder steps; a reading this close to a whole step counts as quantised."""
 
 
-class Run(Protocol):
-    """Interface of a run: the rows start … stop − 1 of the recording with the index ``source``."""
-
-    @property
-    def source(self) -> int: ...
-    @property
-    def start(self) -> int: ...
-    @property
-    def stop(self) -> int: ...
-
-
 @dataclass(frozen=True)
 class RowRange:
-    """A run (`Run`): the rows start … stop − 1 of the recording with the index ``source``."""
+    """A run: the rows start … stop − 1 of the recording with the index ``source``."""
 
     source: int
     start: int
@@ -76,7 +64,7 @@ class Data:
     """(B, 3) bool: the measured axes, which can move."""
     grid: np.ndarray
     """(B, 3) rad: encoder step; 0 for readings that are missing or not quantised."""
-    runs: tuple[Run, ...]
+    runs: tuple[RowRange, ...]
     rad_per_count: np.ndarray
     """(3,) rad, positive encoder steps of the first recording's profile."""
 
@@ -91,7 +79,7 @@ class Data:
         return np.asarray(self.free.any(axis=0))
 
 
-def data_of(recordings: Sequence[Recording], runs: Sequence[Run]) -> Data:
+def data_of(recordings: Sequence[Recording], runs: Sequence[RowRange]) -> Data:
     """Return the ``runs`` of usable rows of ``recordings``, with lead-ins, as arrays.
 
     Raises RecordingError if there are no runs.
