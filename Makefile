@@ -41,6 +41,7 @@ demo: $(STAMP)
 	$(BIN)/heli3dof demo
 
 test: $(STAMP)
+	$(BIN)/python -m tests.compile_first
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 
 test-accuracy: $(STAMP)

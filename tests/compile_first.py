@@ -1,0 +1,39 @@
+"""``python -m tests.compile_first``: compile the numerical code before the tests' workers need it.
+
+Numba stores compiled functions in the checkout. Without this step, each of the three workers
+of a fresh checkout would compile the same functions, which takes half a minute of CPU time.
+"""
+
+from __future__ import annotations
+
+from multiprocessing import get_context
+
+from tests.paths import ROOT
+
+
+def estimator() -> None:
+    """Diagnose ten seconds of a step: base fit, nulls, full fits, gain and torque search."""
+    from heli3dof.diagnosis.diagnose import diagnose
+    from heli3dof.recording.load import load
+
+    recording = load(ROOT / "recordings" / "step-roll-10.mcap")
+    diagnose(recording.between(6.0, 16.0), quick=True)
+
+
+def emulator() -> None:
+    """Fly a short step on the emulated rig."""
+    from heli3dof.experiment.fly import fly_plan
+    from heli3dof.experiment.plan import step_plan
+
+    plan = step_plan((5.0, None, None), settle_s=1.0, duration_s=1.0)
+    fly_plan(plan, device="mock:?speed=max&start=level", seed=0)
+
+
+if __name__ == "__main__":
+    context = get_context("spawn")
+    processes = [context.Process(target=work) for work in (estimator, emulator)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+    raise SystemExit(max(abs(p.exitcode or 0) for p in processes))
