@@ -40,6 +40,7 @@ from heli3dof.diagnosis.selection.steps import (
     fit_with_cause,
     screening_step,
 )
+from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import BASES, fit_base
@@ -118,6 +119,9 @@ def _diagnosed(
     clock.start("gain", "Measuring the gain on held-out data …")
     choices = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
     fit, findings, dropped, after = adopted(fit, choices, held, seed=seed)
+    if dropped and not findings:  # without a cause, implausible inertias keep their narrow prior
+        fit = base_with_forms(base_fit, fit)
+        after = held_out(fit, held)
     clock.start("left", "Searching for unmodelled effects …")
     torque_flights = QUICK_TORQUE_FLIGHTS if quick else TORQUE_FLIGHTS
     settled = settle_unmodelled(

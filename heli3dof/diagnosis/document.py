@@ -14,6 +14,7 @@ from heli3dof.diagnosis.base_parameters import (
     finding_of,
 )
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
+from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
 from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning.free_run_plan import why_none
 from heli3dof.diagnosis.profile_update import Measured, profile_keys, ratios
@@ -160,12 +161,17 @@ def _profile(f: Fitted | None) -> list[dict[str, Any]]:
 
 
 def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
-    """Return the ratios of base parameters that these recordings determine without K_f."""
+    """Return the ratios of base parameters that these recordings determine without K_f.
+
+    An inertia that a narrow prior keeps plausible is not determined.
+    """
     if f is None:
         return []
+    held = {f"K_f/J_{a}" for a in AXES if f.final is not None and is_biased(f.final, a)}
     return [
         {"ratio": n, "nominal": m.nominal, "value": m.value, "std": m.std}
         for n, m in ratios(_measured(f), f.model.profile).items()
+        if n not in held
     ]
 
 

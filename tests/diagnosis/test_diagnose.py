@@ -5,12 +5,18 @@ tests/cli/test_diagnose.py has a hidden effect, named with its size.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any, cast
+
 import pytest
 
+from heli3dof.diagnosis import diagnose as module
 from heli3dof.diagnosis.diagnose import diagnose
+from heli3dof.diagnosis.result import Dropped
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, step_plan
 from heli3dof.recording.recording import Recording
+from tests.flown import flown
 from tests.hidden.cases import blind
 from tests.hidden.rig_cases import draw_on_other_rig
 
@@ -38,3 +44,30 @@ def test_of_a_step_with_an_implausible_inertia_nothing_is_asserted_without_the_c
     assert result.findings == ()
     assert result.calibration_findings == ()
     assert result.residual_torques == ()
+
+
+def test_without_an_adopted_cause_the_result_is_the_base_fit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A fit with causes has a wider prior of implausible inertias. It must not outlive them."""
+    recording = flown("rich", 30.0, device="mock:?speed=max&hide=stiffness.cable.yaw:0.3", seed=2)
+
+    def drop_all(fit: Any, choices: Sequence[Any], held: Any, *, seed: int) -> Any:
+        assert [c.term.name for c in choices] == ["stiffness.cable.yaw"]
+        return fit, (), (Dropped("stiffness.cable.yaw", cast(Any, None)),), None
+
+    monkeypatch.setattr(module, "adopted", drop_all)
+    fitted = diagnose(recording, quick=True).fitted
+    assert fitted is not None
+    assert fitted.final is fitted.base
+
+
+@pytest.mark.accuracy
+def test_a_cause_dropped_without_the_controller_leaves_a_plausible_inertia() -> None:
+    """The flight has sinusoidal torques. Its likelihood alone has an eighth of the inertia."""
+    result = diagnose(blind(draw_on_other_rig("rigs-step-nothing", 2941).fly()))
+    assert [d.name for d in result.dropped] == ["friction.coulomb.roll"]
+    assert result.fitted is not None
+    roll = result.fitted.final.values[1]  # type: ignore[union-attr]
+    nominal = result.fitted.model.structure.free[1].start
+    assert 0.8 < roll / nominal < 1.25

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis import document
 from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.conclusion.adoption import objection
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed, exceeds_rounding
@@ -98,3 +100,12 @@ def test_a_base_parameter_must_predict_better_than_the_profile_s_value(
     found = [OffNominal(term("inertia.pitch"), 1.4, 0.05, 64.0)]
     left = confirmed(found, fit, held_out(fit, []), [], seed=0)
     assert [p.term.name for p in left] == names
+
+
+def test_an_inertia_that_a_narrow_prior_holds_is_not_determined() -> None:
+    r = flown("rich", 12.0, device="mock:?speed=max&seed=1160", seed=1160)
+    problem = ProfileLikelihood(data_of([r], usable_runs(r, 0)), Structure(r.profile, ()))
+    fit = CorrectedFit(replace(problem, implausible=("pitch",)), estimate(problem).optimum)
+    fitted = SimpleNamespace(final=fit, model=SimpleNamespace(profile=r.profile))
+    determined = [ratio["ratio"] for ratio in document._ratios(cast(Any, fitted))]
+    assert determined == ["V_o", "K_f/J_roll", "K_f/J_yaw"]
