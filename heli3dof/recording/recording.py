@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from heli3dof.arrays import BoolArray, FloatArray, IndexArray
 from heli3dof.axes import AXES
 from heli3dof.recording.columns import contract_columns, unit_of
+from heli3dof.recording.linear_controller import LinearController
 from heli3dof.results import Result, optional
 from heli3dof.rig.profile import Profile
 
@@ -54,6 +55,8 @@ class Recording(Result):
     """Further columns (N,) by name with unit: counts, flags, lateness, unknown columns of a log."""
     meta: Mapping[str, Any] = field(default_factory=dict)
     """Provenance (JSON-able): name, source, plan, seed, versions, hashes, outcome."""
+    identified_controller: LinearController | None = None
+    """Controller identified from this recording, instead of the profile's; never stored."""
 
     def __post_init__(self) -> None:
         n = self.t.shape[0]

@@ -37,6 +37,7 @@ from heli3dof.model.control.controller import (
     parameters,
     state_at_rest,
 )
+from heli3dof.model.control.controller_identification import identified_controller
 from heli3dof.model.control.loop_task import under_control, why_not_replayed
 from heli3dof.model.estimation.decimated_log import decimation
 from heli3dof.recording.recording import Recording
@@ -130,21 +131,27 @@ def with_known_controller(recording: Recording) -> Recording:
     profile has no controller.
     """
     result = voltage_replay(recording)
+    if recording.profile.controller is None or (result and result.match is Match.OTHER):
+        profile = recording.profile.model_copy(update={"controller": None})
+        identified = identified_controller(recording)
+        return replace(recording, profile=profile, identified_controller=identified)
     if result is None or result.match is Match.REPRODUCED:
         return recording
     if result.match is Match.LATE:
         return replace(recording, meta={**recording.meta, DELAY_KEY: 1})
     if result.match is Match.EXCITED:
         return replace(recording, voltage_extra=result.difference)
-    return replace(recording, profile=recording.profile.model_copy(update={"controller": None}))
+    raise AssertionError(result.match)
 
 
 def controller_is_known(recordings: Sequence[Recording]) -> bool:
     """Return whether each recording has a known controller, three axes and a reference."""
     return all(
-        r.profile.controller_is_known
-        and len(r.axes) == 3
-        and any(r.has_reference(a) for a in r.axes)
+        len(r.axes) == 3
+        and (
+            r.identified_controller is not None
+            or (r.profile.controller_is_known and any(r.has_reference(a) for a in r.axes))
+        )
         for r in recordings
     )
 

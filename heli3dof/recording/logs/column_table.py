@@ -67,7 +67,7 @@ def recording_from_table(
         )
 
     n = len(t)
-    arrays: dict[str, np.ndarray] = {}
+    arrays: dict[str, Any] = {}
     used = {"t_s"}
     for array, form in VOLTAGES.items():
         arrays[array] = np.full((n, 2), np.nan)

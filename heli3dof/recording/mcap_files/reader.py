@@ -180,7 +180,7 @@ def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recor
         for c in layout.columns
         if c.name not in absent
     }
-    arrays: dict[str, np.ndarray] = {
+    arrays: dict[str, Any] = {
         array: np.column_stack([column[name] for name in names])
         for array, names in ARRAYS.items()
         if array != "t"

@@ -1,0 +1,39 @@
+"""A sampled linear controller, identified from a log (`model.control.controller_identification`).
+
+    v[k] = clip(Σ_{j=1…n} A_j v[k−j] + Σ_{j=0…n} B_j y[k−j] + w[k], ±v_max)
+
+v (2,) V are the motor voltages after the limiter, y (3,) rad the angles. The input w (2,) V
+contains what does not depend on the angles: references, excitations, constants. Before the first
+row, v and y have the values of the first row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from heli3dof.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class LinearController:
+    """The law of order n."""
+
+    A: FloatArray
+    """(n, 2, 2) A_1 … A_n"""
+    B: FloatArray
+    """(n + 1, 2, 3) V/rad, B_0 … B_n"""
+
+    def input_of(self, v: FloatArray, y: FloatArray) -> FloatArray:
+        """Return w (N, 2) in V, with which the law has the voltages v (N, 2) at angles y (N, 3).
+
+        >>> law = LinearController(np.ones((1, 2, 2)), np.ones((2, 2, 3)))
+        >>> law.input_of(np.array([[1.0, 1], [4, 3]]), np.zeros((2, 3))).tolist()
+        [[-1.0, -1.0], [2.0, 1.0]]
+        """
+        n, N = len(self.A), len(v)
+        v_before, y_before = (np.vstack([np.repeat(x[:1], n, axis=0), x]) for x in (v, y))
+        w = v - sum(v_before[n - j : n - j + N] @ self.A[j - 1].T for j in range(1, n + 1))
+        w -= sum(y_before[n - j : n - j + N] @ self.B[j].T for j in range(n + 1))
+        return np.asarray(w)
