@@ -29,7 +29,7 @@ def usb_ports() -> Sequence[str]:
 def is_known(path: str) -> bool:
     """Return True if a rig is probably connected to the port ``path``.
 
-    This is so if the port's USB vendor and product numbers are a known rig's. It is also so if a
+    This is so if the port's USB vendor and product numbers are those of a known rig, or if a
     heli3dof process, perhaps another user's, has locked the port.
     """
     from ..udev import known_ids
@@ -43,9 +43,9 @@ def is_known(path: str) -> bool:
 def plugged_in(path: str) -> str:
     """Return a name of the device at the port ``path``: USB vendor, product and serial number.
 
-    A device has the same name at every port, except that a device without serial number is named
-    with its USB port. A pseudo-terminal's name includes its creation time, because the system gives
-    its number to later pseudo-terminals.
+    So a device has the same name at every port. If it has no serial number, its USB port takes the
+    number's place. A pseudo-terminal's name is its path with its creation time, because the system
+    reuses the path.
     """
     if path.startswith(PSEUDO):
         return f"{path} of {os.stat(path).st_ctime_ns}" if os.path.exists(path) else path

@@ -57,7 +57,7 @@ def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Reco
 class NamedShare:
     """A cause, and how many bootstrap replicates' diagnoses name it: ``named`` out of ``of``.
 
-    The diagnosis also names a cause if it reports it as confounded with another one.
+    An effect that the diagnosis reports as confounded with a cause also counts as named.
     """
 
     cause: str
@@ -90,10 +90,10 @@ class NamedShare:
 
 
 def named_shares(rows: Iterable[Mapping[str, Any]]) -> list[NamedShare]:
-    """Return for each cause the share of one recording's replicates that name it, largest first.
+    """Return, for each cause, the share of a recording's replicates whose diagnoses name it.
 
-    ``rows``: rows of ``batch diagnose``; their column ``replicate`` is 0 for the recording itself.
-    Failed replicates do not count.
+    The largest share is first. ``rows``: rows of ``batch diagnose``; their column ``replicate`` is
+    0 for the recording itself. Failed replicates do not count.
     """
     diagnosed = [row for row in rows if row["exit_code"] == 0]
     replicates = [row for row in diagnosed if row["replicate"]]

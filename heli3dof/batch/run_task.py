@@ -1,8 +1,8 @@
 """`run_task`: do one verb on one recording. It runs in a worker and never raises.
 
-The verb reads and writes in a temporary folder. In the verb's document, the recording's path is
-replaced by the one that the user gave. The path of a written file becomes relative to the output
-folder.
+The verb reads and writes in a temporary folder. In the verb's JSON document, `run_task`
+replaces the recording's path by the one that the user gave, and makes paths of written files
+relative to the output folder.
 """
 
 from __future__ import annotations

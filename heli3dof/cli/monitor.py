@@ -99,7 +99,7 @@ def _source(
 
 
 def _session(device: str | None, sessions: list[Running]) -> Running | None:
-    """Return the newest of the ``sessions``, processes that use the device; None if it is free.
+    """Return the newest of ``sessions``, the processes that use the device; None if none does.
 
     ``device``: URL, or None for any device. For an emulated rig, the session's URL must have every
     option of ``device``.
