@@ -2,7 +2,7 @@
 
 Each torque w is an Ornstein–Uhlenbeck process, τ_c ẇ = −w + √(2 τ_c) σ ξ(t), ξ white noise. w is
 sampled exactly at the control period and held over it: w[k+1] = a w[k] + σ √(1 − a²) N(0, 1), a =
-exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ_c (s), at any rate.
+exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ_c (s), for any dt.
 
 σ was chosen by the difference between a closed-loop run with noise (angles y) and the same run
 without (angles ŷ); default controller, from level. The table shows the fit 100 (1 − ‖y − ŷ‖/‖y −

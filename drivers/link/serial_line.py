@@ -1,4 +1,4 @@
-"""Opens a serial port or a pyserial URL as a `Transport`; explains why one does not open.
+"""Opens a serial port or a pyserial URL as a `Transport`; explains why a port does not open.
 
 A port with a file descriptor is read from the descriptor. Other pyserial URLs (``loop://``,
 ``rfc2217://``, ``spy://``) are read through pyserial.

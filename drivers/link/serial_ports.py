@@ -1,4 +1,4 @@
-"""Describes the system's serial ports: which exist, who has one open, an adapter's latency."""
+"""Describes the serial ports: which exist, which process uses one, an adapter's latency."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def usb_ports() -> Sequence[str]:
 def is_known(path: str) -> bool:
     """Return True if a rig is probably connected to the port ``path``.
 
-    This is so if the port's USB vendor and product numbers are those of a known rig, or if a
-    heli3dof process, perhaps another user's, has locked the port.
+    This is so if the port's USB vendor and product numbers are a known rig's, or if a heli3dof
+    process, perhaps another user's, has locked it.
     """
     from ..udev import known_ids
 
@@ -128,7 +128,7 @@ def _name(pid: int) -> str:
 
 
 def latency_timer(path: str) -> tuple[int, Path] | None:
-    """Return an FTDI adapter's latency timer in ms and the file that sets it; None for others."""
+    """Return an FTDI adapter's latency timer in ms and the file that sets it; else None."""
     name = Path(os.path.realpath(path)).name
     for place in LATENCY_FILES:
         file = Path(place.format(name))

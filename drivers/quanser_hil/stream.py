@@ -5,8 +5,8 @@ sample. The library does not report how many samples are waiting. A host that wa
 old ones. So the driver estimates θ, host time minus device time in s. The sample of device time d
 is expected at host time d + θ. If the host reads it at host time h,
 
-    θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  where the read waited for the sample, so it was fresh
-    θ[k] = min(h − d,  θ[k−1])             where it did not wait
+    θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  where the read waited for the sample: it was new
+    θ[k] = min(h − d,  θ[k−1])             where the read did not wait
     waiting = ⌊(now − d − θ) / dt⌋
 
 `DRIFT` bounds how slow the board's clock may run (s per s). ``waiting`` is the number of samples in

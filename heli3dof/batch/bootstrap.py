@@ -1,7 +1,7 @@
 """Block bootstrap of one recording: replicates, and how often their diagnoses name each cause.
 
-A replicate of a recording of length T consists of ⌊T/L⌋ blocks of L = `BLOCK_S`, drawn with
-replacement and kept in the order of time (Künsch, Annals of Statistics 17, 1989). Within a block
+A replicate of a recording of length T consists of ⌊T/L⌋ blocks of length L = `BLOCK_S`. They are
+drawn with replacement and sorted by time (Künsch, Annals of Statistics 17, 1989). Within a block
 the samples remain as they were, so noise that is correlated over less than L is reproduced. A pause
 of `PAUSE_S` without samples separates the blocks, so the estimation uses a separate initial state
 for each.

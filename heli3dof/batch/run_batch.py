@@ -65,7 +65,7 @@ def run_batch(
     tasks: Sequence[Task], folder: OutputFolder, engine: Engine,
     progress: Progress = lambda batch: None,
 ) -> Batch:  # fmt: skip
-    """Do the tasks without a final outcome in the folder yet; write the table of all tasks.
+    """Run the tasks without a final outcome in the folder; write the table of all tasks.
 
     An outcome is final if no retry would change it. ``engine`` runs the tasks; ``progress`` is
     called at the start and after each outcome. After Ctrl-C or an error, the table contains the

@@ -119,7 +119,7 @@ def diagnose(
 
 
 def _device(recordings: Sequence[Recording]) -> str | None:
-    """Return the URL of the device that flew all recordings; None if unknown or not the same."""
+    """Return the URL of the device of all recordings; None if unknown or not the same."""
     urls = {r.meta.get("device") for r in recordings}
     url = urls.pop() if len(urls) == 1 else None
     return str(url) if url else None

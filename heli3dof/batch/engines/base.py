@@ -16,13 +16,13 @@ would only fill the memory with the contents of files."""
 
 @dataclass(frozen=True)
 class Lost:
-    """Yielded in place of a result if several workers ended while they worked on the item."""
+    """Yielded in place of an item's result if several workers ended while working on the item."""
 
     why: str
 
 
 class Engine(Protocol):
-    """Distributes work. An engine may be used for several runs, one after another."""
+    """Distributes work. `run` may be called several times, one call after another."""
 
     remote: bool
     """True if the workers may not see this machine's files"""
