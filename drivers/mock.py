@@ -5,8 +5,8 @@ every option and effect. The option ``speed`` selects the clock:
 
 - ``speed=max`` or a number (times real time): a virtual clock. Each `exchange` (a command, then a
   sample) advances it by a control period, so the same seed and commands give the same samples.
-- ``speed=real``: the host's clock. Between exchanges the device continues: it simulates
-  the periods that the host missed with the last voltage held. Its watchdog counts these periods.
+- ``speed=real``: the host's clock. Between exchanges the device continues: it holds
+  the last voltage and simulates the periods that the host missed. Its watchdog counts them.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ sampled exactly at the control period and held over it: w[k+1] = a w[k] + σ √
 exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ_c (s), for any dt.
 
 σ was chosen by the difference between a closed-loop run with noise (angles y) and the same run
-without (angles ŷ); default controller, from level. The table shows the fit 100 (1 − ‖y − ŷ‖/‖y −
+without (angles ŷ); default controller, start level. The table shows the fit 100 (1 − ‖y − ŷ‖/‖y −
 mean y‖) % for three flight plans: the mean over noise seeds 1–6 for roll / pitch / yaw, and pitch's
 range over these seeds. The plans' random signals have seed 1:
 

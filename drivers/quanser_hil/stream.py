@@ -11,9 +11,10 @@ is expected at host time d + θ. If the host reads it at host time h,
 
 `DRIFT` bounds how slow the board's clock may run (s per s). ``waiting`` is the number of samples in
 the buffer, ``now`` the host's time, d the device time of the last sample read. These samples are
-read together; the last one is used, and the device's time advances over the others. θ rises too
-slowly to hide a stall of the host during a read. If the host waits twice in succession for samples
-that should be in the buffer, θ is wrong and its estimate is restarted.
+read together; the last one is used, and the device's time advances over the others. θ rises by at
+most DRIFT·dt per sample, so a stall of the host during a read hardly changes it. If the host waits
+twice in succession for samples that should be in the buffer, θ is wrong and its estimate is
+restarted.
 """
 
 from __future__ import annotations
