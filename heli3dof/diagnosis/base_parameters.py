@@ -16,8 +16,9 @@ X is a finding if x exceeds e significantly:
 - σ_k: standard deviation of ln K_f (`greybox.thrust_scale`), which further flights hardly reduce
 - σ: standard deviation of x by the flights' noise
 - q: normal quantile, with Bonferroni's correction, of the false-alarm probability `FALSE_ALARMS`
-- f: 1 for a fit to free-run predictions or with edge rates (`closed_loop_fit.edge_rates`), else
-  `STD_INFLATION`: on a limit cycle, or with an unmodelled torque, the error of x may reach f σ.
+- f: 1 for a fit to free-run predictions, or to rates of change of encoder counts
+  (`closed_loop_fit.edge_rates`), else `STD_INFLATION`. On a limit cycle, or with an unmodelled
+  torque, the error of x may reach f σ.
 """
 
 from __future__ import annotations
@@ -65,13 +66,13 @@ class BaseParameter:
         return float(np.log(ratio)) if ratio > 0 else -np.inf
 
     def excess(self, tolerance: float) -> float:
-        """Return |x| − |e|, by which x exceeds the tolerance's edge e; negative within it."""
+        """Return |x| − |e|, with x's bound e by the tolerance; negative within the tolerance."""
         return abs(self.x) - abs(edge(self.x, tolerance))
 
     def is_significant(self, beyond: float, quantile: float, std: float) -> bool:
         """Return whether ``beyond`` = |x| − |e| is significant, by the module's inequality.
 
-        ``quantile``: q; ``std``: f σ.
+        In that inequality, q is ``quantile`` and f σ is ``std``.
         """
         return beyond > float(np.hypot(SCALE_QUANTILE * self.scale, quantile * std))
 

@@ -1,6 +1,6 @@
-"""Mark findings as unconfirmed ("…-like") that recordings without a controller cannot confirm.
+"""Mark findings as unconfirmed ("…-like") if the recordings' controller is unknown.
 
-Without the controller no flights can be simulated, so nothing shows what a model error looks like.
+Without it no flights can be simulated, so nothing shows which findings a model error may cause.
 These findings are marked, with a confidence of `MOST_CONFIDENCE` at most:
 
 1. `disturbance.periodic` at a frequency f of the commanded motion, because the model's errors in

@@ -12,8 +12,8 @@ is compared with the model's equilibrium, with the symbols of `free_run.explanat
 
     L_a F(V) = (T_g + τ) cos r + k_r sin r = Γ(r),       F_late/F_early = Γ(r_late)/Γ(r_early)
 
-Creep is equivalent to thrust that grows by this factor, or to the increase of voltage that gives it
-on the thrust curve. `compare_runs` tests whether one growth explains several runs.
+Creep is equivalent to thrust that grows by this factor, or to the voltage increase that gives it on
+the thrust curve. `compare_runs` tests whether all runs have about the same of these increases.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
 
 
 def compare_runs(runs: Sequence[CreepRun]) -> Iterator[dict[str, Any]]:
-    """Yield a JSON object: whether all ``runs`` creep as if thrust, or voltage, grew equally."""
+    """Yield a JSON object: is the creep of all ``runs`` equal to one rise of thrust or voltage?"""
     if len({c.voltage_V for c in runs}) < 2 or not any(c.creeps for c in runs):
         return
     growth = {

@@ -78,10 +78,10 @@ class Nuisance:
         columns: np.ndarray,
         null: Scores | None,
     ) -> Nuisance:
-        """Return these parameters and the coefficients of one group of hat functions.
+        """Return these parameters, extended by the coefficients of a torque's hat functions.
 
-        ``D`` (KNOTS, E): the prediction changes by these. ``P`` (KNOTS, rank): informative
-        directions of the group. ``columns`` (KNOTS,): the group's columns in ``null.u``.
+        ``D`` (KNOTS, E): the prediction changes by the functions. ``P`` (KNOTS, rank): their
+        informative directions. ``columns`` (KNOTS,): their columns in ``null.u``.
         """
         D = P.T @ D
         stacked = np.vstack([self.tangents, D])
@@ -138,13 +138,17 @@ def coloured_noise_ratio(
 ) -> float:
     """Return ρ ≥ 1, the ratio of the scores' variance to that with white noise.
 
-    ``torque``: τ (K,), coefficients that change the E predictions by Dᵀ τ. P (K, k): directions of
-    τ with information. With ``nuisance`` projected out of D and τ removed, the readings' scores are
-    g − w Dᵀ τ. Their block sums along P have information V and a long-run covariance S
-    (`bias_correction.coloured_noise`). ``white`` is tr(V⁺ S)/k in null simulations. ρ is the larger
-    of two ratios tr(V⁺ S)/(k ``white``): along P with `MEMORY_S`, and along a constant torque with
-    `CONSTANT_MEMORY_S`, as a fitted function of time removes slow noise along P. A ratio that white
-    noise exceeds with a probability above ``chance`` is set to 1.
+    ``torque``: τ (K,), coefficients of a torque that changes the E predictions by Dᵀ τ. Here D
+    (K, E) has ``nuisance`` projected out. Without the torque, the readings have the scores
+    g − w Dᵀ τ, with the scores g and information w of the fit. Along k directions of τ, their block
+    sums have information V and long-run covariance S (`bias_correction.coloured_noise`). ``white``
+    is tr(V⁺ S)/k in null simulations. ρ is the larger of two ratios tr(V⁺ S)/(k ``white``):
+
+    - along P (K, k), the directions with information, with correlation up to `MEMORY_S`
+    - along a constant torque, up to `CONSTANT_MEMORY_S`: a fitted function of time removes slow
+      noise along P
+
+    A ratio that white noise exceeds with a probability above ``chance`` is set to 1.
     """
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]
