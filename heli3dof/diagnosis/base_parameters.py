@@ -66,7 +66,7 @@ class BaseParameter:
         return float(np.log(ratio)) if ratio > 0 else -np.inf
 
     def excess(self, tolerance: float) -> float:
-        """Return |x| − |e|, with x's bound e by the tolerance; negative within the tolerance."""
+        """Return |x| − |e|, the excess of x over its bound e by the tolerance; negative within."""
         return abs(self.x) - abs(edge(self.x, tolerance))
 
     def is_significant(self, beyond: float, quantile: float, std: float) -> bool:

@@ -39,7 +39,7 @@ def diagnosis_document(
     ``upcoming``: the result of `planning.next_experiment.next_experiment`; by default the
     catalogue's recommendation for the first confounded cause. Besides the keys of
     `docs/reference/contract.md`, the document has ``integrity``, ``dropped`` (causes that were not
-    adopted), ``about``, and further keys inside the objects.
+    adopted) and ``about``.
     """
     f = d.fitted
     about, following = (

@@ -154,7 +154,7 @@ class Diagnosis:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Return those faults of the recordings that are findings and name an effect."""
+        """Return the recordings' faults that are causes: findings that name an effect."""
         return tuple(f for f in self.integrity if f.is_cause)
 
     @property

@@ -138,8 +138,7 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
 
     The error may be backlash or an encoder offset. Backlash must itself be the cause; an offset may
     also be confounded with the cause. An encoder's zero is uncertain by a count, because counts
-    start at power-up and data-acquisition cards round differently. The cause's size is that in
-    ``fit``, which may differ from its size in the selection step.
+    start at power-up. The cause's size is that in ``fit``.
     """
     for c in choice.candidates:
         axis, is_choice = c.term.axis, c.term.name == choice.term.name

@@ -111,7 +111,7 @@ def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
-    """Return the findings; if the thrust gain K_f is one, mark it and the others as confounded.
+    """Return the findings; if the thrust gain K_f is among them, all are confounded with it.
 
     Without simulated flights, only the profile's nominal values separate a wrong K_f from inertias
     that are all wrong by the inverse factor (`greybox.thrust_scale`).
@@ -159,7 +159,7 @@ def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bo
 
 
 def _zero_error(f: Finding, T_g: float) -> float:
-    """Return the roll offset δ (rad) that has a finding's effect; NaN if its torque exceeds T_g."""
+    """Return the roll offset δ (rad) equivalent to a finding; NaN if its torque exceeds T_g."""
     value = next(iter(f.values.values()))[0]
     if f.term.effect.name == "encoder.offset":
         return math.radians(value)

@@ -14,8 +14,8 @@ of these hold:
 - The estimates from both halves of the flights agree, and each is significant (`free_run.halves`).
   For a term known beforehand it is enough that they agree.
 
-All other terms stay in the model with their priors. Every joint has some dry friction; a term set
-to zero predicts new motion worse than a term of likely size.
+All other terms stay in the model with their priors: a term set to zero predicts new motion worse
+than a term of likely size.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ class FitWithFolds:
         return cls(fit, tuple(folds_of(fit)))
 
     def without_recording(self, i: int) -> MultiStepFit:
-        """Return the fit to all recordings except number i."""
+        """Return the fit to all recordings except the one with index ``i`` (from 0)."""
         if i not in self._without_recording:
             kept = [j for j in range(len(self.fit.problem.flights)) if j != i]
             self._without_recording[i] = fit_to_recordings(kept, self.fit)

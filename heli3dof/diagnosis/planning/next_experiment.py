@@ -11,9 +11,6 @@ two simple hypotheses a margin m has the distribution N(m, 4 m). The mean probab
 is
 
     certainty = mean_i Φ((m_i − TIE) / (2 √m_i))
-
-First-order scores of one simulated flight per cause suffice to choose a plan, but guarantee
-nothing.
 """
 
 from __future__ import annotations

@@ -13,8 +13,7 @@ A = T W Tᵀ + Λ. Then
 The parts with A⁻¹ project out the base parameters, so no refit of the base is necessary. Sums over
 readings use the adjoint L: Σ q δc = Σ L·δa for an acceleration δa (`bias_correction.perturbation`).
 
-v of the recordings is also used for their nulls, so that both have the same scale. The likelihood
-is approximate, so z is biased; `screening.nulls` standardises it.
+The likelihood is approximate, so z is biased; `screening.nulls` standardises it.
 """
 
 from __future__ import annotations
@@ -95,7 +94,7 @@ class Screen:
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
     def information(self) -> np.ndarray:
-        """Return v of each probe but scans, per squared unit of its parameter; 0 for a limit."""
+        """Return the information of each probe but scans, per squared parameter unit; limits: 0."""
         size = np.array([p.size if p.grows else np.inf for p in self.plain])
         return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
 
@@ -157,10 +156,7 @@ class Screen:
         return out
 
     def _changes(self, evaluation: Evaluation) -> Iterator[Changes]:
-        """Yield the changes of accelerations and readings by the probes, one term at a time.
-
-        The changes by all terms together would fill the memory.
-        """
+        """Yield the changes of accelerations and readings by the probes, one term at a time."""
         p = evaluation.path
         for rows, wide, sets in self.sets:
             hooks = set(wide.terms[-1].effect.hooks)

@@ -10,7 +10,7 @@ Two candidates are **confounded** if their scores differ by less than (`tie_marg
 
 score is the better candidate's score. z̄ is the larger of their probes' mean scores over the nulls,
 κ the nulls' inflation. ρ is the correlation of the probes' traces, with the base parameters
-projected out. The last summand, for plain probes only, is the error of the bias correction: z̄ was
+projected out. The last summand, for single probes only, is the error of the bias correction: z̄ was
 simulated without the cause. The rules (`best_choice`):
 
 1. If the best score is below `TIE`, no effect is a cause.

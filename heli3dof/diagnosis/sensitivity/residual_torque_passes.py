@@ -182,7 +182,7 @@ forced = compiled(_forced, error_model="numpy", nogil=True)
 
 
 def _gather(nu, axes, which, left, share, knots, out):  # type: ignore[no-untyped-def]
-    """Add each hat function φ's score Σ_k ν_k φ(z_k) to ``out`` (blocks, J); row k: which[k]."""
+    """Add the score Σ_k ν_k φ(z_k) of each of J hat functions φ to ``out`` (blocks, J)."""
     M = left.shape[1]
     for k in range(nu.shape[0]):
         b = which[k]

@@ -20,8 +20,8 @@ If flights of the fit cannot be simulated, the best formula of each axis shows w
 torque. Subtract its torque c φ, and sum the score of φ over blocks of `greybox.estimate.BLOCK_S`.
 Var s is the long-run variance of these sums s (Newey and West), at least κ v. Then t² = u²/Var s
 is valid for coloured noise. The threshold is the squared two-sided quantile of Student's t at
-`TORQUE_FALSE_ALARMS` divided by the number of formulas (Bonferroni), times two. It is doubled as in
-`screening.nulls`: without null simulations the bias of the filter's score is unknown.
+`TORQUE_FALSE_ALARMS` divided by the number of formulas (Bonferroni), times two, because the bias of
+the filter's score is unknown.
 """
 
 from __future__ import annotations
