@@ -70,9 +70,9 @@ class BaseParameter:
         return abs(self.x) - abs(edge(self.x, tolerance))
 
     def is_significant(self, beyond: float, quantile: float, std: float) -> bool:
-        """Return whether ``beyond`` = |x| − |e| is significant, by the module's inequality.
+        """Return whether ``beyond`` > √((`SCALE_QUANTILE` σ_k)² + (``quantile`` · ``std``)²).
 
-        In that inequality, q is ``quantile`` and f σ is ``std``.
+        σ_k is the standard deviation of ln K_f, ``std`` that of ln X by the flights' noise.
         """
         return beyond > float(np.hypot(SCALE_QUANTILE * self.scale, quantile * std))
 
@@ -122,8 +122,8 @@ def off_nominal(
 ) -> tuple[OffNominal, ...]:
     """Return the base parameters that differ from nominal by significantly more than tolerance.
 
-    The largest `OffNominal.score` comes first. ``std_inflation``: f, the factor of σ in the
-    module's inequality.
+    The largest `OffNominal.score` comes first. ``std_inflation``: factor of their standard
+    deviations by the flights' noise.
     """
     tolerance = fit.structure.profile.tolerance
     out = [
@@ -135,7 +135,7 @@ def off_nominal(
 
 
 def std_inflation(fit: CorrectedFit) -> float:
-    """Return f, the factor of σ in the module's inequality, for a fit by likelihood.
+    """Return the factor of the base parameters' standard deviations, for a fit by likelihood.
 
     It is 1 for a fit that also uses how often encoder counts change
     (`closed_loop_fit.edge_rates`), else `STD_INFLATION`.

@@ -157,7 +157,7 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
 
 
 def pays_enough(choice: Choice, g: Gain, *, first: bool) -> bool:
-    """Return whether the gain on held-out data meets one of the module's conditions 1 to 3."""
+    """Return whether a gain on held-out data suffices (one of the module's conditions 1 to 3)."""
     strong = first or choice.score >= SUFFICIENT
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
     return (

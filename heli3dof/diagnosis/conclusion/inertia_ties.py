@@ -110,7 +110,7 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
 
 def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the terms that meet the module's conditions 1 and 2 for a given range of sizes α.
+    """Return the terms with a plausible size α in a given range, and a measured Z that agrees.
 
     ``amounts``: (index i of a probe, least α, most α), with α in units of the probe.
     """

@@ -60,7 +60,7 @@ def confirmed(
     parameters: Sequence[OffNominal], fit: CorrectedFit, after: HeldOut,
     holdout: Sequence[Recording], *, seed: int,
 ) -> tuple[OffNominal, ...]:  # fmt: skip
-    """Return the ``parameters`` off nominal that meet the module's condition on held-out data.
+    """Return the ``parameters`` off nominal whose fit improves predictions of held-out data.
 
     ``after``: results of the fit on held-out data.
     """

@@ -1,6 +1,6 @@
 """Diagnose logs without a usable likelihood, by a multi-step fit and backward elimination.
 
-Their controller is unknown, and they have sampling jitter or unmodelled fast motion
+Such logs have an unknown controller, and sampling jitter or unmodelled fast motion
 (`identification.greybox.noise_check`).
 
 1. The full model (with the effects usual on real rigs) and the base simulation are fitted to

@@ -297,7 +297,7 @@ def held_out_losses(full: MultiStepFit, test: MultiStep, scale: np.ndarray) -> n
 def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Return the mean loss (m,) in each of a flight's m cells of `WINDOW_S`.
 
-    ``e`` (S, M, 3): errors in rad of S predictions at M horizons; ``scale``: s (see the module).
+    ``e`` (S, M, 3): errors in rad of S predictions at M horizons; ``scale``: RMS errors s.
     """
     loss = (robust(e / scale) ** 2).mean(axis=1).sum(axis=1)
     cell = np.floor(flight.t[flight.starts] / WINDOW_S).astype(int)

@@ -30,7 +30,7 @@ STEP_S = 0.25
 
 
 class FreeRun:
-    """A model's free-run prediction errors on recordings, and each one's cell for the bootstrap."""
+    """A model's free-run prediction errors on recordings, in cells of time for the bootstrap."""
 
     def __init__(self, e: np.ndarray, cell: np.ndarray) -> None:
         self.e = e

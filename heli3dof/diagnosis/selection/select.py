@@ -94,7 +94,7 @@ def candidates_to_fit(s: Screening) -> list[tuple[Term, float, int]]:
 def best_choice(
     s: Screening, fits: Sequence[CandidateFit], earlier_score: float | None
 ) -> Choice | None:
-    """Return the cause among the ``fits``; None by the module's rules 1 to 4.
+    """Return the best cause among the ``fits`` by the module's rules 1 to 4, or None.
 
     ``earlier_score``: largest score of the earlier causes, None without one.
     """

@@ -58,7 +58,7 @@ class Step(Screening):
     choice: Choice | None = None
 
     def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
-        """Return the trials that meet both conditions of `screening.grid_trials`."""
+        """Return those trials of ``untested`` terms that raise the log-likelihood enough."""
         o, problem = self.fit.optimum, self.fit.problem
         tried = trials(problem, o.theta, o.noise, untested)
         if not tried or not self.fit.is_corrected:

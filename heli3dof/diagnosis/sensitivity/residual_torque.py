@@ -67,7 +67,7 @@ class LinearisedRun:
 
     @cached_property
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return ν = ∂ ln L/∂τ_k (1/(N·m)) and μ = ∂ ln L/∂q̈_k (s²/rad), each (N, 3)."""
+        """Return ∂ ln L by each row's torque (1/(N·m)) and acceleration (s²/rad), each (N, 3)."""
         from heli3dof.diagnosis.sensitivity.residual_torque_passes import gradient
 
         d, at = self.data, self.at
