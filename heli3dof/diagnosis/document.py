@@ -163,7 +163,7 @@ def _profile(f: Fitted | None) -> list[dict[str, Any]]:
 def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
     """Return the ratios of base parameters that these recordings determine without K_f.
 
-    They exclude an inertia whose value comes from a narrow prior, because it was implausible.
+    They exclude an inertia that was implausible and therefore has a narrow prior.
     """
     if f is None:
         return []

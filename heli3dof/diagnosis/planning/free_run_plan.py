@@ -142,7 +142,7 @@ def probability_significant(u: float) -> float:
 
 
 def information(open_: UndecidedTerms, plan: Plan, seed: int) -> np.ndarray | None:
-    """Return the information (n, n) of a flight of ``plan`` on parameters of all recordings.
+    """Return the information (n, n) of a flight of ``plan`` on parameters shared by recordings.
 
     The flight is simulated; None if it is not feasible.
     """
