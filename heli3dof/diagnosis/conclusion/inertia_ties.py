@@ -19,8 +19,9 @@ deviation of its score in flights simulated without it. Effect i is confounded w
 A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For it, α runs over the
 sizes for which x_j(α) = θ_j − α b_ji gives a K_f within the tolerance.
 
-An inertia is also confounded with an effect if a fit of all parameters with this effect has the
-inertia within tolerance and explains the flight equally well (`selection.inertia_alternatives`).
+An inertia is also confounded with an effect for another reason. A fit of all parameters with this
+effect has the inertia within tolerance and explains the flight equally well
+(`selection.inertia_alternatives`).
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ fits τ̂ to every other block of `BLOCK_S`; the others test it. Then the blocks
 
     share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²      over the test spans, mean of the training spans
 
-The result of an axis is the variable with the largest share, if this is at least `LEAST` and its
-95 % bootstrap interval over blocks lies above zero. ``also`` lists the variables with more than
+The result of an axis is the variable with the largest share. This must be at least `LEAST`, and its
+95 % bootstrap interval over blocks must lie above zero. ``also`` lists the variables with more than
 `NEARLY` times this share. Coloured residuals and the choice of the best variable raise the
 false-alarm rate above 5 %: the result is a hint, not a cause.
 """

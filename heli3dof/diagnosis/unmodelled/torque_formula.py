@@ -19,9 +19,9 @@ is proposed; the others are alternatives.
 If flights of the fit cannot be simulated, the best formula of each axis shows whether there is a
 torque. Subtract its torque c φ, and sum the score of φ over blocks of `greybox.estimate.BLOCK_S`.
 Var s is the long-run variance of these sums s (Newey and West), at least κ v. Then t² = u²/Var s
-is valid for coloured noise. The threshold is the squared two-sided quantile of Student's t at
-`TORQUE_FALSE_ALARMS` divided by the number of formulas (Bonferroni), times two, because the bias of
-the filter's score is unknown.
+is valid for coloured noise. The threshold is twice the squared two-sided quantile of Student's
+t at `TORQUE_FALSE_ALARMS` divided by the number of formulas (Bonferroni). The factor 2 allows for
+the unknown bias of the filter's score.
 """
 
 from __future__ import annotations
