@@ -112,7 +112,7 @@ def fly_plan(
 
     Returns the flight however it ended (see `Flight.raise_if_cut_short`). If the flight did not
     start, raises PlanError, UnstableLoop, DeviceError or OutputExists. Raises SafetyTrip if an
-    emergency stop came after the command began (`heli3dof.rig.session.stop_stamp`).
+    emergency stop came after this program or call began (`heli3dof.rig.session.stop_stamp`).
     """
     began_ns = command_began_ns()
     profile = (profile or default_profile()).with_controller()
