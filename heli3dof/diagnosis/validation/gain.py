@@ -7,9 +7,10 @@ Base simulation (before) and extended model (after) are evaluated on the same ro
     ΔRMSE_i = RMSE_i(before) − RMSE_i(after)       ° on axis i, of predictions 1 s ahead
     Δℓ = Σ ln Z(after) − Σ ln Z(before)            Z: probability of a reading given earlier ones
 
-The 95 % intervals come from a block bootstrap over blocks of `CELL_S` seconds: predictions overlap,
-and noise is correlated within a second. An extension `pays` if the interval of Δℓ lies above zero.
-RMSE alone may miss a real effect: modelling a periodic torque may lower it by only 2 %.
+The 95 % intervals come from a block bootstrap whose blocks are cells of `CELL_S` seconds, because
+predictions overlap, and noise is correlated within a second. An extension `pays` if the interval of
+Δℓ lies above zero. RMSE alone may miss a real effect: modelling a periodic torque may lower it by
+only 2 %.
 """
 
 from __future__ import annotations

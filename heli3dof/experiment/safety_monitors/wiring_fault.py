@@ -215,8 +215,8 @@ def _score(
 ) -> float:
     """Return the log-likelihood of the measured angles under ``alpha`` (α_H, (n, 3) in rad/s²).
 
-    ``windows``: axis → rows to fit; ``unmodelled``: B (3,) in rad/s². ``t``: times (n,) in s;
-    ``angle``: (n, 3) in rad.
+    ``windows``: axis → rows to fit; ``unmodelled``: standard deviation B (3,) of the unmodelled
+    acceleration in rad/s². ``t``: times (n,) in s; ``angle``: (n, 3) in rad.
     """
     q = np.abs(profile.encoder.rad_per_count)
     score = 0.0

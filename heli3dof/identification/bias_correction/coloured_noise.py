@@ -45,9 +45,10 @@ def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
 
 
 def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
-    """Return the long-run covariance S (n, n) of the sum of ``scores`` (m, n) of m blocks.
+    """Return the covariance S (n, n) of the sum of m correlated ``scores`` (m, n).
 
-    Method: Newey and West, with autocovariances up to the lag L = ``memory`` (in blocks).
+    A row of ``scores`` belongs to one block of time. Method: Newey and West, with autocovariances
+    up to the lag L = ``memory`` (in blocks).
     """
     s = scores - scores.mean(axis=0)
     S = s.T @ s
@@ -58,7 +59,7 @@ def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
 
 
 def freedom(blocks: int, memory: int) -> float:
-    """Return the degrees of freedom 3 m/(2 (L + 1)) of `long_run`: m ``blocks``, L = ``memory``."""
+    """Return the degrees of freedom 3 m/(2 (L + 1)) of S (`long_run`); m ``blocks``, lag L."""
     return 1.5 * blocks / (memory + 1)
 
 

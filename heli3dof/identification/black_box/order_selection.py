@@ -146,7 +146,7 @@ def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str
 def selection_score(model: LinearModel, prepared: Prepared) -> float:
     """Return the score of ``model`` in the order search: its mean fit (%); −∞ if not finite.
 
-    The mean is over the axes of predictions 1 s ahead and, if possible, of the closed-loop replay.
+    The mean is over the axes, of predictions 1 s ahead and, if possible, of the closed-loop replay.
     ``prepared`` holds the recordings and the training runs, on which the model is evaluated.
     """
     runs = prepared.train
