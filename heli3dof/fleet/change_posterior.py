@@ -18,9 +18,8 @@ second undoes the first, or repeats it, one step describes the flights badly. Th
 two steps are on a grid of at most `MOST_BOUNDARIES`.
 
 Priors: m is flat; a is on the grid `SHARES`, dense near 0; g on the grid `SIZES`. So a change has
-equal probability in each octave of 1 to 32 standard deviations. A common factor of all sᵢ has no
-influence. φ² has the prior d·φ₀²/χ²_d; the sibling rigs give d and φ₀ (`Scale`). Without siblings,
-p(φ) ∝ 1/φ (d = 0).
+equal probability in each octave of 1 to 32 standard deviations. φ² has the prior d·φ₀²/χ²_d; the
+sibling rigs give d and φ₀ (`Scale`). Without siblings, p(φ) ∝ 1/φ (d = 0).
 
 m, δ and φ integrate in closed form. Let wᵢ = 1/uᵢ, P the number of plans, and ν = n − P. Sxx is
 Σwᵢxᵢ², after the weighted mean of each plan is subtracted from x; Sxy and Syy likewise::
@@ -83,7 +82,7 @@ class Prior:
 
     @property
     def change(self) -> float:
-        """Return the prior probability that there is a change, of whatever kind."""
+        """Return the prior probability of a change of any kind."""
         return self.step + self.two_steps + self.drift + self.deviating
 
 

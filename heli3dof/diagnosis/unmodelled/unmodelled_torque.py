@@ -11,7 +11,8 @@ The fit's parameters are projected out of u and V. The second summand removes th
 which leaves r degrees of freedom.
 
 1. In B flights simulated without residual torque (nulls), the mean of u is the filter's bias, which
-   is subtracted from u. The mean of their S gives κ = mean S/r, at least the fit's `inflation`.
+   is subtracted from u. κ is the nulls' mean S/r, but at least the fit's variance factor
+   `inflation`.
 2. All groups are put on one scale: x = −2 ln P(χ²_r > S/κ). The largest x of a null has a Gumbel
    distribution, which gives the threshold.
 3. A group is accepted if its torque explains more than `MIN_SHARE` of the variance, and its x
@@ -161,7 +162,7 @@ def significant_torques(
 def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
     """Return the index of the group for ``place``, an axis and a variable.
 
-    If the variable hardly moves, it has no group. Then the axis's group with the largest x is used.
+    A variable that hardly moves has no group. Then the most significant group of the axis is used.
     """
     groups = [q for q, (i, _) in enumerate(library.groups) if AXES[i] == place.axis]
     exact = [q for q in groups if library.groups[q][1] == place.variable]
@@ -310,8 +311,7 @@ def gumbel_stretch(n: int) -> float:
 def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return V with a constant torque projected out, and the matrix that does so for scores.
 
-    ``full``: V before parameters were projected out. If these include the constant torque already,
-    V is unchanged.
+    ``full``: V before parameters were projected out.
     """
     one = np.ones(KNOTS)
     along = V @ one

@@ -226,7 +226,7 @@ def _with_settling(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -
 def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
     """Return the log-likelihood ln Z (N, 3) of each row by axis; 0 outside the blocks.
 
-    ``X``: states of a filter run with ``keep`` = 3.
+    ``X``: states and summed ln Z of a filter run (``keep`` = 3).
     """
     out = np.zeros((len(d.t), 3))
     total = np.zeros(3)

@@ -162,7 +162,7 @@ def pays(g: Gain) -> bool:
 
 
 def rms_deg(squares: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Return the RMSE in degrees of ``squares`` = Σ e² (rad²) over ``counts``; NaN without any."""
+    """Return the RMSE (°) of ``counts`` errors e with Σ e² = ``squares`` (rad²); NaN for none."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.degrees(np.sqrt(squares / counts)))
 

@@ -82,8 +82,8 @@ def prediction_errors(
 ) -> PredictionErrors:
     """Return the prediction errors from the filter's states X (N, ≥ 6) at the parameters θ (n,).
 
-    ``starts`` (S,): rows to start from, by default `starts_of` the data. The errors from a start
-    outside the runs are NaN.
+    X: columns angles, rates. ``starts`` (S,): rows to start from, by default `starts_of` the data.
+    The errors from a start outside the runs are NaN.
     """
     from heli3dof.diagnosis.validation.prediction_passes import predict_free_run
 
@@ -128,8 +128,8 @@ def floor_deg(
 ) -> tuple[np.ndarray, str]:
     """Return the noise floor (H, 3) in degrees at H horizons, and the name of the method.
 
-    Simulated flights give the floor. The filter's covariance does if the controller is unknown, or
-    if a simulated flight has no usable rows: with backlash or a wrong cause, it may be unstable.
+    The method is simulated flights, or the filter's covariance if the controller is unknown or a
+    simulated flight has no usable rows, as with an unstable model.
     """
     by_formula = "the filter's covariance"
     if not controller_is_known(recordings):

@@ -9,7 +9,7 @@ V_last: last voltages sent; V_o: hover voltage of each motor; V_h: its size, wit
 v_max: the amplifier's limit. From voltages near the hover voltage, a ramp sets the arm down. From
 other voltages, a ramp would throw the arm (24 V after a wrong encoder sign: up to 100°) or drive it
 into the table. Both motors then go to zero at once. The law reads no angle, because wrong encoders
-may be why the flight ends. `make bench TOPIC=ramp_down` compares this law with others.
+may be why the flight ends. Comparison with other laws: `make bench TOPIC=ramp_down`.
 
 * Periods that the host misses or the connection loses are skipped, so the ramp takes no longer.
 * If the device does not answer, or a second Ctrl-C arrives, the loop stops the device at once.

@@ -116,10 +116,9 @@ HYPOTHESES = (NORMAL, *FAULTS)
 
 
 def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
-    """Return the wiring fault that explains the motion before a safety trip, or None.
+    """Return the wiring fault that clearly best explains the motion before a trip, or None.
 
-    ``moments``: the last control periods before the trip. The result is None if no fault explains
-    the motion clearly better than the others.
+    ``moments``: the last control periods before the safety trip.
     """
     if len(moments) < SHORTEST:
         return None

@@ -59,7 +59,7 @@ def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
 
 
 def freedom(blocks: int, memory: int) -> float:
-    """Return the degrees of freedom 3 m/(2 (L + 1)) of S (`long_run`); m ``blocks``, lag L."""
+    """Return the degrees of freedom 3 m/(2 (L + 1)) of `long_run`: m ``blocks``, L = ``memory``."""
     return 1.5 * blocks / (memory + 1)
 
 

@@ -70,7 +70,7 @@ class CorrectedFit(Estimate):
 
     @property
     def is_corrected(self) -> bool:
-        """Return True if the bias was corrected, for which flights of the rig must be simulated."""
+        """Return True if flights of the fitted rig could be simulated to correct the bias."""
         return self.score_covariance is not None
 
     @cached_property

@@ -95,8 +95,8 @@ def forcing(
 ) -> np.ndarray:
     """Return the changes δa (J, C, 3) of the accelerations (rad/s²) in C chunks, for J sets.
 
-    ``sets``: values of the parameters of ``wide``, a structure that may have further effects. The
-    changes are relative to the model of ``p``. ``moves`` (J,): True if a set changes the thrusts.
+    ``sets``: values of the parameters of ``wide``; the changes are relative to the model of ``p``.
+    ``moves`` (J,): True if a set changes the thrusts.
     """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]

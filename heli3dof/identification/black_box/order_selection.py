@@ -11,7 +11,7 @@ the axes, on the *training* flights, of
 No method minimises the errors of these two, so a larger order does not score better merely because
 it has more parameters. The replay rejects models that are good one step ahead and diverge in closed
 loop; the prediction rejects poor noise models. The smallest order within `TIE` of the best score is
-chosen. Held-out data are not used.
+chosen.
 """
 
 from __future__ import annotations

@@ -9,8 +9,7 @@ of the fit, unless A has a real eigenvalue λ ≤ 0.001. Such an eigenvalue has 
 
 The gain K at the control rate is the Kalman gain for the process noise K S Kᵀ spread evenly over
 the q samples. On held-out flights the resampled model predicts 0.1 to 2.5 s ahead as well as the
-fit at the decimated rate. It predicts better than with a K fitted at 2 ms, where the encoders'
-rounding dominates the innovations.
+fit at the decimated rate.
 
 The predictor's offset d becomes trims: y0 (rad) and u0 (V) such that the predictor of
 
