@@ -110,7 +110,7 @@ class ResidualTorque:
 def split_off_slow_noise(
     torques: Sequence[ResidualTorque],
 ) -> tuple[tuple[ResidualTorque, ...], tuple[ResidualTorque, ...]]:
-    """Return the torques that a model could contain, and the slow noise."""
+    """Return the torques of measured variables, and those of time only (slow noise)."""
     return (
         tuple(t for t in torques if not t.is_slow_noise),
         tuple(t for t in torques if t.is_slow_noise),
@@ -309,7 +309,7 @@ def gumbel_stretch(n: int) -> float:
 
 
 def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return V with a constant torque projected out, and the matrix that does so for scores.
+    """Return the information V without a constant torque, and the matrix that removes it from u.
 
     ``full``: V before parameters were projected out.
     """

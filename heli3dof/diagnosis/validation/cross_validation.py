@@ -241,8 +241,7 @@ def _most_likely_noise(
 ) -> np.ndarray:
     """Return ``noise`` (4,) with the process noise that makes rows from ``first`` on most likely.
 
-    Newton's method may overshoot, so the most likely evaluated value is returned. Earlier rows only
-    settle the filter, which at its start may mistake a limit cycle for a rate.
+    Earlier rows only settle the filter, which at its start may mistake a limit cycle for a rate.
     """
     a = np.array(noise, dtype=float)
     best, highest = a.copy(), np.full(3, -np.inf)
