@@ -144,7 +144,7 @@ def _module(f: Formula, source: str) -> str:
 
 
 def _evidence(f: Formula) -> str:
-    """Return the variable against which a report plots the torque: the first one of the product."""
+    """Return the variable against which a report plots the torque: the product's first factor."""
     return re.sub(r"\w+\((\w+)\)", r"\1", factors(f.product)[0])
 
 

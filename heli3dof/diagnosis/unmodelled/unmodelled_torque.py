@@ -309,7 +309,7 @@ def gumbel_stretch(n: int) -> float:
 
 
 def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the information V without a constant torque, and the matrix that removes it from u.
+    """Project a constant torque out of the information V; return V and the matrix for scores.
 
     ``full``: V before parameters were projected out.
     """
