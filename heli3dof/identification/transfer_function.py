@@ -44,7 +44,7 @@ class TransferFunctions:
         return std[k - 1 :].reshape(self.num.shape), np.concatenate([[0.0], std[: k - 1]])
 
     def zeros(self, axis: int, motor: int) -> list[tuple[complex, float]]:
-        """Return (zero, standard deviation) in 1/s for each zero of num[axis, motor].
+        """Return (zero, standard deviation) in rad/s for each zero of num[axis, motor].
 
         The rightmost zero comes first. The standard deviation is √(var Re + var Im), NaN for a
         double zero, where N′ = 0.
@@ -75,7 +75,7 @@ class TransferFunctions:
         return out
 
     def to_json(self) -> dict[str, Any]:
-        """Return coefficients (degrees/V) and zeros (1/s), both with standard deviations."""
+        """Return coefficients (degrees/V) and zeros (rad/s), both with standard deviations."""
         num_std, den_std = self.std
         entries = []
         for j, motor in enumerate(MOTORS):

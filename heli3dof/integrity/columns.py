@@ -153,7 +153,7 @@ def _by_motion(view: View) -> tuple[int, int, str] | None:
 
 
 def block_means(r: Recording) -> Recording:
-    """Return the recording averaged over `STEP_S`: as accurate for `response`, but faster."""
+    """Return the means over blocks of `STEP_S` s: as accurate for `response`, but faster to use."""
     m = max(1, round(STEP_S / r.dt)) if len(r) > 1 else 1
     n = len(r) // m
 
