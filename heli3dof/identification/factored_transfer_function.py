@@ -110,7 +110,7 @@ class FactoredTransferFunction:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Return the gain (angles in degrees) and the factors, with standard deviations."""
+        """Return a dict of gain (angle in degrees) and factors, with standard deviations."""
         return {
             "input": self.input,
             "output": self.output,

@@ -72,7 +72,7 @@ class _Channel:
     """The fitted frequency response G from one input (sum, difference) to one angle.
 
     G and its uncertainty are computed at ``s`` = jω (F,) rad/s. ``limit`` (F,) is the largest
-    accepted |H − G|.
+    |H − G| of an accepted simplification H.
     """
 
     def __init__(

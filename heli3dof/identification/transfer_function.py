@@ -26,7 +26,8 @@ DEGREES = float(np.rad2deg(1.0))
 class TransferFunctions:
     """Transfer functions from the two motors to the three angles over a common denominator.
 
-    num (3, 2, k) is in rad/V, [axis, motor]; den (k,) is monic. The highest power comes first.
+    num (3, 2, k) is in rad/V, [axis, motor]; den (k,) is monic. Of k coefficients, that of the
+    highest power comes first.
     ``covariance`` (q, q) is that of the coefficients [den[1:], num.ravel()]; None if unknown.
     """
 
@@ -47,7 +48,7 @@ class TransferFunctions:
         """Return (zero, standard deviation) in rad/s for each zero of num[axis, motor].
 
         The rightmost zero comes first. The standard deviation is √(var Re + var Im), NaN for a
-        double zero, where N′ = 0.
+        double zero.
         """
         n = _without_rounding(self.num[axis, motor], float(np.abs(self.num[axis]).max()))
         k = len(self.den)
@@ -104,8 +105,8 @@ class TransferFunctions:
 def polynomial(coefficients: np.ndarray, digits: int = 4, scale: float = 0.0) -> str:
     """Format a polynomial in s, with ``digits`` digits, from coefficients, highest power first.
 
-    Leading coefficients below 1e-9 times the largest one or ``scale`` are rounding errors and are
-    omitted.
+    Leading coefficients below 1e-9 times the largest one, or times ``scale``, are omitted as
+    rounding errors.
 
     >>> polynomial(np.array([1.0, 1.379, 2.01, -1.072, 0.3533]))
     's^4 + 1.379s^3 + 2.01s^2 - 1.072s + 0.3533'

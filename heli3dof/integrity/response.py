@@ -170,9 +170,9 @@ class _Windows:
 
 
 def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the regressors X (W, n) of z (W,), if useful with one more: a step of the trim torque.
+    """Return the regressors X (W, n) of z (W,); a significant step of the trim torque is appended.
 
-    It is added if the best step explains more than the share `STEP` of the residual sum of squares.
+    The best step must explain more than the share `STEP` of the residual sum of squares.
     W counts the windows. ``trim`` (W,): the trim torque's regressor; ``t`` (W,): the windows'
     middles, s.
     """

@@ -125,7 +125,7 @@ def to_control(
 ) -> control.StateSpace:
     """Return a python-control ``StateSpace`` about the trim: from u − u0 (V) to y − y0 (rad).
 
-    u, u0 are motor voltages and their trim, y, y0 angles. The result is discrete at the model's
+    u are the motor voltages, y the angles; u0, y0: trim. The result is discrete at the model's
     sample interval, or in continuous time (see `continuous`). ``states`` are the states' names. A
     bilinear conversion mixes the states. So it ignores these names and uses x[0], x[1], …
     """

@@ -182,8 +182,9 @@ def design(flights: int) -> np.ndarray:
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
     """Return G (n + 6, n + 3), the moments' derivatives by the parameters θ (n,) and 3 log noises.
 
-    ``effects`` (6, n + 6) has the derivatives of each axis' three moments by its inertia and noise.
-    The scores' other derivatives by θ are the information H (n, n). The rest of G is zero.
+    ``effects`` (6, n + 6): the moments' derivatives by three log inertias and log noises, used for
+    each axis' own moments. The scores' other derivatives by θ are the information H (n, n). The
+    rest of G is zero.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))

@@ -23,7 +23,7 @@ def likeliest_start(
     """Return the scaled parameters (n,) and the noise (4,) from which a fit should start.
 
     The parameters are ``theta``, except the first parameter of each effect that lists values in
-    ``starts``: it gets the likeliest of these values and its value in ``theta``. The noise is
+    ``starts``: it gets the likeliest among these values and its value in ``theta``. The noise is
     process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """
     a = np.array(NOISE_START if noise is None else noise, dtype=float)

@@ -50,7 +50,7 @@ FAR = 20.0
 
 
 def _along(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: ignore[no-untyped-def]
-    """Write each row's true angles (rad) and the model's accelerations (rad/s²) to ``out`` (N, 6).
+    """Write each row's angles (rad) and the model's accelerations (rad/s²) to ``out`` (N, 6).
 
     y and y_dot (N, 3) are the smoothed encoder readings and rates; the angles are y corrected for
     encoder effects. F (N, 2) N are the thrusts. Other arguments: see
