@@ -126,7 +126,6 @@ class _Channel:
         """Return a polynomial's factors, with rounding errors removed from its roots.
 
         The coefficients of ``polynomial`` start with the highest power.
-
         Roots that only rounding separates from 0 become 0. A conjugate pair that only rounding
         separates from a double real root becomes this double root.
         """

@@ -104,7 +104,7 @@ def _gain_in_range(x: Response) -> bool:
 
 
 def agreement(responses: dict[str, Response]) -> float:
-    """Return the agreement M of the driven axes with the profile, at most 1 for each axis."""
+    """Return the agreement M of the driven axes with the profile, a sum of at most 1 per axis."""
     driven = (x for x in responses.values() if x.drive > DRIVEN and x.gain != 0)
     return float(
         sum(x.explained * np.exp(-0.5 * (np.log(abs(x.gain)) / USUAL) ** 2) for x in driven)

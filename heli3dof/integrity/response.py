@@ -79,7 +79,7 @@ def predicted_accelerations(angle: np.ndarray, voltage: np.ndarray, profile: Pro
 def responses(
     recording: Recording, free: np.ndarray, number: np.ndarray, period_s: float
 ) -> dict[str, Response]:
-    """Return {axis: response}, from the windows in which all rows are usable.
+    """Return {axis: response}, from the time windows in which all rows are usable.
 
     ``free`` (N,) bool: usable rows; ``number`` (N,): numbers of the samples, lost ones included.
     Axes that no voltage drives are left out.
