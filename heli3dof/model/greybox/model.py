@@ -42,7 +42,10 @@ class GreyBoxModel(GreyBoxParameters):
         return fly(self, task)
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
-        """Return the poles (rad/s, rightmost first) of the closed loop, sampled every ``dt`` s."""
+        """Return the poles (rad/s, rightmost first) of the closed loop, sampled every ``dt`` s.
+
+        A pole z of the sampled loop is returned as s = log(z)/dt.
+        """
         from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
 
         return sampled_loop_poles(self.linear(dt), controller, dt)

@@ -49,9 +49,9 @@ class LinearModel(LinearParameters):
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
         """Return the closed-loop poles (rad/s, rightmost first) with the controller's gain.
 
-        For the hover model: of the continuous loop with ideal rates and two integrals, as in the
-        paper. Otherwise: of the loop sampled every ``dt`` s with the derivative filter, mapped by
-        s = log(z)/dt. See `heli3dof.model.control.closed_loop_poles`.
+        For the hover model, the loop is continuous, with ideal rates and two integrals, as in the
+        paper. For other models, it is sampled every ``dt`` s and has the derivative filter; a pole
+        z is returned as s = log(z)/dt. See `heli3dof.model.control.closed_loop_poles`.
         """
         from heli3dof.model.control.closed_loop_poles import ideal_loop_poles, sampled_loop_poles
 

@@ -6,7 +6,7 @@ milliseconds after). The simulations are compiled once and call the active effec
 functions' addresses, which takes about 2 ns per call.
 
 Each function of an effect has the signature ``f(s, par, mem, out) -> None`` on flat float64 arrays
-(`heli3dof.model.physics.state_layout`). Tests run it in plain Python on numpy arrays.
+(`heli3dof.model.physics.state_layout`). Tests call such functions in plain Python, on numpy arrays.
 """
 
 from __future__ import annotations

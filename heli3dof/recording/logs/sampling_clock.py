@@ -136,7 +136,7 @@ def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarr
 
 
 def _period(t: np.ndarray) -> float:
-    """Return an initial period T in s: the median interval if the clock is even.
+    """Return an initial period T in s: the median interval if all intervals are within 10 % of it.
 
     Otherwise T is the value near the median that maximises |Σ exp(2πi t_k / T)|. The sum is over
     the first `HEAD` time stamps.
