@@ -109,8 +109,8 @@ rate_event = compiled(_rate_event, leaf=True, error_model="numpy")
 def _apply_event(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
     """Update the filter's state x (6,) and covariance P (6, 6) by one measurement, in place.
 
-    The measurement depends on y = ``scale`` · x[c], a predicted encoder reading or rate. If Z is
-    its likelihood, g = ∂ ln Z/∂y and w = −∂² ln Z/∂y². ``column`` (6,) is work space.
+    y = ``scale`` · x[c] is the predicted encoder reading or rate, and Z the measurement's
+    likelihood: g = ∂ ln Z/∂y, w = −∂² ln Z/∂y². ``column`` (6,) is work space.
     """
     for j in range(6):
         column[j] = scale * P[j, c]

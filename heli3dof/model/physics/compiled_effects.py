@@ -50,8 +50,7 @@ def caller() -> Any:
     """Return ``call(address, i, s, par, mem, out)``, by which compiled code calls an effect.
 
     ``call``, a numba intrinsic, calls the effect's function at ``address[i]``. The function gets
-    the context s, row i of the parameters ``par``, row i of the memory ``mem``, and ``out``. The
-    arrays are passed as pointers: slicing in an inner loop would cost more than the effects.
+    the context s, row i of the parameters ``par``, row i of the memory ``mem``, and ``out``.
     """
     import numba
     from llvmlite import ir

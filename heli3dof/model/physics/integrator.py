@@ -89,7 +89,7 @@ step = compiled(_step, leaf=True, error_model="numpy")
 
 
 def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
-    """Limit roll x[0] to at least ``low`` (rad, on the table); stop it there if it is falling."""
+    """Keep roll x[0] (rad) at or above ``low``, its value on the table, where a fall stops."""
     if x[0] < low:
         x[0] = low
         if x[3] < 0.0:

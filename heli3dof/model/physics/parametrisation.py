@@ -191,8 +191,8 @@ def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
     """Return an estimate of the ratio of the profile's thrust per volt K_f to the true K_f.
 
     ``values`` start with the gravity torque T_g and the three inertias, estimated with the
-    profile's K_f. A wrong K_f multiplies all four by this ratio. The result is the median of value
-    / nominal value: if only one of the four deviates, K_f is not the cause.
+    profile's K_f. A wrong K_f multiplies all four by this ratio. The result is the median of the
+    ratios to the nominal values: if only one of the four deviates, K_f is not the cause.
     """
     nominal = (profile.trim_torque, *profile.inertias)
     ratio = sorted(v / n for v, n in zip(values[:4], nominal, strict=True) if n and v / n > 0)

@@ -63,8 +63,8 @@ where, with μ = s[WITHOUT_RATE_PRODUCTS] and η = s[SIDE_THRUST], q̈_alone is
 κ omits M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates (the largest is
 M_pψ ψ̈, up to 0.01 N·m on pitch). ν omits the change of J_ψ with the arm's tilt, μ all products of
 rates; η restores L_h sin r D. Each of the four is zero unless the model contains its effect
-`simplified.*` (`heli3dof.model.effects.simplified_couplings` and related). This q̈ then replaces
-that of the rigid body in the blend with the hover model.
+`simplified.*` (`heli3dof.model.effects`). This q̈ then replaces that of the rigid body in the blend
+with the hover model.
 
 **Not identifiable from flights.** All torques and inertias multiplied by one factor give the same
 motion. So K_f stays at the profile's value, and T_g, J_r, J_p, J_ψ and every effect's torque are

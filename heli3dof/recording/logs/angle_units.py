@@ -133,7 +133,7 @@ def _refuse(
 
     ``source``: the log; ``name``, ``unit``: the angle's column and its stated unit; ``values``: the
     angles (N,); ``counts``: the encoder's counts per revolution; ``ratio``: measured motion divided
-    by that which the voltages explain (`newton`), or None.
+    by the motion that the voltages explain (`newton`), or None.
     """
     other = OTHER[unit]
     if on_grid(values, TURN[other] / counts, levels=4):

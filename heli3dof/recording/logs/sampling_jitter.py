@@ -97,7 +97,7 @@ def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -
 
 
 def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """Fit parabolas to 2 ``half`` + 1 samples; return residual e and slope ẏ at their middle.
+    """Return residual e and slope ẏ at the middle of parabolas fitted to 2 ``half`` + 1 samples.
 
     ``t``: times (N,) in s; ``y``: the angle of one axis (N,) in rad.
     """

@@ -45,7 +45,7 @@ class _Found:
 
 
 def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
-    """Return one table per clock with its signals, and one per length of arrays without a clock.
+    """Return a table of signals for each clock, and for each length of arrays without a clock.
 
     ``source``: the file's name; ``stem``: the file's name without ending; ``variables``: the file's
     variables by name.
