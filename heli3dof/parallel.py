@@ -96,9 +96,9 @@ def report_progress(watcher: Watcher | None) -> Iterator[None]:
 
 
 def report_count(what: str, done: int, of: int) -> None:
-    """Call the watcher of `report_progress`, if any: ``done`` of ``of`` items are finished.
+    """Call the watcher of `report_progress`, if any: it gets ``what``, ``done`` and ``of``.
 
-    ``what`` names the items in the plural.
+    ``done`` of ``of`` items are finished; ``what`` names them in the plural.
     """
     if (watcher := _watcher.get()) is not None:
         watcher(what, done, of)

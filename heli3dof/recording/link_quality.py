@@ -2,7 +2,7 @@
 
 It warns of a latency above one control period, of lost samples, of rejected samples, and of
 commands that the next sample does not acknowledge. The recording contains these values, so
-``heli3dof info`` prints the same warnings as a flight prints at its end.
+``heli3dof info`` prints the same warnings as a flight at its end.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """A rotor that moves along its axis thrusts less: F → F − k F_h |F/F_h|ⁿ v_n.
 
 F is a rotor's thrust (N), F_h its thrust at hover. k (s/m) and n are the parameters of the effect.
-v_n (m/s) is the rotor's speed along the body's normal, with + for the front rotor:
+v_n (m/s) is the rotor's speed along the body's normal:
 
-    v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇)
+    v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇)         (+ front rotor, − back rotor)
 
 r, p, ψ are roll, pitch, yaw; L_a is the distance from yaw axis to body, L_h from body to rotor (m).
 At hover the loss is k F_h v_n for every n.

@@ -1,8 +1,8 @@
 """The parts of the rigid body that the hover model omits: q̈ = (1 − a) q̈_hover + a q̈_rigid.
 
 q̈ are the angular accelerations of roll r, pitch p, yaw ψ. The parameter a is 0 for the hover model
-and 1 for the complete rigid body. Both accelerations are computed for the same state, thrusts and
-parameters. The omitted parts are (T_g: gravity torque; see `heli3dof.model.physics.rigid_body`):
+and 1 for the complete rigid body. The omitted parts are (T_g: gravity torque; see
+`heli3dof.model.physics.rigid_body`):
 
 * the gravity torque's factor cos r
 * the thrust F that tilts with the body, at the distance L_a from the yaw axis:

@@ -43,7 +43,7 @@ DIFFERENCE_STEP = 1e-6
 def _place(par, where, q, value):  # type: ignore[no-untyped-def]
     """Write ``value`` to all positions in ``par`` of parameter q (from 0) that varies by recording.
 
-    ``where`` (W, 3), from `positions`, lists the positions.
+    ``where`` (W, 3): the result of `positions`.
     """
     for z in range(where.shape[0]):
         if where[z, 2] == q:

@@ -8,8 +8,8 @@
 
        q(t+T) − 2 q(t) + q(t−T) = ∫ w(τ) M(t+τ)/J dτ,   w a triangle of height T and width 2T
 
-   M/J follows from the front and back voltage, V_f and V_b: L_a K_f (V_f + V_b)/J_roll on roll, L_h
-   K_f (V_f − V_b)/J_pitch on pitch. L_a and L_h are lever arms, K_f is the thrust per volt. The
+   M/J follows from the front and back voltage: L_a K_f (V_f + V_b)/J_roll on roll,
+   L_h K_f (V_f − V_b)/J_pitch on pitch. L_a and L_h are lever arms, K_f is the thrust per volt. The
    ratio of the standard deviations, left to right side, is 0.4 … 2.7 on real rigs, because M lacks
    other torques. A wrong unit changes this ratio by a factor of 57.3.
 """
@@ -226,7 +226,7 @@ def newton(
     """Compare an angle's second difference with the integrated torque by Newton's law.
 
     ``angle`` (N,) rad is that of ``axis``; ``columns`` has the voltages, ``profile`` the rig's
-    parameters. Returns the ratio of their standard deviations, about 1 in the right unit, and their
+    parameters. Returns the ratio of the two standard deviations, about 1 in the right unit, and the
     correlation, positive with the right sign. Returns None for yaw, for fewer than eight windows,
     if the torque explains less than about one count of motion, or if the angle is constant.
     """

@@ -47,8 +47,7 @@ class _Found:
 def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
     """Return a table of signals for each clock, and for each length of arrays without a clock.
 
-    ``source``: the file's name; ``stem``: the file's name without ending; ``variables``: the file's
-    variables by name.
+    ``source``: the file's name; ``stem``: the same without ending; ``variables``: by name.
     """
     found = _Found()
     for name, value in variables.items():
