@@ -66,7 +66,7 @@ class Salvage:
 def recover(path: str | Path, output: str | Path | None = None, *, force: bool = False) -> Recovery:
     """Write the intact samples of ``path`` to ``output`` (default ``NAME.recovered.mcap``).
 
-    The new file states the outcome ``recovered``, the losses and the original outcome, if any.
+    The new file states the outcome ``recovered``, the losses, and the original outcome, if any.
     ``force`` replaces an existing file. Raises RecordingError if ``path`` is intact or has no
     intact samples.
     """

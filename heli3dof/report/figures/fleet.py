@@ -1,9 +1,9 @@
 """Draw one quantity of a fleet: each rig's flights over time, the fleet's mean, the changes.
 
-Points are flights with error bars of one standard deviation. Means use only flights of one
-experiment plan; other flights have hollow points. The line is the rig's mean since its last step,
-the grey band the 95 % interval of the fleet's mean. A vertical band marks a step: it lies between
-the flights before and after. A dashed line is a drift, and a cross marks a deviating flight.
+Points are flights with error bars of one standard deviation. A rig's mean uses only flights of one
+experiment plan; flights of other plans are hollow points. The line is the rig's mean since its last
+step, the grey band the 95 % interval of the fleet's mean. A vertical band marks a step: it lies
+between the flights before and after. A dashed line is a drift, a cross marks a deviating flight.
 """
 
 from __future__ import annotations

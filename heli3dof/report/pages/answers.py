@@ -133,9 +133,9 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _best(comparison: Comparison) -> list[Answer]:
-    """Return one answer: which model predicts best, with bars of the models' errors.
+    """Return a list of one answer: which model predicts best, with bars of the models' errors.
 
-    The bars are for the first recording. Returns an empty list if no model predicted it.
+    The bars are for the first recording. The list is empty if no model predicted it.
     """
     flight = comparison.flights[0]
     alt = prediction_sentence(flight)

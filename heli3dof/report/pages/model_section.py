@@ -118,9 +118,9 @@ def plant_poles(model: LinearModel) -> np.ndarray:
 
 
 def poles_text(poles: np.ndarray, most: int = 12) -> str:
-    """Format the first ``most`` poles, by decreasing real part.
+    """Format poles by decreasing real part, each conjugate pair and each repeated pole once.
 
-    A conjugate pair has one entry; a repeated pole has its number.
+    At most ``most`` entries are shown.
 
     >>> poles_text(np.array([-1.5 - 0.79j, -0.1, -1.5 + 0.79j, 0.0, 0.0]))
     '0 (twice), −0.10, −1.50 ± 0.79j'

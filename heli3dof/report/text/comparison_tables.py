@@ -186,7 +186,7 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return the paper's name of the model that corresponds to ``model``; None if there is none.
+    """Return the paper's name for the model that corresponds to ``model``; None if it has none.
 
     "hover" for the hover model, "identification" for the first identified model of ``models``.
     """

@@ -80,8 +80,8 @@ def _residual_tests(found: Identification) -> Iterator[str]:
 def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
     """Return a table of the estimates with standard deviations and Cramér–Rao bounds.
 
-    ``brief``: without bounds. An effect is left out, and named in a note, if its estimate is
-    within two standard deviations of the value that means "no effect".
+    ``brief``: without bounds, and without each effect whose estimate is within two standard
+    deviations of the value that means "no effect"; a note names these effects.
     """
     parameters = found.found.parameters
     absent = {
