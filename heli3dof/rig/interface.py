@@ -81,7 +81,7 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The motor voltages of one control period. The next sample repeats its ``sequence``."""
+    """The motor voltages of one control period. The next sample repeats its number ``sequence``."""
 
     sequence: int
     v_front: float

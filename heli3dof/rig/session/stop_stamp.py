@@ -6,7 +6,7 @@
 Such a file is the *stamp* of a stop; it contains the reason and the computer's boot identifier. An
 *invocation* of heli3dof starts flights: the run of a program, or a call. A flight must not arm if
 
-    its invocation began ≤ time of a stop of its rig ≤ now
+    start of its invocation ≤ time of a stop of its rig ≤ now
 
 A stop writes its stamp before it looks for sessions (processes that use a rig). A flight looks for
 stamps after its session is visible. So either the stop finds the session, or the flight finds the
