@@ -1,1 +1,1 @@
-"""The drivers that ship with heli3dof, one for each URL scheme: package ``heli3dof_drivers``."""
+"""Package ``heli3dof_drivers``: the drivers of heli3dof, one per URL scheme (``serial:``, …)."""

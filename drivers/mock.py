@@ -3,10 +3,10 @@
 ``mock:?profile=P&hide=friction.coulomb.yaw:0.03&seed=1&speed=max``; docs/reference/mock.md lists
 every option and effect. The option ``speed`` selects the clock:
 
-- ``speed=max`` or a number (times real time): a virtual clock. Every exchange is one control period
-  on it, so the same seed and commands give the same samples.
-- ``speed=real``: the host's clock. Between exchanges the device continues: it simulates
-  the periods that the host missed with the last voltage held. Its watchdog counts these periods.
+- ``speed=max`` or a number (times real time): a virtual clock. Each `exchange` (a command, then a
+  sample) advances it by a control period, so the same seed and commands give the same samples.
+- ``speed=real``: the host's clock. Between exchanges the device continues: it holds
+  the last voltage and simulates the periods that the host missed. Its watchdog counts them.
 """
 
 from __future__ import annotations
@@ -225,7 +225,8 @@ class MockRig:
     def exchange(self, command: Command, due_s: float) -> Sample:
         """Apply a command for one control period and return the sample at the period's end.
 
-        ``due_s``: end of the period in s on the host's monotonic clock, used with ``speed=real``.
+        If this sample is lost (`timing.gaps`), the next one. ``due_s``: end of the period in s on
+        the host's monotonic clock, used with ``speed=real``.
         """
         self._check_open()
         device = self._device
@@ -268,7 +269,7 @@ class MockRig:
         return self._sample()
 
     def _catch_up(self, now: float) -> None:
-        """In real time, simulate the periods from the last call to ``now`` (host's clock, s)."""
+        """If ``speed=real``, simulate the periods from the last call to ``now`` (host time, s)."""
         if self._real and self._last_s is not None and now > self._last_s:
             passed = int(min(now - self._last_s, LONGEST_CATCH_UP_S) / self._dt)
             for _ in range(passed):

@@ -38,7 +38,7 @@ class SerialDriver:
         return [f"serial://{port}" for port in usb_ports()]
 
     def is_rig(self, url: DeviceUrl) -> bool:
-        """Return True if the port probably has a rig: by its USB IDs or a lock of heli3dof."""
+        """Return True if the port probably has a rig: known USB IDs, or heli3dof has locked it."""
         from .link.serial_ports import is_known
 
         return is_known(url.where)

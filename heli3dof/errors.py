@@ -1,4 +1,4 @@
-"""The exceptions of heli3dof, each with the exit status of the command line that it causes.
+"""The exceptions of heli3dof, and the exit status of the process that each exception causes.
 
 ::
 

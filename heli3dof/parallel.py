@@ -96,9 +96,9 @@ def report_progress(watcher: Watcher | None) -> Iterator[None]:
 
 
 def report_count(what: str, done: int, of: int) -> None:
-    """Report that ``done`` of ``of`` items are finished, as `parallel_map` does for its calls.
+    """Call the watcher of `report_progress`, if any: it gets ``what``, ``done`` and ``of``.
 
-    ``what`` names the items in the plural.
+    ``done`` of ``of`` items are finished; ``what`` names them in the plural.
     """
     if (watcher := _watcher.get()) is not None:
         watcher(what, done, of)
@@ -117,7 +117,7 @@ def distribute(distributor: Distributor | None) -> Iterator[None]:
 def replicate(work: Callable[[int], X], count: int, *, what: str = "") -> list[X]:
     """Return ``work(0)`` … ``work(count − 1)``: Monte Carlo replications with small results.
 
-    Inside `distribute`, its distributor computes the replications, and ``work`` must be picklable
+    Inside `distribute`, the distributor computes the replications, and ``work`` must be picklable
     with cloudpickle. Otherwise `parallel_map` computes them. Nested calls of `replicate` in
     ``work`` are not distributed again. ``what``: as for `parallel_map`.
     """

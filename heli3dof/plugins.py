@@ -22,10 +22,10 @@ def modules_of(package: str) -> Iterator[ModuleType]:
 
 
 def use_plugins(group: str, kind: str, use: Callable[[Any], None]) -> None:
-    """Load each Python entry point of ``group`` and call ``use`` with the object that it names.
+    """Load the object of each Python entry point in ``group`` and call ``use`` with it.
 
-    If the import or ``use`` raises an exception, this logs a warning and continues with the next
-    entry point. The warning names the plug-in and its ``kind``, for example "driver".
+    If the import or ``use`` raises an exception, the function logs a warning and continues with the
+    next entry point. The warning names the plug-in and its ``kind``, for example "driver".
     """
     for point in entry_points(group=group):
         try:

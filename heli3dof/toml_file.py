@@ -78,7 +78,7 @@ class Key:
         return value
 
     def slip(self, value: float) -> str:
-        """Return a hint that ``value`` may be in another unit; empty if no unit explains it."""
+        """Return a hint that ``value`` may be in a wrong unit, e.g. cm instead of m; else empty."""
         expected = self.usual or self.plausible
         if expected is None:
             return ""
@@ -262,7 +262,7 @@ def _required(model: type[BaseModel], path: Sequence[str]) -> list[str]:
 
 
 def _keys_at(model: type[BaseModel], path: Sequence[str]) -> tuple[list[str], str]:
-    """Return the keys of the section at ``path``, and its place for messages: "in [motor]"."""
+    """Return the keys of the section at ``path``, and the section in words: "in [motor]"."""
     section, name = _section_at(model, path)
     return list(section.model_fields), f"in [{name}]" if name else "at the top level"
 

@@ -1,13 +1,14 @@
 """The emulated amplifier of docs/reference/protocol.md. Its output v(t) in each state:
 
-    ARMED    v(t) = v, the last commanded voltage (at first 0), clipped to the limit ± v_max
-    LATCHED  v(t) = v·(1 − (t − t_expired)/ramp), rounded towards zero to a whole microvolt; then 0
+    ARMED    v(t) = v, the last command after clipping to ± v_max (0 before the first command)
+    LATCHED  v(t) = v·(1 − (t − t_expired)/ramp) for t < t_expired + ramp, then 0
              t_expired = arrival of the last command (or the ARM) + watchdog
     IDLE, STOPPED  v(t) = 0
 
-``watchdog`` is the timeout without a command, ``ramp`` the time in which the voltage then falls to
-zero. A stop or a fault gives STOPPED. All voltages are whole microvolts, except in
-`Amplifier.mean_V` (V); all times are whole microseconds. ARM and DISARM are requests of the host.
+After the time ``watchdog`` without a command, ARMED becomes LATCHED; the voltage then falls to zero
+in the time ``ramp``. A stop or a fault gives STOPPED. All voltages are whole microvolts, rounded
+towards zero, except in `Amplifier.mean_V` (V); all times are whole microseconds. ARM and DISARM are
+requests of the host.
 An ARM must carry the current ticket, a number that changes with every ARM, DISARM, stop and expiry
 of the watchdog.
 """
@@ -91,7 +92,7 @@ class Amplifier:
         self._enter(now_us, flag, cause)
 
     def command(self, now_us: int, number: int, front_uV: int, back_uV: int) -> bool:
-        """Apply voltages in µV and return True.
+        """Apply voltages in µV, clipped to ± ``v_max_uV``, and return True.
 
         If the state is not ARMED, the method has no effect and returns False. The same holds if the
         command's number ``number`` is not newer than that of the last accepted command.
@@ -131,9 +132,9 @@ class Amplifier:
         return (0, 0)
 
     def mean_V(self, now_us: int) -> tuple[float, float]:
-        """Return the mean output (front, back) in V since the method's last call or the arming.
+        """Return the mean output (front, back) in V since the last call or the last arming.
 
-        ``now_us``: end of the averaging in µs.
+        The average starts at the later of the two and ends at ``now_us`` (µs).
         """
         self._sum(now_us)
         span = max(1, now_us - self._mean_from_us)

@@ -147,8 +147,8 @@ class Setup:
 def setup_of(profile: Profile, start: str) -> Setup:
     """Return the emulated rig of a profile. ``start``: ``rest`` (on its table) or ``level``.
 
-    The table is at the profile's rest angles, where the counts are zero. Raises UsageError if the
-    rest angle of roll is outside −90 … 0°, or that of pitch beyond its mechanical stops.
+    On the table the rig has the profile's rest angles, and its counts are zero. Raises UsageError
+    if roll's rest angle is outside −90 … 0°, or pitch's beyond its mechanical stops.
     """
     body = body_of(profile)
     rest = tuple(profile.encoder.rest_rad.tolist())

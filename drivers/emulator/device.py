@@ -1,7 +1,8 @@
 """The emulated electronics: amplifier limit, enable line, watchdog, emergency stop.
 
-The watchdog counts the device's own time. After ``watchdog_s`` without a command it expires: the
-output ramps to zero over `RAMP_S` and stays there (latched) until the device is armed again.
+The watchdog counts the device's own time. After ``watchdog_s`` seconds without a command it
+expires: the output ramps to zero in `RAMP_S` seconds and stays there (latched) until the next
+arming.
 """
 
 from __future__ import annotations
@@ -118,9 +119,9 @@ class Device:
 
     @property
     def current(self) -> tuple[float, float]:
-        """Return the motor currents (front, back) in A.
+        """Return the simulated motor currents (front, back) in A.
 
-        A motor with voltage V has a current proportional to V |V|.
+        The current of a motor is proportional to V |V|, V its voltage.
         """
         k = FULL_CURRENT_A / self.v_max**2
         return k * self.v[0] * abs(self.v[0]), k * self.v[1] * abs(self.v[1])

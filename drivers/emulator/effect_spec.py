@@ -18,8 +18,8 @@ from .effects import Effect, Hidden, catalogue
 def parse_hide(texts: Iterable[str]) -> tuple[Hidden, ...]:
     """Return the effects in ``texts``, values of ``hide=``, in the order in which they act.
 
-    Raises UsageError for an unknown effect or axis, naming the nearest, and for an effect given
-    twice. Raises it also for a value that is missing, superfluous or out of range.
+    Raises UsageError for an unknown effect or axis (naming the nearest) and an effect given twice.
+    A value that is missing, superfluous or out of range also raises it.
     """
     hidden: list[Hidden] = []
     for text in texts:

@@ -3,10 +3,10 @@
     IDLE ── ARM ──▶ ARMED ── no command for the watchdog's time ──▶ LATCHED
     every state ── ESTOP, fault ──▶ STOPPED
 
-`amplifier` gives the voltage in each state. Time is whole microseconds on the device's clock and
-comes from the caller: nothing here waits. The plant advances by whole control periods, counted from
-the arming. The plant gets the mean of the amplifier's output over each period, so the motion
-includes a command's delay.
+`amplifier` gives the voltage in each state. The caller passes the time in whole microseconds on
+the device's clock: nothing here waits. The plant is simulated in whole control periods, counted
+from the arming. Its voltage in a period is the mean of the amplifier's output over this period, so
+a late command acts late.
 """
 
 from __future__ import annotations
@@ -152,8 +152,8 @@ class Endpoint:
     def stop(self, now_us: int, cause: Cause = Cause.HOST_ESTOP, flag: int = STOPPED) -> bytes:
         """Set zero volts at ``now_us``; return the samples up to then, as bytes.
 
-        Used for the stop button, a fault (``flag`` 2), a motor stall (``flag`` 4) or a USB control
-        request. ``cause`` and ``flag`` are put into the next samples.
+        For a stop without ESTOP frame: stop button, fault (``flag`` 2), motor stall (``flag`` 4),
+        USB control request. The next samples report ``cause`` and ``flag``.
         """
         out = self.tick(now_us)
         self._amplifier.stop(now_us, cause, flag)

@@ -1,9 +1,9 @@
 """Faults of the emulated rig, to test safety functions: ``fault=KIND[.AXIS]@SECONDS[:COUNTS]``.
 
-`KINDS` describes each kind. Several faults are separated by commas, or ``fault=`` is repeated. The
-seconds are on the device's clock, which is 0 when the simulation of the motion starts. ``COUNTS``
-is the step of an encoder's count, for the kind ``jump`` only. A fault of the amplifier occurs once:
-arming clears it.
+`KINDS` describes each kind. Several faults are separated by commas, or ``fault=`` is repeated.
+``AXIS`` is roll, pitch or yaw, or the motor: front or back. The seconds are on the device's clock,
+which is 0 when the simulation of the motion starts. ``COUNTS`` is the step of an encoder's count
+(kind ``jump``). A fault of the amplifier occurs once: arming clears it.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ ON_MOTORS = ("dead", "inverted")
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A fault of the emulated rig: kind, axis, and start ``at_s`` in s on the device's clock."""
+    """A fault of the emulated rig: kind, axis or motor, and start ``at_s`` (device's clock, s)."""
 
     kind: str
     at_s: float

@@ -1,8 +1,8 @@
 """Compiled simulation of the plant over one control period.
 
-Each substep of length h computes in this order: the motor voltages; the thrusts with the rotors'
-first-order lag, exactly; the rigid body's motion by the classical fourth-order Runge–Kutta method;
-dry friction and mechanical stops, as impulses.
+Each substep of length h computes in this order: the motor voltages; the thrusts, by the exact
+solution of the rotors' first-order lag; the rigid body's motion by the classical fourth-order
+Runge–Kutta method; dry friction and mechanical stops, as impulses.
 
 Dry friction is set-valued: at rest its torque holds axis i, up to its limit τ_i. So after the
 Runge–Kutta step each axis with friction gets the impulse λ_i that stops it, clipped to ±τ_i h. Each
@@ -163,8 +163,8 @@ def _compile(digest: str) -> tuple[Any, Any]:
 
         Returns the encoders' counts at the end. The voltages ``v_f``, ``v_b`` (V) and the random
         torques ``noise`` (3,) (N·m) are constant. The period has ``substeps`` integration steps.
-        ``start_V``: voltage before the start; ``body0``: body parameters; ``first`` … ``mem``: the
-        effects' arrays (`plant._attach`).
+        ``start_V``: both motors' voltage before t = 0; ``body0``: body parameters; ``first`` …
+        ``mem``: the effects' arrays (`plant._attach`).
         """
         _ = digest
         h = dt / substeps

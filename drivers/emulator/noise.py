@@ -2,12 +2,12 @@
 
 Each torque w is an Ornstein–Uhlenbeck process, τ_c ẇ = −w + √(2 τ_c) σ ξ(t), ξ white noise. w is
 sampled exactly at the control period and held over it: w[k+1] = a w[k] + σ √(1 − a²) N(0, 1), a =
-exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ_c (s), at any rate.
+exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ_c (s), for any dt.
 
 σ was chosen by the difference between a closed-loop run with noise (angles y) and the same run
-without (angles ŷ); default controller, from level. The table shows the fit 100 (1 − ‖y − ŷ‖/‖y −
-mean y‖) % for three flight plans: the mean of noise seeds 1–6 for roll / pitch / yaw, and pitch's
-range. The plans' random signals have seed 1:
+without (angles ŷ); default controller, start level. The table shows the fit 100 (1 − ‖y − ŷ‖/‖y −
+mean y‖) % for three flight plans: the mean over noise seeds 1–6 for roll / pitch / yaw, and pitch's
+range over these seeds. The plans' random signals have seed 1:
 
 ==============  ======================  ===============
 plan            fit                     pitch
@@ -43,7 +43,7 @@ class TorqueNoise:
     """Draws random torques (3,) in N·m for each control period of ``dt`` s.
 
     ``scale`` multiplies the standard deviations σ (`SIGMA_NM`). ``correlation_s``: correlation time
-    τ_c, s. Another τ_c than the default changes σ so that σ² τ_c, and with it the spectral density
+    τ_c, s. A τ_c other than the default also changes σ: σ² τ_c, and with it the spectral density
     at low frequencies, stays the same.
     """
 
@@ -80,8 +80,8 @@ class Vibration:
 
     τ[k] = Re z[k], z[k+1] = a z[k] + σ √(1 − |a|²) (N(0, 1) + i N(0, 1)), a = e^{(−ζ + i) ω dt}.
 
-    σ is ``scale`` times `SIGMA_NM`; ω = 2π ``hertz``; ζ is the damping ratio `VIBRATION_DAMPING`;
-    ``dt`` is the control period in s.
+    z (3,) is the complex state; σ is ``scale`` times `SIGMA_NM`; ω = 2π ``hertz``; ζ is the
+    damping ratio `VIBRATION_DAMPING`; ``dt`` is the control period in s.
     """
 
     def __init__(self, rng: np.random.Generator, dt: float, scale: float, hertz: float) -> None:
@@ -107,9 +107,9 @@ class Vibration:
 
 @njit(cache=True)
 def _correlate(w: np.ndarray, a: float, drive: np.ndarray) -> np.ndarray:
-    """Return one row of torques for each row of ``drive``: w[k+1] = ``a`` w[k] + drive[k].
+    """Return the torques w[0] … w[n−1] in N·m, with w[k+1] = ``a`` w[k] + drive[k].
 
-    ``w`` (3,): the first row w[0], replaced by the row after the last one returned. ``drive``
+    ``w`` (3,): at entry w[0]; overwritten with w[n], the first row of the next call. ``drive``
     (n, 3): random numbers, N·m; ``a``: factor per control period.
     """
     block = np.empty_like(drive)

@@ -1,8 +1,8 @@
 """Simulates the plant (body, effects, noise and encoders), one control period at a time.
 
-All random numbers come from one seed in separate streams (spread, noise, timing, vibration):
-switching one on does not change the others. Each control period has at least `MIN_SUBSTEPS`
-integration substeps of at most `MAX_SUBSTEP_S`.
+One seed gives four separate streams of random numbers: spread, noise, timing, vibration. Switching
+one of these on does not change the random numbers of the others. Each control period has at
+least `MIN_SUBSTEPS` integration substeps of at most `MAX_SUBSTEP_S` seconds.
 """
 
 from __future__ import annotations

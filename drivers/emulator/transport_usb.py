@@ -104,7 +104,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def locked(method: F) -> F:
-    """Decorator: a method of `EmulatedBus` runs while its thread holds the bus's lock."""
+    """Decorator for methods of `EmulatedBus`: hold the bus's lock while the method runs."""
 
     @functools.wraps(method)
     def method_with_lock(self: EmulatedBus, *args: Any, **named: Any) -> Any:
@@ -306,7 +306,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
         return rig.function
 
     def _wait(self, function: UsbFunction, deadline: float) -> None:
-        """Wait until a bulk transfer may succeed, but at most 10 ms.
+        """Wait until a bulk transfer with the rig ``function`` may succeed, but at most 10 ms.
 
         Raises USBTimeoutError if ``deadline`` (s on the bus's clock) has passed.
         """

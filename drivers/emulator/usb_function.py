@@ -40,7 +40,7 @@ CONFIGURATION = (
 
 
 class UsbFunction:
-    """Emulated USB device. Its methods return None to reply STALL, USB's sign of an error."""
+    """Emulated USB device. `control`, `receive`, `send` return None to reply STALL (an error)."""
 
     def __init__(self, endpoint: Endpoint, serial: str, *, configured: bool = True) -> None:
         self.endpoint = endpoint
@@ -55,7 +55,7 @@ class UsbFunction:
         self._to_host = b""
 
     def control(self, now_us: int, kind: int, request: int, value: int) -> bytes | None:
-        """Handle a control request for a string or for a stop of the motors; return the reply.
+        """Return the reply to a control request: for a string descriptor, or to stop the motors.
 
         ``kind``, ``request``, ``value``: bmRequestType, bRequest, wValue; ``now_us``: time in µs.
         """

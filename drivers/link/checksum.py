@@ -3,8 +3,8 @@
 CRC-16/IBM-3740 ("CCITT-FALSE"): x¹⁶ + x¹² + x⁵ + 1, initial value 0xFFFF, nothing reflected,
 nothing inverted; "123456789" gives 0x29B1. This CRC detects every burst of up to 16 bits, and every
 one, two or three wrong bits. Any other error passes one CRC-16 with probability 2⁻¹⁶. In reverse
-order its wrong bits form a different error polynomial, so it passes both CRCs with probability
-2⁻³².
+order the wrong bits form a different error polynomial, so this error passes both CRCs with
+probability 2⁻³².
 """
 
 from __future__ import annotations

@@ -154,7 +154,7 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class IdentityFrame:
-    """Reply to a `Hello` that identifies the device; ``number`` is the request's number."""
+    """Identifies the device, in reply to a `Hello`; ``number`` is the request's number."""
 
     TYPE: ClassVar = Type.IDENTITY
     BODY: ClassVar = Struct("<BBIIiiiIIII16s16s16s")

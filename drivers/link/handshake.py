@@ -95,9 +95,10 @@ def check_profile(
 ) -> None:
     """Raise a DeviceError if the device's ``identity`` contradicts the ``profile``.
 
-    The function compares counts per revolution, voltage limit and sample period; the error names
-    the key of the profile that differs. ``name`` is the rig's port or URL. With ``signs="profile"``
-    the function does not compare the signs of the encoder counts, and the profile's signs apply.
+    A contradiction is: other counts per revolution, a voltage limit above the device's, or a
+    control period below its shortest sample period. The error names the profile's key. ``name`` is
+    the rig's port or URL. With ``signs="profile"`` the signs of the encoder counts may differ;
+    the profile's apply.
     """
     for axis, theirs in zip(
         AXES, (identity.counts_roll, identity.counts_pitch, identity.counts_yaw), strict=True

@@ -13,8 +13,8 @@ clock (µs modulo 2³²) and its 32-bit encoder counts. Each accepted sample inc
     lost           += (n − n_last) − 1                 samples that never arrived
     device_skipped += (i − i_last) − (n − n_last)      not sampled: device was busy
 
-i is the number of the stream's sampling instants up to the sample's time (`Instants`), i_last up to
-the last accepted sample's. i is exact: the device's clock gives both this time and the period.
+i is the number of the stream's sampling instants up to the sample's time (`Instants`), i_last that
+up to the last accepted sample's time. i is exact: the device's clock gives both time and period.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class SampleValidator:
         return self.number
 
     def command(self, sequence: int) -> int:
-        """Return the frame number of a new command, to which the caller gives ``sequence``."""
+        """Return the frame number of a new command. ``sequence``: the caller's number of it."""
         self.number = number = (self.number + 1) & _MASK
         self._sequences[number % REMEMBERED] = sequence
         return number

@@ -1,4 +1,4 @@
-"""Opens a serial port or a pyserial URL as a `Transport`; explains why one does not open.
+"""Opens a serial port or a pyserial URL as a `Transport`; explains why a port does not open.
 
 A port with a file descriptor is read from the descriptor. Other pyserial URLs (``loop://``,
 ``rfc2217://``, ``spy://``) are read through pyserial.
@@ -189,8 +189,8 @@ def refused(url: str, problem: Exception) -> DeviceError:
 def pyserial_url(url: DeviceUrl) -> str:
     """Return the port or address of a device URL in pyserial's notation.
 
-    Raises UsageError for a URL without a port, and for a plain port with an option of pyserial's
-    URLs.
+    Raises UsageError for a URL without a port, and for a plain port with an option that only
+    pyserial's own URLs have.
 
     >>> from heli3dof.rig.url import parse_url
     >>> pyserial_url(parse_url("serial+spy:///dev/ttyACM0?file=bytes.txt&baud=9600"))

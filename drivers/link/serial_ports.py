@@ -1,4 +1,4 @@
-"""Describes the system's serial ports: which exist, who has one open, an adapter's latency."""
+"""Describes the serial ports: which exist, which process uses one, an adapter's latency."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def usb_ports() -> Sequence[str]:
 def is_known(path: str) -> bool:
     """Return True if a rig is probably connected to the port ``path``.
 
-    This is so if the port's USB vendor and product numbers are a known rig's. It is also so if a
-    heli3dof process, perhaps another user's, has locked the port.
+    This is so if the port's USB vendor and product numbers are a known rig's, or if a heli3dof
+    process, perhaps another user's, has locked it.
     """
     from ..udev import known_ids
 
@@ -43,9 +43,9 @@ def is_known(path: str) -> bool:
 def plugged_in(path: str) -> str:
     """Return a name of the device at the port ``path``: USB vendor, product and serial number.
 
-    A device has the same name at every port, except that a device without serial number is named
-    with its USB port. A pseudo-terminal's name includes its creation time, because the system gives
-    its number to later pseudo-terminals.
+    So a device has the same name at every port. If it has no serial number, its USB port takes the
+    number's place. A pseudo-terminal's name is its path with its creation time, because the system
+    reuses the path.
     """
     if path.startswith(PSEUDO):
         return f"{path} of {os.stat(path).st_ctime_ns}" if os.path.exists(path) else path
@@ -128,7 +128,7 @@ def _name(pid: int) -> str:
 
 
 def latency_timer(path: str) -> tuple[int, Path] | None:
-    """Return an FTDI adapter's latency timer in ms and the file that sets it; None for others."""
+    """Return an FTDI adapter's latency timer in ms and the file that sets it; else None."""
     name = Path(os.path.realpath(path)).name
     for place in LATENCY_FILES:
         file = Path(place.format(name))

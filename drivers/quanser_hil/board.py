@@ -94,7 +94,7 @@ class Board:
         return version_of(self._hardware)
 
     def write_volts(self, front: float, back: float) -> None:
-        """Set the motor voltages in V: board outputs times amplifier gain. NaN sets zero volts."""
+        """Set the motor voltages in V; the board output is voltage / amplifier gain. NaN: 0 V."""
         if not (math.isfinite(front) and math.isfinite(back)):
             front = back = 0.0  # a converter's output for NaN is undefined
         gain = self._wiring.gain
@@ -122,7 +122,7 @@ class Board:
         return self._sensed[0] * scale, self._sensed[1] * scale
 
     def watchdog_start(self) -> None:
-        """Set the states of the outputs at a watchdog timeout (expiration states), then start it.
+        """Start the watchdog, after setting the outputs' states at its timeout (expiration states).
 
         Some boards, such as the Q8 series, require such a state for all outputs or for none.
         """
@@ -165,7 +165,7 @@ class Board:
             hil.watchdog_set_digital_expiration_state(lines, n, tristate)
 
     def watchdog_start_to_expire(self) -> None:
-        """Start the watchdog and let it expire, which sets zero volts: last resort for a stop."""
+        """Start the watchdog, which then expires and sets zero volts: last resort for a stop."""
         with suppress(self.error):
             self.watchdog_start()
 
@@ -190,7 +190,7 @@ class Board:
     def task_start(self, rate_hz: float, samples: int) -> Any:
         """Start a task that samples the encoders at ``rate_hz`` (Hz), and return it.
 
-        ``samples``: length of the task's buffer.
+        ``samples``: capacity of the task's buffer.
         """
         hil = self._hil
         task = hil.task_create_encoder_reader(samples, self._encoders, 3)

@@ -21,7 +21,7 @@ def not_stopped(
     """Return the DeviceError for a board that did not accept an emergency stop.
 
     ``name``: the rig's URL; ``problem``: the board's error; ``watchdog_s``: the board's watchdog
-    timeout, s; ``watching``: this watchdog is running.
+    timeout, s; ``watching``: True if this watchdog is running.
     """
     message = explain(problem, name, "being stopped").what
     return DeviceError(

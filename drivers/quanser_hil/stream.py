@@ -3,17 +3,18 @@
 The task stores sample k in a buffer at device time d = k·dt; reading waits until the buffer has a
 sample. The library does not report how many samples are waiting. A host that was late must skip the
 old ones. So the driver estimates θ, host time minus device time in s. The sample of device time d
-is expected at host time d + θ; if it is read at host time h,
+is expected at host time d + θ. If the host reads it at host time h,
 
-    θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  where the read waited for the sample, so it was fresh
-    θ[k] = min(h − d,  θ[k−1])             where it did not wait
+    θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  where the read waited for the sample: it was new
+    θ[k] = min(h − d,  θ[k−1])             where the read did not wait
     waiting = ⌊(now − d − θ) / dt⌋
 
 `DRIFT` bounds how slow the board's clock may run (s per s). ``waiting`` is the number of samples in
 the buffer, ``now`` the host's time, d the device time of the last sample read. These samples are
-read together; the last one is used, and the device's time advances over the others. θ rises too
-slowly to hide a stall of the host during a read. If the host twice waits for samples that should be
-in the buffer, θ is wrong and its estimate is restarted.
+read together; the last one is used, and the device's time advances over the others. θ rises by at
+most DRIFT·dt per sample, so a stall of the host during a read hardly changes it. If the host waits
+twice in succession for samples that should be in the buffer, θ is wrong and its estimate is
+restarted.
 """
 
 from __future__ import annotations

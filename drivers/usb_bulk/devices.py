@@ -102,7 +102,7 @@ def interface_of(device: Any) -> Any:
 
 
 def _serial(device: Any) -> str | None:
-    """Return the device's serial number, if possible from sysfs, which needs no permission."""
+    """Return the serial number, if possible from sysfs (no permission needed); else None."""
     import usb.core
     import usb.util
 

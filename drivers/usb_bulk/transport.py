@@ -5,7 +5,7 @@
     EP 0       bmRequestType 0x40, bRequest 0x45, wValue = reason: stop, even if the pipes stall
 
 Reading needs a thread: libusb waits whole milliseconds, too long for a control period of 2 ms. A
-stalled pipe is cleared and used again. The checksums and sequence numbers of the frames show which
+stalled pipe is cleared and used again. The checksums and numbers of the frames show which frames
 were lost. A pipe that stalls twice without a byte in between ends the connection.
 """
 
@@ -184,9 +184,9 @@ class UsbTransport:
             self._received.put(explain(error, self._name, "sending a sample"))
 
     def _recover(self, error: Any, pipe: int, stalled: bool, doing: str) -> None:
-        """Clear the stall of a pipe that caused ``error``; raise a DeviceError for other errors.
+        """If ``error`` is a stall of ``pipe``, clear it; for any other error raise a DeviceError.
 
-        ``stalled``: True for the second stall in a row, which also raises a DeviceError. ``doing``:
+        ``stalled``: True if the pipe had just stalled; this also raises a DeviceError. ``doing``:
         the operation that failed, as text.
         """
         if error.errno != errno.EPIPE or stalled:

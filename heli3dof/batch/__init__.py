@@ -4,8 +4,8 @@
 
     sources → tasks → engine (processes or a Dask cluster) → outcomes → folder → table
 
-A task is one verb on one recording (`task`). `run_task` does it and never raises: a failure is an
-outcome with an exit code. `engines` distribute tasks; results do not depend on the engine, the
-number of workers, or the order in which tasks end. `output_folder` keeps each outcome at once, and
-`results_table` writes the table. Each module of `analyses` is one verb.
+A task is one verb on one recording (`task`). `run_task` runs a task and never raises: a failure is
+an outcome with an exit code. `engines` distribute tasks; results do not depend on the engine, the
+number of workers, or the order in which tasks end. `output_folder` stores each outcome as soon as
+it arrives, and `results_table` writes the table. Each module of `analyses` defines one verb.
 """

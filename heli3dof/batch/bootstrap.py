@@ -1,7 +1,7 @@
 """Block bootstrap of one recording: replicates, and how often their diagnoses name each cause.
 
-A replicate of a recording of length T consists of ⌊T/L⌋ blocks of L = `BLOCK_S`, drawn with
-replacement and kept in the order of time (Künsch, Annals of Statistics 17, 1989). Within a block
+A replicate of a recording of length T consists of ⌊T/L⌋ blocks of length L = `BLOCK_S`. They are
+drawn with replacement and sorted by time (Künsch, Annals of Statistics 17, 1989). Within a block
 the samples remain as they were, so noise that is correlated over less than L is reproduced. A pause
 of `PAUSE_S` without samples separates the blocks, so the estimation uses a separate initial state
 for each.
@@ -57,7 +57,7 @@ def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Reco
 class NamedShare:
     """A cause, and how many bootstrap replicates' diagnoses name it: ``named`` out of ``of``.
 
-    The diagnosis also names a cause if it reports it as confounded with another one.
+    An effect that the diagnosis reports as confounded with a cause also counts as named.
     """
 
     cause: str
@@ -90,10 +90,10 @@ class NamedShare:
 
 
 def named_shares(rows: Iterable[Mapping[str, Any]]) -> list[NamedShare]:
-    """Return for each cause the share of one recording's replicates that name it, largest first.
+    """Return, for each cause, the share of a recording's replicates whose diagnoses name it.
 
-    ``rows``: rows of ``batch diagnose``; their column ``replicate`` is 0 for the recording itself.
-    Failed replicates do not count.
+    The largest share is first. ``rows``: rows of ``batch diagnose``; their column ``replicate`` is
+    0 for the recording itself. Failed replicates do not count.
     """
     diagnosed = [row for row in rows if row["exit_code"] == 0]
     replicates = [row for row in diagnosed if row["replicate"]]

@@ -109,7 +109,7 @@ class OutputFolder:
 
 
 def journal_lines(folder: Path) -> Iterator[Line]:
-    """Return the lines of a batch's journal, each with the keys key, final, row and cost."""
+    """Yield a batch's journal lines, dicts with the keys ``key``, ``final``, ``row``, ``cost``."""
     path = folder / JOURNAL
     if not path.exists():
         return

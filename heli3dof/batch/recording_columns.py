@@ -2,7 +2,7 @@
 
 ``--where`` may use all of them. Jitter is rounded to a multiple of `RESOLUTION_S`. The columns
 ``roll_start_deg_std`` and ``pitch_start_deg_std`` contain the standard deviation of rounding to one
-encoder count: 360°/(counts √12).
+encoder count: 360°/(√12 · counts per revolution).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The results table as CSV and Parquet: one row per task (recording, replicate or swept flight).
 
-A column is 64-bit integers, 64-bit floating-point numbers, booleans or text. Missing values are
-empty. The order of the columns is that of their first appearance, so that the files depend on the
-rows alone.
+A column has one type: 64-bit integer, 64-bit floating-point number, boolean or text. Missing values
+are empty. The order of the columns is that of their first appearance, so that the files depend on
+the rows alone.
 """
 
 from __future__ import annotations

@@ -65,11 +65,11 @@ def run_batch(
     tasks: Sequence[Task], folder: OutputFolder, engine: Engine,
     progress: Progress = lambda batch: None,
 ) -> Batch:  # fmt: skip
-    """Do the tasks that have no final outcome in the folder yet; write the table of all tasks.
+    """Run the tasks without a final outcome in the folder; write the table of all tasks.
 
-    ``engine`` runs the tasks; ``progress`` is called at the start and after each outcome. After
-    Ctrl-C or an error, the table contains the tasks done so far. The table's rows are in the order
-    of ``tasks``.
+    An outcome is final if no retry would change it. ``engine`` runs the tasks; ``progress`` is
+    called at the start and after each outcome. After Ctrl-C or an error, the table contains the
+    tasks done so far. The table's rows are in the order of ``tasks``.
     """
     # Two files of the same name and content are one task.
     todo = list({t.key: t for t in tasks if not folder.is_done(t.key)}.values())

@@ -1,8 +1,8 @@
-"""`run_task`: do one verb on one recording. It runs in a worker and never raises.
+"""`run_task`: run one verb on one recording, in a worker process. It never raises an exception.
 
-The verb reads and writes in a temporary folder. In the verb's document, the recording's path is
-replaced by the one that the user gave. The path of a written file becomes relative to the output
-folder.
+The verb reads and writes in a temporary folder. In the verb's JSON document,
+`run_task` replaces the recording's path by the one that the user gave. It makes the paths of
+written files relative to the output folder.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def _run(task: Task, folder: Path) -> Outcome:
 
 
 def _local(task: Task, folder: Path) -> Path | None:
-    """Return a local path of the recording; None for a task without one.
+    """Return a local path of the recording; None for a task without recording.
 
     The content of a URL, or content sent with the task, is written to ``folder`` first.
     """

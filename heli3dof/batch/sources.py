@@ -163,7 +163,7 @@ def _not_empty(found: list[str], word: str, kind: str) -> list[str]:
 
 
 def _file_system(url: str) -> tuple[AbstractFileSystem, str]:
-    """Return a URL's file system and the path on it. Raises UsageError if fsspec has none."""
+    """Return a URL's file system and the path on it. Raises UsageError if fsspec lacks it."""
     fsspec: Any = optional("fsspec", extra="cluster")
     try:
         files, path = fsspec.url_to_fs(url)

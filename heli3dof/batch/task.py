@@ -82,7 +82,7 @@ def key_of(
 
 
 def is_final(error: BaseException) -> bool:
-    """Return True if a task that failed with ``error`` will fail again: the recording is at fault.
+    """Return True if the recording is the cause of ``error``, so that the task would fail again.
 
     >>> is_final(RecordingError("torn")), is_final(NoSpace("full")), is_final(MemoryError())
     (True, False, False)

@@ -243,7 +243,7 @@ def _run(
 ) -> None:  # fmt: skip
     """Run the verb ``name`` on the recordings that ``words`` name, and print the results.
 
-    The verb runs once on each recording for each entry of ``options``, the verb's options.
+    ``options``: sets of the verb's options; the verb runs on each recording once per set.
     ``where``: condition on the recordings. The other arguments are the command line's options.
     """
     from heli3dof.batch.condition import checked

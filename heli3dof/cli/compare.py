@@ -110,7 +110,7 @@ def show_comparison(
 ) -> None:
     """Print a comparison: the verdict and the fit table; with ``verbose`` all tables.
 
-    ``paper``: also Table II; ``published``: the paper's numbers, if they are to be printed too.
+    ``paper``: also print the paper's Table II; ``published``: the paper's numbers to print.
     """
     from heli3dof.comparison.verdict import verdict
     from heli3dof.report.text.comparison_tables import (

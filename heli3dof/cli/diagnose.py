@@ -119,17 +119,17 @@ def diagnose(
 
 
 def _device(recordings: Sequence[Recording]) -> str | None:
-    """Return the URL of the device that flew all recordings; None if unknown or not the same."""
+    """Return the URL of the device of all recordings; None if unknown or not the same."""
     urls = {r.meta.get("device") for r in recordings}
     url = urls.pop() if len(urls) == 1 else None
     return str(url) if url else None
 
 
 def _exercises(recordings: Sequence[Recording]) -> list[str | None] | None:
-    """Return for each recording the exercise on whose rig it was flown, None for other rigs.
+    """Return, for each recording, the exercise to which its rig belongs; None for other rigs.
 
-    An exercise is a rig with hidden effects, for students. The result is None, not a list, if all
-    recordings are of other rigs.
+    An exercise is a rig with hidden effects, for students. The result is None, not a list, if no
+    recording is of an exercise.
     """
     from heli3dof.rig.sealed_rig import exercise_of
 
@@ -149,7 +149,7 @@ def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = 
 
 
 def _end_with_bad_data(out: Output, result: Diagnosis) -> NoReturn:
-    """End the program with RecordingError's exit code; with ``--quiet``, first print the faults."""
+    """End with RecordingError's exit code; print the faults first if ``--quiet`` hid them."""
     if out.quiet:
         for fault in result.faults:
             fix = f" Try: {fault.fix}" if fault.fix else ""

@@ -210,7 +210,7 @@ def _truths(rows: list[dict[str, Any]]) -> Iterator[str]:
 def _table(rows: list[dict[str, Any]]) -> Grid:
     """Return the table of the marks: a row per answer, in order of the students' names.
 
-    A column gives the exercise only if the answers are to several exercises.
+    The column ``exercise`` is omitted if all answers are to one exercise.
     """
     from heli3dof.report.text.table import Grid
 

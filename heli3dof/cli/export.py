@@ -112,7 +112,7 @@ def _path(recording: Path, output: Path | None, to: str | None) -> Path:
 
 
 def _is_model(path: Path) -> bool:
-    """Return True for a .json file, unless it begins like an MCAP recording."""
+    """Return True for a .json file, unless it has the first bytes of an MCAP file."""
     from heli3dof.recording.mcap_files.mcap_writer import MAGIC
 
     if path.suffix != ".json" or not path.is_file():

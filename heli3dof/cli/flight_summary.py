@@ -27,7 +27,7 @@ def recording_table(recording: Recording, title: str, note: str | None = None) -
 
 
 def recording_document(recording: Recording) -> dict[str, Any]:
-    """Return, by axis name, the set value (degrees) and metrics of the first step, for JSON.
+    """Return, by axis name, the reference (°) and metrics of the first step, for JSON.
 
     For an axis without a step, the values describe the first of its segments ``start``, ``hold`` or
     ``moving`` that exists; `heli3dof.comparison.metrics` defines these.

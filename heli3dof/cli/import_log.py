@@ -94,7 +94,7 @@ def import_log(
 
 
 def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
-    """Yield the table and lines to print on a log. ``found``: its columns, from `preview`."""
+    """Yield the table and lines to print about a log; ``found``: its columns, from `preview`."""
     from rich.table import Table
 
     table = Table("column", "from", "unit")

@@ -99,9 +99,9 @@ def _source(
 
 
 def _session(device: str | None, sessions: list[Running]) -> Running | None:
-    """Return the newest of the ``sessions``, processes that use the device; None if it is free.
+    """Return the newest of ``sessions``, the processes that use the device; None if none does.
 
-    ``device``: URL, or None for any device. For an emulated rig, the session's URL must have every
+    ``device``: URL, or None for any device. For an emulated rig, the process's URL must have every
     option of ``device``.
     """
     from heli3dof.rig.drivers import is_private

@@ -98,7 +98,7 @@ class Output:
 
 @contextmanager
 def stages(out: Output) -> Iterator[Callable[[str], None]]:
-    """Context manager: yield a function that displays the stage of a computation as a text.
+    """Context manager: yield a function that displays a text on a computation's present stage.
 
     On a terminal a spinner shows the text. Otherwise each text is printed as a line, except counts
     such as "Screening … flights: 31 of 64".

@@ -125,7 +125,7 @@ def minus(text: str) -> str:
 
 
 def carries(text: str, encoding: str | None) -> bool:
-    """Return True if ``text`` is ASCII, or if ``encoding`` is a UTF that can encode ``text``."""
+    """Return True if ``text`` is ASCII, or ``encoding`` is a UTF (UTF-8, …) and can encode it."""
     if not (encoding or "").lower().replace("_", "-").startswith("utf"):
         return text.isascii()
     try:

@@ -2,8 +2,7 @@
 
 A terminal of at least 80 × 24 characters shows a screen of moving traces, a smaller one a line.
 Without a terminal, a line is printed every `PRINT_EVERY_S`. A separate thread draws the state of
-the control loop. This thread yields Python's interpreter lock to the loop within
-`heli3dof.experiment.control_loop.realtime_priority.SWITCH_S`.
+the control loop.
 """
 
 from __future__ import annotations

@@ -69,9 +69,9 @@ def latency_text(latency: Mapping[str, Any]) -> str:
 
 
 def unacknowledged_text(latency: Mapping[str, Any]) -> str:
-    """Return a text with the number of voltage commands that the next sample did not echo.
+    """Return a text with two numbers of voltage commands.
 
-    It also has the number of commands that no sample echoed.
+    The first is of commands that the next sample did not echo, the second of those that none did.
     """
     never = latency["commands_never_echoed"]
     return (

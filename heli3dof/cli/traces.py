@@ -88,7 +88,7 @@ def scale(values: Sequence[float]) -> tuple[float, float]:
 
 
 def levels(values: Sequence[float], low: float, high: float) -> list[int | None]:
-    """Return each value's row of dots: 0 (top) for ``high``, the last for ``low``; None for NaN."""
+    """Return each value's row of dots: 0 (top) for ``high``, last row for ``low``; None for NaN."""
     last = 4 * ROWS - 1
     return [None if v != v else round((high - v) / (high - low) * last) for v in values]
 

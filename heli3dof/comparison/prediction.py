@@ -1,12 +1,11 @@
 """Compute multi-step prediction errors of models: the angle at row k is predicted h seconds ahead.
 
-    e_h[k] = y[k] − ŷ[k | angles up to k − h, measured voltages],    RMSE_h = √(mean e_h²)
+    e_h[k] = y[k] − ŷ[k | angles until h seconds earlier, voltages],    RMSE_h = √(mean e_h²)
 
 y are the measured angles, ŷ the predicted angles. Predictions need no controller. The RMSE is given
-for three horizons h, and *over* a window of 3 s, as in the literature on these rigs. The RMSE
-over a window is the root of the mean square over all horizons from 0 to 3 s. The baseline is
-constant angles: ŷ[k] is the angle measured h seconds earlier. A useful model has a smaller error
-than this baseline.
+for three horizons h, and *over* a window of 3 s: the root of the mean square over all horizons from
+0 to 3 s. The baseline is constant angles: ŷ[k] is the angle measured h seconds earlier. A useful
+model has a smaller error than this baseline.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Diagnose simulations: their errors, the causes, and the smaller errors of an extended model."""
+"""Diagnose a simulation: its errors, their causes, and the errors of a model with these causes."""

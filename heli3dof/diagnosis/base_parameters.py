@@ -16,8 +16,9 @@ X is a finding if x exceeds e significantly:
 - σ_k: standard deviation of ln K_f (`greybox.thrust_scale`), which further flights hardly reduce
 - σ: standard deviation of x by the flights' noise
 - q: normal quantile, with Bonferroni's correction, of the false-alarm probability `FALSE_ALARMS`
-- f: 1 for a fit to free-run predictions or with edge rates (`closed_loop_fit.edge_rates`), else
-  `STD_INFLATION`: on a limit cycle, or with an unmodelled torque, the error of x may reach f σ.
+- f: 1 for a fit to free-run predictions, or to rates of change of encoder counts
+  (`closed_loop_fit.edge_rates`), else `STD_INFLATION`. On a limit cycle, or with an unmodelled
+  torque, the error of x may reach f σ.
 """
 
 from __future__ import annotations
@@ -65,13 +66,13 @@ class BaseParameter:
         return float(np.log(ratio)) if ratio > 0 else -np.inf
 
     def excess(self, tolerance: float) -> float:
-        """Return |x| − |e|, by which x exceeds the tolerance's edge e; negative within it."""
+        """Return |x| − |e|, the excess of x over its bound e by the tolerance; negative within."""
         return abs(self.x) - abs(edge(self.x, tolerance))
 
     def is_significant(self, beyond: float, quantile: float, std: float) -> bool:
-        """Return whether ``beyond`` = |x| − |e| is significant, by the module's inequality.
+        """Return whether ``beyond`` > √((`SCALE_QUANTILE` σ_k)² + (``quantile`` · ``std``)²).
 
-        ``quantile``: q; ``std``: f σ.
+        σ_k is the standard deviation of ln K_f, ``std`` that of ln X by the flights' noise.
         """
         return beyond > float(np.hypot(SCALE_QUANTILE * self.scale, quantile * std))
 
@@ -121,8 +122,8 @@ def off_nominal(
 ) -> tuple[OffNominal, ...]:
     """Return the base parameters that differ from nominal by significantly more than tolerance.
 
-    The largest `OffNominal.score` comes first. ``std_inflation``: f, the factor of σ in the
-    module's inequality.
+    The largest `OffNominal.score` comes first. ``std_inflation``: factor of their standard
+    deviations by the flights' noise.
     """
     tolerance = fit.structure.profile.tolerance
     out = [
@@ -134,7 +135,7 @@ def off_nominal(
 
 
 def std_inflation(fit: CorrectedFit) -> float:
-    """Return f, the factor of σ in the module's inequality, for a fit by likelihood.
+    """Return the factor of the base parameters' standard deviations, for a fit by likelihood.
 
     It is 1 for a fit that also uses how often encoder counts change
     (`closed_loop_fit.edge_rates`), else `STD_INFLATION`.

@@ -168,7 +168,7 @@ def forward_selection(
 ) -> tuple[list[Step], CorrectedFit]:
     """Return (steps of forward selection, final fit); the last step may have found no effect.
 
-    ``flights``: number of flights simulated without further effects in the first step.
+    ``flights``: number of null simulations in the first step; further steps have fewer.
     """
     fit, steps = base, list[Step]()
     # An inertia off nominal counts as an earlier cause (rule 4 of `selection.select`).

@@ -39,7 +39,7 @@ def diagnosis_document(
     ``upcoming``: the result of `planning.next_experiment.next_experiment`; by default the
     catalogue's recommendation for the first confounded cause. Besides the keys of
     `docs/reference/contract.md`, the document has ``integrity``, ``dropped`` (causes that were not
-    adopted), ``about``, and further keys inside the objects.
+    adopted) and ``about``.
     """
     f = d.fitted
     about, following = (
@@ -116,8 +116,8 @@ def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
 def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
     """Return each base parameter, with its nominal value and the tolerance of the profile.
 
-    ``beyond_tolerance``: "surely" for a finding, "no" within the tolerance, else "not_surely":
-    noise or a residual torque may be the reason.
+    ``beyond_tolerance``: "no" for a parameter within the tolerance, "surely" for one that is a
+    finding, else "not_surely": noise or a residual torque may be the reason.
     """
     tolerance = f.model.profile.tolerance
     findings = {x.term.name for x in d.calibration_findings}
@@ -163,7 +163,7 @@ def _profile(f: Fitted | None) -> list[dict[str, Any]]:
 def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
     """Return the ratios of base parameters that these recordings determine without K_f.
 
-    An inertia that a narrow prior keeps plausible is not determined.
+    They exclude an inertia that was implausible and therefore has a narrow prior.
     """
     if f is None:
         return []
@@ -176,7 +176,7 @@ def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
 
 
 def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
-    """Return the RMSE before and after on held-out data, with the intervals of the reduction."""
+    """Return the RMSE of both models of a gain on held-out data, and intervals of the reduction."""
     no_values = dict.fromkeys(AXES)
     out: dict[str, Any] = {
         "holdout_rmse_deg": {
@@ -273,7 +273,7 @@ def _residual_torque(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
 
 
 def _remainder(r: UnexplainedError) -> dict[str, Any]:
-    """Return an unexplained error as the JSON object of a residual torque without a variable."""
+    """Return an unexplained error as the JSON object of a torque that depends on nothing known."""
     return {
         "axis": r.axis,
         "depends_on": None,

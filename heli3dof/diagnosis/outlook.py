@@ -15,8 +15,8 @@ MIN_CERTAINTY = 0.5
 class PlanForecast:
     """Expected result of a plan: its evidence, in units of 2 ln L, and its ``certainty``.
 
-    ``margins``: evidence for each simulated cause against the others (`planning.next_experiment`)
-    or for each open parameter (`planning.free_run_plan`). A plan worse than the best may lack some.
+    ``margins``: evidence for each simulated cause against the others (`planning.next_experiment`),
+    or for each undecided parameter (`planning.free_run_plan`). Causes not simulated have none.
     ``certainty``: probability that a flight of the plan decides.
     """
 

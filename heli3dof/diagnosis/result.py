@@ -154,7 +154,7 @@ class Diagnosis:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Return the faults of the recordings that are effects with a size (`Fault.is_cause`)."""
+        """Return the recordings' faults that are causes: findings that name an effect."""
         return tuple(f for f in self.integrity if f.is_cause)
 
     @property
@@ -242,7 +242,7 @@ def _unexplained(r: UnexplainedError) -> float:
 
 
 def confounded_names(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
-    """Return the names of effects confounded with any cause, and the names of the faults."""
+    """Return the names of effects that are faults, or confounded with a cause."""
     names: list[str] = []
     for f in causes:
         if isinstance(f, Fault):

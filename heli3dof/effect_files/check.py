@@ -156,9 +156,10 @@ def _equation_problems(effect: Effect) -> Iterator[str]:
 
 
 def _change(hook: Any, stage: Stage, s: np.ndarray, axis: int, values: list[float]) -> np.ndarray:
-    """Return what the hook, an equation of an effect, adds to its output array.
+    """Return what ``hook``, an equation of an effect, adds to its output array.
 
-    Depending on ``stage``, the array first holds the state's voltages, thrusts or angles, or zeros.
+    Before, this array holds voltages, thrusts or angles of the state ``s``, or zeros, depending on
+    ``stage``. ``values``: the effect's parameters.
     """
     begun = {Stage.VOLTAGE: s[V_FRONT : V_BACK + 1], Stage.THRUST: s[F_FRONT : F_BACK + 1],
              Stage.MEASURE: s[R : R + 3]}.get(stage, np.zeros(3))  # fmt: skip

@@ -34,7 +34,10 @@ so that a rig with ten times the effect can still be identified."""
 
 @dataclass(frozen=True)
 class Formula:
-    """A torque c · ``product`` on an axis; c is ``value`` ± ``std`` (0 if unknown) in SI units."""
+    """A torque c · ``product`` of state variables, such as ``roll_rate*voltage_sum``, on an axis.
+
+    c is ``value`` ± ``std`` (0 if unknown) in SI units.
+    """
 
     axis: str
     product: str
@@ -102,7 +105,7 @@ def _of_model(data: dict[str, Any]) -> list[Formula]:
 def package_files(formula: Formula, source: str) -> dict[str, str]:
     """Return {file name: text} of a package with the effect of ``formula``.
 
-    ``source``: the file in which c was estimated.
+    ``source``: name of the file from which the formula was read.
     """
     module = module_name(formula.name)
     return {
@@ -141,7 +144,7 @@ def _module(f: Formula, source: str) -> str:
 
 
 def _evidence(f: Formula) -> str:
-    """Return the variable against which a report plots the torque: the first one of the product."""
+    """Return the variable against which a report plots the torque: the product's first factor."""
     return re.sub(r"\w+\((\w+)\)", r"\1", factors(f.product)[0])
 
 

@@ -201,9 +201,9 @@ _STATEMENT = re.compile(r"([^=]+)(?:=([^±=]+?)(?:(?:±|\+/?-)(.+))?)?")
 def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]:
     """Return claims from texts ``NAME``, ``NAME=VALUE`` or ``NAME=VALUE±HALF``.
 
-    NAME is an effect, VALUE its first parameter, VALUE ± HALF the 95 % interval. ``confidence`` has
-    one value for each text, one for all, or none. Raises UsageError for an unknown name, a text of
-    another form, or a number of confidences that does not match.
+    NAME is an effect, VALUE that of its first parameter, VALUE ± HALF the 95 % interval.
+    ``confidence`` has one value for each text, one for all, or none. Raises UsageError for an
+    unknown name, a text of another form, or a number of confidences that does not match.
     """
     if len(confidence) not in (0, 1, len(texts)) or (confidence and not texts):
         raise UsageError(

@@ -90,7 +90,7 @@ _ALONE = "motor.thrust_gain"
 
 @dataclass(frozen=True)
 class Cause:
-    """A hidden effect: its name with the axis, and its values by parameter (``torque_Nm``)."""
+    """A hidden effect: its name with the axis, and the value of each parameter (``torque_Nm``)."""
 
     name: str
     values: Mapping[str, float]
@@ -157,7 +157,7 @@ _EQUAL = {
 
 
 def right_names(cause: str) -> set[str]:
-    """Return the names that are a right answer for the hidden effect ``cause``."""
+    """Return the effect names that count as a right answer for the hidden effect ``cause``."""
     if cause.startswith("other."):
         axis = next(a for a in AXES if cause.startswith(f"other.{a}_"))
         return {f"{UNMODELLED}.{axis}"}

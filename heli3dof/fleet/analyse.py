@@ -59,11 +59,11 @@ def _quantity(name: str, tracks: Sequence[Track], quantities: int, plan: str) ->
 
 
 def _rig(track: Track, siblings: Sequence[Track], quantities: int, plan: str) -> RigQuantity:
-    """Return the changes in a ``track``, and the estimate of its quantity since the last step.
+    """Return the changes of one quantity of one rig, and its estimate since the last step.
 
-    ``siblings``: tracks of the other rigs; ``quantities``: number of quantities in the table. The
-    estimate is from flights of ``plan``. If there are none since the last step, it is from the most
-    frequent plan since then.
+    ``track``: values of the quantity; ``siblings``: the same of the other rigs; ``quantities``:
+    number of quantities in the table. The estimate is from flights of ``plan``, or of the most
+    frequent plan since the last step if ``plan`` was not flown since.
     """
     changes = find_changes(
         track.t, track.y, track.s, track_prior(quantities), track.plans, sibling_scale(siblings)

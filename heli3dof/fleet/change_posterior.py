@@ -5,7 +5,7 @@ one regressor x to a constant::
 
     yᵢ = m_p(i) + δ·xᵢ + eᵢ,   eᵢ ~ N(0, φ²uᵢ),   uᵢ = (1 − a)(sᵢ/s̃)² + a,   δ ~ N(0, g²φ²)
 
-    step before flight k     xᵢ = 1 for i ≥ k, else 0      2 ≤ k ≤ n − 2 (first flight: 0)
+    step before flight k     xᵢ = 1 for i ≥ k, else 0      2 ≤ k ≤ n − 2, counted from 0
     two steps                a step before j and one before k, j + 2 ≤ k, with two sizes δ
     drift                    xᵢ = (tᵢ − t₀)/(tₙ₋₁ − t₀)     δ: change over all flights
     deviating flight j       xᵢ = 1 for i = j, else 0
@@ -18,9 +18,8 @@ second undoes the first, or repeats it, one step describes the flights badly. Th
 two steps are on a grid of at most `MOST_BOUNDARIES`.
 
 Priors: m is flat; a is on the grid `SHARES`, dense near 0; g on the grid `SIZES`. So a change has
-equal probability in each octave of 1 to 32 standard deviations. A common factor of all sᵢ has no
-influence. φ² has the prior d·φ₀²/χ²_d; the sibling rigs give d and φ₀ (`Scale`). Without siblings,
-p(φ) ∝ 1/φ (d = 0).
+equal probability in each octave of 1 to 32 standard deviations. φ² has the prior d·φ₀²/χ²_d; the
+sibling rigs give d and φ₀ (`Scale`). Without siblings, p(φ) ∝ 1/φ (d = 0).
 
 m, δ and φ integrate in closed form. Let wᵢ = 1/uᵢ, P the number of plans, and ν = n − P. Sxx is
 Σwᵢxᵢ², after the weighted mean of each plan is subtracted from x; Sxy and Syy likewise::
@@ -83,7 +82,7 @@ class Prior:
 
     @property
     def change(self) -> float:
-        """Return the probability of any change."""
+        """Return the prior probability of a change of any kind."""
         return self.step + self.two_steps + self.drift + self.deviating
 
 
@@ -91,7 +90,8 @@ class Prior:
 class Scale:
     """Prior distribution d·φ₀²/χ²_d of a flight's variance φ², from the sibling rigs.
 
-    χ²_d is chi-squared with d degrees of freedom: d is `freedom`, or 1 with probability `UNLIKE`.
+    χ²_d is chi-squared with d degrees of freedom. d is `freedom`; with the probability `UNLIKE` the
+    rig is unlike its siblings, and d is 1.
     """
 
     variance: float
@@ -104,8 +104,9 @@ class Scale:
 class ChangePosterior:
     """Posterior probability and size δ of each possible change in n flights.
 
-    Each possible change is a model: a step before one of the flights 2 … n − 2, two such steps, one
-    drift through all flights, or one flight that deviates (n models).
+    Each possible change is a model: a step, two steps, a drift through all flights, or a deviating
+    flight (n models). A step is before flight 2 … n − 2, counted from 0, so at least two flights
+    are on each side.
     """
 
     places: Places
@@ -123,7 +124,7 @@ class ChangePosterior:
     """Kind, except ``two_steps`` → posterior standard deviation of δ for each model"""
 
     def kind(self, name: str) -> float:
-        """Return the probability of the kind of change ``name``, one of `KINDS`."""
+        """Return the posterior probability of the kind of change ``name``, one of `KINDS`."""
         return float(self.probability[name].sum())
 
     @property

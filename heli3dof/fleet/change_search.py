@@ -1,6 +1,6 @@
 """Changes of one quantity of one rig: steps, drifts, deviating flights.
 
-The search takes the most probable change of all flights (`change_posterior`). A step divides the
+The search finds the most probable change in all flights (`change_posterior`). A step divides the
 flights, and both sides are searched; two steps make three parts. A deviating flight is removed,
 and the search starts again. Several deviating flights would hide each other, so a Hampel filter
 proposes candidates first, and each is tested in the absence of the other candidates. At the end,

@@ -1,6 +1,6 @@
 """The result classes of `heli3dof.fleet.analyse`.
 
-One is for the fleet, one for a quantity of all rigs, one for a quantity of a single rig."""
+They contain the results on a fleet, on one quantity of all rigs, and on one quantity of one rig."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Difference:
 
 
 def fleet_estimate(rigs: Mapping[str, Estimate]) -> Estimate | None:
-    """Return the mean of the rigs, with the scatter between them; None without standard errors."""
+    """Return the rigs' mean and the scatter between them; None if no rig has a standard error."""
     known = [e for e in rigs.values() if is_known(e)]
     return _mean(known) if known else None
 
@@ -92,7 +92,10 @@ def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Differen
 
 
 def _with_scatter(estimate: Estimate, scatter: float) -> Estimate:
-    """Return the estimate; that of a single flight gets the ``scatter`` between flights in std."""
+    """Return the estimate; if from a single flight, its std also contains the ``scatter``.
+
+    ``scatter``: standard deviation between flights.
+    """
     if estimate.n > 1:
         return estimate
     return replace(estimate, std=hypot(estimate.std, scatter))

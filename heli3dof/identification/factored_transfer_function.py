@@ -33,7 +33,7 @@ class Factor:
         return np.roots([1.0, *self.coefficients])
 
     def at(self, s: np.ndarray) -> np.ndarray:
-        """Return the factor's values at ``s`` (F,) 1/s."""
+        """Return the factor's values at the complex frequencies ``s`` (F,) rad/s."""
         return np.asarray(np.polyval([1.0, *self.coefficients], s))
 
     def __str__(self) -> str:
@@ -87,7 +87,7 @@ class FactoredTransferFunction:
         return f"{' '.join(parts)} / {bottom}"
 
     def at(self, s: np.ndarray, values: Callable[[Factor], np.ndarray] | None = None) -> np.ndarray:
-        """Return the response in rad/V at ``s`` (F,) 1/s.
+        """Return the response in rad/V at the complex frequencies ``s`` (F,) rad/s.
 
         ``values`` is a function that returns a factor's values (F,) at ``s``; default: `Factor.at`.
         """
@@ -110,7 +110,7 @@ class FactoredTransferFunction:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Return the factors (1/s), and the gain in degrees/V, with standard deviations."""
+        """Return a dict of gain (angle in degrees) and factors, with standard deviations."""
         return {
             "input": self.input,
             "output": self.output,

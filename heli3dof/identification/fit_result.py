@@ -55,7 +55,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Pole:
-    """A continuous-time pole (1/s); std_real, std_imag: standard deviations, NaN if unknown."""
+    """A continuous-time pole (rad/s); std_real, std_imag: standard deviations, NaN if unknown."""
 
     value: complex
     std_real: float

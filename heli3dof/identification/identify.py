@@ -197,9 +197,9 @@ def rms_motion_deg(prepared: Prepared, runs: Sequence[RowRange]) -> np.ndarray:
 def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
     """Return warnings that name the axes with a negative fit on held-out data.
 
-    There, predictions `SUMMARY_HORIZON_S` ahead have larger errors than the mean of the measured
-    angle. Axes with less motion than `LITTLE_MOTION_DEG` get a warning of their own, because their
-    fit does not test the model.
+    Negative means: predictions `SUMMARY_HORIZON_S` s ahead are worse than the measured angle's
+    mean. Such axes with less motion than `LITTLE_MOTION_DEG` get another warning, because their fit
+    does not test the model.
     """
     score = scores.prediction.get(SUMMARY_HORIZON_S)
     if score is None or not prepared.held_out:

@@ -4,8 +4,8 @@ A simplification H of the fitted transfer function G is accepted if on all frequ
 
     |H(jω) − G(jω)| ≤ 2 σ(ω),        σ² = var Re G + var Im G
 
-that is, if the recordings do not distinguish H from G. Where no covariance is known, 2σ is the
-rounding `ROUNDING`·|G|. There are five simplifications:
+that is, if the recordings do not distinguish H from G. Without a covariance, `ROUNDING`·|G|
+replaces 2σ. There are five simplifications:
 
 * the transfer function is zero,
 * a zero moves to infinity (its factor of the numerator is omitted),
@@ -14,9 +14,9 @@ rounding `ROUNDING`·|G|. There are five simplifications:
 * a pole and a zero cancel,
 * a factor whose coefficients are zero within two standard deviations moves to the origin.
 
-After each simplification the gain k is fitted again. Of several possible ones, the one whose H is
-nearest to G is applied. `heli3dof.identification.factored_transfer_function` defines k and the
-factors with the coefficients a, b, c.
+After each simplification the gain k is fitted again. If several simplifications are possible, the
+one whose H is nearest to G is applied. `heli3dof.identification.factored_transfer_function` defines
+k and the factors with the coefficients a, b, c.
 
 The standard deviations of the coefficients φ = (k, a, b, c) follow from the covariance P of the
 polynomials' coefficients θ, with J = ∂H/∂φ, S = ∂G/∂θ and the weights W = 1/σ²:
@@ -71,8 +71,8 @@ def factored(
 class _Channel:
     """The fitted frequency response G from one input (sum, difference) to one angle.
 
-    G and its uncertainty are computed at ``s`` = jω (F,) 1/s. ``limit`` (F,) is the largest
-    accepted |H − G|.
+    G and its uncertainty are computed at ``s`` = jω (F,) rad/s. ``limit`` (F,) is the largest
+    |H − G| of an accepted simplification H.
     """
 
     def __init__(
@@ -126,7 +126,6 @@ class _Channel:
         """Return a polynomial's factors, with rounding errors removed from its roots.
 
         The coefficients of ``polynomial`` start with the highest power.
-
         Roots that only rounding separates from 0 become 0. A conjugate pair that only rounding
         separates from a double real root becomes this double root.
         """

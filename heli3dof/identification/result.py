@@ -33,7 +33,7 @@ SUMMARY_HORIZON_S = 1.0
 
 
 def no_linear_form(method: str, what: str) -> UsageError:
-    """Return the UsageError that a model by ``method`` has no ``what`` (transfer functions, …)."""
+    """Return a UsageError: a model by ``method`` has no ``what``, such as transfer functions."""
     return UsageError(
         f"A model by {method} has no {what}.",
         cause="its method returns no linear model.",
@@ -69,7 +69,7 @@ class Identification(Result):
 
     @property
     def poles(self) -> tuple[Pole, ...]:
-        """Return the continuous-time poles (1/s) with standard deviations, rightmost first."""
+        """Return the continuous-time poles (rad/s) with standard deviations, rightmost first."""
         return self.found.poles
 
     @property

@@ -7,8 +7,8 @@ amplifier's limit, or in free fall. Such rows are left out, each counted under a
 ``table``         on the table or within 1° of it for 0.1 s or more
 ``take_off``      from lift-off until all three hold: roll is half-way to level, the voltages have
                   been off their limit for 0.25 s, and 3 s have passed
-``stop``          roll or pitch within 0.2° of its extreme, beyond 25°, and resting there for 0.3 s
-                  or after an impact; yaw has no stop
+``stop``          roll or pitch within 0.2° of its largest or smallest value (if beyond ±25°), and
+                  resting there for 0.3 s or after an impact; yaw has no stop
 ``motors_off``    both voltages zero for 0.1 s or more, and the rows after that until roll rises
 ``falling``       the end of a flight, after roll was last above half-way to level
 ``ramp_down``     the ramp of the voltages to zero that ends a flight (channel ``phase``)

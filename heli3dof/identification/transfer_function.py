@@ -26,7 +26,8 @@ DEGREES = float(np.rad2deg(1.0))
 class TransferFunctions:
     """Transfer functions from the two motors to the three angles over a common denominator.
 
-    num (3, 2, k) is in rad/V, [axis, motor]; den (k,) is monic. The highest power comes first.
+    num (3, 2, k) is in rad/V, [axis, motor]; den (k,) is monic. Of k coefficients, that of the
+    highest power comes first.
     ``covariance`` (q, q) is that of the coefficients [den[1:], num.ravel()]; None if unknown.
     """
 
@@ -44,10 +45,10 @@ class TransferFunctions:
         return std[k - 1 :].reshape(self.num.shape), np.concatenate([[0.0], std[: k - 1]])
 
     def zeros(self, axis: int, motor: int) -> list[tuple[complex, float]]:
-        """Return (zero, standard deviation) in 1/s for each zero of num[axis, motor].
+        """Return (zero, standard deviation) in rad/s for each zero of num[axis, motor].
 
         The rightmost zero comes first. The standard deviation is √(var Re + var Im), NaN for a
-        double zero, where N′ = 0.
+        double zero.
         """
         n = _without_rounding(self.num[axis, motor], float(np.abs(self.num[axis]).max()))
         k = len(self.den)
@@ -75,7 +76,7 @@ class TransferFunctions:
         return out
 
     def to_json(self) -> dict[str, Any]:
-        """Return coefficients (degrees/V) and zeros (1/s), both with standard deviations."""
+        """Return coefficients (degrees/V) and zeros (rad/s), both with standard deviations."""
         num_std, den_std = self.std
         entries = []
         for j, motor in enumerate(MOTORS):
@@ -104,8 +105,8 @@ class TransferFunctions:
 def polynomial(coefficients: np.ndarray, digits: int = 4, scale: float = 0.0) -> str:
     """Format a polynomial in s, with ``digits`` digits, from coefficients, highest power first.
 
-    Leading coefficients below 1e-9 times the largest one or ``scale`` are rounding errors and are
-    omitted.
+    Leading coefficients below 1e-9 times the largest one, or times ``scale``, are omitted as
+    rounding errors.
 
     >>> polynomial(np.array([1.0, 1.379, 2.01, -1.072, 0.3533]))
     's^4 + 1.379s^3 + 2.01s^2 - 1.072s + 0.3533'

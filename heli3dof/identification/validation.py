@@ -132,8 +132,8 @@ def predictions(
 def _lead_in(prepared: Prepared, run: RowRange, most: int) -> int:
     """Return the number of rows, at most ``most``, in which the filter can settle before ``run``.
 
-    They are the last rows of the run that ends where this one starts. The result is 0 without such
-    a run or after a gap.
+    These rows end the run directly before ``run``. The result is 0 without such a run or after a
+    gap.
     """
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:

@@ -30,7 +30,7 @@ NEAR = 51
 
 
 def clock(view: View) -> Iterable[Fault]:
-    """Yield faults of the time stamps: in order, or if it is right, in rate and device clock."""
+    """Yield faults of the time stamps' order; without any, those of rate and device clock."""
     faults = [*order(view)]
     yield from faults
     if not faults:

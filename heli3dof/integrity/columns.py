@@ -104,7 +104,7 @@ def _gain_in_range(x: Response) -> bool:
 
 
 def agreement(responses: dict[str, Response]) -> float:
-    """Return the agreement M of the driven axes with the profile, at most 1 for each axis."""
+    """Return the agreement M of the driven axes with the profile, a sum of at most 1 per axis."""
     driven = (x for x in responses.values() if x.drive > DRIVEN and x.gain != 0)
     return float(
         sum(x.explained * np.exp(-0.5 * (np.log(abs(x.gain)) / USUAL) ** 2) for x in driven)
@@ -153,7 +153,7 @@ def _by_motion(view: View) -> tuple[int, int, str] | None:
 
 
 def block_means(r: Recording) -> Recording:
-    """Return the recording averaged over `STEP_S`: as accurate for `response`, but faster."""
+    """Return the means over blocks of `STEP_S` s: as accurate for `response`, but faster to use."""
     m = max(1, round(STEP_S / r.dt)) if len(r) > 1 else 1
     n = len(r) // m
 

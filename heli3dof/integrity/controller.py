@@ -35,7 +35,7 @@ FIX = {
 
 
 def controller(view: View) -> Iterable[Fault]:
-    """Yield a finding or a note if the controller's voltages differ from the logged ones."""
+    """Yield a finding or a note if the profile's controller gives other voltages than logged."""
     r = view.recording
     result = voltage_replay(sampling_times(r))
     if result is None or result.match is Match.REPRODUCED:

@@ -1,15 +1,15 @@
 """Report wrong signs of encoders and voltages, and swapped motors.
 
 The front and back voltages have the sum S and the difference D. The profile predicts accelerations
-u_r ∝ S of roll, u_p ∝ D of pitch p and u_ψ ∝ −sin p S of yaw. The measured ones are g u, with g = 1
-on a rig like its profile (`response`). h is the ratio of the hover voltage to the
+u_r ∝ S of roll, u_p ∝ D of pitch p and u_ψ ∝ −sin p S of yaw. The measured accelerations are g u,
+with g = 1 on a rig like its profile (`response`). h is the ratio of the hover voltage to the
 profile's V_o (`View.hover_ratio`).
 
     roll's sign wrong        g_r < 0
     pitch's sign wrong       g_p < 0 and g_ψ < 0     (sin p has the wrong sign too)
     front and back swapped   g_p < 0 and g_ψ > 0     (D has the wrong sign, sin p S has not)
     yaw's sign wrong         g_p > 0 and g_ψ < 0     (or motors swapped and pitch's sign wrong)
-    voltages' sign wrong     h < −0.3, and g_r < 0 or g_p < 0 (g's signs are then reversed above)
+    voltages' sign wrong     h < −0.3, and g_r < 0 or g_p < 0 (−g then replaces g in the rows above)
     V_o's sign wrong         h < −0.3, and neither g_r nor g_p is negative
 
 g's sign is known if |g| exceeds `SURE` standard deviations, g explains the share `EXPLAINED` of the
@@ -104,7 +104,7 @@ def directions(view: View) -> Iterable[Fault]:
 
 
 def _roll_evidence(view: View, sign_of_response: int) -> str:
-    """Return the evidence that roll's sign is wrong; empty if there is none."""
+    """Return the evidence that roll's sign is wrong, as text; empty if there is none."""
     r = view.recording
     if sign_of_response < 0:
         x = view.responses["roll"]

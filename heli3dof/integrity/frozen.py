@@ -5,8 +5,9 @@ The voltages cause the torque J u: J is the inertia, u (rad/s²) the acceleratio
 predicts (`response`). Constant torques are unknown. With u smoothed over `SMOOTH_S`, the axis must
 therefore move if ½ (max J u − min J u) > `HOLDS_NM`.
 
-On the table, roll can only rise. It must move if r̈ = u − T_g cos r/J, integrated twice with ṙ ≥ 0,
-exceeds `RISEN`. Rows at a stop, with the motors off or in the final voltage ramp are left out.
+On the table, roll r can only rise. It must move if r̈ = u − T_g cos r/J, integrated twice with
+ṙ ≥ 0, exceeds `RISEN` (T_g: gravity torque, N·m). Rows at a stop, with the motors off or in the
+final voltage ramp are left out.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Report ``timing.gaps``: lost samples, and rows with a value that is not finite.
 
-With n samples taken (`View.ticks`), gaps of n_i lost samples, and u rows that are not finite,
+Of n samples taken (`View.ticks`), gap i lost n_i, and u have a value that is not finite. Then
 lost_share = (Σ n_i + u)/n. If gaps are independent, its standard deviation is √(Σ n_i² + u)/n.
 """
 

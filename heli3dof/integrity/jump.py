@@ -33,8 +33,8 @@ STOOD_S = 0.4
 def deviations(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
     """Return how far each step of axis number ``i`` deviates from its neighbours, and the jumps.
 
-    The deviations min(|d_k − d̄_k|, |d_k|) Δ_k (head of this file) are (N − 1,) rad; the jumps are
-    indices.
+    The deviations (N − 1,) are in rad, computed as at the head of this file. The jumps are indices
+    of steps.
     """
     r = view.recording
     change = np.diff(r.angle[:, i])

@@ -1,7 +1,7 @@
 """Estimate an axis's response to the voltages as a multiple g of the profile's, in weak form.
 
-With S = V_f + V_b, D = V_f − V_b (V), arm lengths L (m), thrust gain K_f (N/V) and inertias at
-hover J (kg·m²), the profile predicts the accelerations (rad/s²)
+With roll r, pitch p, yaw ψ, S = V_f + V_b, D = V_f − V_b (V), arm lengths L (m), thrust gain K_f
+(N/V) and inertias at hover J (kg·m²), the profile predicts the accelerations (rad/s²)
 
     u_r = L_a K_f cos p S / J_r    u_p = L_h K_f D / J_p    u_ψ = −L_a K_f cos r sin p S / J_ψ
 
@@ -62,9 +62,9 @@ class Response:
 
 
 def predicted_accelerations(angle: np.ndarray, voltage: np.ndarray, profile: Profile) -> np.ndarray:
-    """Return the profile's accelerations u (N, 3) rad/s² for angles (N, 3) rad, voltages (N, 2) V.
+    """Return the accelerations (N, 3) rad/s² that the voltages (N, 2) V cause on the profile's rig.
 
-    They are only those that the voltages cause, without gravity (head of this file).
+    Gravity is not included. ``angle`` (N, 3) is in rad.
     """
     g, K_f = profile.geometry, profile.motor.K_f
     J = profile.inertias
@@ -79,7 +79,7 @@ def predicted_accelerations(angle: np.ndarray, voltage: np.ndarray, profile: Pro
 def responses(
     recording: Recording, free: np.ndarray, number: np.ndarray, period_s: float
 ) -> dict[str, Response]:
-    """Return {axis: response}, from the windows in which all rows are usable.
+    """Return {axis: response}, from the time windows in which all rows are usable.
 
     ``free`` (N,) bool: usable rows; ``number`` (N,): numbers of the samples, lost ones included.
     Axes that no voltage drives are left out.
@@ -119,7 +119,7 @@ def _evenly_sampled(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return angles, voltages and ``free`` with a row for every sample, lost ones too; NaN is zero.
 
-    Row k has the mean of the voltages k − 1 and k: the loop holds voltage k until sample k + 1.
+    The voltage of row k is the mean of those at k − 1 and k: the loop holds each for one period.
     """
     angle, voltage = np.nan_to_num(recording.angle), np.nan_to_num(recording.voltage)
     if number[-1] + 1 != len(number) or (np.diff(number) != 1).any():
@@ -170,9 +170,9 @@ class _Windows:
 
 
 def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the regressors X (W, n) of z (W,), with a step of the trim torque as another column.
+    """Return the regressors X (W, n) of z (W,); a significant step of the trim torque is appended.
 
-    The column is added if the best step explains more than `STEP` of the residual sum of squares.
+    The best step must explain more than the share `STEP` of the residual sum of squares.
     W counts the windows. ``trim`` (W,): the trim torque's regressor; ``t`` (W,): the windows'
     middles, s.
     """

@@ -57,7 +57,7 @@ SWITCH = 0.25
 
 
 def reliable(responses: dict[str, Response]) -> dict[str, Response]:
-    """Return the responses with a positive, precise gain that explain the axis' motion."""
+    """Return the responses whose ratio g is positive and precise and explains the axis' motion."""
     return {
         a: x
         for a, x in responses.items()
@@ -142,7 +142,7 @@ def _logs(responses: dict[str, Response]) -> dict[str, float]:
 
 
 def _roll_divided(view: View, k: float) -> View:
-    """Return a view of the recording with roll divided by k, relative to its angle at the start."""
+    """Return a view of the recording in which roll's change since the start is divided by k."""
     r = view.recording
     angle = r.angle.copy()
     rest = float(np.median(angle[view.read, ROLL][:5]))
@@ -153,7 +153,11 @@ def _roll_divided(view: View, k: float) -> View:
 
 
 def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
-    """Return (scale, standard deviation): an axis' response divided by the others' mean."""
+    """Return the estimated encoder factor of ``axis`` and its standard deviation.
+
+    It is the axis' response, divided by the others' geometric mean; for roll, also times k, by
+    which roll was divided before (`_roll_divided`).
+    """
     others = [
         np.log(x.gain) for a, x in responses.items() if a != axis and (axis, a) != ("pitch", "yaw")
     ] or [0.0]

@@ -18,7 +18,7 @@ GROUNDED = ("unread", "table", "stop", "motors_off", "falling", "ramp_down")
 
 
 class View:
-    """Quantities of one recording of N samples, computed on first use; infinite values are NaN."""
+    """Quantities of one recording of N samples, computed on first use; NaN replaces infinities."""
 
     def __init__(self, recording: Recording) -> None:
         self.recording = _finite(recording)

@@ -96,7 +96,7 @@ def unit(view: View) -> Iterable[Fault]:
 
 
 def clipped(view: View) -> Iterable[Fault]:
-    """Yield notes on the share of the flight at the limit, and on a limit below the profile's."""
+    """Yield a note if voltages are often at the limit, or saturate below the profile's limit."""
     r, rows = view.recording, view.flying
     v_max = r.profile.motor.v_max
     at_limit = view.clipped & rows

@@ -79,7 +79,10 @@ class Model(Protocol):
         ...
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
-        """Return the poles (rad/s) of the loop with ``controller``, whose period is ``dt`` s."""
+        """Return the closed-loop poles (rad/s) with ``controller``, whose period is ``dt`` s.
+
+        The loop is sampled, with poles s = log(z)/dt; for the hover model it is continuous.
+        """
         ...
 
     def predict(self, recording: Recording, horizon_s: float) -> FloatArray:

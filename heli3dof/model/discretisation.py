@@ -123,9 +123,9 @@ def numerators(model: Continuous) -> tuple[np.ndarray, np.ndarray]:
 def to_control(
     model: Sampled, *, in_continuous_time: bool = False, states: Sequence[str] | None = None
 ) -> control.StateSpace:
-    """Return a python-control ``StateSpace`` about the trim: from V − u0 (V) to y − y0 (rad).
+    """Return a python-control ``StateSpace`` about the trim: from u − u0 (V) to y − y0 (rad).
 
-    u0 (V) and y0 (rad) are the trim's voltages and angles. The result is discrete at the model's
+    u are the motor voltages, y the angles; u0, y0: trim. The result is discrete at the model's
     sample interval, or in continuous time (see `continuous`). ``states`` are the states' names. A
     bilinear conversion mixes the states. So it ignores these names and uses x[0], x[1], …
     """

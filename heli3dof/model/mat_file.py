@@ -41,7 +41,8 @@ def variables(model: Model) -> dict[str, object]:
 
     ``K`` (n, axes), per rad, is the Kalman gain of the innovation form; zero without a noise model.
     ``continuous_by`` states how Ac … Dc were computed: ``hold`` (exact) or ``bilinear``. With
-    ``bilinear``, their states are linear combinations of those in ``state_names`` and the voltages.
+    ``bilinear``, the states of the continuous model are linear combinations of those in
+    ``state_names`` and the voltages.
     """
     linear = model.linear() if isinstance(model, GreyBoxModel) else model
     assert isinstance(linear, LinearModel)  # the only other form of a model

@@ -1,10 +1,10 @@
 """Provide the paper's identified model, eq (17), as printed and as corrected.
 
 All transfer functions have the same denominator. T(s)_{i,j} is from motor i (1 front, 2 back) to
-angle j (1 roll, 2 pitch, 3 yaw), in degrees per volt. Its defects (erratum E14):
+angle j (1 roll, 2 pitch, 3 yaw), in degrees per volt. The defects of eq (17) (erratum E14):
 
-* T_11 begins with 52 s³. T_1j ≈ −T_2j otherwise, and T_21 begins with −2.537 s³, so 2.52 s³ is very
-  likely meant: the *corrected* reading.
+* The numerator of T_11 begins with 52 s³, that of T_21 with −2.537 s³. The other coefficients of
+  T_11 are nearly those of −T_21, so 2.52 s³ is very likely meant: the *corrected* reading.
 * T_12 and T_13 have no constant term, but T_22 and T_23 have one.
 * A fourth-order model cannot represent the plant, which has six states and an integrator in yaw.
 * Both readings, printed and corrected, are unstable in closed loop with the gain K_g.

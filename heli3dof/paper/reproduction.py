@@ -64,7 +64,7 @@ def hover_metrics(hover: Model, profile: Profile | None = None) -> Mapping[str, 
 
 
 def reproduce(hover: Model | None) -> tuple[Reproduced, ...]:
-    """Return each number of the paper with the one simulated here, sorted by axis.
+    """Return the paper's numbers, each with its simulated value (NaN if none), sorted by axis.
 
     ``hover`` is the corrected hover model of Table I's rig; if it is None, nothing is simulated.
     """

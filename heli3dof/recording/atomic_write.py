@@ -147,17 +147,14 @@ def _check_name(path: Path, *, force: bool) -> None:
 def default_output(path: Path, *, force: bool) -> Path:
     """Return the path of an output for which ``-o`` is omitted; ``path`` is its default name.
 
-    With ``force`` the result is ``path``, and the caller overwrites it. Without ``force`` it is a
-    free name: ``unused(path)``.
+    With ``force`` the result is ``path``, which the caller overwrites; without, a free name
+    (`unused`).
     """
     return path if force else unused(path)
 
 
 def unused(path: Path) -> Path:
-    """Return ``path`` if it does not exist, else the first free name: ``a-2.json``, ``a-3.json``, …
-
-    An earlier run's output with the same default name then does not block the next run.
-    """
+    """Return ``path`` if it does not exist, else a free name: ``a-2.json``, ``a-3.json``, …"""
     k, free = 1, path
     while free.exists():
         k += 1

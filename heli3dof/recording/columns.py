@@ -19,8 +19,8 @@ UNITS = frozenset({"s", "V", "A", "deg", "rad"})
 def contract_columns(recording: Recording) -> dict[str, np.ndarray]:
     """Return a recording's columns (N,) by name, for an export; angles are in degrees.
 
-    First come the logged columns of docs/reference/recording.md, then the channels, columns with
-    other names. A channel with the name of an earlier column gets the prefix ``channel_``.
+    First come the logged columns of docs/reference/recording.md, then the channels (columns with
+    other names). A channel with the name of an earlier column gets the prefix ``channel_``.
     """
     columns: dict[str, np.ndarray] = {"t_s": recording.t}
     for array, form in VOLTAGES.items():

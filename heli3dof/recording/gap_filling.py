@@ -1,13 +1,13 @@
 """Insert rows for lost samples, so that one row is one control period.
 
-The number of samples missing between t[k] and t[k+1] is
+With the control period dt, the number of samples missing between the times t[k] and t[k+1] is
 
     n = max(0, round((t[k+1] − t[k] − δ) / dt) − 1)
 
-δ is the delay of sample k+1. If the next interval t[k+2] − t[k+1] is shorter than `EARLY` dt,
-δ = dt − (t[k+2] − t[k+1]), but at most t[k+1] − t[k] − dt. Otherwise δ = 0. Inserted rows have
-evenly spaced times and NaN as angles. All other values are those of row k, because the rig held
-its voltage. The voltage's integral over any interval is unchanged.
+δ is the delay of sample k+1, estimated from the next interval, t[k+2] − t[k+1]. If this interval is
+shorter than `EARLY` dt, δ is dt minus the interval, but at most t[k+1] − t[k] − dt. Otherwise
+δ = 0. Inserted rows have evenly spaced times and NaN as angles. All other values are those of row
+k, because the rig held its voltage. The voltage's integral over any interval is unchanged.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def missing(t: np.ndarray, dt: float) -> np.ndarray:
 
 
 def fill_gaps(recording: Recording, longest: float) -> tuple[Recording, np.ndarray]:
-    """Return the recording with inserted rows, and the indices (N,) of the original rows in it.
+    """Return the recording with inserted rows, and the indices (N,) of the N original rows in it.
 
     Intervals of more than ``longest`` control periods remain gaps. A recording without missing
     samples is returned unchanged.

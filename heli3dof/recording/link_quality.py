@@ -1,8 +1,8 @@
 """`link_warnings`: warns of a poor link between this computer and the rig.
 
 It warns of a latency above one control period, of lost samples, of rejected samples, and of
-unacknowledged commands: those that the next sample does not echo. The recording contains these
-values, so ``heli3dof info`` prints the same warnings as a flight prints at its end.
+commands that the next sample does not acknowledge. The recording contains these values, so
+``heli3dof info`` prints the same warnings as a flight at its end.
 """
 
 from __future__ import annotations

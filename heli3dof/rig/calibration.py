@@ -90,7 +90,7 @@ COUNTS_AT_POWER_UP = RestCounts((0, 0, 0), "power-up")
 def rest_counts_of(identity: Identity) -> RestCounts:
     """Return the encoder counts at the rest angles of the connected device ``identity``.
 
-    The counts are the stored ones, or 0 if the device has restarted (table at the file's top).
+    They are the stored counts, or 0 if none are stored or the device has restarted since.
     """
     try:
         stored = load_calibration(identity.serial)
@@ -128,10 +128,10 @@ def rest_counts_of(identity: Identity) -> RestCounts:
 
 
 def _same_start(stored: Calibration, identity: Identity) -> bool | None:
-    """Return True if the device has not restarted since ``stored`` was measured, else False.
+    """Return True if the device has not restarted since ``stored`` was measured; None: unknown.
 
     The function compares the start instants of ``stored`` and of the connected device ``identity``.
-    Returns None if an instant or the date of ``stored`` is missing.
+    The result is None if an instant or the date of ``stored`` is missing.
     """
     if stored.started_s is None or identity.started_s is None:
         return None

@@ -81,7 +81,7 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The motor voltages of one control period. The next sample repeats its ``sequence``."""
+    """The motor voltages of one control period. The next sample repeats its number ``sequence``."""
 
     sequence: int
     v_front: float
@@ -249,7 +249,7 @@ class RecognisesRigs(Protocol):
     """Optional interface of a driver whose `Driver.find` may list ports without a rig."""
 
     def is_rig(self, url: DeviceUrl) -> bool:
-        """Return True if the port at ``url`` now looks like a rig's, e.g. by its USB numbers."""
+        """Return True if the port at ``url`` now looks like a rig's, e.g. by its USB identifier."""
         ...
 
 

@@ -280,13 +280,13 @@ class Limits(Section):
 
     @property
     def ranges_deg(self) -> tuple[tuple[float, float], ...]:
-        """Return the lowest and the highest roll, pitch and yaw in degrees."""
+        """Return the lowest and the highest permitted roll, pitch and yaw in degrees."""
         pitch, yaw = self.pitch_max_deg, self.yaw_max_deg
         return (self.roll_min_deg, self.roll_max_deg), (-pitch, pitch), (-yaw, yaw)
 
     @property
     def rates_deg_per_s(self) -> tuple[float, float, float]:
-        """Return the largest rates of roll, pitch and yaw in °/s."""
+        """Return the largest permitted rates of roll, pitch and yaw in °/s."""
         return (
             self.roll_rate_max_deg_per_s,
             self.pitch_rate_max_deg_per_s,

@@ -8,9 +8,9 @@ The balance of the level arm gives a hover voltage per motor, V_m, from the mass
 V_m is inaccurate, because it follows from a small difference of two large torques. Let ε be the
 relative standard deviation of each torque (the profile's tolerance). With m_h = m_f + m_b, the
 standard deviation of V_m is ε √((L_a m_h)² + (L_w m_w)²) g / (2 L_a K_f), often half of V_m. V_m
-also omits the arm's own mass. So the hover voltage V_o is measured; only a large difference from
-V_m is reported. The sign of V_o must be that of −(rest angle): an arm that rests body down needs
-thrust to rise.
+also omits the arm's own mass. So the hover voltage V_o is measured. Only a large difference from
+V_m, or the opposite sign, is reported. The sign of V_o must be that of −(rest angle): an arm that
+rests body down needs thrust to rise.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Counts the sampling instants that a device skipped, by the device's clock alone.
 
 A device takes the sample of instant i at this instant or, when it is busy, a little later. So the
-sample's time d on the device's clock is
+sample's time d on the device's clock determines i:
 
     t_0 + i·dt ≤ d < t_0 + (i + BUSY)·dt        t_0: time of instant 0, estimated
 
-dt is the control period in s; BUSY and CREEP are shares of it. The estimate of t_0 is the smallest
-d − i·dt so far. The estimate may rise by up to CREEP·dt per sample, since the device's period
-may be longer than dt.
+An instant without a sample was skipped. dt is the control period in s; BUSY and CREEP are shares of
+it. The estimate of t_0 is the smallest d − i·dt so far. It may rise by up to CREEP·dt per sample,
+since the device's period may be longer than dt.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Instants:
         self._base, self._k = first_s, 0
 
     def skipped(self, device_s: float) -> int:
-        """Add the next sample, taken at ``device_s`` (s); return how many instants were skipped."""
+        """Add a sample taken at ``device_s`` (s); return the number of instants skipped before."""
         dt = self._dt
         behind = (device_s - self._base) / dt - (self._k + 1)
         skipped = max(0, int(behind + 1 - self._busy))

@@ -1,9 +1,9 @@
 """The effects, one family per file: physics that the URL option ``hide=`` adds to the ideal rig.
 
-`catalogue` collects the tuple ``EFFECTS`` of every module in this folder. A new effect needs its
-physics in the module's docstring, a short function (compiled, or one that changes the `Setup`), and
-an `Effect` that names its parameters with units and bounds. Another package registers its tuple of
-effects under the entry-point group `GROUP`.
+`catalogue` collects the tuple ``EFFECTS`` of every module in this folder. A new effect needs a
+short function (compiled, or one that changes the `Setup`), and an `Effect` that names its
+parameters with units and bounds. Its equation is in the module's docstring. Another package
+registers its tuple of effects under the entry-point group `GROUP`.
 """
 
 from __future__ import annotations

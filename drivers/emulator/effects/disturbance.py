@@ -1,4 +1,4 @@
-"""External torques on an axis: a constant τ (N·m), and τ sin(2π f t) with f in Hz, t in s."""
+"""External torques on an axis, two effects: constant τ (N·m); τ sin(2π f t), f in Hz, t in s."""
 
 from __future__ import annotations
 

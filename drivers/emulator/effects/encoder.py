@@ -2,10 +2,10 @@
 
 - Backlash of full width w between the axis and its encoder: the encoder moves only while one of the
   two flanks is in contact.
-- Offset: the counts were zeroed at a wrong angle: reading = angle + offset. The starting angles,
-  and roll on the table, are given as readings: their true values are lower by the offset.
-- Scale: a wrong number of encoder lines: reading = rest + k (angle − rest), k the scale, rest the
-  angle at which the counts are zero.
+- Offset: reading = angle + offset, because the counts were zeroed at a wrong angle. The specified
+  initial angles and the table's roll angle are readings: the true angles are lower by the offset.
+- Scale: reading = rest + k (angle − rest), because the encoder's number of lines is wrong; k is the
+  scale, rest the angle at which the counts are zero.
 """
 
 from __future__ import annotations

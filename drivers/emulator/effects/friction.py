@@ -1,4 +1,4 @@
-"""Friction torques of the joints; q̇ is the rate in rad/s, τ_c (N·m) and c are parameters.
+"""Friction torques of the joints; q̇ is the rate in rad/s, τ_c (N·m), c (N·m·s/rad) are parameters.
 
 Coulomb: −τ_c sgn(q̇); at rest, the torque that keeps the joint at rest, up to ±τ_c (set-valued, see
 `heli3dof_drivers.emulator.kernel`). Viscous: −c q̇.

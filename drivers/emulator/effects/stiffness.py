@@ -1,7 +1,7 @@
 """Restoring torques that depend on the joint's angle q only; k is the parameter.
 
-Pendulum: a centre of mass below the joint's axis gives −k sin q (negative k: above the axis).
-Cable: the twisted cable bundle at the slip ring gives −k ψ.
+Pendulum: a centre of mass below the joint's axis gives −k sin q, k in N·m (k < 0: above the axis).
+Cable: the cable bundle twisted by the yaw angle ψ (rad) gives −k ψ, k in N·m/rad.
 """
 
 from __future__ import annotations

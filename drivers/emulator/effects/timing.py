@@ -2,8 +2,8 @@
 
 Jitter: sample k is taken at k dt + ε, with the control period dt. ε is drawn from a normal
 distribution with the given standard deviation and clipped to ±0.4 dt. The device's time stamps are
-the true instants. Gaps: each sample is lost with probability ``lost_share``. The device then holds
-the voltage, and the time stamps have a gap.
+the true instants. Gaps: each sample is lost with probability ``lost_share``; then the device holds
+the voltage for a further period, and the time stamps have a gap.
 """
 
 from __future__ import annotations

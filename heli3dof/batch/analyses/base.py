@@ -38,7 +38,7 @@ class Job:
 
     @cached_property
     def intact(self) -> tuple[Recording, dict[str, Any]]:
-        """Return the recording, or a torn file's intact part, and a description of the file."""
+        """Return (recording, file description); of a torn file the recording is its intact part."""
         return read_with_info(self.file, self.profile)
 
     @property

@@ -7,8 +7,8 @@ Two columns combine parameters of the grey-box model:
 
 - ``thrust_gain_ratio``: g, the thrust gain over its nominal value K_f. The identification keeps K_f
   at the profile's value, so a thrust gain g·K_f appears as inertias J/g. ln g is the generalised
-  least-squares mean of ln(J_nominal/Ĵ) over the three axes, Ĵ the estimated inertias, with their
-  covariance.
+  least-squares mean of ln(J_nominal/Ĵ) over the three axes, with the covariance of the estimated
+  inertias Ĵ.
 - ``hover_voltage_V``: V_o T̂_g/T_g, the voltage per motor at hover, with the profile's hover voltage
   V_o and gravity torque T_g, and the estimated T̂_g.
 """

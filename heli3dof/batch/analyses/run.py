@@ -1,4 +1,4 @@
-"""``batch run``: one flight of an emulated rig, recorded like any other."""
+"""``batch run``: flies an emulated rig once per task, and records the flight."""
 
 from __future__ import annotations
 

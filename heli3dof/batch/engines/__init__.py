@@ -14,9 +14,9 @@ __all__ = ["SCHEDULER", "Engine", "Lost", "engine"]
 def engine(cluster: str | None = None, workers: int | None = None) -> Engine:
     """Return the engine: a Dask cluster if one is named, else processes on this machine.
 
-    ``cluster``: the scheduler's address, by default that in the environment variable `SCHEDULER`.
-    ``workers``: number of processes, by default one per core. Raises UsageError or DeviceError for
-    a cluster out of reach.
+    ``cluster``: the scheduler's address; if it and ``workers`` are None, the environment variable
+    ``DASK_SCHEDULER_ADDRESS``. ``workers``: number of processes, by default one per core. Raises
+    UsageError or DeviceError for a cluster out of reach.
     """
     address = cluster or (os.environ.get(SCHEDULER) if workers is None else None)
     if address:

@@ -16,13 +16,13 @@ would only fill the memory with the contents of files."""
 
 @dataclass(frozen=True)
 class Lost:
-    """Yielded in place of a result if worker processes ended while they worked on the item."""
+    """Yielded in place of an item's result if several workers ended while working on the item."""
 
     why: str
 
 
 class Engine(Protocol):
-    """Distributes work. An engine may be used for several runs, one after another."""
+    """Distributes work. `run` may be called several times, one call after another."""
 
     remote: bool
     """True if the workers may not see this machine's files"""
@@ -37,10 +37,10 @@ class Engine(Protocol):
     def __exit__(self, *error: object) -> None: ...
 
     def run(self, work: Callable[[T], R], items: Iterable[T]) -> Generator[tuple[int, R | Lost]]:
-        """Yield (number of the item, ``work(item)``) in the order in which they finish.
+        """Yield (number of the item from 0, ``work(item)``) in the order in which the calls finish.
 
         ``work`` must be importable in the workers, or picklable with cloudpickle on a cluster. An
-        exception of ``work`` is raised here. Items are taken as workers get free. If the caller
-        stops early, calls that have not started are cancelled.
+        exception of ``work`` is raised here. The next items are read as workers become free. If the
+        caller stops early, calls that have not started are cancelled.
         """
         ...

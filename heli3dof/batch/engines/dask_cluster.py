@@ -1,7 +1,8 @@
 """`DaskCluster`: distributes work to a Dask distributed cluster.
 
-Dask moves work away from a worker that ends. If the scheduler is restarted, this engine connects
-again and resends the items without a result. The workers must run the same code as this process.
+If a worker ends, Dask gives its work to another one. If the scheduler is restarted, this engine
+connects again and resends the items without a result. The workers must run the same code as this
+process.
 """
 
 from __future__ import annotations
@@ -177,7 +178,7 @@ def _version_of_worker() -> str:
 
 
 def _in_worker(work: Callable[[T], R], item: T, version: str) -> R:
-    """Run ``work(item)`` with one thread; raise UsageError if the worker's code is another one.
+    """Run ``work(item)`` with one thread; raise UsageError if the worker runs other code.
 
     ``version``: the `code_version` of the process that sent the work.
     """

@@ -1,7 +1,7 @@
 """Give the Monte Carlo replications of one diagnosis to an engine, such as a Dask cluster.
 
-Each of n workers gets one part: the replications k, k + n, k + 2n, … The function that computes
-them is sent once per part, because it contains the recordings: about 0.3 MB per second of flight.
+Worker k = 0 … n − 1 gets one part: the replications k, k + n, k + 2n, … The function that computes
+them contains the recordings: about 0.3 MB per second of flight. So it is sent only once per part.
 """
 
 from __future__ import annotations

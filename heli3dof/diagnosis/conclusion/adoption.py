@@ -16,7 +16,7 @@ If no flights could be simulated, predictions must also confirm the cause, and t
 axis must not be biased (`conclusion.unknown_controller`). Whatever its gain, a cause is dropped
 if ρ > 1 and Z²/ρ is below the score test's threshold (`screening.nulls`). Z is the cause's
 standardised score and ρ the factor by which coloured noise increases its variance
-(`bias_correction.coloured_noise`). It is also dropped if an encoder error of at most one count
+(`bias_correction.coloured_noise`). A cause is also dropped if an encoder error of at most one count
 explains the data as well (`within_a_count`).
 
 Causes that coloured noise or an encoder error explains are dropped first, then those with the
@@ -121,8 +121,8 @@ def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
     """Return Z²/ρ divided by the threshold of Z²; below 1, the cause may be coloured noise.
 
     Z is the cause's standardised score, ρ the factor by which coloured noise increases its
-    variance. The result is infinite without coloured noise, without a threshold, and for a
-    form or part of the rigid body's equations (`Effect.of_base`).
+    variance. The result is infinite without coloured noise, without a threshold, and if the
+    effect is part of the rigid body's equations (`Effect.of_base`).
     """
     if choice.threshold <= 0 or choice.term.effect.of_base:
         return math.inf
@@ -136,10 +136,9 @@ def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
 def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
     """Return whether an encoder error of at most one count explains the cause.
 
-    Such errors are backlash, if it is the cause, and an encoder offset, if it is the cause or is
-    confounded with the cause. An encoder's zero is uncertain by a count, because counts start at
-    power-up and data-acquisition cards round differently. The cause's size is that in ``fit``,
-    which may differ from its size in the selection step.
+    The error may be backlash or an encoder offset. Backlash must itself be the cause; an offset may
+    also be confounded with the cause. An encoder's zero is uncertain by a count, because counts
+    start at power-up. The cause's size is that in ``fit``.
     """
     for c in choice.candidates:
         axis, is_choice = c.term.axis, c.term.name == choice.term.name
@@ -158,7 +157,7 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
 
 
 def pays_enough(choice: Choice, g: Gain, *, first: bool) -> bool:
-    """Return whether the gain on held-out data meets one of the module's conditions 1 to 3."""
+    """Return whether a gain on held-out data suffices (one of the module's conditions 1 to 3)."""
     strong = first or choice.score >= SUFFICIENT
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
     return (
@@ -230,9 +229,9 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
 
 
 def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:
-    """Return the choices; ``tied_with`` lists neither each other's nor the ``formal`` names.
+    """Return the choices; the others and ``formal`` effects are removed from each ``tied_with``.
 
-    A choice that loses a name gets at least its confidence against the remaining candidates.
+    If names are removed, the choice gets at least its confidence against the other candidates.
     ``formal``: effects that are other forms of the rigid body's equations, not causes.
     """
     named = {c.term.name for c in choices} | set(formal)
@@ -255,7 +254,7 @@ def log_likelihood_gain(g: Gain) -> float:
 def with_positive_torque(
     values: Mapping[str, tuple[float, float]],
 ) -> dict[str, tuple[float, float]]:
-    """Return a periodic torque's values with τ > 0, phase in (−π, π]: −τ sin φ = τ sin(φ + π)."""
+    """Return a periodic torque with amplitude τ > 0, phase in (−π, π]: −τ sin φ = τ sin(φ + π)."""
     out = dict(values)
     if {"torque_Nm", "phase_rad"} <= out.keys():
         (torque, std), (phase, spread) = out["torque_Nm"], out["phase_rad"]

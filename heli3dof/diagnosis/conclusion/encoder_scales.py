@@ -82,7 +82,7 @@ def undetectable_scales(
 
     A wrong roll scale also shifts the level angle, because counts start at the rest angle
     ``rest_rad``. ``level_deg``: least detectable shift. ``tolerance``: relative scale error that
-    must be shown. ``tied``: names already reported as confounded.
+    must be detectable. ``tied``: scale errors to omit, because they are already reported.
     """
     detectable = abs(math.degrees(rest_rad)) * (1 - 1 / (1 + tolerance)) > level_deg
     names = (f"{EFFECT}.{axis}" for axis in axes if axis != "roll" or not detectable)
@@ -111,7 +111,7 @@ def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
-    """Return the findings; if the thrust gain K_f is one, mark it and the others as confounded.
+    """Return the findings; if the thrust gain K_f is among them, all are confounded with it.
 
     Without simulated flights, only the profile's nominal values separate a wrong K_f from inertias
     that are all wrong by the inverse factor (`greybox.thrust_scale`).
@@ -159,7 +159,7 @@ def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bo
 
 
 def _zero_error(f: Finding, T_g: float) -> float:
-    """Return the roll offset δ in rad of a finding; NaN if its pendulum torque exceeds T_g."""
+    """Return the roll offset δ (rad) equivalent to a finding; NaN if its torque exceeds T_g."""
     value = next(iter(f.values.values()))[0]
     if f.term.effect.name == "encoder.offset":
         return math.radians(value)

@@ -59,7 +59,7 @@ class Formula:
 class Contest:
     """The comparison of a set of causes with a formula that may replace them.
 
-    ``margin``: left side of the module's inequality.
+    ``margin``: evidence for the formula, the left side of the module's inequality.
     """
 
     causes: tuple[str, ...]

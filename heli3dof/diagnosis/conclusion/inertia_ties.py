@@ -4,9 +4,9 @@ The base fit absorbs some effects completely. For example, a step about one hove
 determines the ratio of thrust slope and inertia, so a curved thrust appears as another inertia.
 
 A probe i is an effect of a trial size. It changes the base fit's scaled parameter θ_j of T_g or an
-inertia by b_ji = (A⁻¹ T W δc_i)_j (symbols: `screening.score_test`). If effect i alone explains why
-θ_j lies beyond the edge θ_edge of its tolerance, its size α (in units of the probe) and its
-statistic Z are at least
+inertia by b_ji = (A⁻¹ T W δc_i)_j (symbols: `screening.score_test`). θ_edge is the limit of θ_j by
+the profile's tolerance. If effect i alone explains why θ_j exceeds θ_edge, its size α (in units of
+the probe) and its statistic Z are at least
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
@@ -19,8 +19,9 @@ deviation of its score in flights simulated without it. Effect i is confounded w
 A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For it, α runs over the
 sizes for which x_j(α) = θ_j − α b_ji gives a K_f within the tolerance.
 
-An inertia is also confounded with effects whose full fit has this inertia within the tolerance, and
-explains the flight equally well (`selection.inertia_alternatives`).
+An inertia is also confounded with an effect for another reason. A fit of all parameters with this
+effect has the inertia within tolerance and explains the flight equally well
+(`selection.inertia_alternatives`).
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ PARAMETERS = ("mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw")
 
 
 def with_confounded_causes(off: OffNominal, step: Step) -> OffNominal:
-    """Return the finding with the effects that are confounded with it in ``tied_with``."""
+    """Return ``off``; its ``tied_with`` names the effects that are confounded with it."""
     if off.term.name == THRUST_GAIN:
         return replace(off, tied_with=confounded_with_thrust_gain(step))
     if off.term.name not in PARAMETERS:
@@ -95,7 +96,10 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     limit = abs(edge(log_k(0.0, np.zeros(4)), fit.structure.profile.tolerance))
 
     def size_ranges(i: int) -> list[tuple[float, float]]:
-        """Return ranges (least α, most α) of either sign that put K_f within tolerance."""
+        """Return (least, most) size α of probe ``i``, for each possible sign of α.
+
+        Corrected for an effect of this size, K_f is within the profile's tolerance.
+        """
         p, b = screen.plain[i], screen.solved[:4, i]
         largest = LARGE * p.term.effect.parameters[0].typical / abs(p.size)
         sizes = np.linspace(0.0, largest, SIZES)[1:]
@@ -107,7 +111,7 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
 
 def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the terms that meet the module's conditions 1 and 2 for a given range of sizes α.
+    """Return the terms with a plausible size α in a given range, and a measured Z that agrees.
 
     ``amounts``: (index i of a probe, least α, most α), with α in units of the probe.
     """

@@ -1,6 +1,6 @@
-"""Mark findings as unconfirmed ("…-like") that recordings without a controller cannot confirm.
+"""Mark doubtful findings as unconfirmed ("…-like") if the controller is unknown.
 
-Without the controller no flights can be simulated, so nothing shows what a model error looks like.
+Without it no flights can be simulated, so nothing shows which findings a model error may cause.
 These findings are marked, with a confidence of `MOST_CONFIDENCE` at most:
 
 1. `disturbance.periodic` at a frequency f of the commanded motion, because the model's errors in
@@ -8,8 +8,6 @@ These findings are marked, with a confidence of `MOST_CONFIDENCE` at most:
    share of x's variance in the spectral line at f reaches `LEAST_SHARE` on an axis:
 
        share(f) = 2 |mean (x − x̄) e^{−2πi f t}|² / var x
-
-   The k-th harmonic of a square wave has the share 8/π²k².
 
 2. `mass.change` with more than one recording, or at a constant voltage. A change at the same time
    after the first sample of each flight is a drift, for example of warming motors. At a constant

@@ -46,7 +46,7 @@ def not_confirmed(names: Sequence[str], recordings: Sequence[Recording]) -> set[
 
 
 def confirmed(sizes: Sequence[tuple[float, float]]) -> bool:
-    """Return whether the sizes (θ − θ_0, σ) of a cause, one per recording, meet both conditions.
+    """Return whether sizes (θ − θ_0, σ), one per recording, agree and at least one is significant.
 
     >>> confirmed([(0.9, 0.8), (1.9, 1.4), (10.0, 6.5)])  # none is significant
     False

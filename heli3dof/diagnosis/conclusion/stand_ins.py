@@ -1,8 +1,8 @@
 """Search for residual torques, and drop the causes that only stand in for one.
 
 A cause is a stand-in if a formula for a torque explains the flight better than the cause does
-(`conclusion.formula_contest`). Without the stand-ins, the other causes are fitted and adopted
-again, and the search is repeated until there is no further stand-in.
+(`conclusion.formula_contest`). Stand-ins are removed, the other causes are fitted again, and
+adopted or dropped. The search is repeated until there is no further stand-in.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class TorqueSearchResult:
-    """The adopted causes with their fit, the residual torques and the slow noise."""
+    """The adopted causes with their fit, and the residual torques found in it."""
 
     fit: CorrectedFit
     findings: tuple[Finding, ...]
@@ -48,7 +48,7 @@ class TorqueSearchResult:
 def settle_unmodelled(
     setup: Setup, start: TorqueSearchResult, holdout: Sequence[Recording], *, flights: int
 ) -> TorqueSearchResult:
-    """Return the result of the search for residual torques and stand-ins, begun at ``start``.
+    """Search for residual torques from ``start``; replace the causes that stand in for them.
 
     ``flights``: number of null simulations per search.
     """
@@ -84,17 +84,17 @@ def settle_unmodelled(
 
 
 def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
-    """Return all causes but parts and forms of the rigid body's equations (`Effect.of_base`)."""
+    """Return the names of causes that are no part of the rigid body's equations."""
     return [f.term.name for f in findings if not f.term.effect.of_base]
 
 
 def _undecided(
     start: TorqueSearchResult, left: tuple[ResidualTorque, ...], removed: Sequence[Finding]
 ) -> TorqueSearchResult:
-    """Return ``start`` marked undecided, with ``left``, the first search's residual torques.
+    """Return ``start`` with all its causes marked "…-like", and with the residual torques ``left``.
 
-    Called if no residual torque is significant in the model without the stand-ins ``removed``.
-    Then neither causes nor torques are certain, so the causes are marked "…-like".
+    A formula explained the flight better than the causes ``removed``, but without these causes no
+    residual torque is significant. So all are uncertain. ``left``: torques of the first search.
     """
     findings = tuple(replace(f, unconfirmed=True) for f in start.findings)
     return replace(
@@ -108,7 +108,7 @@ def _undecided(
 def _without_stand_ins(
     setup: Setup, now: TorqueSearchResult, names: Sequence[str], holdout: Sequence[Recording]
 ) -> TorqueSearchResult:
-    """Return the fit without the causes ``names``; the other causes are adopted again."""
+    """Return the result without the causes ``names``; each other cause is adopted or dropped."""
     found = now.fit
     for f in now.findings:
         if f.term.name in names:
@@ -121,7 +121,7 @@ def _adopted_again(
     setup: Setup, now: TorqueSearchResult, found: CorrectedFit, names: Sequence[str],
     holdout: Sequence[Recording],
 ) -> TorqueSearchResult:  # fmt: skip
-    """Return the result for ``found``, the fit without ``names``; its causes are adopted again."""
+    """Return the result for ``found``, the fit without ``names``; adopt or drop its causes."""
     kept = [f.choice for f in now.findings if f.term.name not in names]
     gains = {f.term.name: f.gain for f in now.findings}
     found, findings, dropped, after = adopted(found, kept, holdout, seed=setup.seed)

@@ -40,7 +40,7 @@ def insignificant(fit: Estimate) -> set[str]:
 def with_resemblance(
     residuals: Sequence[ResidualTorque], causes: Sequence[Finding]
 ) -> tuple[ResidualTorque, ...]:
-    """Return the residual torques; ``resembles`` of the first torque is set if it was None.
+    """Return the residual torques; if ``resembles`` of the first is None, it is set to a text.
 
     The text names the first cause and those confounded with it, such as "motor.delay-like".
     """

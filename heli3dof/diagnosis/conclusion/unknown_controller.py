@@ -6,8 +6,8 @@ with the controller show this bias (`screening.nulls`). Without the controller, 
     ΔRMSE_i > Δ_i/√12,   and its interval above zero, on at least one axis i
 
 ΔRMSE (°) is the decrease of the error of predictions 1 s ahead (`validation.gain`), Δ_i (°) the
-encoder step, and Δ_i/√12 the standard deviation of rounding. A base parameter off nominal needs
-the same; ΔRMSE is then the decrease from a refit in which it has the profile's value.
+encoder step, and Δ_i/√12 the standard deviation of rounding. A base parameter off nominal must meet
+the same condition. ΔRMSE is then the decrease by fitting it instead of keeping the profile's value.
 
 On an encoder limit cycle the bias may be so large that the base fit's inertia is implausible
 (`closed_loop_fit.base_fit`). Then no finding on that axis is reported (`is_biased`).
@@ -60,7 +60,7 @@ def confirmed(
     parameters: Sequence[OffNominal], fit: CorrectedFit, after: HeldOut,
     holdout: Sequence[Recording], *, seed: int,
 ) -> tuple[OffNominal, ...]:  # fmt: skip
-    """Return the ``parameters`` off nominal that meet the module's condition on held-out data.
+    """Return the ``parameters`` off nominal whose fit improves predictions of held-out data.
 
     ``after``: results of the fit on held-out data.
     """

@@ -65,9 +65,10 @@ class Candidate:
 
 
 def score_tests(fit: MultiStepFit) -> list[Candidate]:
-    """Return the test of the best probe of each effect that ``fit`` lacks, by falling Z².
+    """Return, by falling Z², the score test of each effect that ``fit`` lacks.
 
-    Other forms of the body's equations (``formal`` effects) are no causes, so they are not tested.
+    Of an effect's trial values, those with the largest Z² count. Other forms of the body's
+    equations (``formal`` effects) are no causes, so they are not tested.
     """
     p = fit.problem
     V = np.concatenate([f.V for f in p.flights])

@@ -14,8 +14,8 @@ of these hold:
 - The estimates from both halves of the flights agree, and each is significant (`free_run.halves`).
   For a term known beforehand it is enough that they agree.
 
-All other terms stay in the model with their priors. Every joint has some dry friction; a term set
-to zero predicts new motion worse than a term of likely size.
+All other terms stay in the model with their priors: a term set to zero predicts new motion worse
+than a term of likely size.
 """
 
 from __future__ import annotations
@@ -98,8 +98,8 @@ def open_terms(
 ) -> UndecidedTerms:
     """Return the terms on which a further flight should decide.
 
-    These are a cause and the terms confounded with it; else terms that held-out blocks need but
-    that are no causes; else terms that the recordings do not identify.
+    These are the first confounded cause and the terms confounded with it. Without any, they are
+    terms that held-out blocks need but that are no causes, else terms that are not identifiable.
     """
     for r in causes:
         if r.tied_with:
@@ -113,7 +113,7 @@ def open_terms(
 
 
 def kept_terms(result: Elimination, only_kept: list[TermResult]) -> list[dict[str, Any]]:
-    """Return the terms ``only_kept``, as JSON objects: size, prior, and why they are no causes."""
+    """Return a JSON object for each term in ``only_kept``: size, prior, why it is not a cause."""
     varying = {v.rsplit(".", 1)[0] for v in result.fit.problem.varying}
     as_what = "with one value per recording: "
     return [

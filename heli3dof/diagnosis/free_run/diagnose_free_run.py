@@ -1,10 +1,10 @@
 """Diagnose logs without a usable likelihood, by a multi-step fit and backward elimination.
 
-These are logs of an unknown controller, with sampling jitter or unmodelled fast motion
+Such logs have an unknown controller, and sampling jitter or unmodelled fast motion
 (`identification.greybox.noise_check`).
 
-1. The full model (all terms) and the base simulation are fitted to predictions of up to 3 s.
-   `free_run.candidates` adds further effects of the catalogue that the recordings show.
+1. The full model (with the effects usual on real rigs) and the base simulation are fitted to
+   predictions of up to 3 s. `free_run.candidates` adds further effects that the recordings show.
 2. `free_run.elimination` tests which terms held-out blocks need; `free_run.cause_selection` selects
    causes.
 3. `free_run.free_run_gain` compares the base simulation with the full model on held-out recordings,
@@ -203,9 +203,10 @@ def _without_each(
     result: Elimination, causes: Sequence[TermResult], whole: Sequence[Recording],
     held: Sequence[Recording],
 ) -> dict[str, tuple[FreeRun, FreeRun]]:  # fmt: skip
-    """Return {cause: (predictions without it, predictions with it)}.
+    """Return {cause: (prediction errors without it, prediction errors with it)}.
 
-    They are on held-out data, else on blocks left out, else (``quick``) on the recordings.
+    They are on the recordings ``held``, else on blocks left out, else (if no blocks were left out)
+    on the fitted recordings ``whole``.
     """
 
     removal = {"geometry": ("", "base.hover")}
@@ -251,7 +252,7 @@ def _finding(result: Elimination, r: TermResult, gained: Gain) -> Finding:
 
 
 def _profile_error(recordings: Sequence[Recording], simpler: tuple[str, ...]) -> SimulationError:
-    """Return the prediction errors of the simulation with the profile's values."""
+    """Return the prediction errors with the profile's values and the terms ``simpler``."""
     model = nominal(recordings[0].profile, simpler)
     e = [
         free_run_errors(model, r, np.array([max(1, round(h / r.dt)) for h in HORIZONS_S]))

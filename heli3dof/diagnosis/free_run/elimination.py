@@ -154,7 +154,7 @@ def eliminate(
 
 
 def without_elimination(full: MultiStepFit) -> Elimination:
-    """Return the full fit as a result without elimination.
+    """Return the fit ``full`` as a result in which no term was eliminated.
 
     In place of the cross-validated Δ, each term has √Σ((θ − θ_0)/σ)², over its parameters θ.
     """
@@ -189,7 +189,7 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
 
 
 def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -> TermResult:
-    """Return the test of the effect ``name``; adding the term ``added`` removes this effect."""
+    """Return the loss increase without the effect ``name``; the term ``added`` removes it."""
     assert result.first is not None
     trial = without_term(result.first, "", seed=seed, instead=added)
     return TermResult(name, trial.increase, (), trial)
@@ -287,7 +287,7 @@ def training_cost(current: FitWithFolds, trial: Trial) -> float:
 
 
 def held_out_losses(full: MultiStepFit, test: MultiStep, scale: np.ndarray) -> np.ndarray:
-    """Return the mean loss (m,) of the fit ``full`` in each cell of the test windows."""
+    """Return the mean loss (m,) of the fit ``full`` in each `WINDOW_S` of the test windows."""
     windows = replace(test, structure=full.structure, varying=full.problem.varying)
     each = windows.errors(full.z, full.noise, STAGE_S)
     flights = zip(windows.flights, each, strict=True)
@@ -295,9 +295,9 @@ def held_out_losses(full: MultiStepFit, test: MultiStep, scale: np.ndarray) -> n
 
 
 def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Return the mean loss (m,) in each of m cells of a flight.
+    """Return the mean loss (m,) in each of a flight's m cells of `WINDOW_S`.
 
-    ``e`` (S, M, 3): errors in rad of S predictions at M horizons; ``scale``: s.
+    ``e`` (S, M, 3): errors in rad of S predictions at M horizons; ``scale``: RMS errors s.
     """
     loss = (robust(e / scale) ** 2).mean(axis=1).sum(axis=1)
     cell = np.floor(flight.t[flight.starts] / WINDOW_S).astype(int)
@@ -305,7 +305,7 @@ def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
 
 
 def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
-    """Return the loss (m,) in each cell of recording i of ``p``, which was left out of the fit."""
+    """Return the loss (m,) in each `WINDOW_S` of recording i of ``p``, left out of the fit."""
     q, flight, a = full.problem, p.flights[i], full.noise
     data = split_at_climb_end(p.data[i], int(np.argmax(p.rows[i] == flight.starts[0])))
     states = filter_jittered(q.structure, full.values, data, a[:3], a[3], q.varying).states
@@ -331,7 +331,7 @@ def split_at_climb_end(data: Data, row: int) -> Data:
 
 
 def bootstrap(increase: np.ndarray, seed: int) -> LossIncrease:
-    """Return the mean of the loss increases (m,) of the cells, with its bootstrap interval."""
+    """Return the mean of the loss increases (m,) in m cells, with its bootstrap interval."""
     rng = np.random.default_rng([seed, 7])
     means = increase[rng.integers(0, len(increase), (DRAWS, len(increase)))].mean(axis=1)
     tail = 50 * (1 - LEVEL)

@@ -108,10 +108,10 @@ def explanation_sentences(
 def pendulum_sentence(
     at_minus_10: float, at_10: float, model_minus_10: float, model_10: float
 ) -> list[str]:
-    """Return the sentence that a pendulum changes the hover voltage with roll; empty if it cannot.
+    """Return a list: the sentence that a pendulum changes the hover voltage with roll, or nothing.
 
     Voltages in V at −10° and +10° of roll: on a line through the recordings, and the model's. If
-    the two change in opposite directions, a pendulum does not explain the recordings.
+    they change in opposite directions, a pendulum is no explanation, and the list is empty.
     """
     ratio = (model_10 - model_minus_10) / (at_10 - at_minus_10)
     if not ratio > 0:

@@ -30,7 +30,7 @@ STEP_S = 0.25
 
 
 class FreeRun:
-    """A model's free-run prediction errors on recordings, and the cell of each prediction."""
+    """A model's free-run prediction errors on recordings, in cells of time for the bootstrap."""
 
     def __init__(self, e: np.ndarray, cell: np.ndarray) -> None:
         self.e = e
@@ -67,7 +67,7 @@ class FreeRun:
 
 
 def cross_validated(models: Sequence[GreyBoxModel], recordings: Sequence[Recording]) -> FreeRun:
-    """Return the errors of each fold's model on the fold's test windows."""
+    """Return the errors of ``models``, one for each fold, on the test windows of their folds."""
     parts = []
     for fold, model in enumerate(models):
         flights = [flight_of(r) for r in recordings]
@@ -97,7 +97,7 @@ def free_run_errors(model: GreyBoxModel, recording: Recording, ahead: np.ndarray
 
 
 def free_run_gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
-    """Return the decrease of the RMSE at 1 s of the same predictions, with bootstrap intervals."""
+    """Return the decrease of the RMSE at 1 s from ``before`` to ``after``, with its intervals."""
     k = round(HORIZON_S / STEP_S) - 1
     names, cell = np.unique(before.cell, return_inverse=True)
     m = len(names)

@@ -65,7 +65,8 @@ def compare_halves(halves: tuple[MultiStepFit, ...], name: str) -> HalvesCompari
 def null_distance(fit: MultiStepFit, name: str) -> tuple[float, float, float, bool] | None:
     """Return (u = (θ − θ_0)/σ, θ, σ, whether σ > `PRIOR_SHARE` σ_prior) of the first parameter.
 
-    On a logarithmic scale u is infinite, and θ, σ are scaled. None without a parameter or σ.
+    A parameter on a logarithmic scale has u = ∞, and θ and σ of its scaled value. None without a
+    parameter or σ.
     """
     p = fit.problem
     for j, f in enumerate(fit.structure.free):

@@ -50,7 +50,7 @@ class FitWithFolds:
         return cls(fit, tuple(folds_of(fit)))
 
     def without_recording(self, i: int) -> MultiStepFit:
-        """Return the fit to all recordings except number i."""
+        """Return the fit to all recordings except the one with index ``i`` (from 0)."""
         if i not in self._without_recording:
             kept = [j for j in range(len(self.fit.problem.flights)) if j != i]
             self._without_recording[i] = fit_to_recordings(kept, self.fit)
@@ -93,7 +93,7 @@ def warm_fit(
 
 
 def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
-    """Return the problem p with the terms ``names`` instead of its own."""
+    """Return the fitting problem ``p`` with the terms ``names`` in place of its own terms."""
     structure = Structure(p.structure.profile, terms(names))
     parameters = set(structure.names)
     return replace(
@@ -104,7 +104,7 @@ def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
 
 
 def carried_over(full: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.ndarray]:
-    """Return the start of the fit ``new``: parameters z, and derivatives D of predictions by z.
+    """Return the start of the fit ``new``: scaled parameters z, derivatives D of residuals by z.
 
     A parameter that the fit ``full`` lacks has its prior mean in z and NaN in D.
     """
@@ -145,7 +145,7 @@ def folds_of(full: MultiStepFit) -> list[tuple[MultiStepFit, MultiStep]]:
 
 
 def window_tangents(full: MultiStepFit, kept: np.ndarray) -> np.ndarray:
-    """Return the tangents (dim, R') of the windows that ``kept`` (S,) bool selects."""
+    """Return ∂r/∂z (dim, R) of the residuals r of the windows that ``kept`` (S,) bool selects."""
     each = full.tangents.reshape(len(full.z), len(kept), -1)
     return np.asarray(each[:, kept].reshape(len(full.z), -1))
 

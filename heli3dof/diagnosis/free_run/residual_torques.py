@@ -7,8 +7,8 @@ fits τ̂ to every other block of `BLOCK_S`; the others test it. Then the blocks
 
     share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²      over the test spans, mean of the training spans
 
-The result of an axis is the variable with the largest share, if this is at least `LEAST` and its
-95 % bootstrap interval over blocks lies above zero. ``also`` lists the variables with more than
+The result of an axis is the variable with the largest share. This must be at least `LEAST`, and its
+95 % bootstrap interval over blocks must lie above zero. ``also`` lists the variables with more than
 `NEARLY` times this share. Coloured residuals and the choice of the best variable raise the
 false-alarm rate above 5 %: the result is a hint, not a cause.
 """
@@ -33,9 +33,10 @@ DRAWS = 500
 
 
 def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
-    """Return one residual torque per axis at most, by falling share.
+    """Return one residual torque per axis at most, by falling share (see the module).
 
-    ``score``: share × number of spans; ``confidence``: share of bootstrap draws above zero.
+    ``score``: share × number of spans. ``confidence``: fraction of the bootstrap samples with a
+    positive share.
     """
     logs = [log_of(f) for f in fit.problem.flights]
     e = residuals(fit.problem, logs, fit.z)[0]
@@ -64,9 +65,10 @@ def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
 
 
 def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Return (rows of `residuals`, times t, {variable: means}) of spans that do not overlap.
+    """Return (row numbers, times, {variable: means}) of spans that do not overlap.
 
-    Times are in s, with 10⁴ s between recordings.
+    The row numbers refer to the result of `residuals`. Times are in s; recordings are
+    10⁴ s apart.
     """
     rows, t, at = [], [], 0
     x: dict[str, list[np.ndarray]] = {}
@@ -116,9 +118,10 @@ def _solve(A: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _cross_validated_share(
     y: np.ndarray, z: np.ndarray, t: np.ndarray
 ) -> tuple[float, float, float]:
-    """Return (share on test spans, lower end of its interval, share of draws above zero).
+    """Return (share of y's variance that z explains, lower end of its interval, confidence).
 
-    ``y``, ``z``, ``t`` (n,): torque in N·m, variable and time in s of each span.
+    The share is on test spans; the confidence is the fraction of bootstrap samples in which it is
+    positive. ``y``, ``z``, ``t`` (n,): torque in N·m, variable and time in s of each span.
     """
     block = np.floor(t / BLOCK_S).astype(int)
     knots = _knots(z)

@@ -12,8 +12,8 @@ is compared with the model's equilibrium, with the symbols of `free_run.explanat
 
     L_a F(V) = (T_g + τ) cos r + k_r sin r = Γ(r),       F_late/F_early = Γ(r_late)/Γ(r_early)
 
-Creep is equivalent to thrust that grows by this factor, or to the increase of voltage that gives it
-on the thrust curve. `compare_runs` tests whether one growth explains several runs.
+Creep is equivalent to thrust that grows by this factor, or to the voltage increase that gives it on
+the thrust curve. `compare_runs` tests whether one such increase explains several runs.
 """
 
 from __future__ import annotations
@@ -103,7 +103,10 @@ def take_off(fit: MultiStepFit, i: int, recording: Recording) -> Iterator[dict[s
 
 
 def _pitch_acceleration(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[float, float, float]:
-    """Return (measured, modelled, σ) of the mean p̈ (rad/s²), rows k + `SPUN_UP_S` to k + n."""
+    """Return the mean p̈ in rad/s², measured and modelled, and the latter's σ.
+
+    The mean is from `SPUN_UP_S` after row k until row k + n of recording i.
+    """
     p = fit.problem
     flight = p.flights[i]
     first = k + round(SPUN_UP_S / flight.dt)
@@ -196,7 +199,7 @@ def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
 
 
 def compare_runs(runs: Sequence[CreepRun]) -> Iterator[dict[str, Any]]:
-    """Yield a JSON object: whether all ``runs`` creep as if thrust, or voltage, grew equally."""
+    """Yield a JSON object: does one rise of thrust or voltage explain all ``runs``' creep?"""
     if len({c.voltage_V for c in runs}) < 2 or not any(c.creeps for c in runs):
         return
     growth = {

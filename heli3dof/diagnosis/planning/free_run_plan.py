@@ -8,9 +8,10 @@ own in each recording. The prior couples the new recording's values b to the com
 
     H_p = D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag (C_now⁻¹ + A − B C⁻¹ Bᵀ)⁻¹
 
-C_now is the present covariance of the common parameters. The recordings do not confirm an open
-parameter, so the new flight alone must. θ_0 is the parameter's value without the effect. The
-expected significance u, and the probability P that the parameter is then significant, are
+A is the block of the common parameters, C that of b. C_now is the present covariance of the common
+parameters. The recordings do not confirm an open parameter, so the new flight alone must. θ_0 is
+its value without the effect. Its expected significance u, and the probability P that it is then
+significant, are
 
     u² = (θ − θ_0)² (1/σ_after² − 1/σ_now²),      P = Φ(u − `QUANTILE`)
 
@@ -49,7 +50,7 @@ MAX_TERMS = 3
 
 @dataclass(frozen=True)
 class OpenParameter:
-    """An open term's first parameter without a log scale, shared by all recordings.
+    """The parameter of an undecided term: the first without a log scale, shared by all recordings.
 
     ``size``: distance from the value without the effect; ``size`` and ``std`` are in ``unit``.
     ``index``: index of the scaled parameter; ``slope``: derivative of the value by it.
@@ -68,7 +69,7 @@ class OpenParameter:
 
 
 def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
-    """Return the open parameters that a plan can determine, at most `MAX_TERMS`."""
+    """Return one parameter of each undecided term that a plan can determine (≤ `MAX_TERMS`)."""
     fit, out = open_.fit, []
     for name in open_.names:
         for j, f in enumerate(fit.structure.free):
@@ -84,7 +85,7 @@ def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
 def next_free_flight(
     open_: UndecidedTerms, *, plans: Sequence[str] | None = None, seed: int = 0
 ) -> NextExperiment | None:
-    """Return the recommended plan; None if nothing is open or no plan is feasible.
+    """Return the recommended plan; None if no term is undecided or no plan is feasible.
 
     ``plans``: names of the plans to compare; by default all.
     """
@@ -141,7 +142,7 @@ def probability_significant(u: float) -> float:
 
 
 def information(open_: UndecidedTerms, plan: Plan, seed: int) -> np.ndarray | None:
-    """Return the information (n, n) of a flight of ``plan`` on the common parameters.
+    """Return the information (n, n) of a flight of ``plan`` on parameters shared by recordings.
 
     The flight is simulated; None if it is not feasible.
     """

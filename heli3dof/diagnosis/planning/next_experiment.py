@@ -11,9 +11,6 @@ two simple hypotheses a margin m has the distribution N(m, 4 m). The mean probab
 is
 
     certainty = mean_i Φ((m_i − TIE) / (2 √m_i))
-
-First-order scores of one simulated flight per cause suffice to choose a plan, but guarantee
-nothing.
 """
 
 from __future__ import annotations
@@ -124,7 +121,7 @@ def recommend(
 def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
     """Return the recommended experiment for the first of these that a diagnosis has, or None:
 
-    1. the terms that a fit to free-run predictions left open (`planning.free_run_plan`)
+    1. the terms that a fit to free-run predictions left undecided (`planning.free_run_plan`)
     2. the first finding with confounded causes that a flight can separate
     3. without findings: a cause that held-out data do not confirm
     4. without findings: an effect that the recordings could not show
@@ -212,9 +209,9 @@ def _outlooks(
 ) -> list[PlanForecast]:
     """Return the feasible plans' results; ``models``: base alone, then base with each cause.
 
-    The first plan is simulated with all causes, the others with its cause of smallest margin. A
-    further cause can only lower a plan's rank. So a plan that ranks below the best one simulated
-    with all causes is abandoned.
+    The first plan is simulated with all causes, the others at first only with the cause that had
+    the smallest margin. A further cause can only lower a plan's rank. So a plan that ranks below
+    the best one simulated with all causes is abandoned.
     """
     base_scores: dict[Task, np.ndarray] = {}
     margins: dict[Task, dict[int, float]] = {}
@@ -273,7 +270,7 @@ def _outlooks(
 def _scores(
     base: Estimate, task: Task, model: GreyBoxModel, probe_groups: Sequence[Sequence[Probe]]
 ) -> np.ndarray | None:
-    """Return the score z (P,) of every probe on a simulated flight; None if it is not feasible."""
+    """Return each probe's score z (P,) on a simulated flight; None if that is not feasible."""
     flight = fly_task(task, model)
     runs = [] if flight is None else usable_runs(flight, 0)
     if flight is None or not runs:

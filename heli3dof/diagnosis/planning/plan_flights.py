@@ -79,7 +79,7 @@ def inside_envelope(flight: Recording) -> bool:
 
 
 def _reference_recording(task: Task) -> Recording:
-    """Return a recording with the plan's references and extra voltages, at rest on the table."""
+    """Return a recording at rest on the table, with the plan's references and extra voltages."""
     s = task.signals
     n = len(s.t)
     rest = np.tile(task.profile.encoder.rest_rad, (n, 1))

@@ -1,4 +1,4 @@
-"""Evaluate the likelihood of terms that have no score, on a grid of their first parameter.
+"""Evaluate the likelihood of terms that the score test cannot detect, on a parameter grid.
 
 The score of encoder backlash is zero at zero backlash, so the score test cannot detect it. Instead,
 the gain in log-likelihood ℓ is computed at a value w of the term's first parameter,
@@ -60,7 +60,8 @@ def trials(
 ) -> list[GridTrial]:
     """Return the trials of the terms ``untested`` with Δℓ > `MIN_TRIAL_GAIN`.
 
-    Δℓ is the gain in log-likelihood over the base fit with ``theta`` (n,) and ``noise`` (4,).
+    Δℓ is the gain in log-likelihood over the base fit with parameters ``theta`` (n,). ``noise``
+    (4,): process noise of three axes, sampling jitter.
     """
     base = float(problem.run(theta, noise, keep=0).loglik.sum())
 

@@ -77,7 +77,8 @@ class Nulls:
     def threshold_of(self, term: Term) -> float:
         """Return the threshold of a term's Z².
 
-        A form of the body's equations has its own: Bonferroni's over `FORMAL_CANDIDATES`.
+        Another form of the rigid body's equations has its own threshold: Bonferroni's over
+        `FORMAL_CANDIDATES`.
         """
         from scipy.stats import t
 

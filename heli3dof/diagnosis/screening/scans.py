@@ -1,7 +1,8 @@
 """Score test of a torque at every frequency (one Fourier transform) or instant (one running sum).
 
 λ(t) = L·e is the efficient score of a unit torque at time t. L (C, 3) is the score's adjoint
-(`screening.score_test`), e (C, 3) the torque's acceleration in rad/s², in C short chunks.
+(`screening.score_test`), e (C, 3) the torque's acceleration in rad/s². Time is divided into C short
+chunks.
 
     u(f) = Σ λ(t) exp(i 2π f t)      real part: of a cosine torque, imaginary part: of a sine
     u(t_0) = Σ_{t ≥ t_0} λ(t)        of a torque that sets in at t_0
@@ -32,7 +33,7 @@ Information = tuple[np.ndarray, np.ndarray]
 
 
 class Scan(Protocol):
-    """A score test of one term at all values of its second parameter."""
+    """A score test of one term at all values of its frequency or instant."""
 
     @property
     def term(self) -> Term: ...
@@ -40,7 +41,7 @@ class Scan(Protocol):
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
         """Return (frequencies or instants, information v of a unit torque at each).
 
-        ``unit`` (C, 3): the torque's acceleration, rad/s². ``A`` (n, n): `screening.score_test`.
+        ``unit`` (C, 3): the torque's acceleration, rad/s². ``A`` (n, n): the fit's information.
         """
         ...
 

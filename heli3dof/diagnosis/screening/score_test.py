@@ -13,8 +13,7 @@ A = T W Tᵀ + Λ. Then
 The parts with A⁻¹ project out the base parameters, so no refit of the base is necessary. Sums over
 readings use the adjoint L: Σ q δc = Σ L·δa for an acceleration δa (`bias_correction.perturbation`).
 
-v of the recordings is also used for their nulls, so that both have the same scale. The likelihood
-is approximate, so z is biased; `screening.nulls` standardises it.
+The likelihood is approximate, so z is biased; `screening.nulls` standardises it.
 """
 
 from __future__ import annotations
@@ -95,12 +94,12 @@ class Screen:
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
     def information(self) -> np.ndarray:
-        """Return each plain probe's information v per squared parameter unit; 0 for a limit."""
+        """Return the information of each probe but scans, per squared parameter unit; limits: 0."""
         size = np.array([p.size if p.grows else np.inf for p in self.plain])
         return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
 
     def correlation(self, a: int, b: int) -> float:
-        """Return the correlation ρ of two probes' prediction changes, the base projected out."""
+        """Return the correlation ρ of two probes' prediction changes, base fit projected out."""
         full = float((self.D[a] * self.weight) @ self.D[b])
         projected = full - float(self.cross[:, a] @ self.solved[:, b])
         return projected / float(np.sqrt(self.v[a] * self.v[b]))
@@ -138,9 +137,9 @@ class Screen:
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
-        """Return for each term (indices of its probes, structure with the term, values).
+        """Return for each term (indices of its probes, structure with the term, list of values).
 
-        The values are those of the structure without the effect, then at each of the probes.
+        The first values in the list are without the effect, the others at one probe each.
         """
         out = []
         names = [q.name for q in self.plain]
@@ -157,10 +156,7 @@ class Screen:
         return out
 
     def _changes(self, evaluation: Evaluation) -> Iterator[Changes]:
-        """Yield the changes of accelerations and readings by the probes, one term at a time.
-
-        The changes by all terms together would fill the memory.
-        """
+        """Yield the changes of accelerations and readings by the probes, one term at a time."""
         p = evaluation.path
         for rows, wide, sets in self.sets:
             hooks = set(wide.terms[-1].effect.hooks)

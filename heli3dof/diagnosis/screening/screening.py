@@ -63,8 +63,8 @@ class Screening:
     def not_identifiable(self) -> tuple[str, ...]:
         """Return the names of the terms whose first parameter has 3 σ > `LARGE` typical sizes.
 
-        They are ordered by this ratio, smallest first. A limit that the recordings do not reach is
-        in the list too.
+        They are ordered by σ in typical sizes, smallest first. Limits that the recordings do not
+        reach are included.
         """
         best: dict[str, float] = {}
         for p, s, v in zip(self.screen.plain, self._sigma, self.screen.v, strict=True):
@@ -85,7 +85,7 @@ class Screening:
 
     @cached_property
     def _sigma(self) -> np.ndarray:
-        """Return the standard deviation of each plain probe's first parameter, in its unit."""
+        """Return σ of the first parameter of each probe but scans, in the parameter's unit."""
         v = np.maximum(self.screen.information(), 1e-300)
         return np.asarray(self.nulls.std[: len(self.screen.plain)] / np.sqrt(v))
 

@@ -156,7 +156,8 @@ def start_at_probe(
 ) -> np.ndarray:
     """Return start parameters (n + m,): the current fit (n,), the new term (m,) at probe i.
 
-    ``ext``: likelihood with the new term. ``unbiased``: (z − nulls' mean z)/z of the probe.
+    ``ext``: likelihood with the new term. ``unbiased``: (z − nulls' mean z)/z of the probe, which
+    multiplies the new term's size.
     """
     probe = result.probes[i]
     new = ext.structure.free[len(current.free) :]

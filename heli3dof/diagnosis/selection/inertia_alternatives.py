@@ -32,7 +32,7 @@ MAX_FITS = 6
 def instead_of_inertia(s: Screening) -> list[CandidateFit]:
     """Return the fits of candidates that bring all inertias off nominal back within tolerance.
 
-    The result is empty if no inertia is off nominal. The score replaces each fit's ``Z2``.
+    The result is empty if no inertia is off nominal. ``Z2`` of each fit is set to its score.
     """
     off = [o.term.name for o in off_nominal(s.fit, std_inflation=std_inflation(s.fit))]
     inertias = {n for n in off if n.startswith("inertia")}

@@ -10,8 +10,8 @@ have mean m_k and standard deviation s_k. With Student's density t of B − 1 de
 
 If the score bias of a rival is large (|z̄|/√κ > `LARGE_BIAS`, with the nulls' mean score z̄ and
 inflation κ), the rival k with the largest min_j W_kj is the cause. Rivals j with W_kj < `TIE` are
-confounded with it. Its confidence is at most `certainty` of the smallest W_kj of the remaining
-rivals. If no score bias is large, the scores decide, and nothing is simulated.
+confounded with it. The confidence in k is at most the `certainty` that follows from the smallest
+W_kj of the other rivals. If no score bias is large, the scores decide, and nothing is simulated.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ MIN_STD = 1.0
 
 
 def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
-    """Return the candidates that scores cannot rank, the chosen cause first; empty if they can.
+    """Return the candidates that scores cannot rank, the chosen cause first; empty without any.
 
-    Terms without a score have no score bias and are not among them.
+    Terms that the score test cannot detect have no score bias and are not among them.
     """
     best = choice.candidates[0]
     others = [c for c in choice.candidates[1:] if c.probe is not None]
@@ -115,7 +115,7 @@ def likelihoods(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the log-likelihoods of the recordings (K,) and of B flights from each fit (K, B, K).
 
-    The last axis is the fit whose likelihood is evaluated.
+    The first axis is the simulated fit, the last axis the fit whose likelihood is evaluated.
     """
     models = [model_at(f.problem, f.theta, f.optimum.noise) for f in fits]
     data = fits[0].problem.data
@@ -134,7 +134,10 @@ def likelihoods(
 
 
 def odds(recorded: np.ndarray, flown: np.ndarray) -> np.ndarray:
-    """Return W_kj (K, K), twice the log odds of rivals k and j, from the results of `likelihoods`.
+    """Return W (K, K); W_kj is twice the log odds of rival k against j, positive if k is likelier.
+
+    ``recorded`` (K,): each rival's log-likelihood for the recordings. ``flown`` (K, B, K): the
+    same (last axis) for B flights simulated from each rival (first axis).
 
     >>> flown = np.zeros((2, 4, 2))
     >>> flown[0, :, 0], flown[1, :, 1] = [9, 10, 10, 11], [9, 10, 10, 11]

@@ -10,7 +10,7 @@ Two candidates are **confounded** if their scores differ by less than (`tie_marg
 
 score is the better candidate's score. z̄ is the larger of their probes' mean scores over the nulls,
 κ the nulls' inflation. ρ is the correlation of the probes' traces, with the base parameters
-projected out. The last summand, for plain probes only, is the error of the bias correction: z̄ was
+projected out. The last summand, for single probes only, is the error of the bias correction: z̄ was
 simulated without the cause. The rules (`best_choice`):
 
 1. If the best score is below `TIE`, no effect is a cause.
@@ -94,7 +94,7 @@ def candidates_to_fit(s: Screening) -> list[tuple[Term, float, int]]:
 def best_choice(
     s: Screening, fits: Sequence[CandidateFit], earlier_score: float | None
 ) -> Choice | None:
-    """Return the cause among the ``fits``; None by the module's rules 1 to 4.
+    """Return the best cause among the ``fits`` by the module's rules 1 to 4, or None.
 
     ``earlier_score``: largest score of the earlier causes, None without one.
     """

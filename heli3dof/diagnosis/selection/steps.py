@@ -58,7 +58,7 @@ class Step(Screening):
     choice: Choice | None = None
 
     def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
-        """Return the trials that meet both conditions of `screening.grid_trials`."""
+        """Return those trials of ``untested`` terms that raise the log-likelihood enough."""
         o, problem = self.fit.optimum, self.fit.problem
         tried = trials(problem, o.theta, o.noise, untested)
         if not tried or not self.fit.is_corrected:
@@ -116,7 +116,7 @@ def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
 def fit_with_cause(setup: Setup, current: CorrectedFit, choice: Choice) -> CorrectedFit:
     """Return the ``current`` fit with the chosen term, bias-corrected.
 
-    If that is a form of the body's equations, other significant forms are added.
+    If that is another form of the rigid body's equations, other significant forms are added too.
     """
     best = choice.candidates[0]
     problem, optimum = best.problem, best.optimum
@@ -129,7 +129,7 @@ def fit_with_cause(setup: Setup, current: CorrectedFit, choice: Choice) -> Corre
 
 
 def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
-    """Return whether ``other`` is a form of the body's equations, and significant.
+    """Return whether ``other`` is a significant form of the rigid body's equations.
 
     Its Z² and its score must both reach the threshold of ``choice``.
     """
@@ -139,7 +139,7 @@ def is_significant_form(other: CandidateFit, choice: Choice) -> bool:
 def with_forms(
     problem: Likelihood, optimum: Optimum, others: Sequence[CandidateFit]
 ) -> tuple[Likelihood, Optimum]:
-    """Return problem and optimum with all ``others`` added and refitted: they interact little."""
+    """Return the likelihood with the terms of ``others`` added, and its refitted optimum."""
     theta = optimum.theta
     for c in others:
         problem = widened(problem, c.term)
@@ -155,7 +155,8 @@ def bias_corrected(
     """Return the bias-corrected fit near an optimum; the optimum if the controller is unknown.
 
     ``current``: the fit without the optimum's new terms, for a second start (`correction_starts`).
-    On a limit cycle, the fit uses edge rates if its scores then scatter less.
+    On a limit cycle, the fit also uses edge rates (how often encoder counts change), if its scores
+    then scatter less.
     """
     if not setup.controller_is_known:
         return CorrectedFit(problem, optimum)

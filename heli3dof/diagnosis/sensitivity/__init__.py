@@ -1,1 +1,1 @@
-"""The residual torque, first-order changes of predictions by torques, and their projections."""
+"""The residual torque, and first-order changes of predictions by torques and parameters."""

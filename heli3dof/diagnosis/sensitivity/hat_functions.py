@@ -76,7 +76,7 @@ class Hats:
 
 
 def hats(flight: LinearisedRun, axes: np.ndarray) -> Hats:
-    """Return the basis for a flight: its variables with a range above `MIN_RANGE`, on ``axes``."""
+    """Return hat functions on ``axes`` of all variables whose range exceeds `MIN_RANGE`."""
     names, knots = [], []
     for name, unit in UNITS.items():
         z = flight.variable(name)[flight.in_runs]

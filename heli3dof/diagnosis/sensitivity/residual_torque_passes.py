@@ -31,7 +31,7 @@ R, T, F_FRONT, F_BACK, V_FRONT, V_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.V
 def _linear(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, t, h, V, X, A, B, slope, q_ddot
 ):  # fmt: skip
-    """Write A (N, 3, 6), B (N, 3, 3), the slope s and q̈ (N, 3) along the states X (N, 6)."""
+    """Write the model's A, B, reading slopes and q̈ (see the module) along the states X (N, 6)."""
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
     w, m = np.zeros((4, 3)), np.empty(3)
@@ -182,7 +182,7 @@ forced = compiled(_forced, error_model="numpy", nogil=True)
 
 
 def _gather(nu, axes, which, left, share, knots, out):  # type: ignore[no-untyped-def]
-    """Add Σ_k ν_k φ_j(z_k) to ``out`` (blocks, J), ν (N, 3); row k belongs to block which[k]."""
+    """Add the score Σ_k ν_k φ(z_k) of each of J hat functions φ to ``out`` (blocks, J)."""
     M = left.shape[1]
     for k in range(nu.shape[0]):
         b = which[k]

@@ -78,10 +78,10 @@ class Nuisance:
         columns: np.ndarray,
         null: Scores | None,
     ) -> Nuisance:
-        """Return these parameters and the coefficients of one group of hat functions.
+        """Return these parameters, extended by the coefficients of a torque's hat functions.
 
-        ``D`` (KNOTS, E): the prediction changes by these. ``P`` (KNOTS, rank): informative
-        directions of the group. ``columns`` (KNOTS,): the group's columns in ``null.u``.
+        ``D`` (KNOTS, E): the prediction changes by the functions. ``P`` (KNOTS, rank): their
+        informative directions. ``columns`` (KNOTS,): their columns in ``null.u``.
         """
         D = P.T @ D
         stacked = np.vstack([self.tangents, D])
@@ -99,7 +99,7 @@ class Nuisance:
 class Evidence:
     """The scores of the candidate residual torques in ``library``, evaluated at a fit.
 
-    ``null``: the same scores in flights simulated without such torques; None if impossible.
+    ``null``: the same scores in flights simulated without such torques, or None.
     """
 
     fit: CorrectedFit
@@ -138,13 +138,14 @@ def coloured_noise_ratio(
 ) -> float:
     """Return ρ ≥ 1, the ratio of the scores' variance to that with white noise.
 
-    ``torque``: τ (K,), coefficients that change the E predictions by Dᵀ τ. P (K, k): directions of
-    τ with information. With ``nuisance`` projected out of D and τ removed, the readings' scores are
-    g − w Dᵀ τ. Their block sums along P have information V and a long-run covariance S
-    (`bias_correction.coloured_noise`). ``white`` is tr(V⁺ S)/k in null simulations. ρ is the larger
-    of two ratios tr(V⁺ S)/(k ``white``): along P with `MEMORY_S`, and along a constant torque with
-    `CONSTANT_MEMORY_S`, as a fitted function of time removes slow noise along P. A ratio that white
-    noise exceeds with a probability above ``chance`` is set to 1.
+    ``torque`` (K,): a torque's estimated coefficients. D (K, E): derivatives of the E predictions
+    by them. The torque is subtracted from the readings' scores, and these are summed along k
+    directions, by block of time. The sums have information V and long-run covariance S
+    (`bias_correction.coloured_noise`). ``white`` is tr(V⁺ S)/k in null simulations.
+
+    ρ is the largest of 1 and two ratios tr(V⁺ S)/(k ``white``): along P (K, k), the directions with
+    information, and along a constant torque. A ratio that white noise exceeds with a probability
+    above ``chance`` is ignored. ``nuisance``: parameters projected out.
     """
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]
@@ -174,7 +175,8 @@ def coloured_noise_ratio(
 def informative_directions(V: np.ndarray, full: np.ndarray) -> np.ndarray:
     """Return the eigenvectors (KNOTS, rank) of V (KNOTS, KNOTS) with large enough eigenvalues.
 
-    These exceed `RANK_TOLERANCE` times the largest eigenvalue of ``full``, V before the projection.
+    These exceed `RANK_TOLERANCE` times the largest eigenvalue of ``full``, which is V before the
+    fit's parameters are projected out.
     """
     values, vectors = np.linalg.eigh(0.5 * (V + V.T))
     return np.asarray(

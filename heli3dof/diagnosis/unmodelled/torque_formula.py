@@ -19,9 +19,9 @@ is proposed; the others are alternatives.
 If flights of the fit cannot be simulated, the best formula of each axis shows whether there is a
 torque. Subtract its torque c φ, and sum the score of φ over blocks of `greybox.estimate.BLOCK_S`.
 Var s is the long-run variance of these sums s (Newey and West), at least κ v. Then t² = u²/Var s
-is valid for coloured noise. The threshold is the squared two-sided quantile of Student's t at
-`TORQUE_FALSE_ALARMS` divided by the number of formulas (Bonferroni), times two. It is doubled as in
-`screening.nulls`: without null simulations the bias of the filter's score is unknown.
+is valid for coloured noise. The threshold is twice the squared two-sided quantile of Student's
+t at `TORQUE_FALSE_ALARMS` divided by the number of formulas (Bonferroni). The factor 2 allows for
+the unknown bias of the filter's score.
 """
 
 from __future__ import annotations
@@ -83,8 +83,9 @@ class Proposal:
 def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     """Return model terms for ``torque``, best first: at most one formula and one fitted curve.
 
-    The formula is in the list if S_spline − S < κ (r − 1) ln N (BIC). The curve is in the list
-    if its variable is a product of at most two of `heli3dof.model.effects.empirical.QUANTITIES`.
+    The formula is in the list if BIC does not justify the curve's further parameters. The curve is
+    in the list if its variable is a product of at most two of
+    `heli3dof.model.effects.empirical.QUANTITIES`.
     """
     flown = filtered_fit(fit)
     axis = AXES.index(torque.axis)
@@ -110,7 +111,7 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
 
 
 def significant_formula(fit: CorrectedFit) -> Place | None:
-    """Return the axis and variable of the most significant formula; None if none is."""
+    """Return axis and variable of the most significant torque formula; None if none is."""
     flown = filtered_fit(fit)
     flight, nuisance, at = flown.flight, flown.nuisance, flown.flight.at
     block = block_numbers(flight.data, BLOCK_S)[at.row]
@@ -172,7 +173,7 @@ def filtered_fit(fit: CorrectedFit) -> FilteredFit:
 
 
 def product_scores(flown: FilteredFit, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the statistic S and the estimate c, each (P,), of the P products on an axis.
+    """Return the test statistic S and estimate c, each (P,), of a torque c φ for P products φ.
 
     S is 0 for a product without information.
     """
@@ -207,7 +208,7 @@ def value(flight: LinearisedRun, product: str) -> np.ndarray:
 
 
 def projected(flown: FilteredFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return score u (K,) and information v (K, K) of changes D (K, E), the fit projected out."""
+    """Return score (K,) and information (K, K) of prediction changes D, the fit projected out."""
     at, nuisance = flown.flight.at, flown.nuisance
     weighted = D * at.w
     cross = weighted @ nuisance.tangents.T
@@ -216,7 +217,7 @@ def projected(flown: FilteredFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def spline_score(flown: FilteredFit, axis: int, variable: str) -> tuple[float, int]:
-    """Return the statistic S and the rank r of the piecewise linear torque of ``variable``.
+    """Return the test statistic S and rank r of a piecewise linear torque of ``variable``.
 
     S is 0 if the variable's range is below `hat_functions.MIN_RANGE`, or without information.
     """

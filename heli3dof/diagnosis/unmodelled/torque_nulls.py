@@ -1,10 +1,10 @@
-"""Scores of the free-form torques in flights without a residual torque, or in blocks of a flight.
+"""Scores (derivatives of the log-likelihood) by the free-form torques and a fit's parameters.
 
-The scores are those of the J hat functions (the torques' shapes) and of the fit's parameters θ. If
-the controller is known, the filter computes them on B simulated flights of the fitted rig
-(`bias_correction.simulated_flight`). The scores of θ omit the prior's part −Λ(θ − θ_0), so their
-mean is the filter's bias ḡ (`bias_correction.correction`). If the controller is unknown, the scores
-are computed for half-second blocks of the recorded flight instead.
+A free-form torque is a sum of hat functions with coefficients; J functions are tested. If the
+controller is known, the filter computes the scores on B simulated flights of the fitted rig, which
+contain no residual torque (`bias_correction.simulated_flight`). The scores by the fit's parameters
+omit the prior, so their mean is the filter's bias ḡ (`bias_correction.correction`). If the
+controller is unknown, the scores are computed for half-second blocks of the recorded flight.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Scores of J hat functions and n parameters in B flights, or in B blocks of a flight."""
+    """Scores by J hat functions and n parameters (see the module) in B flights, or B blocks."""
 
     u: np.ndarray
     """(B, J) scores of the hat functions"""
@@ -35,7 +35,7 @@ class Scores:
 def simulated_scores(
     fit: Estimate, recordings: Sequence[Recording], library: Hats, *, flights: int, seed: int
 ) -> Scores:
-    """Return the scores in simulated flights of the fitted rig; the controller must be known."""
+    """Return the scores in ``flights`` simulated flights of the fitted rig, with its controller."""
     model = model_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
 
     def one(b: int) -> tuple[np.ndarray, np.ndarray]:
@@ -52,7 +52,8 @@ def simulated_scores(
 def scores_in_blocks(flight: LinearisedRun, library: Hats, tangents: np.ndarray) -> Scores:
     """Return the scores in half-second blocks of the flight.
 
-    ``tangents`` (p, E): derivatives by the parameters whose scores are returned as ``g`` (B, p).
+    ``tangents`` (p, E): derivatives of the E predicted readings by p parameters, whose scores are
+    returned as ``g`` (B, p), a row for each block.
     """
     which = block_numbers(flight.data, BLOCK_S)
     count = int(which.max()) + 1

@@ -6,23 +6,26 @@ Rao's score test evaluates each group without a fit:
 
     S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(r)      without a residual torque
 
-The scores u_j = ∂ ln L/∂τ_j have the information V. The fit's parameters are projected out of both.
-The second summand removes the constant torque, which leaves r degrees of freedom.
+L is the likelihood. The scores u_j = ∂ ln L/∂τ_j have the information V, V⁺ is its pseudo-inverse.
+The fit's parameters are projected out of u and V. The second summand removes the constant torque,
+which leaves r degrees of freedom.
 
-1. B simulated nulls give the mean score, which is subtracted from u, and κ = mean S_null/r ≥ 1.
-   κ is at least the fit's inflation.
+1. In B flights simulated without residual torque (nulls), the mean of u is the filter's bias, which
+   is subtracted from u. κ is the nulls' mean S/r, but at least the fit's variance factor
+   `inflation`.
 2. All groups are put on one scale: x = −2 ln P(χ²_r > S/κ). The largest x of a null has a Gumbel
    distribution, which gives the threshold.
-3. The group with the largest x is accepted if it explains more than `MIN_SHARE` of the variance. In
-   addition, x must exceed the threshold also with S/(κρ), ρ of coloured noise (`torque_evidence`).
+3. A group is accepted if its torque explains more than `MIN_SHARE` of the variance, and its x
+   exceeds the threshold. x must do so also with S/(κρ), where ρ ≥ 1 is the ratio by which coloured
+   noise increases S (`torque_evidence`). Of several such groups, that with the largest x is taken.
 4. The accepted torque is projected out, and the test is repeated.
 
 Time is a variable too. A torque that depends on time only is slow noise, such as a draught's: it is
 projected out like the others, but it is no effect that a model could contain. Once slow noise was
-found on an axis, ρ is used for all further torques even if it is not significant.
+found, ρ is used for all further torques. Before, ρ is used only if it differs significantly from 1.
 
-If the controller is unknown, half-second blocks of the flight give κ, and the threshold is twice
-Bonferroni's.
+If the controller is unknown, half-second blocks of the flight give κ, and the threshold of x is
+twice that by Bonferroni.
 """
 
 from __future__ import annotations
@@ -107,7 +110,7 @@ class ResidualTorque:
 def split_off_slow_noise(
     torques: Sequence[ResidualTorque],
 ) -> tuple[tuple[ResidualTorque, ...], tuple[ResidualTorque, ...]]:
-    """Return the torques that a model could contain, and the slow noise."""
+    """Return the torques of measured variables, and those of time only (slow noise)."""
     return (
         tuple(t for t in torques if not t.is_slow_noise),
         tuple(t for t in torques if t.is_slow_noise),
@@ -117,10 +120,10 @@ def split_off_slow_noise(
 def significant_torques(
     evidence: Evidence, certain: Place | None = None
 ) -> tuple[ResidualTorque, ...]:
-    """Return the significant torques: those of a measured variable, and those of time only.
+    """Return the significant torques, as functions of a measured variable or of time only.
 
-    ``certain``: axis and variable of a torque that another test has shown
-    (`unmodelled.torque_formula`). This torque is the first, and needs to reach no threshold.
+    They are in the order in which they were accepted. ``certain``: axis and variable of a torque
+    that another test has shown (`unmodelled.torque_formula`): it is accepted first, untested.
     """
     fit, flight, library = evidence.fit, evidence.flight, evidence.library
     null, nuisance = evidence.null, evidence.nuisance
@@ -159,7 +162,7 @@ def significant_torques(
 def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
     """Return the index of the group for ``place``, an axis and a variable.
 
-    If the variable hardly moves, it has no group. Then the axis's group with the largest x is used.
+    A variable that hardly moves has no group. Then the most significant group of the axis is used.
     """
     groups = [q for q, (i, _) in enumerate(library.groups) if AXES[i] == place.axis]
     exact = [q for q in groups if library.groups[q][1] == place.variable]
@@ -167,7 +170,7 @@ def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
 
 
 def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list[int]:
-    """Return the ``groups`` by falling significance ``x``; functions of time get a bonus `TIE`.
+    """Return the ``groups`` by falling significance ``x``; `TIE` is added to x of time's groups.
 
     Thus slow noise is preferred to a torque of another variable that explains hardly more.
     """
@@ -197,8 +200,8 @@ def _exceeds_coloured_noise(
 ) -> bool:
     """Return whether the torque ``new`` of group q exceeds the threshold also with coloured noise.
 
-    Its statistic S is divided by the noise ratio ρ. ``is_coloured``: slow noise was found, so ρ is
-    used even if it is not significant here.
+    The group's statistic S is divided by κ and by ρ, the ratio by which coloured noise increases S.
+    A ρ that is not significant counts as 1, unless ``is_coloured``: slow noise was found before.
     """
     P = tests.directions[q]
     torque = np.array([f for _, f in new.table])
@@ -212,7 +215,7 @@ def _exceeds_coloured_noise(
 
 @dataclass(frozen=True, eq=False)
 class ScoreTests:
-    """Score tests of all groups, with the projected scores u and their information V."""
+    """Score tests of all groups, each of one axis and one variable, as the module describes."""
 
     x: np.ndarray
     """(groups,) −2 ln P(χ²_r > S/κ)"""
@@ -239,9 +242,10 @@ def score_tests(
     nuisance: Nuisance,
     null: Scores | None,
 ) -> ScoreTests:
-    """Return the tests of all groups against ``null``; if it is None, against blocks of the flight.
+    """Return the score tests of all groups of hat functions.
 
-    ``sums``: from `sums_along`, with the tangents of ``nuisance``.
+    ``null``: scores in simulated flights, which give κ and the threshold; if None, blocks of the
+    recorded flight give κ. ``sums``: scores and information of the recorded flight (`sums_along`).
     """
     groups = len(library.groups)
     X = np.linalg.solve(nuisance.A, sums.cross)
@@ -305,7 +309,10 @@ def gumbel_stretch(n: int) -> float:
 
 
 def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return V with a constant torque projected out, and the matrix that does so for scores."""
+    """Project a constant torque out of the information V; return V and the matrix for scores.
+
+    ``full``: V before parameters were projected out.
+    """
     one = np.ones(KNOTS)
     along = V @ one
     total = float(one @ along)
@@ -321,7 +328,7 @@ def _statistic(u: np.ndarray, V: np.ndarray) -> np.ndarray:
 
 
 def minus_2_log_p(S: np.ndarray, rank: int) -> np.ndarray:
-    """Return x = −2 ln P(χ²_rank > S)."""
+    """Return x = −2 ln P(χ² > S), with ``rank`` degrees of freedom of χ²."""
     from scipy.stats import chi2
 
     return np.asarray(-2 * chi2.logsf(S, rank))

@@ -13,8 +13,8 @@ Without hold-out recordings, this is cross-validation: each block b of the train
 
 1. A step longer than `LONG_STEP` is only the start of a Gauss-Newton search.
 2. If simulated flights give the score's covariance C, Λ_jj ← Λ_jj max(1, C_jj/H_jj), with C and H
-   of the remaining rows. Otherwise an inertia could diverge if the left-out block contains the
-   only step.
+   of the remaining rows. Without this change of Λ, an inertia could diverge if the left-out block
+   contains the only step.
 3. The instant of a mass change (`bias_correction.evaluation.SCANNED`) stays fixed: no other block
    contains information on it.
 4. The process noise is re-estimated on the evaluated rows, for base and extended model alike, so
@@ -75,7 +75,7 @@ def on_holdout(
 
 
 def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
-    """Evaluate a fit by cross-validation: on each block, re-estimated without the block."""
+    """Evaluate a fit by cross-validation: on each block, with parameters estimated without it."""
     problem, o, d = fit.problem, fit.optimum, fit.problem.data
     at = problem.run(o.theta, o.noise)
     tangents = problem.tangents(o.theta, at)
@@ -92,7 +92,7 @@ def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
 
 
 def uncalibrated(fit: Estimate, holdout: Sequence[Recording]) -> HeldOut:
-    """Evaluate the fit's structure with the profile's numbers, on the rows that `held_out` uses."""
+    """Evaluate the fit's model with the profile's parameters, on the rows that `held_out` uses."""
     problem, noise = fit.problem, fit.optimum.noise
     theta = problem.scaled(fit.structure.values_of({}))
     if holdout:
@@ -108,7 +108,7 @@ def held_out(fit: Estimate, holdout: Sequence[Recording]) -> HeldOut:
 
 
 def _blocks(d: Data, blocks: int) -> list[tuple[int, int]]:
-    """Return the rows [a, b) of each block: equal shares of the measured rows."""
+    """Return the rows [a, b) of each block; all blocks have equally many measured rows."""
     rows = np.concatenate([np.arange(start, stop) for _, start, stop in d.blocks])
     dt = float(np.median(d.h))
     n = int(np.clip(len(rows) * dt / MIN_BLOCK_S, 2, blocks))
@@ -132,7 +132,7 @@ def training(d: Data, rows: tuple[int, int]) -> Data:
 def _estimate_without(
     fit: Estimate, at: FilterRun, tangents: np.ndarray, rows: tuple[int, int]
 ) -> np.ndarray:
-    """Return θ (n,) estimated without these rows; the prior mean if no other row remains."""
+    """Return θ (n,) estimated without ``rows`` [a, b); the prior mean if no other row remains."""
     problem = replace(fit.problem, data=training(fit.problem.data, rows))
     theta, noise = fit.optimum.theta, fit.optimum.noise
     if not len(problem.data.blocks):
@@ -187,7 +187,7 @@ class RowResults:
 def _evaluate(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, rows: tuple[int, int]
 ) -> RowResults:
-    """Evaluate the model at θ (n,) on the rows [a, b), with the most likely noise there."""
+    """Evaluate the model at θ (n,) on ``rows`` [a, b), with the noise that is most likely there."""
     data = problem.data
     evaluated = replace(problem, data=_with_settling(data, rows, settling_s(problem)))
     noise = _most_likely_noise(evaluated, theta, noise, rows[0])
@@ -212,7 +212,7 @@ def settling_s(problem: Likelihood) -> float:
 
 
 def _with_settling(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -> Data:
-    """Return the data of the rows [a, b), each run with up to ``settle_s`` seconds before."""
+    """Return the data of ``rows`` [a, b), with up to ``settle_s`` s before them in each run."""
     dt = float(np.median(d.h))
     settle, lead = round(settle_s / dt), round(LEAD_S / dt)
     kept = []
@@ -226,7 +226,7 @@ def _with_settling(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -
 def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
     """Return the log-likelihood ln Z (N, 3) of each row by axis; 0 outside the blocks.
 
-    ``X``: states of a filter run with ``keep`` = 3.
+    ``X``: states and summed ln Z of a filter run (``keep`` = 3).
     """
     out = np.zeros((len(d.t), 3))
     total = np.zeros(3)
@@ -239,10 +239,9 @@ def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
 def _most_likely_noise(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, first: int
 ) -> np.ndarray:
-    """Return ``noise`` (4,) with the process noise that makes rows from ``first`` most likely.
+    """Return ``noise`` (4,) with the process noise that makes rows from ``first`` on most likely.
 
-    Newton's method may overshoot, so the most likely evaluated value is returned. Earlier rows only
-    settle the filter: at its start, it may mistake a limit cycle for a rate.
+    Earlier rows only settle the filter, which at its start may mistake a limit cycle for a rate.
     """
     a = np.array(noise, dtype=float)
     best, highest = a.copy(), np.full(3, -np.inf)
@@ -272,7 +271,7 @@ def _most_likely_noise(
 
 
 def _summed_over_cells(d: Data, on: str, parts: Sequence[RowResults]) -> HeldOut:
-    """Sum the results over cells of about `CELL_S` seconds, each within one run."""
+    """Return the sums of the results over cells: pieces of runs of about `CELL_S` seconds."""
     cell_of_row = np.full(len(d.t), -1, dtype=np.int64)
     starts: list[float] = []
     source: list[int] = []

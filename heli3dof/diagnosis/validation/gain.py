@@ -7,9 +7,10 @@ Base simulation (before) and extended model (after) are evaluated on the same ro
     ΔRMSE_i = RMSE_i(before) − RMSE_i(after)       ° on axis i, of predictions 1 s ahead
     Δℓ = Σ ln Z(after) − Σ ln Z(before)            Z: probability of a reading given earlier ones
 
-The 95 % intervals come from a block bootstrap over cells of `CELL_S` seconds: predictions overlap,
-and noise is correlated within a second. An extension `pays` if the interval of Δℓ lies above zero.
-RMSE alone may miss a real effect: modelling a periodic torque may lower it by only 2 %.
+The 95 % intervals come from a block bootstrap whose blocks are cells of `CELL_S` seconds, because
+predictions overlap, and noise is correlated within a second. An extension `pays` if the interval of
+Δℓ lies above zero. RMSE alone may miss a real effect: modelling a periodic torque may lower it by
+only 2 %.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class Predictions:
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Results of a model on held-out rows, in m cells of `CELL_S` seconds."""
+    """Results of a model on held-out rows, summed over each of m cells of `CELL_S` seconds."""
 
     loglik: np.ndarray
     """(m,) Σ ln Z of each cell"""
@@ -79,7 +80,7 @@ class HeldOut:
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """The decrease of the prediction error from one model (before) to another (after)."""
+    """How much better a model (``after``) predicts held-out data than another (``before``)."""
 
     on: str
     """The evaluated data, such as "holdout" or "blocks left out\""""
@@ -93,7 +94,7 @@ class Gain:
 
     @property
     def of_calibration(self) -> bool:
-        """Return True if the refit removes most of an axis' mean square error, significantly.
+        """Return True if the refit removes most of any axis' mean square error (`removes_most`).
 
         ``before``: RMSE with the profile's parameters; ``after``: RMSE with refitted parameters.
         """
@@ -147,10 +148,10 @@ def rmse_decreases(
 
 
 def removes_most(before: float, after: float, low: float) -> bool:
-    """Return True if most of a mean square error is removed, significantly.
+    """Return True if most of a mean square error is removed, and the decrease is significant.
 
-    That is, e_before² − e_after² > e_after² for the RMSE ``before`` and ``after``, and the lower
-    end ``low`` of the interval of e_before − e_after is above zero.
+    ``before``, ``after``: RMSE; most is removed if before² − after² > after². ``low``: lower end of
+    the interval of the decrease before − after, which is significant if ``low`` is above zero.
     """
     return low > 0 and before**2 > 2 * after**2
 
@@ -161,7 +162,7 @@ def pays(g: Gain) -> bool:
 
 
 def rms_deg(squares: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Return the RMSE in degrees of ``squares`` = Σ e² (rad²) over ``counts``; NaN without any."""
+    """Return the RMSE (°) of ``counts`` errors e with Σ e² = ``squares`` (rad²); NaN for none."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.degrees(np.sqrt(squares / counts)))
 

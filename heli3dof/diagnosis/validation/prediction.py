@@ -69,7 +69,7 @@ def problem_of(model: GreyBoxModel, recordings: Sequence[Recording]) -> Likeliho
 
 
 def noise_of(model: GreyBoxModel) -> np.ndarray:
-    """Return process noise by axis and sampling jitter (4,), with defaults for missing noise."""
+    """Return (4,): process noise of 3 axes (`NOISE` where the model has none), sampling jitter."""
     return np.append(np.where(model.noise > 0, model.noise, NOISE), model.jitter_s)
 
 
@@ -82,8 +82,8 @@ def prediction_errors(
 ) -> PredictionErrors:
     """Return the prediction errors from the filter's states X (N, ≥ 6) at the parameters θ (n,).
 
-    ``starts`` (S,): rows to start from, by default `starts_of` the data. The errors from a start
-    outside the runs are NaN.
+    X: columns angles, rates. ``starts`` (S,): rows to start from, by default `starts_of` the data.
+    The errors from a start outside the runs are NaN.
     """
     from heli3dof.diagnosis.validation.prediction_passes import predict_free_run
 
@@ -126,10 +126,10 @@ def floor_deg(
     flights: int = 2,
     seed: int = 0,
 ) -> tuple[np.ndarray, str]:
-    """Return the noise floor (H, 3) in degrees, and the name of the method.
+    """Return the noise floor (H, 3) in degrees at H horizons, and the name of the method.
 
-    The filter's covariance gives the floor if the controller is unknown, or if a simulated flight
-    has no usable rows: with backlash or a wrong cause, the model may be unstable.
+    The method is simulated flights, or the filter's covariance if the controller is unknown or a
+    simulated flight has no usable rows, as with an unstable model.
     """
     by_formula = "the filter's covariance"
     if not controller_is_known(recordings):
@@ -177,7 +177,10 @@ def covariance_floor_deg(
 
 
 def with_blocks(data: Data, blocks: np.ndarray) -> Data:
-    """Return the data with other ``blocks`` (B, 3), each inside an old one; nothing is copied."""
+    """Return the data with other ``blocks`` (B, 3), each inside an old block.
+
+    Columns: first row of the lead-in, first row of the run, row after the run.
+    """
     owner = np.searchsorted(data.blocks[:, 2], blocks[:, 1], side="right")
     return replace(
         data,

@@ -3,7 +3,7 @@
 A *monitor* is a callable. The loop calls the monitor with every `Period`, before the command is
 sent. The monitor returns why the flight must end now, or None. A monitor may keep state from period
 to period, so each flight needs new monitors. A monitor runs inside the control period, so it may
-take a few microseconds and must not read or write files.
+take only a few microseconds, and must not read or write files.
 """
 
 from __future__ import annotations

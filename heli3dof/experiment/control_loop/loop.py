@@ -195,7 +195,7 @@ class _Flight:
         return _after_ramp(end, ramp), ramp
 
     def outcome(self, end: _End, ramp: RampDown, granted: Realtime | None) -> Outcome:
-        """Return the flight's outcome; if a wiring fault explains a safety trip, the trip names it.
+        """Return the flight's outcome; a safety trip names a wiring fault that explains the trip.
 
         ``end``, ``ramp``: how the plan and the ramp ended. ``granted``: the real-time settings
         that the system granted; None on a virtual clock.
@@ -222,8 +222,8 @@ class _Flight:
     def period(self, k: int, sample: Sample) -> tuple[Sample, _End | None]:
         """Fly period ``k`` of the plan; ``sample`` was taken at the period's beginning.
 
-        Returns the next sample and None. If the flight ends, returns the same sample and the
-        reason.
+        Returns the next sample and None. If the flight ends in this period, returns ``sample``
+        and how it ended.
         """
         exchange, live = self.exchange, self.live
         if exchange.unreadable is not None:

@@ -5,11 +5,11 @@
     V_start = V_last   where |V_last,front − V_o| ≤ ½ V_h and |V_last,back − V_o| ≤ ½ V_h
     V_start = 0        otherwise,                             V_h = max(|V_o|, v_max/8)
 
-V_last: last voltages sent; V_o: hover voltage of each motor; v_max: the amplifier's limit. From
-voltages near the hover voltage, a ramp sets the arm down. From other voltages, a ramp would throw
-the arm (24 V after a wrong encoder sign: up to 100°) or drive it into the table. Both motors then
-go to zero at once. The law reads no angle, because wrong encoders may be why the flight ends. `make
-bench TOPIC=ramp_down` compares this law with others.
+V_last: last voltages sent; V_o: hover voltage of each motor; V_h: its size, with a lower limit;
+v_max: the amplifier's limit. From voltages near the hover voltage, a ramp sets the arm down. From
+other voltages, a ramp would throw the arm (24 V after a wrong encoder sign: up to 100°) or drive it
+into the table. Both motors then go to zero at once. The law reads no angle, because wrong encoders
+may be why the flight ends. Comparison with other laws: `make bench TOPIC=ramp_down`.
 
 * Periods that the host misses or the connection loses are skipped, so the ramp takes no longer.
 * If the device does not answer, or a second Ctrl-C arrives, the loop stops the device at once.
@@ -17,8 +17,8 @@ bench TOPIC=ramp_down` compares this law with others.
 * After a completed plan the ramp is slow (``landing_s``), and the safety monitors stay active
   (`Supervision`). A report of a monitor, a failure of the recorder or a request to end shortens the
   rest to at most ``ramp_down_s``. Without such an event, a roll encoder that still reads a constant
-  angle above the table may be dead. The loop then holds zero volts until the reading changes,
-  because a working encoder shows the arm fall, but no longer than `FALL_S`.
+  angle above the table may be dead: a working encoder shows the arm fall. The loop then holds zero
+  volts until the reading changes, for at most `FALL_S`.
 """
 
 from __future__ import annotations

@@ -18,8 +18,8 @@ A link that numbers its samples counts three kinds of skipped period in ``rig.st
 * ``samples_stale``: the sample came too late to be used; its period counts as missed
 
 Over any other link, the jump of the device's time gives the number of skipped periods. If the link
-counts lost samples, that many of these periods count as lost. Otherwise a period counts as lost if
-it was due after the host began to wait. The other skipped periods count as missed.
+counts lost samples, that many of the periods count as lost. If the link has no such count, those
+periods count as lost that were due after the host began to wait. All others count as missed.
 
 The plan's index k advances by skipped periods, too, so the references follow real time. Lateness
 counts from the first deadline that the host did not meet. With the host and the device timebase, a

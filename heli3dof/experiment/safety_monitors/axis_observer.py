@@ -1,6 +1,6 @@
 """Computes each axis's expected acceleration α, and observes its motion with a filter.
 
-α follows from the rigid body, one axis at a time (paper, eqs (10) and (11), with cos and sin kept).
+α follows from the rigid body, one axis at a time (paper, eqs (10) and (11), but not linearised).
 V_f, V_b: front and back motor's voltages (V); roll r, pitch p in rad; accelerations in rad/s².
 `heli3dof.rig.profile` explains the other symbols::
 

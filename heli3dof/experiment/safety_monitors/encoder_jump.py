@@ -1,6 +1,6 @@
 """Detects an encoder count that changed by more than the rig can turn, and a wrong device clock.
 
-It reports a change Δcounts between two samples Δt (s) apart if
+The monitor reports a change Δcounts between two samples Δt (s) apart if
 
     |Δcounts| · q  >  2 · rate_max · Δt + 2 q      q: rad per count
 

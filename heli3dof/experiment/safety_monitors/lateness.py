@@ -4,8 +4,8 @@ A sample is late if it came more than ``late_max_s`` after its deadline. The mon
 share of late samples within the last second exceeds ``late_max_share``. Periods that the host
 missed or the line lost just before a late sample count as late samples, too.
 
-A busy host still has some quick periods. So the report names the link or the device as the cause if
-the 10 % quantile of the last second's command-to-echo latency exceeds `SLOW_PERIODS`.
+Even on a busy host, some commands are echoed quickly. If the 10 % quantile of the last second's
+command-to-echo latencies exceeds `SLOW_PERIODS`, the report names the link or the device as cause.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Detects a link that loses frames: samples by the gap they leave, commands by the missing echo.
+"""Detects a link that loses frames: lost samples leave a gap, lost commands are not echoed.
 
 The monitor reports if one of these states lasts longer than ``lost_max_s`` (s):
 

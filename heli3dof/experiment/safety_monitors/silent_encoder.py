@@ -40,10 +40,10 @@ SHORTEST_S = 0.01
 
 
 class SilentEncoder(SafetyMonitor):
-    """Safety monitor that trips if an encoder stops counting.
+    """Safety monitor that trips if the pitch or yaw count is constant in the ramp to zero.
 
-    In closed loop, it records the longest time for which the count of pitch or yaw is constant. In
-    the ramp to zero, it trips if a count is constant for much longer.
+    In closed loop, it records the longest time for which each count is constant. It trips if a
+    count is constant for much longer in the ramp.
     """
 
     order = 60

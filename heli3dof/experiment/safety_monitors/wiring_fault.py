@@ -116,10 +116,9 @@ HYPOTHESES = (NORMAL, *FAULTS)
 
 
 def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
-    """Return the wiring fault that explains the motion before a safety trip, or None.
+    """Return the wiring fault that clearly best explains the motion before a trip, or None.
 
-    ``moments``: the last control periods before the trip. The result is None if no fault explains
-    the motion clearly better than the others.
+    ``moments``: the last control periods before the safety trip.
     """
     if len(moments) < SHORTEST:
         return None
@@ -215,8 +214,8 @@ def _score(
 ) -> float:
     """Return the log-likelihood of the measured angles under ``alpha`` (α_H, (n, 3) in rad/s²).
 
-    ``windows``: axis → rows to fit; ``unmodelled``: B (3,) in rad/s². ``t``: times (n,) in s;
-    ``angle``: (n, 3) in rad.
+    ``windows``: axis → rows to fit; ``unmodelled``: standard deviation B (3,) of the unmodelled
+    acceleration in rad/s². ``t``: times (n,) in s; ``angle``: (n, 3) in rad.
     """
     q = np.abs(profile.encoder.rad_per_count)
     score = 0.0

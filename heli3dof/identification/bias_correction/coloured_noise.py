@@ -45,9 +45,10 @@ def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
 
 
 def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
-    """Return the long-run covariance S (n, n) of the sum of ``scores`` (m, n) of m blocks.
+    """Return the covariance S (n, n) of the sum of m correlated ``scores`` (m, n).
 
-    Method: Newey and West, with autocovariances up to the lag L = ``memory`` (in blocks).
+    A row of ``scores`` belongs to one block of time. Method: Newey and West, with autocovariances
+    up to the lag L = ``memory`` (in blocks).
     """
     s = scores - scores.mean(axis=0)
     S = s.T @ s

@@ -1,9 +1,10 @@
 """Maximise the bias-corrected log-likelihood ℓ_c.
 
-At the true parameters, the score of the filter's log-likelihood ℓ should have zero mean. But it has
-the mean ḡ by the base parameters θ, and s̄ by the log noise intensities ln a
-(`bias_correction.correction`). By a candidate's parameters φ it has the mean b, from null
-simulations. Index 0 marks the simulated values. To first order, the score of ℓ_c has zero mean:
+At the true parameters, the derivatives of the filter's log-likelihood ℓ should have zero mean. But
+∂ℓ/∂θ has the mean ḡ, ∂ℓ/∂ln a the mean s̄ (`bias_correction.correction`). θ are the base model's
+parameters, a the noise intensities. Null simulations give b, the mean of ∂ℓ/∂φ, where φ are the
+parameters of a candidate (an effect added to the base model). Index 0 marks the values of the
+simulated flights. To first order, the derivatives of ℓ_c have zero mean:
 
     ℓ_c(θ, φ, a) = ℓ(θ, φ, a) − ḡ·(θ − θ_0) − b·(φ − φ_0) − s̄·(ln a − ln a_0) + ln prior
 

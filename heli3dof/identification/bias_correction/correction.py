@@ -70,7 +70,7 @@ class CorrectedFit(Estimate):
 
     @property
     def is_corrected(self) -> bool:
-        """Return whether flights of the fitted rig could be simulated, which corrected the bias."""
+        """Return True if flights of the fitted rig could be simulated to correct the bias."""
         return self.score_covariance is not None
 
     @cached_property
@@ -269,7 +269,7 @@ class NoiseScoreBias:
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
         """Return True if these derivatives must be computed again for ``theta`` and ``noise``.
 
-        `REUSED_WITHIN` is the largest distance from the values of the simulated flights.
+        They are valid up to the distances `REUSED_WITHIN` from the values of the simulated flights.
         """
         noise_range, theta_range = REUSED_WITHIN
         noise_distance = np.abs(np.log(noise[:3] / self.noise[:3])).max()
@@ -321,8 +321,8 @@ def scatter_of(g: np.ndarray, H: np.ndarray) -> np.ndarray:
     """Return C (n, n), a shrinkage estimate of the scores' covariance from few flights.
 
     ``g`` (B, n): scores of B flights; ``H`` (n, n): the information. C has the correlations of H.
-    The ratio of each score's variance to H_jj is averaged with the mean ratio. It is at least 1,
-    its value for an exact likelihood.
+    The ratio of each score's variance to H_jj is averaged with the mean ratio. The result is at
+    least 1, the ratio for an exact likelihood.
     """
     ratio = np.sqrt(g.var(axis=0, ddof=1) / np.maximum(np.diag(H), 1e-300))
     ratio = np.maximum(np.sqrt(0.5 * ratio**2 + 0.5 * np.mean(ratio**2)), 1.0)

@@ -79,7 +79,7 @@ def evaluate(
     """Return the log-likelihood's derivatives at ``theta`` and ``noise``.
 
     ``theta`` (n,): parameters; ``noise`` (4,): process noise of 3 axes, jitter. Without
-    ``with_noise_derivatives``, those by the noise are 0 (first) and −1 (second).
+    ``with_noise_derivatives``, the first derivatives by the noise are 0, the second ones −1.
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
 

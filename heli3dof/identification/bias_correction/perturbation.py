@@ -5,7 +5,7 @@ Kalman filter (`heli3dof.model.estimation.ekf_quantised`) reads an encoder and u
 x = (q, q̇), in rad and rad/s. Its gains K (E, 6) are held fixed. x and the prediction c of each
 reading change by
 
-    δx ← Φ δx + [h²/2; h] δa,     Φ from A = ∂q̈/∂(q, q̇)       from row to row, h s later
+    δx ← Φ δx + [h²/2; h] δa,     Φ from A = ∂q̈/∂(q, q̇)       from a row to the next, h (s) later
     δc = σ δx_c,   δx ← δx − K w δc                             at each event of the encoders
 
 x_c is the state that the event reads, σ the reading's derivative by it, w the event's information.
@@ -93,10 +93,10 @@ def path(structure: Structure, values: np.ndarray, data: Data, at: FilterRun) ->
 def forcing(
     p: Path, wide: Structure, sets: Sequence[np.ndarray], moves: Sequence[bool]
 ) -> np.ndarray:
-    """Return the changes δa (J, C, 3) of the accelerations (rad/s²) in C chunks.
+    """Return the changes δa (J, C, 3) of the accelerations (rad/s²) in C chunks, for J sets.
 
-    They are due to J ``sets`` of values of the parameters of ``wide``, relative to the model of
-    ``p``. ``moves`` (J,): True if a set changes the thrusts.
+    ``sets``: values of the parameters of ``wide``; the changes are relative to the model of ``p``.
+    ``moves`` (J,): True if a set changes the thrusts.
     """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
@@ -113,10 +113,10 @@ def forcing(
 def misreading(
     p: Path, wide: Structure, sets: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return how other parameter values change the encoder readings (rad) at given angles.
+    """Return how other parameter values change the encoder readings (rad) at unchanged angles.
 
-    ``sets``: J + 1 sets of values; the changes are relative to the first set. They are (J, E) at
-    the filter's E updates, and (J, B, 3) at the start of each of B blocks of rows.
+    ``sets``: J + 1 sets of values for ``wide``; the changes are relative to the first set. They are
+    (J, E) at the filter's E updates, and (J, B, 3) at the start of each of B blocks of rows.
     """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
@@ -137,7 +137,7 @@ def forward(
     """Return how J changes of the model change the filter's E predicted readings: δc (J, E).
 
     ``a`` (J, C, 3): changes of the accelerations in C chunks. ``m`` (J, E): changes of the readings
-    at given angles; ``m0`` (J, B, 3): the same at the start of each of B blocks.
+    at unchanged angles; ``m0`` (J, B, 3): the same at the start of each of B blocks.
     """
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0
@@ -151,8 +151,8 @@ def forward(
 def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the derivatives of Σ_e q_e δc_e, a weighted sum of the changes of predicted readings.
 
-    ``q`` (M, E): M sets of weights of the E readings. The derivatives are by the accelerations of
-    C chunks (M, C, 3), the readings (M, E), and B initial states (M, B, 6).
+    ``q`` (M, E): M sets of weights of the E readings. The derivatives are by the accelerations of C
+    chunks (M, C, 3), by the readings (M, E), and by the initial states of B blocks (M, B, 6).
     """
     L = np.zeros((len(q), len(p.chunk), 3))
     mu = np.zeros(q.shape)

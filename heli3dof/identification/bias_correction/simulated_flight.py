@@ -88,8 +88,8 @@ def simulated_flight(
 ) -> Recording:
     """Return the first ``rows`` rows of the recording, simulated with noise from ``rng``.
 
-    The angles differ from the recording's first readings by whole encoder steps. Raises ValueError
-    if the profile has no controller or an axis was not measured.
+    The angles are quantised: they differ from the first recorded ones by whole encoder steps.
+    Raises ValueError if the profile has no controller or an axis was not measured.
     """
     profile = recording.profile
     linear = recording.identified_controller

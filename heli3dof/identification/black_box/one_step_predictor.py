@@ -8,8 +8,6 @@ x̂ (n,) is the state, e the innovation, A the state matrix, and k numbers the r
 moves (Ã, B, K, C) along the direction q. The sensitivity ξ_q = ∂x̂/∂θ_q obeys the same recursion,
 
     ξ_q[k+1] = Ã ξ_q[k] + ∂Ã x̂[k] + ∂B u[k] + ∂K y[k],      ∂ŷ/∂θ_q = C ξ_q + ∂C x̂[k]
-
-The directions q form the innermost loop, which the compiler vectorises.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ the axes, on the *training* flights, of
 No method minimises the errors of these two, so a larger order does not score better merely because
 it has more parameters. The replay rejects models that are good one step ahead and diverge in closed
 loop; the prediction rejects poor noise models. The smallest order within `TIE` of the best score is
-chosen. Held-out data are not used.
+chosen.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str
 def selection_score(model: LinearModel, prepared: Prepared) -> float:
     """Return the score of ``model`` in the order search: its mean fit (%); −∞ if not finite.
 
-    The mean is over the axes of predictions 1 s ahead and, if possible, of the closed-loop replay.
+    The mean is over the axes, of predictions 1 s ahead and, if possible, of the closed-loop replay.
     ``prepared`` holds the recordings and the training runs, on which the model is evaluated.
     """
     runs = prepared.train

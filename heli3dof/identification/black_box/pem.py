@@ -269,9 +269,9 @@ def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ig
 def _score_blocks(F: np.ndarray, back: np.ndarray, n: int, block: int = 50) -> np.ndarray:
     """Return Σ s sᵀ, s the sum of the likelihood's gradient over ``block`` rows.
 
-    Sums over blocks allow for coloured innovations. F (N, l, n + q + 1) holds, per row, the
-    derivatives by n initial states and q parameters, and the innovation. ``back`` (n, q + 1) are
-    the coefficients by which least squares eliminates the initial states.
+    Sums over blocks allow for coloured innovations. F (N, l, n + q + 1): the derivatives of N rows
+    of l predicted outputs by n initial states and q parameters, and the innovation. ``back``
+    (n, q + 1): coefficients by which least squares eliminates the initial states.
     """
     F = F[:, :, n:] - F[:, :, :n] @ back
     s = np.einsum("kiq,ki->kq", F[:, :, :-1], F[:, :, -1])

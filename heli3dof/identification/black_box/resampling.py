@@ -1,17 +1,15 @@
 """Resample a fit at a decimated rate to the control rate, via continuous time.
 
-The model's A, B at the interval T (s) of the fit, q control periods dt, become A^{1/q} and the
-matching B (by the matrix logarithm of [A B; 0 I]). The responses agree exactly at the instants of
-the fit, unless A has a real eigenvalue λ ≤ 0.001. The mode of such an eigenvalue has no usable
-logarithm:
+A and B were fitted at the interval T (s), which is q control periods dt. They become A^{1/q} and
+the matching B, by the matrix logarithm of [A B; 0 I]. The responses agree exactly at the instants
+of the fit, unless A has a real eigenvalue λ ≤ 0.001. Such an eigenvalue has no usable logarithm:
 
-* λ ≥ −0.5: the mode is replaced by one at |λ| (at least 0.001) with the same static gain.
+* λ ≥ −0.5: its mode is replaced by one at |λ| (at least 0.001) with the same static gain.
 * λ < −0.5: the mode decays too slowly to be replaced, and the fit is rejected.
 
 The gain K at the control rate is the Kalman gain for the process noise K S Kᵀ spread evenly over
 the q samples. On held-out flights the resampled model predicts 0.1 to 2.5 s ahead as well as the
-fit at the decimated rate. It predicts better than with a K fitted at 2 ms, where the encoders'
-rounding dominates the innovations.
+fit at the decimated rate.
 
 The predictor's offset d becomes trims: y0 (rad) and u0 (V) such that the predictor of
 
@@ -42,17 +40,17 @@ VOLT_FOR_RADIAN = 20.0
 
 
 class NoContinuousModel(ValueError):
-    """Raised if a discrete model has a negative real pole that decays slowly.
+    """Raised if a discrete-time model has no continuous-time equivalent.
 
-    No continuous model has such samples.
+    The usual cause is a slowly decaying mode whose pole is real and negative.
     """
 
 
 def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return A (n, n), B (n, m) without eigenvalues that have no usable logarithm.
+    """Return A (n, n) and B (n, m) with some eigenvalues of A replaced, and their number.
 
-    Such real eigenvalues of the discrete state matrix A are replaced; the third result is their
-    number. Raises NoContinuousModel if one is below `SLOWEST_NEGATIVE`.
+    They are the real eigenvalues up to `FASTEST`, which have no usable logarithm. Raises
+    NoContinuousModel if one is below `SLOWEST_NEGATIVE`.
     """
     lam, V = np.linalg.eig(A)
     real = np.abs(lam.imag) <= 1e-9 * np.maximum(1, np.abs(lam))

@@ -33,11 +33,10 @@ def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> n
 def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
     """Return the model; K is replaced by a Kalman gain if A − K C is not stable enough.
 
-    K is replaced if the spectral radius of A − K C exceeds ``rho``. PBSID regresses on estimated
-    states, which does not guarantee a stable predictor. The Kalman gain assumes the process noise K
-    S Kᵀ + c I, where S is the innovations' covariance. c is the first of 1e-6, 1e-4, …, 1e4 times
-    the trace of K S Kᵀ that gives a stable predictor. If none does, the result is that of
-    `stable_plant`.
+    K is replaced if the spectral radius of A − K C exceeds ``rho``. The Kalman gain assumes the
+    process noise K S Kᵀ + c I, where S is the innovations' covariance. c is the first of 1e-6,
+    1e-4, …, 1e4 times the trace of K S Kᵀ that gives a stable predictor. If none does, the result
+    is that of `stable_plant`.
     """
     if spectral_radius(model.At) <= rho:
         return model

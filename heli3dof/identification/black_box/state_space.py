@@ -87,9 +87,9 @@ def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[RowRange]) -> Innovations:
-    """Return each run's one-step prediction errors (rad), and voltages minus the fit's means (V).
+    """Return each run's prediction errors (rad), and voltages minus ``chosen.u_mean`` (V).
 
-    Both are sampled like the fit ``chosen``.
+    The errors are one-step; for ``oe``, simulation errors. The interval is that of ``chosen``.
     """
     ss = chosen.state_space
     if ss.K.any():

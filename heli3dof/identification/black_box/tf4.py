@@ -56,7 +56,7 @@ def denominator(log_parameters: np.ndarray) -> np.ndarray:
 def companion(den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the companion form A (4, 4), B (4, 1) of 1/D(s); ``den`` (5,) are D's coefficients.
 
-    The states of ẋ = A x + B u are x = [1 s s² s³] u/D(s).
+    The states of ẋ = A x + B u are x(s) = [1 s s² s³]ᵀ u(s)/D(s).
     """
     n = len(den) - 1
     A = np.eye(n, k=1)
@@ -69,8 +69,8 @@ def companion(den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _regressors(data: Sequence[Pair], den: np.ndarray, T: float) -> np.ndarray:
     """Return the regressors of the angles for the denominator ``den`` (5,), a row per sample.
 
-    The 8 + 4 S + 1 columns are the voltages filtered by s^i/D(s), four free responses for each of
-    the S segments ``data``, and ones. T (s) is the sampling interval.
+    The 8 + 4 S + 1 columns are: both voltages filtered by s^i/D(s), i = 0 … 3; four responses to
+    initial states for each of the S segments ``data``; ones. T (s) is the sampling interval.
     """
     from scipy.signal import lfilter
 
@@ -152,10 +152,10 @@ def _covariance(
 ) -> np.ndarray:
     """Return the sandwich covariance of the coefficients [den[1:], num.ravel()].
 
-    ``log_p`` (4,) are the logarithms of the denominator's parameters, X (ΣN, q) the regressors for
-    this denominator, ``theta`` (q, 3) the regressors' coefficients. E (ΣN, 3) rad are the
-    simulation errors, ``size`` (3,) rad is the angles' standard deviation. T (s) is the sampling
-    interval of ``data``.
+    ``log_p`` (4,) are the logarithms of the denominator's parameters, X the `_regressors` for this
+    denominator (columns) at all samples (rows), ``theta`` their coefficients for the three angles.
+    E are the simulation errors (rad), ``size`` (3,) the angles' standard deviations (rad). T (s) is
+    the sampling interval of ``data``.
     """
     q, outputs = X.shape[1], E.shape[1]
     p = 4 + q * outputs

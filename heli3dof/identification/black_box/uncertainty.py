@@ -1,7 +1,7 @@
 """Compute standard deviations of poles, transfer functions and frequency responses (delta method).
 
-A fit has p parameters θ with covariance P (p, p). A change of θ changes the entries of the
-predictor's matrices (Ã, B, K, C), Ã = A − K C, along the columns of Θ, ``PemFit.tangent``. A smooth
+A fit has p parameters θ with covariance P (p, p). The one-step predictor has the matrices Ã, B, K,
+C, with Ã = A − K C. Θ = ``PemFit.tangent`` holds the derivatives of their entries by θ. A smooth
 function f (q,) of the model, for instance its poles, has to first order the covariance
 
     cov f = F P Fᵀ,      F = ∂f/∂θ = ∂f/∂(Ã, B, K, C) · Θ      (q, p)
@@ -9,7 +9,7 @@ function f (q,) of the model, for instance its poles, has to first order the cov
 For a simple pole λ of A = Ã + K C with left and right eigenvectors w, v (wᴴv = 1),
 ∂λ = wᴴ (∂Ã + ∂K C + K ∂C) v. With the sampling interval T (s), the continuous-time pole
 s = log(λ)/T has ∂s = ∂λ/(λ T). Other functions are differentiated numerically. P accounts for
-noise, not for a wrong order or nonlinearity.
+noise, but neither for a wrong model order nor for unmodelled nonlinearity.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
 
 
 def poles(fit: PemFit, T: float) -> list[Pole]:
-    """Return the continuous-time poles log(λ)/T (1/s) with standard deviations; λ: A's eigenvalues.
+    """Return continuous-time poles log(λ)/T (rad/s) and standard deviations; λ: A's eigenvalues.
 
     T (s) is the sampling interval of ``fit``. A real λ ≤ 0 has no real logarithm; its pole is
     log|λ|/T.

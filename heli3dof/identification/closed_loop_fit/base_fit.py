@@ -1,12 +1,12 @@
 """Fit the base simulation, the model to which a diagnosis adds effects.
 
-`identify` uses this fit on extreme limit cycles. The bias-corrected fit
-(`bias_correction.correction`) has two special cases:
+`identify` uses this fit on extreme limit cycles. If the controller is known, the fit is
+bias-corrected (`bias_correction.correction`). There are two special cases:
 
 - Limit cycle: the likelihood hardly distinguishes a smaller inertia with more noise from the true
-  rig. The search then starts at the noise that reproduces the recorded limit cycle
-  (`closed_loop_fit.limit_cycle`). If it diverges, it starts again at the likelihood's maximum. The
-  fit is repeated with the rates of encoder edges as further moments (`closed_loop_fit.edge_rates`).
+  rig. So the search starts at the noise that reproduces the recorded limit cycle
+  (`closed_loop_fit.limit_cycle`). If this search diverges, it starts at the likelihood's maximum.
+  A second fit also matches how often the encoder counts change (`closed_loop_fit.edge_rates`).
 - Implausible inertia: the fit is repeated with a narrow prior of the inertias.
 """
 
@@ -82,7 +82,7 @@ def fit_base(setup: Setup) -> CorrectedFit:
 
 
 def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
-    """Return the measured axes with an inertia off nominal by a factor over `MAX_INERTIA_RATIO`.
+    """Return the measured axes whose inertia/nominal, or its inverse, exceeds `MAX_INERTIA_RATIO`.
 
     On an axis that hardly moves, a wrong inertia may hide a missing effect from the score test.
     """
@@ -117,10 +117,9 @@ def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:
 def start_on_limit_cycle(setup: Setup, plain: Estimate, cycling: np.ndarray) -> Start:
     """Return the start of a bias correction on a limit cycle: parameters (n,) and noise (4,).
 
-    The parameters are those of the fit ``plain``, but with the profile's inertias. With the noise,
-    simulated flights have the recording's limit cycle.
-
-    ``cycling`` (3,) bool: the axes on a limit cycle.
+    The parameters are those of the fit ``plain``, but with the profile's inertias. The noise, on
+    roll, pitch, yaw (rad/s²/√Hz) and jitter (s), gives simulated flights the recording's limit
+    cycle. ``cycling`` (3,) bool: the axes on a limit cycle.
     """
     theta, noise = plain.theta.copy(), plain.optimum.noise
     theta[1:4] = plain.problem.prior_mean[1:4]

@@ -1,8 +1,8 @@
 """Fit base parameters and noise of a rig on a limit cycle by the generalised method of moments.
 
 On a limit cycle, a smaller inertia with more noise has nearly the same expected score as the true
-rig. But the encoder counts then change at other rates, so these are further moments. For
-y = (θ, ln a), with n scaled parameters θ and three noise intensities a, the n + 6 moments are
+rig. But the encoder counts then change at other rates, so the fit also matches these edge rates.
+For y = (θ, ln a), with n scaled parameters θ and three noise intensities a, the n + 6 moments are
 
     m = (g, ∂ℓ/∂ln a, r)         g = ∂ℓ/∂θ: score, ℓ: the filter's log-likelihood (`evaluation`)
     r_i                          edge rate: share of samples at which encoder i's count changes
@@ -15,10 +15,11 @@ solves (Hansen 1982; simulated moments: Gallant and Tauchen 1996)
     y ← y + A⁻¹ [Gᵀ W (m − mean m_b) − Λ(y − y_0)],      A = Gᵀ W G + Λ
     cov y = A⁻¹ (Gᵀ W (1 + 1/B) C W G + Λ) A⁻¹,          C = cov m_b
 
-Each axis has three moments: the score of its inertia, its ∂ℓ/∂ln a and its edge rate. Within such a
-triple, W is the inverse of C, and G is estimated in the first rounds: a two-level design varies the
-flights' inertias and noises. Elsewhere W is the inverse of C's diagonal. The other elements of G
-are the information H for the scores by θ, and zero otherwise.
+Each axis has three moments: the score of its inertia, its ∂ℓ/∂ln a and its edge rate. W inverts
+C's block of these three moments; elsewhere W inverts C's diagonal. G's derivatives of the three
+moments by the axis' inertia and noise come from the first rounds, in which a two-level design
+varies the flights' inertias and noises. The scores' other derivatives by θ are the information H.
+The rest of G is zero.
 """
 
 from __future__ import annotations
@@ -58,7 +59,10 @@ INERTIAS = np.arange(1, 4)  # indices in θ
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One iteration: the moments of the recordings and of B flights simulated at y = (θ, ln a)."""
+    """One iteration: the moments of the recordings and of B flights simulated at y = (θ, ln a).
+
+    y: scaled parameters, log noise. Moments: the log-likelihood's derivatives by y; edge rates.
+    """
 
     difference: np.ndarray
     """(n + 6,) m − mean m_b"""
@@ -77,7 +81,7 @@ def fit_with_edge_rates(
     problem: Likelihood, start: CorrectedFit, recordings: Sequence[Recording], *, seed: int,
     flights: int = FLIGHTS, rounds: int = ROUNDS,
 ) -> CorrectedFit:  # fmt: skip
-    """Return the fit with edge rates (how often the encoder counts change) as further moments.
+    """Return a fit that also matches the edge rates (how often the encoder counts change).
 
     The search begins at ``start``. The result is ``start`` if the search or the flights diverge.
     """
@@ -127,8 +131,9 @@ def simulated_round(
 ) -> Round:  # fmt: skip
     """Return the moments of the recordings and of ``flights`` flights simulated at ``y``.
 
-    ``y`` (n + 3,) is (θ, ln a): parameters and log noise. If ``designed``, the two-level `design`
-    varies the flights' inertias and noises. ``jitter`` (1,): sampling jitter in s.
+    Moments are the log-likelihood's derivatives by y, and the edge rates. ``y`` (n + 3,) is
+    (θ, ln a): parameters and log noise. If ``designed``, the two-level `design` varies the flights'
+    inertias and noises. ``jitter`` (1,): sampling jitter in s.
     """
     n = len(y) - 3
     theta, noise = y[:n], np.append(np.exp(y[n:]), jitter)
@@ -161,8 +166,8 @@ def simulated_round(
 def design(flights: int) -> np.ndarray:
     """Return the two-level design (B, 6) of ±1, with B = ``flights``.
 
-    Each block of eight rows consists of orthogonal columns of Hadamard's matrix. Every other block
-    is a foldover (opposite signs): main effects are confounded less with interactions.
+    Each block of eight rows consists of orthogonal columns of Hadamard's matrix. Every second block
+    has opposite signs (foldover), so interactions bias the main effects less.
 
     >>> X = design(16)
     >>> bool((X.T @ X == 16 * np.eye(6)).all()), float(abs(X.sum(axis=0)).max())
@@ -177,8 +182,9 @@ def design(flights: int) -> np.ndarray:
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
     """Return G (n + 6, n + 3), the moments' derivatives by the parameters θ (n,) and 3 log noises.
 
-    ``effects`` (6, n + 6) has the derivatives of each axis' three moments by its inertia and noise.
-    The scores' other derivatives by θ are the information H (n, n). The rest of G is zero.
+    ``effects`` (6, n + 6): the moments' derivatives by three log inertias and log noises, used for
+    each axis' own moments. The scores' other derivatives by θ are the information H (n, n). The
+    rest of G is zero.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))
@@ -208,8 +214,8 @@ def weights(C: np.ndarray) -> np.ndarray:
 
 
 def moments_of_axis(i: int, n: int) -> list[int]:
-    """Return the indices of axis i's moments: score of its inertia, noise slope, edge rate.
+    """Return the indices of axis i's moments: score of its inertia, ∂ℓ/∂ln a, edge rate.
 
-    ``n``: number of parameters.
+    ``n``: number of parameters; ℓ: log-likelihood, a: the axis' process noise.
     """
     return [1 + i, n + i, n + 3 + i]

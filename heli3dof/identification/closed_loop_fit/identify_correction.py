@@ -42,10 +42,10 @@ flights, the standard error of their mean score is 1/√8 of one score's standar
 def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
     """Return the bias-corrected fit, or ``found`` if no correction is needed or possible.
 
-    ``recordings`` are those of ``found``, in the order of its data. The correction is impossible if
-    one of them lacks a known controller (`model.control.voltage_replay`), an angle or all
-    references. It is also impossible if its search diverges: the controller may not stabilise the
-    fitted rig.
+    ``recordings`` are those of ``found``, in the order of its data. The correction needs, for each
+    recording, a known controller (`model.control.voltage_replay`), all angles and a reference. The
+    result is also ``found`` if the search diverges: the controller may not stabilise the fitted
+    rig.
     """
     if found.inflation <= MAX_INFLATION:
         return found

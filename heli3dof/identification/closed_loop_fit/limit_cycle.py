@@ -53,7 +53,7 @@ def edge_rates(data: Data) -> np.ndarray:
 
 
 def cycling_shares(data: Data) -> np.ndarray:
-    """Return c (3,): the share of `WINDOW_S` windows in which each axis is on a limit cycle."""
+    """Return c (3,): the share of windows (`WINDOW_S` s) in which each axis is on a limit cycle."""
     shares = []
     for grid, (_, start, stop) in zip(data.grid, data.blocks, strict=True):
         n = max(2, round(WINDOW_S / float(np.median(data.h[start:stop]))))
@@ -73,8 +73,8 @@ def on_limit_cycle(data: Data) -> np.ndarray:
 def scatters_on_limit_cycle(fit: Estimate) -> bool:
     """Return True if an axis is on a limit cycle and the fit's scores scatter too much.
 
-    The scores (gradients of the log-likelihood) may have up to `MAX_INFLATION` times the variance
-    of the noise model, or for a corrected fit, of the simulated flights.
+    The limit is `MAX_INFLATION` times the variance of the scores (gradients of the log-likelihood)
+    that the noise model expects; for a corrected fit, times their variance in simulated flights.
     """
     cycling = on_limit_cycle(fit.problem.data).any()
     return bool(cycling) and fit.unexplained_scatter > MAX_INFLATION
@@ -91,9 +91,9 @@ def matched_noise(
 ) -> np.ndarray:  # fmt: skip
     """Return the process noise ``noise`` (4,), re-estimated on the limit-cycling ``axes``.
 
-    It is the axis' noise times one of `NOISE_STEPS`: the one with which flights, simulated with the
-    scaled parameters ``theta`` (n,), have most nearly the recordings' `limit_cycle_statistics`.
-    ``axes`` is (3,) bool.
+    Each of these axes gets its noise times the factor of `NOISE_STEPS` with which simulated flights
+    come nearest to the recordings' `limit_cycle_statistics`. ``theta`` (n,): scaled parameters of
+    the flights; ``axes``: (3,) bool.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):

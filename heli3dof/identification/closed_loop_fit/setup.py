@@ -28,7 +28,7 @@ class Setup:
 
     @cached_property
     def touches_stops(self) -> bool:
-        """Return True if an axis was at a mechanical stop, which simulated flights lack."""
+        """Return True if an axis touched a mechanical stop; simulated flights have no stops."""
         return any(unusable(r)["stop"].any() for r in self.recordings)
 
     @property

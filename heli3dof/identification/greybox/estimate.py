@@ -75,9 +75,9 @@ class Estimate(PhysicalFit):
 
     @property
     def unexplained_scatter(self) -> float:
-        """Return the ratio of the scores' variance to the noise model's (`inflation`).
+        """Return the scores' variance, divided by the one that the noise model expects.
 
-        A bias-corrected fit compares with the variance in simulated flights instead.
+        For a bias-corrected fit, the divisor is the scores' variance in simulated flights.
         """
         return self.inflation
 

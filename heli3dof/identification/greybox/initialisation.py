@@ -1,9 +1,9 @@
 """Choose initial values of parameters whose likelihood is flat at the nominal value.
 
-An example is ``encoder.backlash``. A filter without backlash explains all of it by process noise.
-So the likelihood has no slope at zero backlash, and can have several maxima. `likeliest_start`
-therefore evaluates the likelihood at each value that the effect lists in ``starts``, each time
-after it has updated the process noise.
+An example is ``encoder.backlash``. A filter without backlash explains backlash as process noise. So
+the likelihood has no slope at zero backlash, and can have several maxima. `likeliest_start`
+therefore evaluates the likelihood at each value that the effect lists in ``starts``. At each value
+it first updates the process noise.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ def likeliest_start(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the scaled parameters (n,) and the noise (4,) from which a fit should start.
 
-    The parameters are ``theta``, but the first parameter of each effect with ``starts`` changes to
-    the likeliest of these, unless its value in ``theta`` is likelier. The noise is process noise on
-    roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    The parameters are ``theta``, except the first parameter of each effect that lists values in
+    ``starts``: it gets the likeliest among these values and its value in ``theta``. The noise is
+    process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     theta = theta.copy()

@@ -9,8 +9,8 @@ pitch, yaw (rad/s²/√Hz), then sampling jitter (s). The prior N(start, spread�
 weak. It only fixes parameters about which the recordings carry no information.
 
 Far from the true parameters a simulation may diverge between two readings. Then ℓ = −∞, so a search
-rejects the point. A predicted reading's derivative with respect to θ that diverged counts as zero,
-so only the prior moves its parameter.
+rejects the point. If the derivatives with respect to one parameter diverge, they count as zero, so
+only the prior moves this parameter.
 """
 
 from __future__ import annotations

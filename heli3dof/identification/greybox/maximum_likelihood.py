@@ -158,13 +158,12 @@ def maximise(
 def better_noise(
     problem: Likelihood, theta: np.ndarray, a: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Return the noise (4,) after one Newton step of its log intensities, and the largest step.
+    """Return the noise (4,) after one Newton step of its log intensities, and the largest |step|.
 
     ``theta`` (n,) are the scaled parameters. ``a`` (4,) is the noise before the step: process
-    noise on roll, pitch, yaw (rad/s²/√Hz) and fixed jitter (s). Slope and curvature are computed
-    from intensities changed by the factors e^±`PROBE`, because the likelihood is rough at smaller
-    scales. The intensity of an axis that was not measured (False in ``axes``, (3,) bool) stays as
-    it is.
+    noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s), which stays fixed. Slope and curvature
+    are computed from intensities changed by the factors e^±`PROBE`, because the likelihood is rough
+    at smaller scales. The noise of an unmeasured axis (False in ``axes``, (3,) bool) stays fixed.
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)
@@ -181,7 +180,7 @@ def better_noise(
 def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return the noise ``a`` (4,) with a new jitter (s): 0, or one of `JITTERS`.
 
-    From 0 upwards, the next value is taken while it raises the log-likelihood by `JITTER_WORTH`.
+    From 0 upwards, the next value is taken while each raises the log-likelihood by `JITTER_WORTH`.
     """
     best, best_loglik = 0.0, -np.inf
     for jitter in (0.0, *JITTERS):

@@ -168,7 +168,7 @@ def parameters(found: Estimate) -> dict[str, Parameter]:
 
 
 def warnings(found: Estimate) -> tuple[str, ...]:
-    """Return warnings: parameters not identifiable or at a bound, no convergence, poor fit."""
+    """Return warnings: no convergence, unexplained motion, parameters uncertain or at a bound."""
     out = [v for v in found.verdicts if v]
     o = found.optimum
     if not o.converged:

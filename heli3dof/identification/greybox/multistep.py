@@ -17,8 +17,9 @@ stage estimates the errors' scales s again. The search is
 `heli3dof.identification.greybox.levenberg_marquardt`; ∂e/∂θ includes the filter's change with θ.
 
 θ_0 is the prior mean, Λ its precision, weak for every effect. For the inertias Λ comes from
-geometry: lengths and a few masses determine the inertias' *ratios*. Their common factor depends on
-the thrust gain K_f, in whose units they are; K_f differs by a factor of two between rigs.
+geometry: lengths and a few masses determine the inertias' *ratios*. Their common factor is
+uncertain: the fit gives inertias in units of the thrust gain K_f, which differs by a factor of two
+between rigs.
 
 A parameter named in ``varying`` has a different value in each recording, with the prior N(common
 value, ``varying``²).
@@ -96,7 +97,7 @@ class MultiStep:
 
     @cached_property
     def own(self) -> np.ndarray:
-        """Return the indices (B,) of the parameters that have one value for each recording."""
+        """Return the indices (B,) of the B parameters that have one value for each recording."""
         return np.array([self.structure.names.index(v) for v in self.varying], dtype=int)
 
     @property

@@ -50,7 +50,7 @@ FAR = 20.0
 
 
 def _along(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: ignore[no-untyped-def]
-    """Write each row's true angles (rad) and the model's accelerations (rad/s²) to ``out`` (N, 6).
+    """Write each row's angles (rad) and the model's accelerations (rad/s²) to ``out`` (N, 6).
 
     y and y_dot (N, 3) are the smoothed encoder readings and rates; the angles are y corrected for
     encoder effects. F (N, 2) N are the thrusts. Other arguments: see
@@ -122,7 +122,10 @@ class SmoothedFlight:
 
 
 def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
-    """Return a flight with smoothed readings, and test functions in windows of ``window_s`` s."""
+    """Return the flight with smoothed readings, and test functions in its prediction windows.
+
+    ``window_s`` (s): length of these windows, which begin at ``flight.starts``.
+    """
     from scipy.signal import savgol_filter
 
     t, dt = flight.t, flight.dt
@@ -178,7 +181,7 @@ def residuals(
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """Return 1.48 × the median |e| (3,) of the errors e (n, 3), without zeros (unmeasured axes)."""
+    """Return 1.48 × the median |e| of each axis (3,), from errors e (n, 3); zeros do not count."""
     e = np.nan_to_num(e, nan=1e3, posinf=1e3, neginf=-1e3)
     out = np.ones(3)
     for i in range(3):  # zero: an axis that was not measured

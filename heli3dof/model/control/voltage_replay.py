@@ -92,7 +92,7 @@ def voltage_replay(recording: Recording) -> VoltageReplay | None:
     """Return the comparison of the profile's controller with the voltages, or None if impossible.
 
     The comparison needs a known controller, references, three axes, a row for every control period,
-    and `LEAST_BLOCKS` blocks after rows were left out.
+    and at least `LEAST_BLOCKS` blocks of usable rows.
     """
     if why_not_replayed(recording) is not None or decimation(recording) != 1:
         return None
@@ -145,7 +145,7 @@ def with_known_controller(recording: Recording) -> Recording:
 
 
 def controller_is_known(recordings: Sequence[Recording]) -> bool:
-    """Return whether each recording has a known controller, three axes and a reference."""
+    """Return True if every recording has a known controller, three axes and a reference."""
     return all(
         len(r.axes) == 3
         and (
@@ -157,7 +157,7 @@ def controller_is_known(recordings: Sequence[Recording]) -> bool:
 
 
 def is_late(recording: Recording) -> bool:
-    """Return whether `with_known_controller` found the controller to be one period late."""
+    """Return True if `with_known_controller` found the controller to be one period late."""
     return bool(recording.meta.get(DELAY_KEY))
 
 
@@ -209,7 +209,7 @@ def _line(t: np.ndarray) -> np.ndarray:
 
 
 def _is_feedback(r: Recording, rows: np.ndarray, d: np.ndarray) -> bool:
-    """Return whether the controller's signals explain d (N, 2), in V, in the ``rows`` (N,) bool.
+    """Return True if the controller's signals explain d (N, 2), in V, in the ``rows`` (N,) bool.
 
     The signals are its errors, rates and integrals; d is logged minus computed voltages.
     """

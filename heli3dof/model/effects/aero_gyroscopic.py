@@ -2,11 +2,12 @@
 
 H points along the body's normal n. Ω_f, Ω_b are the rotors' speeds, expressed as the voltages (V)
 that cause them in steady state; k in N·m·s/V. At the angular velocity ω the body gets the couple
-−ω×H n. Along arm (a) and bar (b), with roll r, pitch p, yaw ψ,
+−ω×H n. Let a be the arm's direction, b that of the bar that carries the motors. With roll r, pitch
+p, yaw ψ, ω has the components
 
     ω_a = ṗ + sin r ψ̇             ω_b = −cos p ṙ + cos r sin p ψ̇
 
-the couple is (−H ω_b, H ω_a), which does no work on the body. By the principle of virtual work,
+so the couple along a, b is (−H ω_b, H ω_a). It does no work on the body. By virtual work,
 
     τ_roll = −cos p H ω_a,  τ_pitch = −H ω_b,  τ_yaw = H (cos r sin p ω_a − sin r ω_b)
 """

@@ -1,11 +1,14 @@
-"""A rotor that moves along its axis thrusts less: F → F − k F_h |F/F_h|ⁿ v_n, k in s/m.
+"""A rotor that moves along its axis thrusts less: F → F − k F_h |F/F_h|ⁿ v_n.
 
-F is a rotor's thrust (N), F_h = K_f V_o its thrust at hover. v_n = L_a (cos p ṙ − cos r sin p ψ̇) ±
-L_h (ṗ + sin r ψ̇) is its speed along the body's normal in m/s, + for the front rotor. r, p, ψ are
-roll, pitch, yaw; L_a and L_h the distances of body and rotors (m). At hover the loss is k F_h v_n
-for every n.
+F is a rotor's thrust (N), F_h its thrust at hover. k (s/m) and n are the parameters of the effect.
+v_n (m/s) is the rotor's speed along the body's normal:
 
-* n = 1: the loss is proportional to the thrust, F (1 − k v_n).
+    v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇)         (+ front rotor, − back rotor)
+
+r, p, ψ are roll, pitch, yaw; L_a is the distance from yaw axis to body, L_h from body to rotor (m).
+At hover the loss is k F_h v_n for every n.
+
+* n = 1: the loss is proportional to the thrust: F → F (1 − k v_n).
 * n = 1/2: the loss is proportional to the rotor's speed Ω, with F ∝ Ω², as for a propeller.
 * n = 0: the loss does not depend on the thrust. On a level rig it equals viscous friction on roll
   and pitch with coefficients in the ratio (L_a/L_h)².

@@ -1,8 +1,8 @@
 """Reaction torque of the propellers about the body's normal: κF, with F = F_f + F_b.
 
-F_f and F_b are the front and back thrust (N), κ is in m; r, p, ψ are roll, pitch, yaw. ω_n is the
-angular velocity about the normal. The couple κF along the normal has the power κF ω_n =
-κF (sin p ṙ + cos r cos p ψ̇). So τ_roll = κF sin p and τ_yaw = κF cos r cos p.
+F_f and F_b are the front and back thrust (N). κ (m) is the ratio of torque to thrust; r, p, ψ are
+roll, pitch, yaw. ω_n is the angular velocity about the normal. The couple κF along the normal has
+the power κF ω_n = κF (sin p ṙ + cos r cos p ψ̇). So τ_roll = κF sin p and τ_yaw = κF cos r cos p.
 """
 
 from __future__ import annotations

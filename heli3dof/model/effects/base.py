@@ -80,11 +80,10 @@ SMALL = 0.1
 
 
 def share(meaning: str) -> Parameter:
-    """Return a `Parameter` that scales a change of the equations: 0 no change, 1 the full one.
+    """Return a `Parameter` that scales a change of the equations: 0 none, 1 the whole change.
 
-    ``meaning`` describes the change. The true value is 0 or 1. So if the model has this parameter,
-    a fit starts at 1 with the prior N(1, `SHARE_STD`²). The estimate may lie slightly outside
-    0 … 1.
+    ``meaning`` describes the change. The true value is 0 or 1. A fit of a model with this parameter
+    starts at 1, with the prior N(1, `SHARE_STD`²). The estimate may lie slightly outside 0 … 1.
     """
     return Parameter("share", "–", 0.0, -0.3, 2.0, 0.2, meaning, prior_std=SHARE_STD, start=1.0)
 
@@ -101,8 +100,8 @@ class Effect:
         confused_with: other effects that explain similar data.
         separated_by: name of the flight plan that best distinguishes this effect from
             ``confused_with``.
-        starts: values of the first parameter, ascending, for a likelihood with zero slope at null.
-            A fit starts at the most likely of them and null.
+        starts: start values of the first parameter, ascending, if the likelihood's slope at null is
+            zero. A fit starts at the most likely of these values and null.
         identifiable: the motion that makes the effect identifiable.
         evidence: the variable against which a report plots the effect (`ABSCISSAE`).
         within: name of the term (effect on an axis) whose equations this effect changes.
@@ -113,7 +112,7 @@ class Effect:
         probes: values of the parameters at which a diagnosis evaluates the score, simplest first;
             omitted parameters are at null. Default: `SMALL` of the first parameter's typical size.
             Several are needed if the shape of the predicted change depends on the value.
-        probe_quantiles: for a limit of the voltage: the quantiles of |V| to use as ``probes``.
+        probe_quantiles: for a limit of the voltage V: its ``probes`` as quantiles of |V|.
         scan: ``frequency`` or ``instant`` if the second parameter is a frequency or an instant. A
             diagnosis then evaluates the score at all its values
             (`heli3dof.diagnosis.screening.scans`).
@@ -158,7 +157,7 @@ class Effect:
         """Return True if the effect belongs to the rigid body's equations, so it is no defect.
 
         Such effects replace equations by another form (`formal`), or restore what a simpler form
-        omits (`within`), as `geometry` does in the hover model. A diagnosis adds no penalty for
+        omits (`within`), as `geometry` does in the hover model. A diagnosis adds no BIC penalty for
         their parameter, because its prior (`share`) is tight.
         """
         return self.formal or bool(self.within)

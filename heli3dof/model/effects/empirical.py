@@ -81,7 +81,7 @@ def unit_of_product(product: str) -> str:
 
 @cache
 def empirical_effect(name: str) -> Effect | None:
-    """Return the `Effect` that a name such as ``empirical.sin(yaw)`` defines, else None."""
+    """Return the `Effect` of a name such as ``empirical.sin(yaw)``; None for any other name."""
     if not name.startswith(PREFIX):
         return None
     what = name.removeprefix(PREFIX)

@@ -5,8 +5,8 @@ equations, and those for the uncertain rate in a Kalman filter, are in
 `heli3dof.model.physics.dry_friction`.
 
 For an acceleration that is computed without a simulation step, the torque is a smooth function of
-the state: −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J, with the axis' inertia J. This
-torque damps a small rate by at most τ_c/(J ω_s) < 250 1/s.
+the state: −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J, with the axis' inertia J. A small
+rate then decays as exp(−t τ_c/(J ω_s)), with τ_c/(J ω_s) < 250 1/s.
 """
 
 from __future__ import annotations

@@ -1,12 +1,13 @@
 """The parts of the rigid body that the hover model omits: q̈ = (1 − a) q̈_hover + a q̈_rigid.
 
-q̈ are the angular accelerations of roll r, pitch p, yaw ψ. a = 1 is the complete rigid body. q̈ is
-linear in a, because both accelerations are for the same state, thrusts and parameters. The parts
-are, with the symbols of `heli3dof.model.physics.rigid_body`:
+q̈ are the angular accelerations of roll r, pitch p, yaw ψ. The parameter a is 0 for the hover model
+and 1 for the complete rigid body. The omitted parts are (T_g: gravity torque; see
+`heli3dof.model.physics.rigid_body`):
 
 * the gravity torque's factor cos r
-* the thrust F that tilts with the body: L_a cos p F on roll, −L_a cos r sin p F (not −T_g p) on yaw
-* the yaw torque L_h sin r D of the thrust difference D
+* the thrust F that tilts with the body, at the distance L_a from the yaw axis:
+  L_a cos p F on roll, −L_a cos r sin p F (not −T_g p) on yaw
+* the yaw torque L_h sin r D of the thrust difference D, with rotors at ±L_h
 * inertias that depend on the angles, Coriolis and centrifugal torques
 
 A score test at a = 0 shows whether recordings need these parts. In a model with this effect, a has

@@ -4,10 +4,10 @@ With P = Σ m x z in kg·m² (mass m at x along the level arm, z below it), at r
 
     τ_roll = P cos 2r ψ̇²          τ_yaw = −2 P cos 2r ṙ ψ̇
 
-from the kinetic energy ½ ψ̇² Σ m (x cos r + z sin r)². A body below the arm makes it a pendulum
-(effect `stiffness.pendulum`, k = g Σ m z with gravity g) and gives P > 0. A counterweight that
-hangs below reduces P. The change of the yaw inertia J_yaw by P sin 2r is neglected: a few per cent
-at the angles of flight.
+Both follow from the kinetic energy ½ ψ̇² Σ m (x cos r + z sin r)². A body below the arm makes it a
+pendulum (effect `stiffness.pendulum`, k = g Σ m z with gravity g) and gives P > 0. A counterweight
+that hangs below reduces P. The change of the yaw inertia J_yaw by P sin 2r is neglected: a few per
+cent at the angles of flight.
 """
 
 from __future__ import annotations

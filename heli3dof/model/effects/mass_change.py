@@ -1,7 +1,7 @@
 """A mass m (kg) is added to the body during the flight, at the distance L_a (m) from the yaw axis.
 
-After the time t_m, a parameter, the torque on roll is −m g L_a cos r, with roll r and gravity g.
-The torque grows over 0.1 s centred at t_m: a step has no derivative with respect to t_m. The
+After the time t_m (s), a parameter, the torque on roll r is −m g L_a cos r, with gravity g. The
+torque grows over 0.1 s centred at t_m, because a step has no derivative with respect to t_m. The
 inertia m L_a² on roll and yaw is neglected: a few per cent of the weight's effect in slow flight.
 """
 

@@ -1,7 +1,7 @@
 """Both motors' thrust per volt is k times the profile's K_f.
 
-k is not identifiable together with the gravity torque T_g and the three inertias, which a fit
-estimates in units of K_f (`heli3dof.model.physics.rigid_body`). This effect is for simulations.
+A flight does not identify k: the gravity torque and the three inertias, divided by k, give the same
+motion (`heli3dof.model.physics.rigid_body`). This effect is for simulations.
 """
 
 from __future__ import annotations

@@ -2,9 +2,10 @@
 
 D = F_f − F_b (N) is the difference of front and back thrust. L_h (m) is the distance from the
 body's axis to a motor; r and p are roll and pitch. In the complete rigid body, the inertia coupling
-J_p sin r p̈ cancels most of this torque, because p̈ follows D (see `physics.rigid_body`).
-Simplified equations without this coupling may keep the torque; the parameter η (0 … 1) scales it.
-This effect is for models with the effect ``simplified.couplings``. A diagnosis does not report it.
+J_p sin r p̈ cancels most of this torque, because the pitch acceleration p̈ is nearly proportional to
+D (see `physics.rigid_body`). Simplified equations without this coupling may keep the torque; the
+parameter η (0 … 1) scales it. This effect is for models with the effect ``simplified.couplings``. A
+diagnosis does not report it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Sampling jitter: sample k is taken at k dt + ε; the parameter is the standard deviation of ε.
 
-If the time stamps are the true instants, they show ε, and a fit loses no accuracy. If they only
-count periods, a reading has an error of rate times ε. The filter then models this error as noise,
-whose size is estimated (`heli3dof.model.estimation.quantised_measurement`).
+If the time stamps are the true instants, they show ε, and a fit loses no accuracy. If they are only
+k dt, a reading has an error of rate times ε. The filter then models this error as noise, whose size
+is estimated (`heli3dof.model.estimation.quantised_measurement`).
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ NEAR = 0.02
 
 
 def decimation(recording: Recording) -> int:
-    """Return the number of control periods between log rows; 1 if that is not near an integer."""
+    """Return the number of control periods between log rows; 1 if it is not nearly an integer."""
     if len(recording) < 2:
         return 1
     ratio = recording.dt / recording.profile.dt
@@ -47,8 +47,9 @@ def mean_voltage(recording: Recording) -> np.ndarray:
 def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
     """Return a recording with one row per control period, and the indices (N,) of the log's rows.
 
-    In added rows, references are held and extra voltages interpolated. Angles and voltages are
-    unknown there; they are held, until the caller simulates them.
+    In added rows, the times and the voltages added to the controller's (``voltage_extra``) are
+    interpolated. All other values are those of the row before. The caller can replace the angles
+    and voltages, which are unknown there, by a simulation.
     """
     own = np.arange(len(recording))
     if decimation(recording) == 1:

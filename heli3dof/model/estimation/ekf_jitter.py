@@ -5,16 +5,16 @@ of axis i with the encoder step Δ_i is
 
     y_i[k] = m_i(x_k) + ṁ_i δ_k + ε_i,       ε_i white of variance Δ_i²/12
 
-m_i is the ideal reading in state x_k. δ_k is common to the axes, so their errors are correlated.
-The filter adds δ_k as a state without memory and processes the three readings one after the other.
-This is the exact update with the joint covariance diag(Δ²/12) + σ_t² ṁ ṁᵀ. In contrast,
+m_i is the ideal reading in state x_k, ṁ_i its rate. δ_k is common to the axes, so their errors are
+correlated. The filter adds δ_k as a state without memory and processes the three readings one after
+the other. This is the exact update with the joint covariance diag(Δ²/12) + σ_t² ṁ ṁᵀ. In contrast,
 `heli3dof.model.estimation.ekf_quantised` uses encoder edges and treats the axes' jitter as
 independent. `ekf_quantised` is more accurate if the clock is accurate.
 
 b are effect parameters that are constant within a recording and differ between recordings, such as
 the angle at which an encoder was switched on. They are states too, x = (q, q̇, b), with ḃ = 0. At
 the start of each run (interval of usable rows) their distribution is N(b_0, σ_b²). The covariance P
-of x grows as in `heli3dof.model.estimation.ekf_quantised`, with ∂q̈/∂(q, q̇, b). x advances by the
+of x advances as in `heli3dof.model.estimation.ekf_quantised`, with ∂q̈/∂(q, q̇, b). x advances by the
 midpoint rule; its error over one sample h, h³ q⃛/24, is a thousandth of an encoder step.
 """
 
@@ -41,9 +41,9 @@ DIFFERENCE_STEP = 1e-6
 
 
 def _place(par, where, q, value):  # type: ignore[no-untyped-def]
-    """Write ``value`` to all positions in ``par`` of the q-th parameter that varies by recording.
+    """Write ``value`` to all positions in ``par`` of parameter q (from 0) that varies by recording.
 
-    ``where`` (W, 3), from `positions`, lists the positions.
+    ``where`` (W, 3): the result of `positions`.
     """
     for z in range(where.shape[0]):
         if where[z, 2] == q:
@@ -59,11 +59,11 @@ def _filter(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Filter all blocks: write the states to X (N, 6 + B) and log-likelihoods to ``loglik`` (3,).
 
-    A row of X has the angles, rates and B unknown constants b after that row's readings; ``loglik``
-    is by axis. ``s0``, ``first``, ``address``, ``par0``, ``mem0``: the model (`Structure`);
-    ``where`` (W, 3): the positions of b in ``par0`` (`positions`); ``b_std`` (B,): prior standard
-    deviations σ_b; ``blocks`` … ``y``: the fields of `Data`; ``a2`` (3,) (rad/s²)²/Hz: process
-    noise; ``R2`` (3,) rad²: variance of the readings; ``jitter`` (s): σ_t.
+    A row of X has the angles, rates and the B parameters b that vary by recording, after that row's
+    readings; ``loglik`` is by axis. ``s0``, ``first``, ``address``, ``par0``, ``mem0``: the model
+    (`Structure`); ``where`` (W, 3): the positions of b in ``par0`` (`positions`); ``b_std`` (B,):
+    prior standard deviations σ_b; ``blocks`` … ``y``: the fields of `Data`; ``a2`` (3,)
+    (rad/s²)²/Hz: process noise; ``R2`` (3,) rad²: variance of the readings; ``jitter`` (s): σ_t.
     """
     N, B = V.shape[0], b_std.shape[0]
     n = 6 + B
@@ -173,8 +173,9 @@ def _filter(  # type: ignore[no-untyped-def]
 def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: ignore[no-untyped-def]
     """Write the derivatives ∂q̈/∂x (3, 6 + B) at the state x = (q, q̇, b) to A.
 
-    F (2,) N are the thrusts, ``where`` the `positions` of b in ``par``, w work space. For the other
-    arguments see `heli3dof.model.physics.integrator`.
+    b (B,) are the parameters that vary by recording, ``where`` their `positions` in ``par``. F (2,)
+    N are the thrusts, w work space. For the other arguments see
+    `heli3dof.model.physics.integrator`.
     """
     s[F_FRONT], s[F_BACK] = F[0], F[1]
     for i in range(6):
@@ -198,7 +199,7 @@ _slopes = compiled(_slopes_py, error_model="numpy")
 
 
 def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
-    """Advance the covariance P (n, n) of x by one step of h s, in place.
+    """Advance the covariance P (n, n) of x by one step of h s, in place; n = 6 + B.
 
     P ← Φ P Φᵀ + process noise of intensity a2 (3,) on the rates, as in
     `heli3dof.model.estimation.ekf_quantised`. With A (3, n) = ∂q̈/∂x, Φ maps x = (q, q̇, b)

@@ -128,13 +128,13 @@ def _filter(  # type: ignore[no-untyped-def]
     """Filter all blocks of a `Data`; return the number of events E (measurement updates).
 
     ``s0``, ``first``, ``address``, ``par``, ``mem0``: the model (`Structure`); ``blocks`` … ``y``:
-    from `Data`; ``a2`` (3,): process noise. R2 (3,) rad² is the variance of an encoder edge,
-    ``jitter`` (s) the standard deviation of the sampling instants. ``loglik`` (3,) gets the
-    log-likelihood of each axis. ``keep`` selects what else is stored:
+    from `Data`; ``a2`` (3,): process noise. R2 (3,) rad² is the variance of the angle at which a
+    reading changes, ``jitter`` (s) the standard deviation of the sampling instants. ``loglik`` (3,)
+    gets the log-likelihood of each axis. ``keep`` selects what else is stored:
     - ≥ 1: for each event its ``row``, ``state`` (0–2 an angle's reading, 3–5 a rate, 6–8 a rate
       with opposite sign), prediction C, score G, information W and gain K (6,);
-    - ≥ 2: X (N, 6), the states after the updates of a row;
-    - ≥ 3: X (N, 9), which also has ``loglik`` up to that row.
+    - ≥ 2: X (N, 6), the states after the updates of each row;
+    - ≥ 3: X (N, 9); its last three columns are ``loglik`` up to each row.
     """
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
@@ -275,13 +275,13 @@ filter_blocks = compiled(_filter, error_model="numpy", nogil=True)
 def _follow(  # type: ignore[no-untyped-def]
     s0, first, address, pars, mem0, blocks, free, t, h, V, y, row, state, C, G, W, K, D
 ):  # fmt: skip
-    """Predict the events of `_filter` with J other parameter sets; write δc to D (J, E).
+    """Predict the E events of `_filter` with J parameter sets; write the changes δc to D (J, E).
 
-    δc is the change of a predicted angle or rate, with the filter's gains kept. ``s0`` and ``pars``
-    contain the J sets, each from `Structure.arrays`. row, state, C, G, W, K are the events that
-    `_filter` stored; the other arguments are those of `_filter`. The integration is coarser than
-    the filter's. Therefore, pass the filter's own parameters as the first set, and subtract the
-    first row of D from the other rows.
+    δc is the predicted angle or rate minus that of `_filter`, whose gains are kept. ``s0`` and
+    ``pars`` contain the J sets, each from `Structure.arrays`. row, state, C, G, W, K are the events
+    that `_filter` stored; the other arguments are those of `_filter`. The integration is coarser
+    than the filter's. Therefore, pass the filter's own parameters as the first set, and subtract
+    the first row of D from the other rows.
     """
     N, E = V.shape[0], row.shape[0]
     seen = first[MEASURE + 1] > first[MEASURE]

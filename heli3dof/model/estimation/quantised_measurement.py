@@ -15,16 +15,16 @@ update depends on the reading:
 * The reading does not change: no update until Z has fallen below exp(`LOG_UPDATE_RATIO`) times the
   old Z. Then the Gaussian gets the mean and variance of its part inside the interval. ln Z minus
   the old ln Z is added to the log-likelihood.
-* The reading changes by several steps, or the angle by half a step or more per period. Then the
-  Gaussian gets the mean and variance of its part inside the new interval, and ln Z is added.
+* The reading changes by several steps, or the angle moves by half a step or more per period. Then
+  the Gaussian gets the mean and variance of its part inside the new interval, and ln Z is added.
 
 If the sampling instants have the standard deviation ``jitter`` (s), S grows by (jitter · q̇)². Logs
 of hosts without real-time scheduling need this.
 
 Every such update (event) acts on one component c of the state x (an angle or a rate). With the
 score g = ∂ ln Z/∂c and the information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where
-P_c is column c of P. An interval has g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S). A
-rate N(v, σ²), with u = v/σ and f = φ(u) + uΦ(u), has g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f). If the
+P_c is column c of P. For an interval: g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S). For
+E[q̇⁺] of a rate N(v, σ²): g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f), u = v/σ, f = φ(u) + uΦ(u). If the
 readings y are not quantised (Δ = 0), every sample is an event with g = (y − m)/S, w = 1/S.
 """
 
@@ -109,8 +109,8 @@ rate_event = compiled(_rate_event, leaf=True, error_model="numpy")
 def _apply_event(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
     """Update the filter's state x (6,) and covariance P (6, 6) by one measurement, in place.
 
-    The measurement depends on y = ``scale`` · x[c], a predicted encoder reading or rate. If Z is
-    its likelihood, g = ∂ ln Z/∂y and w = −∂² ln Z/∂y². ``column`` (6,) is work space.
+    y = ``scale`` · x[c] is the predicted encoder reading or rate, and Z the measurement's
+    likelihood: g = ∂ ln Z/∂y, w = −∂² ln Z/∂y². ``column`` (6,) is work space.
     """
     for j in range(6):
         column[j] = scale * P[j, c]

@@ -2,9 +2,10 @@
 
     z = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) − trim,      z[k+1] = A z[k] + B (V[k] − u0)
 
-with A, B by central differences of the simulation step. F_f, F_b are the thrusts, u0 the trim
-voltages. A delay appends the delayed voltages as states. Dry friction has no linearisation and is
-omitted. An encoder with backlash is linearised in the middle of the backlash.
+with A, B by central differences of the simulation step. r, p, ψ are roll, pitch, yaw, F_f and F_b
+the thrusts, V the motor voltages, u0 those at trim. A delay appends delayed voltages to z. Dry
+friction has no linearisation and is omitted. An encoder with backlash is linearised in the middle
+of the backlash.
 """
 
 from __future__ import annotations

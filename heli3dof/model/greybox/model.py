@@ -1,7 +1,6 @@
 """`GreyBoxModel`: the nonlinear rigid body with selected effects, fitted or nominal.
 
-The equations are in `heli3dof.model.greybox.parameters`. The methods call the other modules of this
-folder.
+The equations are in `heli3dof.model.greybox.parameters`.
 """
 
 from __future__ import annotations
@@ -42,7 +41,10 @@ class GreyBoxModel(GreyBoxParameters):
         return fly(self, task)
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
-        """Return the poles (rad/s, rightmost first) of the closed loop, sampled every ``dt`` s."""
+        """Return the poles (rad/s, rightmost first) of the closed loop, sampled every ``dt`` s.
+
+        A pole z of the sampled loop is returned as s = log(z)/dt.
+        """
         from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
 
         return sampled_loop_poles(self.linear(dt), controller, dt)
@@ -105,7 +107,7 @@ class GreyBoxModel(GreyBoxParameters):
 
 
 def nominal(profile: Profile, names: tuple[str, ...] = (), **values: float) -> GreyBoxModel:
-    """Return the rigid body of a profile with the effects ``names``, without an estimation.
+    """Return a model of a profile's rig with the effects ``names``; nothing is estimated.
 
     ``values`` are parameter values by name (``**{"motor.lag.time_constant_s": 0.1}``); other
     parameters have their starting values.

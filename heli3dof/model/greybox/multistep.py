@@ -5,9 +5,9 @@ recorded voltages, as in `heli3dof.model.greybox.prediction`, to several horizon
 
     ŷ[k, j] = y(x̂[k], V, t_k + h_j),      e[k, j] = angle[k + n_j] − ŷ[k, j],   h_j = n_j dt
 
-y(…) is the simulated reading; h_j has n_j sample intervals dt. One simulation per selected row
-yields all its horizons. This is fifty times faster than predicting every row at every horizon, fast
-enough to fit a model to these errors.
+y(…) is the simulated reading of an encoder, V the voltages; h_j has n_j sample intervals dt. One
+simulation per selected row yields all its horizons. This is fifty times faster than predicting
+every row at every horizon, fast enough to fit a model to these errors.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from heli3dof.model.physics.parametrisation import Structure
 def _windows(  # type: ignore[no-untyped-def]
     s, first, address, par, mem, where, free, t, V, mean, X, low, starts, ahead, stride, out
 ):
-    """Simulate from the filter's states at S rows; write the readings at M later rows to ``out``.
+    """Simulate from the filter's states in S rows; write the readings at M horizons to ``out``.
 
     ``out`` (S, M, 3) rad: encoder readings; ``starts`` (S,): start rows; ``ahead`` (M,): horizons
     in rows, ascending; X (N, 6 + B): filter's states; ``where`` (W, 3): `positions` of the B

@@ -2,9 +2,11 @@
 
     M(q) q̈ + h(q, q̇) = Q(q, F) + effects,      τ_m Ḟ_i = K_f g_i f(V_i) − F_i
 
-q are roll, pitch, yaw, F_i the thrust of rotor i at the voltage V_i. The equations are explained in
-`heli3dof.model.physics`, modules `rigid_body` and `rotor`, and in `heli3dof.model.effects`.
-`heli3dof.model.greybox.model.GreyBoxModel` adds simulation, prediction and export.
+q are roll, pitch, yaw, M the mass matrix, h Coriolis and centrifugal torques, Q the torques of
+thrust and gravity. F_i is the thrust of rotor i with the lag τ_m, K_f the thrust per volt, g_i a
+gain and f a characteristic of the voltage V_i. Details: modules `rigid_body` and `rotor` of
+`heli3dof.model.physics`, and `heli3dof.model.effects`. `heli3dof.model.greybox.model.GreyBoxModel`
+adds simulation, prediction and export.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 An extended Kalman filter (`heli3dof.model.estimation.ekf_quantised`, or `ekf_jitter` if parameters
 vary by recording) estimates the state at each row from readings up to that row. From there the
 model is simulated to the horizon in steps of about `STEP_S`, with the thrusts' mean over each step.
-While the rig rests on its table, the state is the measured angles with zero rates. The table also
-limits the predicted roll.
+While the rig rests on its table, the state is the measured angles with zero rates. The predicted
+roll stays at or above its value on the table.
 """
 
 from __future__ import annotations

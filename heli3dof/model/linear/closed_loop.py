@@ -1,12 +1,13 @@
 """Simulate the closed loop of the sampled controller with a `LinearModel` (compiled).
 
-In control period k, with the trim u0, y0::
+In control period k, with the trim u0 (V), y0 (rad) and the model's state x::
 
     y[k] = C x[k] + y0                 (rounded to encoder steps if given)
     v[k] = clip(law(y[k], ref[k], extra[k]), ±v_max)
     x[k+1] = A x[k] + B (v[k] − u0)
 
-The law is `heli3dof.model.control.controller.control_law`, which also runs on the real rig.
+ref are the reference angles, extra (V) voltages added to the controller's. The law is
+`heli3dof.model.control.controller.control_law`, which also runs on the real rig.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ class Hover:
 
 
 def quiescent_voltage(profile: Profile) -> float:
-    """Return each motor's hover voltage (V) by eq (6). Its sign is unreliable (erratum E2)."""
+    """Return a motor's hover voltage (V) by the paper's eq (6). Its sign is unreliable (E2)."""
     return profile.gravity_torque / (2 * profile.geometry.L_a * profile.motor.K_f)
 
 

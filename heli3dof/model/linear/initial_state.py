@@ -1,7 +1,7 @@
 """Initial states of a linear model: the state at rest, and the covariance of an uncertain state.
 
-The states of a black-box model have no physical meaning, but the outputs that follow from a state
-have. The state at rest keeps the outputs at rest during `WINDOW`, with the constant voltage that
+The states of a black-box model have no physical meaning, but the outputs that follow from them have
+one. The state at rest keeps the outputs at rest during `WINDOW`, with the constant voltage that
 fits best. The covariance is chosen so that the outputs, without input, have a given variance during
 `WINDOW`.
 """
@@ -68,8 +68,8 @@ def state_spread(model: LinearParameters, axes: np.ndarray) -> np.ndarray:
 
     The covariance is the inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over the samples j of `WINDOW`
     seconds. C has the rows of the measured ``axes`` (3,) bool. For another output uncertainty,
-    multiply the covariance by its variance (rad²). Unobservable directions of the state get zero
-    variance.
+    multiply the covariance by the output's variance (rad²). Unobservable directions of the state
+    get zero variance.
     """
     O, _ = responses(model, axes)
     W = O.T @ O / (len(O) / int(axes.sum()))

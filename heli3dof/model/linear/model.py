@@ -1,7 +1,7 @@
 """`LinearModel`: a discrete-time state-space model in innovation form, about a trim.
 
 The hover model and all black-box models have this form; the hover model has K = 0. The equations
-are in `heli3dof.model.linear.parameters`. The methods call the other modules of this folder.
+are in `heli3dof.model.linear.parameters`.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class LinearModel(LinearParameters):
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
         """Return the closed-loop poles (rad/s, rightmost first) with the controller's gain.
 
-        For the hover model: of the continuous loop with ideal rates and two integrals, as in the
-        paper. Otherwise: of the loop sampled every ``dt`` s with the derivative filter, mapped by
-        s = log(z)/dt. See `heli3dof.model.control.closed_loop_poles`.
+        For the hover model, the loop is continuous, with ideal rates and two integrals, as in the
+        paper. For other models, it is sampled every ``dt`` s and has the derivative filter; a pole
+        z is returned as s = log(z)/dt. See `heli3dof.model.control.closed_loop_poles`.
         """
         from heli3dof.model.control.closed_loop_poles import ideal_loop_poles, sampled_loop_poles
 
@@ -72,10 +72,10 @@ class LinearModel(LinearParameters):
         return continuous(self)
 
     def to_control(self, *, in_continuous_time: bool = False) -> control.StateSpace:
-        """Return a python-control ``StateSpace`` about the trim: from V − u0 (V) to y − y0 (rad).
+        """Return a python-control ``StateSpace`` from motor voltages (V) to angles (rad).
 
-        u0, y0 are the trim's voltages and angles. The states of the hover model are r, p, psi and
-        their rates; the states of other models are x[0], x[1], …
+        Both are differences from the trim. The states of the hover model are r, p, psi and their
+        rates; the states of other models are x[0], x[1], …
         """
         from heli3dof.model.discretisation import HOVER_STATES, to_control
 
@@ -83,7 +83,7 @@ class LinearModel(LinearParameters):
         return to_control(self, in_continuous_time=in_continuous_time, states=states)
 
     def to_transfer_function(self) -> control.TransferFunction:
-        """Return the 3 × 2 continuous-time transfer functions (rad/V) as python-control object."""
+        """Return the 3 × 2 transfer functions in s (rad/V) as a python-control object."""
         from heli3dof.model.discretisation import to_transfer_function
 
         return to_transfer_function(self)

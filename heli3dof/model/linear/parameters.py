@@ -70,9 +70,9 @@ class LinearParameters:
     def at(self, dt: float) -> Self:
         """Return this model for the sample interval ``dt`` (s), resampled if that is possible.
 
-        Resampling is possible for the exact zero-order hold of a continuous-time model (field
-        `exact_hold`). Any other model is returned unchanged if ``dt`` is within 1 % of the model's
-        interval. Otherwise raises RecordingError.
+        Resampling is possible if the model is the exact zero-order hold of a continuous-time model
+        (field `exact_hold`). Any other model is returned unchanged if ``dt`` is within 1 % of the
+        model's interval. Otherwise raises RecordingError.
         """
         off = abs(dt / self.dt - 1)
         if self.exact_hold and off > 1e-9:

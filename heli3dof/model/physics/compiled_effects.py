@@ -6,7 +6,7 @@ milliseconds after). The simulations are compiled once and call the active effec
 functions' addresses, which takes about 2 ns per call.
 
 Each function of an effect has the signature ``f(s, par, mem, out) -> None`` on flat float64 arrays
-(`heli3dof.model.physics.state_layout`). Tests run it in plain Python on numpy arrays.
+(`heli3dof.model.physics.state_layout`). Tests call such functions in plain Python, on numpy arrays.
 """
 
 from __future__ import annotations
@@ -50,8 +50,7 @@ def caller() -> Any:
     """Return ``call(address, i, s, par, mem, out)``, by which compiled code calls an effect.
 
     ``call``, a numba intrinsic, calls the effect's function at ``address[i]``. The function gets
-    the context s, row i of the parameters ``par``, row i of the memory ``mem``, and ``out``. The
-    arrays are passed as pointers: slicing in an inner loop would cost more than the effects.
+    the context s, row i of the parameters ``par``, row i of the memory ``mem``, and ``out``.
     """
     import numba
     from llvmlite import ir

@@ -13,9 +13,9 @@ friction in several joints, which W couples, the impulses are iterated until the
 W is diag(1/J) for the hover model (`state_layout.LINEAR`) and diagonal for uncoupled axes
 (`UNCOUPLED`); `CONSTANT_YAW_INERTIA` changes W_ψψ (`heli3dof.model.physics.rigid_body`).
 
-In the Kalman filter a rate has the distribution N(v, σ²) before friction. After it, the rate S has
-the expectations E below, with α = (b − v)/σ, β = (b + v)/σ, normal density φ, its upper tail Q, and
-u(α) = φ(α) − αQ(α):
+In the Kalman filter a rate has the distribution N(v, σ²) before friction. The rate S after friction
+and its slope S′ = dS/dv have the expectations E below. α = (b − v)/σ, β = (b + v)/σ, φ is the
+normal density, Q its upper tail, and u(α) = φ(α) − αQ(α):
 
     E S = σ (u(α) − u(β))              E S² = σ² (Q(α) − αu(α) + Q(β) − βu(β))
     ρ = E S′ = Q(α) + Q(β)
@@ -49,8 +49,8 @@ call = caller()
 def _soft(v: float, sd: float, b: float) -> tuple[float, float, float]:
     """Return (E S, ρ, Var S) of the rate S(v) after dry friction, if it was N(v, sd²) before.
 
-    S(v) = sgn(v) max(|v| − b, 0) with the threshold b; ρ = E S′; v, sd, b in rad/s. A fit near zero
-    friction may try b < 0, which accelerates: S(v) = v − b sgn v.
+    S(v) = sgn(v) max(|v| − b, 0) with the threshold b; ρ = E dS/dv; v, sd, b in rad/s. A fit near
+    zero friction may try b < 0, which accelerates: S(v) = v − b sgn v.
     """
     if abs(v) > max(b, 0.0) + SURE * sd:
         return (v - b if v > 0.0 else v + b), 1.0, sd * sd

@@ -1,14 +1,15 @@
 """The simulation step: rigid body, rotors, effects, dry friction and the table.
 
 Filters, closed loops and predictions use these functions. A row k is a sample: t[k] (s) is its
-time, h[k] (s) the time to the next row. V[k] (2,) V are the voltages until then. Other arguments:
+time, h[k] (s) the time to the next row. V[k] (2,) V are the voltages up to the next row. Other
+arguments:
 
 - ``s``: parameters and state of the rig (`heli3dof.model.physics.state_layout`); ``x`` (6,) = (q,
   q̇), angles (rad) and rates (rad/s).
 - ``first``, ``address``, ``par``, ``mem``: the active effects: `Hooks.first`, `Hooks.address`,
   `Structure.arrays` and `Structure.memory` of `physics.parametrisation`.
 - ``target`` (N, 2) N: the steady-state thrusts at each row's voltages; ``F`` (N, 2) N: the thrusts
-  at its start (`physics.rotor`).
+  at each row's start (`physics.rotor`).
 - ``free`` (3,) bool: the axes that can move. ``w`` (8, 3): work space. ``cache`` (6,): values that
   a step keeps for the next step; cache[0] = −1 before the first step.
 """
@@ -88,7 +89,7 @@ step = compiled(_step, leaf=True, error_model="numpy")
 
 
 def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
-    """Limit roll x[0] to at least ``low`` (rad, on the table); stop it there if it is falling."""
+    """Keep roll x[0] (rad) at or above ``low``, its value on the table, where a fall stops."""
     if x[0] < low:
         x[0] = low
         if x[3] < 0.0:
@@ -119,8 +120,8 @@ def _midpoint_without_dry_friction(  # type: ignore[no-untyped-def]
     """Advance the state x = (q, q̇) as `_step_without_dry_friction` does, but by the midpoint rule.
 
     The effects are evaluated at the rate in the middle of the step, predicted by the acceleration
-    of the previous step, cache[3:6]. With the rate at the start, an axis of inertia J and viscous
-    friction c q̇ would accelerate as if its inertia were J − c h/2.
+    of the previous step, cache[3:6]. With the rate at the start instead, an axis of inertia J and
+    viscous friction c q̇ would accelerate as if its inertia were J − c h/2.
     """
     if cache[0] < 0.0:
         cache[3] = cache[4] = cache[5] = 0.0
@@ -162,7 +163,7 @@ step_midpoint = compiled(_step_midpoint, leaf=True, error_model="numpy")
 
 
 def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """Advance the state x from row a to row b, h s later, by one midpoint step, no dry friction.
+    """Advance the state x from row a to row b by a midpoint step of h s, without dry friction.
 
     ``mean`` (N + 1, 2) N·s is the integral of the thrusts up to each row. The step uses the mean
     thrusts from row a to row b. Other arguments: see the head of this file.

@@ -1,7 +1,7 @@
 """`Structure`: the parameters of a rig with its effects, and their arrays for compiled functions.
 
-Base parameters of the rigid body, in units of the profile's thrust per volt K_f
-(`physics.rigid_body`). L_a is the distance from yaw axis to body, V_o the hover voltage:
+The rigid body has the parameters below. Their estimates are relative to the profile's thrust per
+volt K_f (`physics.rigid_body`). L_a is the distance from yaw axis to body, V_o the hover voltage:
 
 =========  ======  =======================================================================
 T_g        N·m     gravity torque of the level arm; nominal 2 L_a K_f V_o
@@ -178,7 +178,7 @@ class Structure:
     def memory(self) -> np.ndarray:
         """Return the initial memory of the effects: zeros (H + 1, MEMORY), a row per function.
 
-        The last row is spare.
+        The last row is unused.
         """
         return np.zeros((len(self.hooks.owner) + 1, _s.MEMORY))
 
@@ -190,9 +190,9 @@ class Structure:
 def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
     """Return an estimate of the ratio of the profile's thrust per volt K_f to the true K_f.
 
-    ``values`` start with the gravity torque T_g and the three inertias, estimated in units of K_f.
-    So a wrong K_f multiplies all four by this ratio. The result is the median of value / nominal
-    value. If only one of the four deviates, K_f is not the cause.
+    ``values`` start with the gravity torque T_g and the three inertias, estimated with the
+    profile's K_f. A wrong K_f multiplies all four by this ratio. The result is the median of the
+    ratios to the nominal values: if only one of the four deviates, K_f is not the cause.
     """
     nominal = (profile.trim_torque, *profile.inertias)
     ratio = sorted(v / n for v, n in zip(values[:4], nominal, strict=True) if n and v / n > 0)

@@ -62,15 +62,14 @@ where, with μ = s[WITHOUT_RATE_PRODUCTS] and η = s[SIDE_THRUST], q̈_alone is
 
 κ omits M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates (the largest is
 M_pψ ψ̈, up to 0.01 N·m on pitch). ν omits the change of J_ψ with the arm's tilt, μ all products of
-rates; η restores L_h sin r D. Each is zero unless the model contains its effect `simplified.*`
-(`heli3dof.model.effects.simplified_couplings` and related). This q̈ then replaces that of the rigid
-body in the blend with the hover model.
+rates; η restores L_h sin r D. Each of the four is zero unless the model contains its effect
+`simplified.*` (`heli3dof.model.effects`). This q̈ then replaces that of the rigid body in the blend
+with the hover model.
 
 **Not identifiable from flights.** All torques and inertias multiplied by one factor give the same
-motion. So K_f stays at the profile's value as the unit, and T_g, J_r, J_p, J_ψ and every effect's
-torque are estimated *in units of K_f*. If the true K_f is 1.1 times the profile's, each estimate is
-its true value divided by 1.1. The known weight of one part, or the profile's masses, determine this
-factor.
+motion. So K_f stays at the profile's value, and T_g, J_r, J_p, J_ψ and every effect's torque are
+estimated *relative to K_f*. If the true K_f is 1.1 times the profile's, each estimate is its true
+value divided by 1.1. The known weight of one part, or the profile's masses, determine this factor.
 """
 
 from __future__ import annotations

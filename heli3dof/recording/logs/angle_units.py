@@ -8,9 +8,10 @@
 
        q(t+T) − 2 q(t) + q(t−T) = ∫ w(τ) M(t+τ)/J dτ,   w a triangle of height T and width 2T
 
-   M/J follows from the voltages: L_a K_f (V_f + V_b)/J_roll, L_h K_f (V_f − V_b)/J_pitch. The ratio
-   of the standard deviations, left to right side, is 0.4 … 2.7 on real rigs, because M lacks other
-   torques. A wrong unit changes this ratio by a factor of 57.3.
+   M/J follows from the front and back voltage: L_a K_f (V_f + V_b)/J_roll on roll,
+   L_h K_f (V_f − V_b)/J_pitch on pitch. L_a and L_h are lever arms, K_f is the thrust per volt. The
+   ratio of the standard deviations, left to right side, is 0.4 … 2.7 on real rigs, because M lacks
+   other torques. A wrong unit changes this ratio by a factor of 57.3.
 """
 
 from __future__ import annotations
@@ -131,8 +132,8 @@ def _refuse(
     """Raise RecordingError if angles off the encoder's grid are in another unit than stated.
 
     ``source``: the log; ``name``, ``unit``: the angle's column and its stated unit; ``values``: the
-    angles (N,); ``counts``: the encoder's counts per revolution; ``ratio``: measured over explained
-    motion (`newton`), or None.
+    angles (N,); ``counts``: the encoder's counts per revolution; ``ratio``: measured motion divided
+    by the motion that the voltages explain (`newton`), or None.
     """
     other = OTHER[unit]
     if on_grid(values, TURN[other] / counts, levels=4):
@@ -174,11 +175,11 @@ def _refuse(
 
 
 def counts_seen(values: np.ndarray, unit: str, counts: int) -> float | None:
-    """Return an encoder's counts per revolution that fit the grid of its angles, else None.
+    """Return the counts per revolution of the grid on which the angles lie; None without a grid.
 
     ``values``: angles (N,) in ``unit``; ``counts``: the profile's number. The result is this
-    number, a fraction of it if only every second (third, …) count occurs, or another common
-    encoder's number.
+    number, a fraction of it if only every second (third, …) count occurs, or the number of another
+    common encoder.
     """
     if on_grid(values, TURN[unit] / counts):
         seen = np.unique(np.rint((values - values[0]) * counts / TURN[unit]).astype(np.int64))
@@ -201,7 +202,8 @@ def _check_reference(
 
     ``angle`` and ``reference`` (N,) are in revolutions, converted by the units in their columns'
     names ``name`` and ``ref``. It is an error if their correlation exceeds 0.5 and the slope of
-    ``angle`` over ``reference`` is outside 1/15 … 15. Degrees taken for radians give 57.3.
+    ``angle`` over ``reference`` is outside 1/15 … 15. Degrees taken for radians give a slope of
+    57.3.
     """
     spread = float(np.std(reference))
     if spread == 0 or np.std(angle) == 0:
@@ -224,9 +226,9 @@ def newton(
     """Compare an angle's second difference with the integrated torque by Newton's law.
 
     ``angle`` (N,) rad is that of ``axis``; ``columns`` has the voltages, ``profile`` the rig's
-    parameters. Returns the ratio of the standard deviations, about 1 in the right unit, and the
+    parameters. Returns the ratio of the two standard deviations, about 1 in the right unit, and the
     correlation, positive with the right sign. Returns None for yaw, for fewer than eight windows,
-    if the torque explains less than about one count of motion, or if nothing moved.
+    if the torque explains less than about one count of motion, or if the angle is constant.
     """
     dt = float(np.median(np.diff(columns["t_s"])))
     n = max(1, round(NEWTON_WINDOW_S / dt))

@@ -26,7 +26,7 @@ from heli3dof.rig.profile import Profile
 
 
 def is_log(path: str | Path) -> bool:
-    """Return True for a log of a format that cannot contain the rig's profile, such as CSV or MAT.
+    """Return True if heli3dof reads ``path`` as a log without profile, such as CSV or MAT.
 
     The file need not exist: usually the ending of its name decides.
     """
@@ -54,8 +54,8 @@ def import_log(
     """Read another program's log (CSV, gzipped CSV, MAT, MCAP) as a `Recording`.
 
     * ``paths``: the log's file, or several files of one flight with a common clock
-    * ``profile``: the rig's profile. None selects the profile in the file, which is read from MCAP
-      files only. If the profile has no ``[controller]``, the flight's controller is unknown.
+    * ``profile``: the rig's profile. None selects the profile in the file, for MCAP files only. If
+      the profile has no ``[controller]``, the flight's controller is unknown.
     * ``columns``: names of the rows or columns of a matrix in a MAT file
     * ``mapping``: column → expression of the log's columns (`column_mapping`); it adds to the
       profile's ``[log]``

@@ -1,4 +1,4 @@
-"""`preview`: describes what an import understood of a log, before anything is written."""
+"""`preview`: describes what an import reads from a log, before heli3dof writes a recording."""
 
 from __future__ import annotations
 

@@ -119,7 +119,10 @@ def in_bursts(t: np.ndarray) -> bool:
 
 
 def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarray:
-    """Return the samples' numbers (N,) by a phase-locked loop that starts with ``period`` (s)."""
+    """Return the samples' numbers (N,) by a phase-locked loop with gains ``alpha``, ``beta``.
+
+    ``period`` (s) is the initial estimate of the sampling period.
+    """
     # The first stamp may be late itself: the phase is the circular mean of the first ones.
     turn = np.exp(2j * np.pi * (t[:HEAD] - t[0]) / period)
     grid = float(t[0] + np.angle(turn.sum()) / (2 * np.pi) * period)
@@ -136,7 +139,7 @@ def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarr
 
 
 def _period(t: np.ndarray) -> float:
-    """Return an initial period T in s: the median interval if the clock is even.
+    """Return an initial period T in s: the median interval if all intervals are within 10 % of it.
 
     Otherwise T is the value near the median that maximises |Σ exp(2πi t_k / T)|. The sum is over
     the first `HEAD` time stamps.

@@ -97,7 +97,7 @@ def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -
 
 
 def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """Fit parabolas to 2 ``half`` + 1 samples; return residual e and slope ẏ at their middle.
+    """Return residual e and slope ẏ at the middle of parabolas fitted to 2 ``half`` + 1 samples.
 
     ``t``: times (N,) in s; ``y``: the angle of one axis (N,) in rad.
     """
@@ -120,9 +120,9 @@ def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.n
 
 
 def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
-    """Return the variance s² (N,) in rad² that quantisation and jitter cause in an axis's angle.
+    """Return the variance s² (N,) rad² of an axis's angle by quantisation and a jitter `SCALE_S`.
 
-    ``rate``: ẏ (N,) in rad/s; ``step``: the encoder's step in rad; the jitter is `SCALE_S`.
+    ``rate``: ẏ (N,) in rad/s; ``step``: the encoder's step in rad.
     """
     return np.asarray(step**2 / 12 + (SCALE_S * rate) ** 2)
 
@@ -144,9 +144,9 @@ def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJ
 
 
 def _jackknife(top: np.ndarray, below: np.ndarray) -> MotionJitter:
-    """Return σ_t² = Σ top / Σ below over blocks, with its jackknife standard deviation.
+    """Return σ_t, with σ_t² = Σ top / Σ below, and the standard deviation of σ_t² by jackknife.
 
-    ``top``, ``below``: the sums of numerator and denominator in each block.
+    ``top``, ``below``: numerator and denominator of σ_t² in each block.
     """
     kept = below > 0
     top, below = top[kept], below[kept]

@@ -1,9 +1,9 @@
 """`McapFile`: writes an MCAP file of header, metadata, schemas, chunks of rows, and summary.
 
 The ``mcap`` library encodes all records but the chunks, whose messages are packed rows
-(`heli3dof.recording.mcap_files.chunk`). One write call takes a chunk with its message indexes, so
-that a killed process leaves complete chunks. Compression, checksum and disk access release
-the interpreter's lock, so the control loop in the same process keeps its deadlines.
+(`heli3dof.recording.mcap_files.chunk`). One call writes a chunk with its message indexes, so that a
+killed process leaves complete chunks. Compression, checksum and disk access release the
+interpreter's lock, so the control loop in the same process keeps its deadlines.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ class Recovery:
 
 @dataclass(frozen=True, eq=False)
 class Salvage:
-    """The rows of a file's intact chunks, their format, and the number of damaged chunks."""
+    """The rows of a file's intact chunks, their byte format, and the number of damaged chunks."""
 
     form: RowFormat
     rows: np.ndarray
@@ -66,8 +66,9 @@ class Salvage:
 def recover(path: str | Path, output: str | Path | None = None, *, force: bool = False) -> Recovery:
     """Write the intact samples of ``path`` to ``output`` (default ``NAME.recovered.mcap``).
 
-    The new file's outcome is ``recovered``; its details are the original outcome, if any, and the
-    losses. Raises RecordingError if ``path`` is intact or has no intact samples.
+    The new file states the outcome ``recovered``, the losses, and the original outcome, if any.
+    ``force`` replaces an existing file. Raises RecordingError if ``path`` is intact or has no
+    intact samples.
     """
     path = Path(path)
     output = path.with_name(f"{path.stem}.recovered.mcap") if output is None else Path(output)

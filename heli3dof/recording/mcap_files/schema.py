@@ -133,11 +133,11 @@ MAX_CHANNELS = 2000
 
 
 def channels_layout(names: Sequence[str]) -> Layout:
-    """Return the layout of a third message, for columns of a log that have no standard field.
+    """Return the layout of the message Channels: a log's columns without a standard field.
 
-    Standard fields are those of the first two messages, Sample and Command. The fields of the third
-    are called ``column1`` …. The metadata of its MCAP channel lists the columns' ``names``. Its
-    schema has these names, too, limited to the characters that protobuf allows.
+    Standard fields are those of the messages Sample and Command. In arrays, the fields of Channels
+    are called ``column1``, ``column2`` …. In the protobuf schema they have the columns' ``names``,
+    changed to names that protobuf allows. The MCAP channel's metadata lists the unchanged names.
     """
     columns: list[Column] = []
     taken: set[str] = set()

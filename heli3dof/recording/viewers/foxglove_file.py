@@ -109,7 +109,7 @@ def messages(recording: Recording, times: list[int]) -> Iterator[tuple[str, int,
 def entity(part: Part, time: int) -> Message:
     """Return a part of the rig as a foxglove.SceneEntity that moves with the part's frame.
 
-    ``time``: ns.
+    ``time``: its time stamp in ns.
     """
     red, green, blue = part.colour
     primitive = {

@@ -88,20 +88,20 @@ def poses(recording: Recording, per_s: float = FRAMES_PER_S) -> Poses:
 
 
 def arm_rotation(roll: FloatArray, yaw: FloatArray) -> FloatArray:
-    """Return the quaternions (n, 4) of R_z(ψ) R_y(−r); ``roll`` and ``yaw`` (n,) in rad."""
+    """Return the arm's rotations R_z(yaw) R_y(−roll) as quaternions (n, 4); angles (n,) in rad."""
     c_r, s_r = np.cos(roll / 2), np.sin(roll / 2)
     c_y, s_y = np.cos(yaw / 2), np.sin(yaw / 2)
     return np.column_stack([s_y * s_r, -c_y * s_r, s_y * c_r, c_y * c_r])
 
 
 def body_rotation(pitch: FloatArray) -> FloatArray:
-    """Return the quaternions (n, 4) of R_x(p); ``pitch`` (n,) in rad."""
+    """Return the body's rotations R_x(pitch) as quaternions (n, 4); ``pitch`` (n,) in rad."""
     zero = np.zeros_like(pitch)
     return np.column_stack([np.sin(pitch / 2), zero, zero, np.cos(pitch / 2)])
 
 
 def pivot_height(profile: Profile) -> float:
-    """Return the height h of the arm's pivot over the table in m."""
+    """Return the height of the arm's pivot over the table in m."""
     L_a = profile.geometry.L_a
     return float(L_a * np.sin(abs(np.radians(profile.encoder.roll_rest_deg))) + THICKNESS * L_a)
 

@@ -43,9 +43,9 @@ def comparison_figures(comparison: Comparison) -> dict[str, dict[str, Figure]]:
 def comparison_plot(
     comparison: Comparison, axis: str = "roll", recording: str | None = None
 ) -> Figure:
-    """Draw the paper's Figure 7, 8 or 9, by ``axis``, for the named or the first recording.
+    """Draw the paper's Figure 7, 8 or 9 (roll, pitch or yaw) for one recording.
 
-    Raises UsageError if there is no such recording or angle.
+    ``recording``: its name; None: the first with this angle. Raises UsageError if there is none.
     """
     for flight in comparison.flights:
         if recording in (None, flight.recording.name) and axis in flight.recording.axes:

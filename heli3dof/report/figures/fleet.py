@@ -1,9 +1,9 @@
 """Draw one quantity of a fleet: each rig's flights over time, the fleet's mean, the changes.
 
-Points are flights with error bars of one standard deviation. Hollow points are flights of other
-experiment plans; the means omit them. The line is the rig's mean since its last step, the grey band
-the 95 % interval of the fleet's mean. A vertical band marks a step: it lies between the flights
-before and after. A dashed line is a drift, and a cross marks a deviating flight.
+Points are flights with error bars of one standard deviation. A rig's mean uses only flights of one
+experiment plan; flights of other plans are hollow points. The line is the rig's mean since its last
+step, the grey band the 95 % interval of the fleet's mean. A vertical band marks a step: it lies
+between the flights before and after. A dashed line is a drift, a cross marks a deviating flight.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ DRIFT = Line(VERMILION, 1.4, (6, 1.5), 5)
 
 
 def fleet_figure(fleet: Fleet, quantity: str = "") -> Figure:
-    """Draw the named quantity; by default the first that changed, or else the fleet's first."""
+    """Draw the named quantity; default: the first that changed, or the fleet's first quantity."""
     changed = [track.quantity for track, _ in fleet.changes()]
     name = quantity or next(iter([*changed, fleet.quantities[0].name]))
     return quantity_figure(next(q for q in fleet.quantities if q.name == name))

@@ -47,8 +47,8 @@ def angle_figure(
 ) -> Figure:
     """Draw angles over time with a label at each curve's end.
 
-    ``frame`` names the curves that determine the vertical range (empty: all). Other curves may
-    leave this range, so that a diverging model does not flatten the rest.
+    ``frame`` names the curves that determine the vertical range (empty: all). Other curves widen
+    it at most threefold, so that a diverging model does not flatten the rest.
     """
     import matplotlib
     from matplotlib.figure import Figure
@@ -94,7 +94,7 @@ def _marks(axes: Axes, c: Curve) -> None:
 
 
 def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]:
-    """Return the lowest and highest value to plot: the range of the curves named in ``frame``.
+    """Return the ends of the vertical axis: the range of the curves named in ``frame``.
 
     Other curves widen this range, at most threefold. An empty ``frame`` means all curves.
     """

@@ -23,7 +23,10 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True)
 class Replayed:
-    """Overshoot and steady error of one axis, °; NaN if undefined or if the model diverges."""
+    """Overshoot and steady error (°) of one axis, in a flight and in two models' replays.
+
+    NaN if undefined or if the model diverges.
+    """
 
     recording: str
     axis: str
@@ -36,7 +39,7 @@ class Replayed:
 def replayed(
     before: GreyBoxModel, after: GreyBoxModel, recordings: Sequence[Recording]
 ) -> tuple[Replayed, ...]:
-    """Return the results for each recording, and each axis with a step or constant reference.
+    """Return one result for each recording and each axis with a step or constant reference.
 
     ``before``, ``after``: models without and with the causes. Recordings that cannot be replayed
     are omitted, such as those with an unknown controller.

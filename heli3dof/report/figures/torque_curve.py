@@ -108,7 +108,7 @@ def variable_of(effect: Effect, axis: str | None) -> str | None:
 
 
 def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | None:
-    """Return the data of the figure of a cause, a term of ``fit``; None if it has no figure.
+    """Return the figure's data for the cause ``term`` of the model ``fit``; None without a figure.
 
     ``noise`` (4,): process noise of roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s), from a
     fit without the cause.
@@ -150,7 +150,7 @@ def torque_curve(fit: Estimate, term: Term, noise: np.ndarray) -> TorqueCurve | 
 
 
 def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
-    """Return the data of the figure of a residual torque that ``fit`` leaves."""
+    """Return the figure's data for a residual torque that the model ``fit`` does not explain."""
     flight = linearised_run(fit)
     i = AXES.index(residual.axis)
     rows = flight.in_runs & np.isfinite(flight.torque[:, i])
@@ -167,11 +167,11 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
 
 
 def _clearest(flight: LinearisedRun, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
-    """Return the variable and axis in which the residual torque τ̂ follows the cause's τ best.
+    """Return the variable and the axis on which the cause explains most of the residual torque.
 
-    The measure is Σ (τ̂ − mean)²/σ² − Σ (τ̂ − τ − mean)²/σ² over the bins (σ: standard error,
-    mean: over the bins). A variable replaces the best one so far only with `MIN_CLARITY_RATIO`
-    times its measure.
+    The residual torque is averaged in bins of the variable. The measure is the decrease of its
+    weighted variance over the bins when the ``cause``'s torque is subtracted. A later variable of
+    ``names`` must reach `MIN_CLARITY_RATIO` times the best measure so far.
     """
     best = (names[0], 0, 0.0)
     for name in dict.fromkeys(names):

@@ -3,7 +3,7 @@
 "Before" is the refitted model without the causes, "after" the model with the causes. The held-out
 data are divided into stretches of `CELL_S` seconds (`heli3dof.diagnosis.validation.gain`). E is the
 RMSE of predictions 1 s ahead on one axis in one stretch. The stretch and axis drawn have the
-largest ratio E_before / median(E_after), with the median over all stretches.
+largest ratio E_before / median(E_after), with the median over all stretches of the axis.
 """
 
 from __future__ import annotations
@@ -27,7 +27,10 @@ BEFORE = Line(VERMILION, 1.5, (6, 1.5), 5)
 
 @dataclass(frozen=True)
 class Stretch:
-    """A stretch of `CELL_S` s: RMSE of one axis, before and after; times on the log's clock."""
+    """A stretch of `CELL_S` s, and the RMSE of one axis there, without and with the causes.
+
+    Times are on the log's clock.
+    """
 
     source: int
     """Index of the recording"""
@@ -39,9 +42,10 @@ class Stretch:
 
 
 def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
-    """Return the stretch and axis whose RMSE before is largest, relative to the median RMSE after.
+    """Return the stretch and axis with the largest ratio of RMSE ``before`` to median ``after``.
 
-    Returns None without predictions.
+    ``before``, ``after``: predictions without and with the causes. The median is that of the axis
+    over all stretches. Returns None without predictions.
     """
     e_before, e_after = (
         np.ma.masked_invalid(rms_deg(x.squares, x.counts)) for x in (before, after)

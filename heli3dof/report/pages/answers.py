@@ -120,7 +120,10 @@ def comparison_answers(comparison: Comparison) -> list[Answer]:
 
 
 def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
-    """Return the axis of the model's largest RMSE (replay, or else predictions), or the first."""
+    """Return the axis of the model's largest RMSE in the replay, or else in predictions.
+
+    Without either RMSE, return the first measured axis.
+    """
     errors = m.replay_rmse_deg
     if errors is None or not np.isfinite(errors).any():
         errors = None if m.prediction is None else m.prediction.over_window_deg
@@ -130,9 +133,9 @@ def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _best(comparison: Comparison) -> list[Answer]:
-    """Return one answer: which model predicts best, with bars of the models' errors.
+    """Return a list of one answer: which model predicts best, with bars of the models' errors.
 
-    The bars are for the first recording. Returns an empty list if no model predicted it.
+    The bars are for the first recording. The list is empty if no model predicted it.
     """
     flight = comparison.flights[0]
     alt = prediction_sentence(flight)

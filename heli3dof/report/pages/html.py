@@ -151,7 +151,7 @@ def bars(
 def figure(drawn: Figure, alt: str, *, flight: str = "") -> str:
     """Return a figure that a reader can zoom, with its SVG image for readers without scripts.
 
-    ``flight``: key of the recording; figures with the same key zoom together in time.
+    ``flight``: identifies the recording; figures of the same recording zoom together in time.
     """
     values = {**live_data(drawn), "flight": flight}
     data = json.dumps(values, ensure_ascii=False, separators=(",", ":"))
@@ -171,7 +171,10 @@ def page(
     answers: Sequence[Answer] = (),
     footer: str = "",
 ) -> str:
-    """Return a complete HTML page; ``answers`` fill its first screen. All strings: plain text."""
+    """Return a complete HTML page; ``answers`` fill its first screen.
+
+    ``title``, ``subtitle``, ``footer``: plain text.
+    """
     sections = [s for s in sections if s.blocks or s.details]
     links = "".join(
         f'<a href="#s{i}">{html.escape(s.title)}</a>' for i, s in enumerate(sections, 1)

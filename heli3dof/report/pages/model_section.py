@@ -118,7 +118,9 @@ def plant_poles(model: LinearModel) -> np.ndarray:
 
 
 def poles_text(poles: np.ndarray, most: int = 12) -> str:
-    """Format poles by decreasing real part: conjugate pairs once, repeated poles with their number.
+    """Format poles by decreasing real part, each conjugate pair and each repeated pole once.
+
+    At most ``most`` entries are shown.
 
     >>> poles_text(np.array([-1.5 - 0.79j, -0.1, -1.5 + 0.79j, 0.0, 0.0]))
     '0 (twice), −0.10, −1.50 ± 0.79j'
@@ -155,7 +157,11 @@ def bode_of(
 def discrete_response(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, dt: float, omega: np.ndarray
 ) -> np.ndarray:
-    """Return C (e^{jω·dt} I − A)⁻¹ B at ω (M,) rad/s, shape (M, 3, 2); ``dt`` is the step in s."""
+    """Return the frequency response C (e^{jω·dt} I − A)⁻¹ B, shape (M, outputs, inputs).
+
+    ``A``, ``B``, ``C``: a discrete model's matrices; ``dt``: its sampling interval in s;
+    ``omega`` (M,): ω in rad/s.
+    """
     z = np.exp(1j * omega * dt)
     n = len(A)
     resolvent = np.linalg.solve(

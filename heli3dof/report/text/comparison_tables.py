@@ -186,9 +186,9 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Return which model of the paper this one corresponds to; None without a counterpart.
+    """Return the paper's name for the model that corresponds to ``model``; None if it has none.
 
-    "hover" is the hover model, "identification" the first identified model of ``models``.
+    "hover" for the hover model, "identification" for the first identified model of ``models``.
     """
     if model.kind == "hover":
         return "hover"
@@ -202,7 +202,7 @@ def _printed(axis: str, subject: Subject | None, quantity: Quantity) -> str:
 
 
 def published_table(rows: Iterable[Reproduced]) -> Grid:
-    """Return a table of the paper's numbers, each with the number simulated here, if possible."""
+    """Return a table of the paper's numbers, each with heli3dof's simulated number, if possible."""
     cells = []
     reasons: dict[str, str] = {}
     for r in rows:
@@ -270,7 +270,10 @@ def flight_grids(flight: FlightComparison, *, paper: bool = False) -> list[Grid]
 
 
 def comparison_grids(comparison: Comparison, *, paper: bool = False) -> list[Grid]:
-    """Return the table of all models and each recording's; ``paper`` adds tables like Table II."""
+    """Return the table of all models, then each recording's tables.
+
+    ``paper`` adds tables like Table II of the paper.
+    """
     grids = [g for f in comparison.flights for g in flight_grids(f, paper=paper)]
     return [fit_table(comparison), *grids]
 

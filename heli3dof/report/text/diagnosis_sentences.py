@@ -92,9 +92,9 @@ def noise_is_unknown(document: Document) -> bool:
 
 
 def before_and_after(gain: Document) -> str:
-    """Return the held-out RMSE in degrees by axis, before → after, as text.
+    """Return a text with the held-out RMSE (°) by axis: before → after a change of the model.
 
-    ``gain``: an object of the JSON document that contains this RMSE as ``holdout_rmse_deg``.
+    ``gain``: the change's object in the JSON document; its key ``holdout_rmse_deg`` has the RMSE.
     """
     error = gain["holdout_rmse_deg"]
     return ", ".join(
@@ -106,7 +106,7 @@ def before_and_after(gain: Document) -> str:
 
 
 def refit_explains(document: Document) -> bool:
-    """Return True if a refit of the profile's numbers removes most of an axis' mean square error.
+    """Return True if refitting the profile removes most of the mean square error of some axis.
 
     The decrease must be significant (`heli3dof.diagnosis.validation.gain.removes_most`). With the
     verdict ``off_calibration`` the result is True without this test.
@@ -125,10 +125,11 @@ def refit_explains(document: Document) -> bool:
 
 
 def calibration_change(document: Document) -> Iterator[str]:
-    """Yield sentences on a refit: RMSE before and after, and parameter ratios unlike the profile's.
+    """Yield sentences on refitting the profile: RMSE before and after, and changed ratios.
 
-    Yields sentences only if the refit explains the error (`refit_explains`), or if nothing was
-    found and the noise floor is unknown.
+    A ratio of parameters counts as changed by more than two standard deviations. Yields sentences
+    only if the refit explains the error (`refit_explains`), or if nothing was found and the noise
+    floor is unknown.
     """
     unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
     if not (unknown or refit_explains(document)):
@@ -294,7 +295,7 @@ def measured_on(document: Document) -> str:
 
 
 def unmodelled_effects(document: Document) -> Iterator[str]:
-    """Yield sentences on each torque without a known cause: axis, variable, term of the model.
+    """Yield sentences on each torque without a known cause: its axis, variable and model term.
 
     The last sentence states the errors that remain without an explanation, if there are any.
     """
@@ -336,7 +337,7 @@ def _remaining(document: Document, remaining: Sequence[Document]) -> str:
 
 
 def slow_noise(document: Document) -> Iterator[str]:
-    """Yield a sentence on slow torque noise, which depends on no measured variable, if any."""
+    """Yield a sentence on slow torque noise, if any; it depends on no measured variable."""
     each = [f"{x['axis']} ({x['rms_Nm']:.2g} N·m RMS)" for x in document.get("slow_noise", ())]
     if each:
         yield (
@@ -365,7 +366,7 @@ def _torque_term(rest: Document, where: str) -> str:
 
 
 def not_adopted(document: Document) -> Iterator[str]:
-    """Yield sentences on candidate effects that were not adopted, or that are not identifiable."""
+    """Yield sentences on candidate effects not added to the model, and on unidentifiable ones."""
     for x in document.get("dropped", ()):
         span = x["gain"].get("holdout_log_likelihood_interval", (None, None))
         if span is None:  # compared by multi-step predictions

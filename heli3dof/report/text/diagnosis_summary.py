@@ -36,7 +36,10 @@ def diagnosis_summary(document: Document) -> list[str]:
 
 
 def faults(document: Document) -> list[str]:
-    """Return a sentence per fault that stops the diagnosis or is a finding; --verbose lists all."""
+    """Return a sentence per fault that stops the diagnosis or counts as a cause of the error.
+
+    With --verbose, heli3dof prints all faults.
+    """
     stated = [f for f in document.get("integrity", ()) if f["kind"] in ("bad_data", "finding")]
     return list(dict.fromkeys(words.faults({"integrity": stated})))
 
@@ -81,7 +84,7 @@ def _weaker(document: Document) -> list[str]:
 
 
 def gain(document: Document) -> Iterator[str]:
-    """Yield one line with the RMSE without and with the causes, or nothing if none was added."""
+    """Yield a line with the RMSE without and with the causes; nothing if the model has none."""
     if not words.adopted(document):
         return
     where, falls = words.measured_on(document), words.before_and_after(document["gain"])

@@ -24,7 +24,7 @@ MOST_REASONS = 3
 
 
 def finding_sentences(fleet: Fleet) -> tuple[str, ...]:
-    """Return a sentence on each change, then on each rig that differs from its siblings."""
+    """Return a sentence on each change, then on each rig that differs from the other rigs."""
     found = [change_sentence(track, c) for track, c in fleet.changes()]
     if not found and any(len(r.track.y) >= LEAST_FLIGHTS for r in fleet.tracks()):
         found = [f"No quantity of {_count(len(fleet.rigs), 'rig')} changed."]
@@ -58,7 +58,7 @@ def change_sentence(track: Track, change: Change) -> str:
 
 
 def difference_sentence(quantity: str, d: Difference) -> str:
-    """Return how far a rig's quantity is from that of its siblings, as a sentence."""
+    """Return how far a rig's quantity is from the mean of the other rigs, as a sentence."""
     side = "above" if d.size > 0 else "below"
     return (
         f"{d.rig}: {quantity} is {significant(abs(d.size), d.std)} {side} the mean of its "
@@ -158,7 +158,7 @@ def _chance(p: float) -> str:
 
 
 def _level(track: Track, change: Change) -> float:
-    """Return the median of the quantity over all flights before a change."""
+    """Return the median of the track's quantity over all flights before a change."""
     return float(np.median(track.y[: change.first]))
 
 

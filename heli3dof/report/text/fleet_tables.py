@@ -14,7 +14,7 @@ from heli3dof.report.text.table import Grid
 
 @dataclass(frozen=True)
 class Column:
-    """A table column: pattern of a quantity's name, title, factor from its unit to the title's."""
+    """A table column: a pattern of quantities' names, a title, a factor to the title's unit."""
 
     pattern: str
     title: str
@@ -57,10 +57,10 @@ def rig_table(fleet: Fleet) -> Grid:
 
 
 def main_quantities(fleet: Fleet) -> list[tuple[FleetQuantity, Column]]:
-    """Return (quantity, column) for each column of `MAIN` whose pattern a quantity matches.
+    """Return at most `MOST_COLUMNS` pairs (quantity, column), in the order of `MAIN`.
 
-    The first such quantity counts. If there is none in any column, the fleet's first quantities
-    are returned. At most `MOST_COLUMNS` pairs are returned.
+    A column's quantity is the first whose name matches the column's pattern; without one the
+    column is left out. If no column has a quantity, the fleet's first quantities are returned.
     """
     found = []
     for column in MAIN:
@@ -72,7 +72,7 @@ def main_quantities(fleet: Fleet) -> list[tuple[FleetQuantity, Column]]:
 
 
 def quantity_table(q: FleetQuantity) -> Grid:
-    """Return the table of one quantity: each rig's estimate, interval and scatter."""
+    """Return one quantity's table: each rig's estimate, interval, scatter between flights."""
     rows = [(r.track.rig, *_numbers(r.estimate), _marks(r)) for r in q.rigs]
     if q.fleet is not None and len(q.rigs) > 1:
         rows.append(("all rigs", *_numbers(q.fleet), ""))

@@ -1,7 +1,7 @@
 """Make the tables of an identification, and the summary that the terminal shows.
 
 The tables give parameters, factored transfer functions and poles with standard deviations, fits on
-held-out data, residual tests and candidate orders.
+held-out data, residual tests, and the model orders tried.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ def _residual_tests(found: Identification) -> Iterator[str]:
 def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
     """Return a table of the estimates with standard deviations and Cramér–Rao bounds.
 
-    ``brief``: without bounds. An effect is left out, and named in a note, if its estimate is
-    within two standard deviations of the value that means "no effect".
+    ``brief``: without bounds, and without each effect whose estimate is within two standard
+    deviations of the value that means "no effect"; a note names these effects.
     """
     parameters = found.found.parameters
     absent = {
@@ -215,7 +215,7 @@ def residuals_table(found: Identification) -> Grid:
 
 
 def candidates_table(found: Identification) -> Grid:
-    """Return a table of the model orders and sampling intervals tried, with fit (%) and ln L."""
+    """Return a table of the tried model orders and sampling intervals: fit (%), log-likelihood."""
     rows = [
         [
             str(c.order),

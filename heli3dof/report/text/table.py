@@ -101,7 +101,7 @@ class _FittingTable:
         return head.rsplit(" ", 1) if self.grid.is_number(column) else [head]
 
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
-        """Return the columns' widths: the least ones, widened from the left up to ``width``."""
+        """Return the least column widths, widened from the left as far as ``width`` permits."""
         from rich.cells import cell_len
 
         widths = [self._least_width(i) for i in columns]

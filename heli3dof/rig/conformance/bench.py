@@ -26,7 +26,7 @@ class NotConforming(CheckFailed):
 
 
 class MovesRealRig(unittest.SkipTest):
-    """Raised if a case would move motors of a real rig and its caller did not permit this."""
+    """Raised if a case would move motors, and ``moves`` of `conforms` does not permit this."""
 
 
 class Host:

@@ -15,7 +15,7 @@ group determines the argument of these checks:
 To add a check, add a file with ``GROUP`` and ``CHECKS``, or a function to a file's ``CHECKS``.
 Before the port is opened, the driver checks the port's permission, holder and latency timer
 (`heli3dof.rig.interface.Driver.examine`). `heli3dof.experiment.control_loop.realtime_priority`
-checks what the system grants the loop.
+checks which real-time settings the operating system permits.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ def checks_of(group: str) -> Iterator[Callable[[Any], Check]]:
 
 
 def verdict(what: str, found: str, good: bool, fix: str) -> Check:
-    """Return a `Check` with these fields.
+    """Return a `Check` with these fields; its ``fix`` is empty if ``good``.
 
-    ``what``: what was checked; ``found``: the result in words; ``good``: True if it passed;
-    ``fix``: what to do, omitted if ``good``.
+    ``what``: what was checked; ``found``: the result in words; ``good``: True if the check passed;
+    ``fix``: what to do.
     """
     return Check(what, found, good, "" if good else fix)

@@ -89,7 +89,7 @@ def traffic(armed: Armed) -> Check:
 
 
 def _missing(rig: StoppableRig) -> dict[str, int]:
-    """Return the rig's counts of lost samples by cause; empty if the rig lacks one of them."""
+    """Return the rig's numbers of lost samples by cause; empty if it does not count every cause."""
     counts = {why: count_of(rig.statistics, why) for why in WHERE}
     found = {why: n for why, n in counts.items() if n is not None}
     return found if len(found) == len(WHERE) else {}

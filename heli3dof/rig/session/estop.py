@@ -1,6 +1,6 @@
 """Stops rigs now, whichever process holds them.
 
-    first                →  store the time: no command begun earlier can arm (`stop_stamp`)
+    first                →  store the time: no program begun earlier can arm (`stop_stamp`)
     running session      →  request the stop through its socket; the session confirms the stop
     no answer in 200 ms  →  directly: the driver stops the device although a process holds it
     no session           →  directly
@@ -86,8 +86,9 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
 def _await(question: Request, start: float) -> Stopped | None:
     """Wait for a session's answer to a stop request, and return the result.
 
-    Without an answer, the driver stops a real rig directly. Returns None if the session was the
-    process of an emulated rig and has ended. ``start``: when the stop began, in s (monotonic).
+    Without an answer, the driver stops a real rig directly. An emulated rig exists only in the
+    session's process: if this process has ended, nothing is left to stop, and the result is None.
+    ``start``: when the stop began, in s (monotonic).
     """
     session = question.session
     who = f"pid {session.pid} (`{session.doing}`)"
@@ -156,8 +157,8 @@ class EstopResult:
     def raise_if_not_stopped(self, device: str | None = None) -> None:
         """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
 
-        ``device``: the URL to stop; None: all. If all are stopped, an unconfirmed device raises no
-        error if no session held it (it may be no rig) and another rig was stopped.
+        ``device``: the URL that was to stop; None: all. With None, missing confirmations of
+        devices without a session (they may be no rigs) are ignored if any rig was stopped.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:

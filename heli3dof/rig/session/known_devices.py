@@ -1,16 +1,16 @@
 """Records where rigs were opened, so that ``heli3dof estop`` stops only rigs.
 
 A serial port may lead to any instrument, and bytes that stop a rig may start another instrument. A
-*place* is the part of a device URL after the scheme, or the device's persistent name. A place is
-known to be a rig's if one of these applies:
+*place* is a device URL's scheme with the device's persistent name, or else with the URL's address.
+A place is known to be a rig's if one of these applies:
 
 - The search of the URL's driver returns only rigs. (A driver whose search also returns other
   instruments has a method ``is_rig``: it is a `RecognisesRigs`.)
 - The driver's ``is_rig(url)`` returns True now.
 - A rig was opened there before.
 
-`remember` keeps ``persistent_name(url)``, the device URL and the serial number in the file
-``places`` of the state folder (`session.paths.state_folder`), one line each, separated by tabs.
+`remember` stores a line for each place in the file ``places`` of the state folder
+(`session.paths.state_folder`): place, device URL and serial number, separated by tabs.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ because `is_held` takes a free lock for an instant"""
 
 
 class Lock:
-    """A lock on a file, from construction until `release`; `write_holder` names the holder.
+    """A lock on a file, held from construction until `release`.
 
     Raises DeviceError, naming the holder, if another process has locked the file. ``device``: the
     rig's URL, for the error's message.

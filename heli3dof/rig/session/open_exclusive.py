@@ -38,7 +38,7 @@ def open_rig(
 
     ``doing``: what the session does, for messages; default: the command line. ``also`` returns
     entries to add to the state that other processes read. ``began_ns``: monotonic time in ns at
-    which the command that moves the rig began (defined in `heli3dof.rig.session.stop_stamp`). The
+    which the program or call that moves the rig began (`heli3dof.rig.session.stop_stamp`). The
     opened rig's counts are zero at the stored rest angles; its ``rest.note`` states what the user
     should know about these. Raises DeviceError if the rig is missing, not permitted, in use by
     another session, or without a serial number.

@@ -49,8 +49,8 @@ class Session:
     """One process's lock on one rig. Close it, or use it in a ``with`` statement.
 
     ``private``: the rig is emulated in this process. ``doing``: what the session does, for
-    messages. ``began_ns``: monotonic time in ns at which the command that uses the rig began
-    (defined in `heli3dof.rig.session.stop_stamp`). Raises DeviceError, naming the other session, if
+    messages. ``began_ns``: monotonic time in ns at which the program or call that uses the rig
+    began (`heli3dof.rig.session.stop_stamp`). Raises DeviceError, naming the other session, if
     another session holds the rig.
     """
 
@@ -112,9 +112,9 @@ class Session:
     def begin_to_arm(self) -> str | None:
         """Return None if the rig may be armed, else the reason of the stop that forbids it.
 
-        A stop forbids arming if it was requested from this session, or came after the start of the
-        command that uses the rig (`heli3dof.rig.session.stop_stamp`). Call this method again after
-        every attempt to arm, because a stop may come in between.
+        A stop forbids arming if it was requested from this session, or came after the program or
+        call that uses the rig began (`heli3dof.rig.session.stop_stamp`). Call this method again
+        after every attempt to arm, because a stop may come in between.
         """
         with self._deciding:
             if self.stop_reason is None:

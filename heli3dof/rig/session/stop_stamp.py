@@ -1,18 +1,18 @@
-"""Stores the time of each emergency stop: a command begun before a stop cannot arm after it.
+"""Stores the time of each emergency stop: a program begun before a stop cannot arm after it.
 
     <runtime>/<name>@<time>.stop      name: a device, a serial number, or ``all``
                                       time: of the stop, ns on the host's monotonic clock
 
-Such a file is the *stamp* of a stop. A *command* starts flights: it is the run of a program, or a
-call (see the table). A flight must not arm if
+Such a file is the *stamp* of a stop; it contains the reason and the computer's boot identifier. An
+*invocation* of heli3dof starts flights: the run of a program, or a call. A flight must not arm if
 
-    its command began ≤ time of a stop of its rig ≤ now
+    start of its invocation ≤ time of a stop of its rig ≤ now
 
 A stop writes its stamp before it looks for sessions (processes that use a rig). A flight looks for
 stamps after its session is visible. So either the stop finds the session, or the flight finds the
 stamp.
 
-When a command began:
+When an invocation began:
 
 ==============================  ==================================================================
 a program: ``heli3dof``, a      the start of its process, as the system reports it; so all flights
@@ -46,16 +46,16 @@ _began_ns: int | None = None
 
 
 def start_command() -> None:
-    """Mark the start of a command now, so that earlier emergency stops do not prevent its flights.
+    """State that a user's request begins now: earlier emergency stops do not forbid its flights.
 
-    For programs that carry out several commands: a server, a window, a test run.
+    For programs that carry out several requests: a server, a window, a test run.
     """
     global _began_ns
     _began_ns = time.monotonic_ns()
 
 
 def command_began_ns() -> int:
-    """Return when the running command began, in ns on the host's monotonic clock."""
+    """Return when the running program or call began, in ns on the host's monotonic clock."""
     global _began_ns
     if hasattr(sys, "ps1"):  # an interactive interpreter has a prompt
         return time.monotonic_ns()
@@ -65,7 +65,7 @@ def command_began_ns() -> int:
 
 
 def leave_stamp(names: Iterable[str], reason: str) -> None:
-    """Store an emergency stop made now: no command begun earlier can arm the rigs ``names``.
+    """Store an emergency stop made now: no program begun earlier can arm the rigs ``names``.
 
     ``names``: from `names_of`, or ``all``; ``reason``: for the message of a refused flight.
     """
@@ -80,9 +80,10 @@ def leave_stamp(names: Iterable[str], reason: str) -> None:
 
 
 def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
-    """Return the reason of a stop that forbids a command begun at ``began_ns`` to arm, or None.
+    """Return the reason of a stop since ``began_ns``, which forbids arming; None without a stop.
 
-    ``began_ns``: in ns on the host's monotonic clock; ``names``: the rig's, from `names_of`.
+    ``began_ns``: when the program or call began, in ns on the host's monotonic clock; ``names``:
+    the rig's, from `names_of`.
     """
     now, wanted = time.monotonic_ns(), {ALL, *names}
     for stamp in runtime_folder().glob("*.stop"):

@@ -3,7 +3,7 @@
 An emergency stop that another process requests ends the loop by the samples' flag ESTOP::
 
     exchange(command):   requested?  →  estop once, confirm, and zero volts from then on
-    arm():               requested, or a stop since the command began
+    arm():               requested, or a stop since the program began
                          (`heli3dof.rig.session.stop_stamp`)?
                          →  SafetyTrip, since arming would clear the stop
 

@@ -45,10 +45,9 @@ class _Found:
 
 
 def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
-    """Return one table per clock with its signals, and one per length of arrays without a clock.
+    """Return a table of signals for each clock, and for each length of arrays without a clock.
 
-    ``source``: the file's name; ``stem``: the file's name without ending; ``variables``: the file's
-    variables by name.
+    ``source``: the file's name; ``stem``: the same without ending; ``variables``: by name.
     """
     found = _Found()
     for name, value in variables.items():
@@ -65,7 +64,7 @@ def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
 def _visit(name: str, value: Any, found: _Found) -> None:
     """Add the signals of the variable ``name`` to ``found``; visit the fields of a structure.
 
-    A field's signal is named like the field, or ``structure.field`` if that name is taken.
+    A field's signal is named like the field, or ``structure.field`` if another array has this name.
     """
     if isinstance(value, Opaque):
         found.ignored.append(
@@ -142,8 +141,8 @@ def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:
 def _without_clock(found: _Found, clocks: set[int]) -> Iterator[dict[str, np.ndarray]]:
     """Yield one dict per length: the columns of that length in ``found`` that have no clock.
 
-    Arrays that are too short are ignored. If the file has clocks (``clocks``: their lengths),
-    arrays of other lengths are ignored, too. An array with a name of docs/reference/recording.md is
+    Ignored are arrays of fewer than `MIN_SAMPLES` samples and, if the file has clocks, arrays of
+    lengths other than theirs (``clocks``). An array with a name of docs/reference/recording.md is
     always kept.
     """
     lengths: dict[int, dict[str, np.ndarray]] = {}
