@@ -1,8 +1,9 @@
-"""Check that the profile's controller reproduces the recorded voltages.
+"""Check that a known controller reproduces the recorded voltages.
 
-`heli3dof.model.control.voltage_replay` states the comparison and its limits. The diagnosis needs
-this controller to simulate flights (for its null distributions and its bias correction). If another
-controller flew the recording, the diagnosis continues as for an unknown controller.
+`heli3dof.model.control.voltage_replay` compares the profile's controller with the log. The
+diagnosis needs the controller to simulate flights (for its null distributions and its bias
+correction). If the profile has none, or another one flew the recording, it is identified from the
+log (`heli3dof.model.control.controller_identification`).
 """
 
 from __future__ import annotations
@@ -11,14 +12,14 @@ from collections.abc import Iterable
 
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
-from heli3dof.model.control.voltage_replay import Match, voltage_replay
+from heli3dof.model.control.voltage_replay import Match, voltage_replay, with_known_controller
 from heli3dof.recording.logs.sampling_clock import sampling_times
 
 KIND = {Match.LATE: Kind.NOTE, Match.EXCITED: Kind.NOTE, Match.OTHER: Kind.FINDING}
 CONSEQUENCE = {
     Match.LATE: "The simulated flights have the same delay.",
     Match.EXCITED: "The simulated flights get this difference as an extra voltage.",
-    Match.OTHER: "The diagnosis continues as for an unknown controller.",
+    Match.OTHER: "The diagnosis does not use this controller.",
 }
 CAUSE = {
     Match.LATE: "it is that of the previous sample: the controller is one period late, or the log "
@@ -35,7 +36,7 @@ FIX = {
 
 
 def controller(view: View) -> Iterable[Fault]:
-    """Yield a finding or a note if the profile's controller gives other voltages than logged."""
+    """Yield a finding or a note if the controller's voltages differ from the logged ones."""
     r = view.recording
     result = voltage_replay(sampling_times(r))
     if result is None or result.match is Match.REPRODUCED:
@@ -50,9 +51,29 @@ def controller(view: View) -> Iterable[Fault]:
     )  # fmt: skip
 
 
+def identified(view: View) -> Iterable[Fault]:
+    """Yield a note on the linear controller that was identified in place of the profile's."""
+    law = with_known_controller(sampling_times(view.recording)).identified_controller
+    if law is not None:
+        name = view.recording.name
+        yield Fault(
+            "controller.identified", Kind.NOTE, name,
+            f"{name}: a linear controller of order {len(law.A)} was identified from the log. It "
+            f"leaves {100 * law.share:.2g} % of the voltages' changes unexplained (standard "
+            "deviation). Simulated flights use it.",
+            "the profile has no [controller], the log has no references, or another controller "
+            "flew it.",
+            "nothing to do",
+        )  # fmt: skip
+
+
 CHECKS = (
     Check(
         "controller.voltage", Stage.CONTROLLER, "voltages that the controller did not compute",
         controller,
+    ),
+    Check(
+        "controller.identified", Stage.CONTROLLER,
+        "a controller that replaces the profile's in simulated flights", identified,
     ),
 )  # fmt: skip

@@ -3,6 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.integrity import Kind, integrity
@@ -27,9 +28,27 @@ def test_a_wrong_gain_in_the_profile_is_a_finding_with_the_way_out() -> None:
     found = fault(with_gain(flight("run-step"), 1.3))
     assert found.kind == Kind.FINDING
     assert found.effect is None
-    assert "as for an unknown controller" in found.sentence
+    assert "does not use this controller" in found.sentence
     assert "[controller]" in found.fix
     assert Diagnosis(("flight",), (), "nothing_found", (found,)).in_order == ()
+
+
+@pytest.mark.parametrize("why", ["other gains", "no controller", "no references"])
+def test_the_controller_is_identified_if_the_profile_s_cannot_be_used(why: str) -> None:
+    r = flight("run-step")
+    if why == "other gains":
+        r = with_gain(r, 1.3)
+    elif why == "no controller":
+        r = replace(r, profile=r.profile.model_copy(update={"controller": None}))
+    else:
+        r = replace(r, reference=np.full_like(r.reference, np.nan))
+    (found,) = (f for f in integrity(r) if f.check == "controller.identified")
+    assert found.kind == Kind.NOTE
+    assert "order 3" in found.sentence  # an integral, and rates by a filter of second order
+
+
+def test_the_profile_s_controller_is_not_identified_again() -> None:
+    assert not [f for f in integrity(flight("run-step")) if f.check == "controller.identified"]
 
 
 def test_a_gain_that_is_right_to_a_percent_is_no_finding() -> None:

@@ -18,7 +18,8 @@ If the share exceeds `REPRODUCED`, d shows the cause:
 * Otherwise another controller flew the recording.
 
 `with_known_controller` prepares a recording for simulated flights (bias correction, null
-simulations). The check `heli3dof.integrity.controller` reports the comparison.
+simulations). If the profile's controller did not fly the recording, it is identified from the log
+(`model.control.controller_identification`). The check `heli3dof.integrity.controller` reports both.
 """
 
 from __future__ import annotations
@@ -124,28 +125,31 @@ def voltage_replay(recording: Recording) -> VoltageReplay | None:
 
 
 def with_known_controller(recording: Recording) -> Recording:
-    """Return the recording with a profile and extra voltages that reproduce its voltages.
+    """Return the recording with a controller that reproduces its voltages, if there is one.
 
     An excitation that was not logged becomes the extra voltage. `is_late` holds for the result if
-    the controller is one period late. If another controller flew the recording, the result's
-    profile has no controller.
+    the controller is one period late. If the profile has no controller, or another one flew the
+    recording, the result has an ``identified_controller``, or no controller at all.
     """
     result = voltage_replay(recording)
-    if recording.profile.controller is None or (result and result.match is Match.OTHER):
-        profile = recording.profile.model_copy(update={"controller": None})
-        identified = identified_controller(recording)
-        return replace(recording, profile=profile, identified_controller=identified)
-    if result is None or result.match is Match.REPRODUCED:
-        return recording
-    if result.match is Match.LATE:
-        return replace(recording, meta={**recording.meta, DELAY_KEY: 1})
-    if result.match is Match.EXCITED:
+    match = None if result is None else result.match
+    if result is not None and match is Match.EXCITED:
         return replace(recording, voltage_extra=result.difference)
-    raise AssertionError(result.match)
+    if match is Match.LATE:
+        return replace(recording, meta={**recording.meta, DELAY_KEY: 1})
+    if match is not Match.OTHER and controller_is_known([recording]):
+        return recording
+    found = replace(recording, identified_controller=identified_controller(recording))
+    if match is Match.OTHER:
+        return replace(found, profile=found.profile.model_copy(update={"controller": None}))
+    return recording if found.identified_controller is None else found
 
 
 def controller_is_known(recordings: Sequence[Recording]) -> bool:
-    """Return True if every recording has a known controller, three axes and a reference."""
+    """Return True if every recording has three axes and a known controller.
+
+    It is the profile's controller with a logged reference, or an identified one.
+    """
     return all(
         len(r.axes) == 3
         and (

@@ -1,0 +1,110 @@
+"""The controller of a log is identified, to the accuracy of the logged numbers."""
+
+from __future__ import annotations
+
+import doctest
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
+from heli3dof.model.control import controller_identification as module
+from heli3dof.model.control.controller_identification import identified_controller
+from heli3dof.model.control.voltage_replay import controller_is_known, with_known_controller
+from heli3dof.model.greybox.model import nominal
+from heli3dof.recording import linear_controller
+from heli3dof.recording.linear_controller import LinearController
+from heli3dof.recording.load import load
+from heli3dof.recording.recording import Recording
+from heli3dof.rig.profile import load_profile
+from tests.flown import flown
+from tests.paths import REAL_DATA, needs_real_data
+
+
+def without_controller(r: Recording) -> Recording:
+    return replace(r, profile=r.profile.model_copy(update={"controller": None}))
+
+
+@pytest.fixture(scope="module")
+def steps() -> Recording:
+    return flown("steps", 45.0, device="mock:?speed=max&start=level", seed=3)
+
+
+def test_the_doctests_pass() -> None:
+    assert doctest.testmod(module).failed == 0
+    assert doctest.testmod(linear_controller).failed == 0
+
+
+def test_the_gains_on_the_angles_are_those_of_the_controller(steps: Recording) -> None:
+    """The rates' filter passes b0 of each angle at once: B_0 = −(K_angle + b0 K_rate)."""
+    from heli3dof.model.control.controller import derivative_filter
+
+    spec = steps.profile.controller
+    assert spec is not None
+    b0, *_ = derivative_filter(spec, steps.profile.dt)
+    K = np.array(spec.K)
+    law = identified_controller(without_controller(steps))
+    assert law is not None
+    assert law.share < 0.01
+    assert len(law.A) == 3
+    assert law.B[0] == pytest.approx(-(K[:, :3] + b0 * K[:, 3:6]), rel=0.01)
+
+
+def test_with_the_recorded_angles_the_law_has_the_recorded_voltages(steps: Recording) -> None:
+    law = identified_controller(steps)
+    assert law is not None
+    w, n = law.input_of(steps.voltage, steps.angle), len(law.A)
+    k = np.arange(n, len(steps))
+    v = w[k].copy()
+    v += sum(steps.voltage[k - j] @ law.A[j - 1].T for j in range(1, n + 1))
+    v += sum(steps.angle[k - j] @ law.B[j].T for j in range(n + 1))
+    np.testing.assert_allclose(v, steps.voltage[k], atol=1e-9)
+
+
+def test_flights_simulated_with_the_law_are_those_with_the_profile_s_controller(
+    steps: Recording,
+) -> None:
+    """Both controllers get the same noise. The angles stay within a few encoder steps."""
+    bare = with_known_controller(without_controller(steps))
+    assert controller_is_known([bare])
+    model = replace(nominal(steps.profile, ()), noise=np.array([0.004, 0.01, 0.003]))
+    one, two = (simulated_flight(model, r, np.random.default_rng(5)) for r in (steps, bare))
+    step = np.abs(steps.profile.encoder.rad_per_count)
+    assert (np.abs(one.angle - two.angle).std(axis=0) < 5 * step).all()
+    assert np.abs(one.angle - steps.angle).std() > 0
+
+
+def test_an_excitation_that_was_not_logged_leaves_the_controller_unknown() -> None:
+    r = flown("prbs", 30.0, device="mock:?speed=max&start=level", seed=3)
+    assert identified_controller(replace(r, voltage_extra=np.full_like(r.voltage, np.nan))) is None
+
+
+@pytest.mark.parametrize("lost", ["an axis", "a sample of an angle", "most rows"])
+def test_a_log_with_too_little_data_has_no_identified_controller(
+    steps: Recording, lost: str
+) -> None:
+    angle = steps.angle.copy()
+    if lost == "most rows":
+        assert identified_controller(steps.between(10.0, 10.4)) is None
+        return
+    if lost == "an axis":
+        angle[:, 2] = np.nan
+    else:
+        angle[1000, 1] = np.nan
+    assert identified_controller(replace(steps, angle=angle)) is None
+
+
+@needs_real_data
+@pytest.mark.parametrize(
+    ("log", "order"), [("rig-a/closed-1a", 2), ("rig-a/closed-2a", 2), ("rig-b/closed-03", 2)]
+)
+def test_the_controllers_of_two_laboratories_are_linear_and_of_second_order(
+    log: str, order: int
+) -> None:
+    rig = log.partition("/")[0]
+    profile = load_profile(REAL_DATA / rig / "profile.toml")
+    law = identified_controller(load(REAL_DATA / f"{log}.csv", profile=profile))
+    assert isinstance(law, LinearController)
+    assert len(law.A) == order
+    assert law.share < 0.002
