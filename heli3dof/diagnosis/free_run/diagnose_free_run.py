@@ -77,10 +77,7 @@ from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 from heli3dof.stage_clock import Progress
 
-METHOD = (
-    "The controller is unknown, so null simulations are not possible, and the likelihood is not "
-    "reliable: {} The full physical model was therefore fitted to 3 s predictions. "
-)
+METHOD = "The likelihood is not reliable: {} So the full model was fitted to 3 s predictions. "
 WHY = METHOD + (
     "A term is a cause if left-out blocks need it and its size is significant; other terms keep "
     "their prior. There is no noise floor."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from heli3dof.experiment.fly import fly_plan
@@ -65,9 +66,19 @@ def test_on_an_extreme_limit_cycle_the_roll_inertia_is_the_rigs() -> None:
     assert without_bias(plain, [recording]).values[1] == pytest.approx(nominal, rel=0.1)
 
 
+def test_a_controller_that_the_profile_lacks_is_identified(
+    step: Recording, plain: Estimate
+) -> None:
+    bare = replace(step, profile=step.profile.model_copy(update={"controller": None}))
+    both = (without_bias(plain, [r]).values[1] for r in (step, bare))
+    assert next(both) == pytest.approx(next(both), rel=0.1)
+
+
 def test_without_a_known_controller_a_fit_stays_as_it_is(step: Recording, plain: Estimate) -> None:
+    angle = step.angle.copy()
+    angle[100] = np.nan  # with a lost sample the controller cannot be identified
     profile = step.profile.model_copy(update={"controller": None})
-    assert without_bias(plain, [replace(step, profile=profile)]) is plain
+    assert without_bias(plain, [replace(step, profile=profile, angle=angle)]) is plain
 
 
 def test_a_fit_with_a_valid_likelihood_stays_as_it_is() -> None:
