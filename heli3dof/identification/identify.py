@@ -205,15 +205,15 @@ def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
     if score is None or not prepared.held_out:
         return []
     motion = rms_motion_deg(prepared, prepared.held_out)
-    bad = [(a, m) for a, fit, m in zip(AXES, score.fit_percent, motion, strict=True) if fit < 0]
-    little = [(a, m) for a, m in bad if m < LITTLE_MOTION_DEG]
-    poor = [a for a, m in bad if m >= LITTLE_MOTION_DEG]
+    each_axis = list(zip(AXES, score.fit_percent, motion, strict=True))
+    little = [(a, m) for a, fit, m in each_axis if not fit >= 0 and m < LITTLE_MOTION_DEG]
+    poor = [a for a, fit, m in each_axis if fit < 0 and m >= LITTLE_MOTION_DEG]
     out = []
     if little:
         each = ", ".join(f"{axis} {m:.2g}°" for axis, m in little)
         out.append(
-            f"The held-out data hardly move ({each} rms), so a negative fit there says nothing of "
-            "the model. To test it, record more motion: heli3dof run multisine"
+            f"The held-out data hardly move ({each} rms), so the fit there says nothing of the "
+            "model. To test it, record more motion: heli3dof run multisine"
         )
     if poor:
         out.append(

@@ -35,7 +35,7 @@ model does not describe the rise from −27.5° of roll, and its error must deca
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """The fit (%) and RMSE (rad) of each axis, (3,), over ``rows`` rows; NaN without any row."""
+    """The fit (%) and RMSE (rad) of each axis, (3,), over ``rows`` rows; NaN: undefined."""
 
     fit_percent: np.ndarray
     rmse: np.ndarray
@@ -91,7 +91,7 @@ def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
     """Return the score over pairs of measured and predicted angles (N, 3) rad.
 
     Rows with a NaN are skipped. The fit compares the prediction errors with the deviations of each
-    pair's measured angles from their mean.
+    pair's measured angles from their mean; it is NaN if the measured angle is constant.
     """
     error, spread, rows = np.zeros(3), np.zeros(3), 0
     for y, predicted in pairs:
@@ -99,12 +99,13 @@ def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
         if not ok.any():
             continue
         error += ((y - predicted)[ok] ** 2).sum(axis=0)
-        spread += ((y[ok] - y[ok].mean(axis=0)) ** 2).sum(axis=0)
+        moves = np.ptp(y[ok], axis=0) > 0  # the mean of equal numbers is rounded
+        spread += np.where(moves, ((y[ok] - y[ok].mean(axis=0)) ** 2).sum(axis=0), 0.0)
         rows += int(ok.sum())
     if rows == 0:
         return NO_SCORE
     with np.errstate(divide="ignore", invalid="ignore"):
-        fit = 100 * (1 - np.sqrt(error / spread))
+        fit = np.where(spread > 0, 100 * (1 - np.sqrt(error / spread)), np.nan)
     return Score(fit, np.sqrt(error / rows), rows)
 
 

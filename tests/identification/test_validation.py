@@ -47,6 +47,13 @@ def test_each_pair_is_measured_against_its_own_mean() -> None:
     np.testing.assert_allclose(result.fit_percent, 50)
 
 
+def test_a_constant_angle_has_an_error_but_no_fit() -> None:
+    y = np.column_stack([np.full(50, 0.1), np.linspace(0, 1, 50), np.full(50, -0.3)])
+    found = score([(y, y + 0.01)])
+    assert np.isnan(found.fit_percent).tolist() == [True, False, True]
+    assert found.rmse == pytest.approx([0.01] * 3)
+
+
 def test_predictions_of_held_out_rows_use_the_rows_before(flown: Recording) -> None:
     p = prepare([flown])
     model = hover_model(flown.profile)
