@@ -133,9 +133,9 @@ def _evenly_sampled(
 
 
 class _Windows:
-    """Integrals of a signal of n samples, ``dt`` s apart, times φ, φ̇ or φ̈, for each window.
+    """For each window, the integral ∫ x φ dt of a signal x, or the same with φ̇ or φ̈.
 
-    φ is a test function that is zero outside the window.
+    φ: test function, zero outside the window. x has n samples, ``dt`` s apart.
     """
 
     def __init__(self, n: int, dt: float) -> None:

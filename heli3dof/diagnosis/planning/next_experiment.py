@@ -237,7 +237,7 @@ def _outlooks(
                 margins.setdefault(task, {})[which - 1] = m
 
     def best_rank(task: Task) -> float:
-        """Return an upper bound of margin/duration, exact if every cause was simulated."""
+        """Return the smallest margin of the causes simulated so far, divided by the plan's time."""
         return min(margins[task].values()) / task.plan.duration_s
 
     causes = list(range(len(models) - 1))
@@ -270,7 +270,7 @@ def _outlooks(
 def _scores(
     base: Estimate, task: Task, model: GreyBoxModel, probe_groups: Sequence[Sequence[Probe]]
 ) -> np.ndarray | None:
-    """Return each probe's score z (P,) on a simulated flight; None if that is not feasible."""
+    """Return the scores z of P probes on a simulated flight; None if it is not feasible."""
     flight = fly_task(task, model)
     runs = [] if flight is None else usable_runs(flight, 0)
     if flight is None or not runs:
@@ -283,7 +283,7 @@ def _scores(
 
 
 def _margin(z: np.ndarray, i: int, probe_groups: Sequence[Sequence[Probe]]) -> float:
-    """Return the margin of cause ``i`` over the others, from the scores z (P,) of its flight."""
+    """Return the largest z² of cause ``i`` minus that of the others, on a flight with it."""
     ends = np.cumsum([len(group) for group in probe_groups])[:-1]
     highest = [float(part.max()) for part in np.split(z**2, ends)]
     return highest[i] - max((b for j, b in enumerate(highest) if j != i), default=0.0)
