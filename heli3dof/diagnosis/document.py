@@ -176,7 +176,7 @@ def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
 
 
 def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
-    """Return the RMSE of both models of a gain on held-out data, and intervals of the reduction."""
+    """Return the held-out RMSE before and after a model change, and intervals of the reduction."""
     no_values = dict.fromkeys(AXES)
     out: dict[str, Any] = {
         "holdout_rmse_deg": {

@@ -150,7 +150,7 @@ class _Channel:
         return tuple(_factor(r) for r in roots if np.imag(r) >= 0)
 
     def _values(self, f: Factor) -> np.ndarray:
-        """Return a factor's values (F,) from a cache: hundreds of candidates share few factors."""
+        """Return a factor's values at the F frequencies, from a cache: candidates share factors."""
         if f.coefficients not in self._factors:
             self._factors[f.coefficients] = f.at(self.s)
         return self._factors[f.coefficients]

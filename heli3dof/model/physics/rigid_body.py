@@ -100,7 +100,7 @@ call = caller()
 
 
 def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """Replace q̈ of the rigid body in ``a`` by its blend with the simplified equations (κ, ν).
+    """Replace the accelerations ``a`` by a blend with those of the simplified equations.
 
     Equations: see the head of this file. Arguments: see `_body_accelerations`.
     """
