@@ -259,7 +259,7 @@ def _degree(factors: Sequence[Factor]) -> int:
 def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
     """Yield H with one factor's roots moved to 0, for each factor near s or s².
 
-    Near means that its coefficients are within `SIGMAS` standard deviations of 0.
+    A factor is near if its lower coefficients are within `SIGMAS` standard deviations of 0.
     """
     zero = Factor((0.0,), (0.0,))
     for factors in (H.numerator, H.denominator):

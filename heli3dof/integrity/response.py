@@ -117,7 +117,7 @@ def responses(
 def _evenly_sampled(
     recording: Recording, free: np.ndarray, number: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return angles, voltages and ``free`` with a row for every sample, lost ones too; NaN is zero.
+    """Return angles, voltages and ``free`` with a row also for each lost sample; NaN becomes 0.
 
     The voltage of row k is the mean of those at k − 1 and k: the loop holds each for one period.
     """

@@ -207,7 +207,7 @@ def _outlooks(
     models: Sequence[GreyBoxModel],
     probe_groups: Sequence[Sequence[Probe]],
 ) -> list[PlanForecast]:
-    """Return the feasible plans' results; ``models``: base alone, then base with each cause.
+    """Return the feasible plans' forecasts; ``models``: base model, then base with each cause.
 
     The first plan is simulated with all causes, the others at first only with the cause that had
     the smallest margin. A further cause can only lower a plan's rank. So a plan that ranks below
@@ -283,14 +283,17 @@ def _scores(
 
 
 def _margin(z: np.ndarray, i: int, probe_groups: Sequence[Sequence[Probe]]) -> float:
-    """Return the largest z² of cause ``i`` minus that of the others, on a flight with it."""
+    """Return the largest z² of cause ``i`` minus the largest z² of the other causes.
+
+    ``z`` (P,): scores of P probes on a flight simulated with cause ``i``.
+    """
     ends = np.cumsum([len(group) for group in probe_groups])[:-1]
     highest = [float(part.max()) for part in np.split(z**2, ends)]
     return highest[i] - max((b for j, b in enumerate(highest) if j != i), default=0.0)
 
 
 def _model_with(base: Estimate, cause: Cause | None) -> GreyBoxModel:
-    """Return the base model with the cause, or without any cause for None."""
+    """Return the base model with ``cause``; the base model itself if that is None."""
     new = () if cause is None else (cause.term,)
     structure = base.structure.with_terms(*new)
     values = np.concatenate([base.values, () if cause is None else cause.values])

@@ -31,7 +31,7 @@ R, T, F_FRONT, F_BACK, V_FRONT, V_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.V
 def _linear(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, t, h, V, X, A, B, slope, q_ddot
 ):  # fmt: skip
-    """Write the model's A, B, reading slopes and q̈ (see the module) along the states X (N, 6)."""
+    """Write A, B, the readings' slopes and the accelerations (see the module) along X (N, 6)."""
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
     w, m = np.zeros((4, 3)), np.empty(3)

@@ -324,7 +324,7 @@ def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _statistic(u: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """Return uᵀ V⁻¹ u for each row of u."""
+    """Return the score-test statistic uᵀ V⁻¹ u for each row u of scores; V: information."""
     u = np.atleast_2d(u)
     return np.asarray(np.einsum("bi,bi->b", u, np.linalg.solve(V, u.T).T))
 

@@ -53,7 +53,7 @@ def _fly(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Simulate the closed loop; write the results ``angle`` (N, 3) rad and ``voltage`` (N, 2) V.
 
-    ``kick`` (N, 3): random changes Δq̇ of the rates, rad/s; ``low``: roll on the table, rad;
+    ``kick`` (N, 3): random changes of the rates, rad/s; ``low``: roll on the table, rad;
     ``late``: 1 if the voltage acts one period later, else 0.
     """
     setup(s, first, address, par, mem)

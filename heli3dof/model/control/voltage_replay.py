@@ -215,7 +215,7 @@ def _line(t: np.ndarray) -> np.ndarray:
 def _is_feedback(r: Recording, rows: np.ndarray, d: np.ndarray) -> bool:
     """Return True if the controller's signals explain d (N, 2), in V, in the ``rows`` (N,) bool.
 
-    The signals are its errors, rates and integrals; d is logged minus computed voltages.
+    The signals are the control errors, rates and integrals; d is logged minus computed voltages.
     """
     from scipy.signal import lfilter
 
