@@ -159,7 +159,7 @@ def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bo
 
 
 def _zero_error(f: Finding, T_g: float) -> float:
-    """Return the roll offset (rad) that acts like a finding; NaN if none can act like it.
+    """Return the roll offset (rad) equivalent to a finding; NaN if there is no such offset.
 
     ``T_g``: gravity torque of the level arm, N·m.
     """

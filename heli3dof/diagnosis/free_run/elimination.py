@@ -194,7 +194,7 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
 def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -> TermResult:
     """Return the increase of the loss when the effect ``name`` is removed from the model.
 
-    The term ``added`` removes the effect: it is added to the fit with every term.
+    The effect is removed by adding the term ``added`` to the fit with every term.
     """
     assert result.first is not None
     trial = without_term(result.first, "", seed=seed, instead=added)
