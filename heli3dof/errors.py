@@ -1,4 +1,4 @@
-"""The exceptions of heli3dof, and the exit status of the process that each exception causes.
+"""The exceptions of heli3dof, and the exit code of the process that each exception causes.
 
 ::
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 class Heli3dofError(Exception):
     """Base class of heli3dof errors: ``what`` happened, the likely ``cause``, the ``fix`` to try.
 
-    ``exit_code`` is the process's exit status when the error reaches the command line.
+    ``exit_code`` is the process's exit code when the error reaches the command line.
     """
 
     exit_code = 1

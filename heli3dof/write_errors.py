@@ -1,7 +1,7 @@
 """Convert an OSError from writing a file into a heli3dof error with cause and fix.
 
 ==========================================  ===============  ===========
-cause of the OSError                        error            exit status
+cause of the OSError                        error            exit code
 ==========================================  ===============  ===========
 disk or quota full, file too large          `NoSpace`        5
 not permitted, read-only                    `UsageError`     2

@@ -284,7 +284,7 @@ class LinkRig:
         return None if report is None else report.uptime_ms / 1e3
 
     def _uptime_fell_back(self) -> bool:
-        """Return True if the device's uptime is shorter than expected, so it has restarted."""
+        """Return True if the device has restarted: its uptime is shorter than expected."""
         uptime_s = self._uptime_s()
         if uptime_s is None or self._started_s is None:
             return False

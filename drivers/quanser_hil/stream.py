@@ -118,7 +118,7 @@ class EncoderStream:
         return self._drain() or counts
 
     def _drain(self) -> Counts | None:
-        """Read all samples in the buffer; return the newest counts, or None if it is empty."""
+        """Read all samples in the buffer; return the newest counts, or None without samples."""
         counts: Counts | None = None
         while waiting := self._waiting():
             start = time.monotonic()

@@ -125,7 +125,7 @@ def _ask(out: Output, name: str, field: FieldInfo) -> Any:
 
 
 def _number(text: str, field: FieldInfo) -> tuple[Any, str]:
-    """Parse ``text`` as a number for ``field``; return it and "", or None and why it is refused."""
+    """Parse ``text`` for ``field``; return (number, ""), or (None, why ``text`` is refused)."""
     from heli3dof.rig.profile_file import toml_value
     from heli3dof.toml_file import key_of, within
 

@@ -216,7 +216,7 @@ def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
 def _measure(
     t: FloatArray, y: FloatArray, ref: FloatArray, segment: _Segment, grain_deg: float
 ) -> StepMetrics:
-    """Return the six metrics of one segment; t in s, angles y and reference ref in degrees.
+    """Return the step metrics of one segment; t in s, angles y and reference ref in degrees.
 
     ``grain_deg``, the encoder's step in degrees, is the least half-width of the settling band.
     """
@@ -261,7 +261,7 @@ def _steady_error(t: FloatArray, error: FloatArray) -> float:
 def _crossing(t: FloatArray, progress: FloatArray, level: float) -> float:
     """Return the time (s) at which ``progress`` first rises through ``level``, else NaN.
 
-    ``progress``: (y − y_a)/(y_r − y_a), (N,), 0 at the step's start and 1 at the set value.
+    ``progress`` (N,): angle, scaled to 0 at the step's start and 1 at the reference; ``t`` (N,): s.
     """
     above = progress >= level
     k = int(np.argmax(above))

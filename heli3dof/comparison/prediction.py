@@ -68,10 +68,9 @@ def predictions(
     *,
     steps: int = STEPS_DRAWN,
 ) -> Predictions:
-    """Return a model's predictions at ``horizons_s`` (s) and at evenly spaced horizons.
+    """Return a model's predictions at ``horizons_s`` (s) and at ``steps`` evenly spaced horizons.
 
-    The evenly spaced horizons are ``steps`` in number, up to the longest of ``horizons_s``. They
-    form a prediction window.
+    The last of the evenly spaced horizons is the longest of ``horizons_s``.
     """
     instants = np.round(max(horizons_s) * np.arange(1, steps + 1) / steps, 9)
     wanted = sorted({round(float(h), 9) for h in (*horizons_s, *instants)})

@@ -4,10 +4,10 @@
 
 This is eq (7) of the paper, with errata E5 and E6 corrected. V_o is the hover voltage, K_g the
 controller's gain matrix, x the state, x_ref its reference, V_extra the plan's excitation, v_max the
-voltage limit. The model starts at rest at the flight's first angles; later measured angles are not
-used. An open-loop simulation would drift, because the plant integrates twice: 0.05 V of bias gives
-25° after 10 s. In closed loop, model and rig follow the same references. The flight's controller
-must be known.
+voltage limit. The model starts at rest at the flight's initial angles; later angles are not used.
+An open-loop simulation would drift, because the plant integrates twice: 0.05 V of bias gives 25°
+after 10 s. In closed loop, model and rig follow the same references. The flight's controller must
+be known.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class Replay:
 
 
 def replay(model: Model, recording: Recording) -> Replay:
-    """Simulate a model in closed loop with a recording's controller, references and first angles.
+    """Simulate a model in closed loop with a recording's controller, references and initial angles.
 
-    Raises ValueError if the recording lacks its controller, references or first angles
+    Raises ValueError if the recording lacks its controller, references or initial angles
     (`heli3dof.model.control.loop_task.why_not_replayed`).
     """
     flown = under_control(recording)

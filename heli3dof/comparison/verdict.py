@@ -65,7 +65,7 @@ def replay_errors(comparison: Comparison) -> dict[str, FloatArray]:
 
 
 def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, FloatArray]:
-    """Return each model's error (3,), its RMS over flights.
+    """Return model → RMS over flights of the model's errors on the three axes.
 
     ``table``: for each flight, model → error (3,). If there are flights in which every model has an
     error, only these are used.

@@ -122,8 +122,8 @@ def off_nominal(
 ) -> tuple[OffNominal, ...]:
     """Return the base parameters that differ from nominal by significantly more than tolerance.
 
-    The largest `OffNominal.score` comes first. ``std_inflation``: factor of their standard
-    deviations by the flights' noise.
+    The largest `OffNominal.score` comes first. ``std_inflation``: factor by which the test
+    multiplies the standard deviations that the flights' noise causes.
     """
     tolerance = fit.structure.profile.tolerance
     out = [
@@ -135,7 +135,7 @@ def off_nominal(
 
 
 def std_inflation(fit: CorrectedFit) -> float:
-    """Return the factor of the base parameters' standard deviations, for a fit by likelihood.
+    """Return the ``std_inflation`` that `off_nominal` needs for a fit by likelihood.
 
     It is 1 for a fit that also uses how often encoder counts change
     (`closed_loop_fit.edge_rates`), else `STD_INFLATION`.

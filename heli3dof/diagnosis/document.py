@@ -143,7 +143,7 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
 
 
 def _measured(f: Fitted | None) -> dict[str, Measured]:
-    """Return the base parameters in SI by name, including K_f; empty if none were fitted."""
+    """Return the base parameters in SI by name; empty if none were fitted."""
     numbers = () if f is None else _base(f)
     return {c.name: Measured(c.nominal, c.value, c.std) for c in numbers}
 
@@ -161,7 +161,7 @@ def _profile(f: Fitted | None) -> list[dict[str, Any]]:
 
 
 def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
-    """Return the ratios of base parameters that these recordings determine without K_f.
+    """Return the ratios of base parameters that do not depend on the thrust gain K_f.
 
     They exclude an inertia that was implausible and therefore has a narrow prior.
     """
@@ -176,7 +176,7 @@ def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
 
 
 def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
-    """Return the RMSE of both models of a gain on held-out data, and intervals of the reduction."""
+    """Return the held-out RMSE before and after a model change, and intervals of the reduction."""
     no_values = dict.fromkeys(AXES)
     out: dict[str, Any] = {
         "holdout_rmse_deg": {

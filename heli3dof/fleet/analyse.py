@@ -61,7 +61,7 @@ def _quantity(name: str, tracks: Sequence[Track], quantities: int, plan: str) ->
 def _rig(track: Track, siblings: Sequence[Track], quantities: int, plan: str) -> RigQuantity:
     """Return the changes of one quantity of one rig, and its estimate since the last step.
 
-    ``track``: values of the quantity; ``siblings``: the same of the other rigs; ``quantities``:
+    ``track``: values of the quantity; ``siblings``: those of the other rigs; ``quantities``:
     number of quantities in the table. The estimate is from flights of ``plan``, or of the most
     frequent plan since the last step if ``plan`` was not flown since.
     """

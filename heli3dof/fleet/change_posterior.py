@@ -217,7 +217,7 @@ def change_posterior(
 
 
 def _log_sum(each: FloatArray) -> FloatArray:
-    """Return the log evidence of each model of a change, averaged over the prior's d, g and a.
+    """Return each change model's log evidence, averaged over the grid of prior parameters d, g, a.
 
     ``each`` (d, g, a, model): log evidence at each grid point of d, g and a (see the module).
     """

@@ -240,8 +240,8 @@ def _change(
 ) -> Change:
     """Return the most probable change of this ``kind`` in ``flights``.
 
-    ``before`` selects a step: index in ``flights`` of the first flight after it. None: the most
-    probable step.
+    ``before`` selects a step: index in ``flights`` of the first flight after the step. None: the
+    most probable step.
     """
     model = posterior.best(kind)
     size, std = posterior.size[kind], posterior.size_std[kind]

@@ -92,7 +92,7 @@ def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Differen
 
 
 def _with_scatter(estimate: Estimate, scatter: float) -> Estimate:
-    """Return the estimate; if from a single flight, its std also contains the ``scatter``.
+    """Return the estimate; the std of one from a single flight is increased by ``scatter``.
 
     ``scatter``: standard deviation between flights.
     """

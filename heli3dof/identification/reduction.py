@@ -150,7 +150,7 @@ class _Channel:
         return tuple(_factor(r) for r in roots if np.imag(r) >= 0)
 
     def _values(self, f: Factor) -> np.ndarray:
-        """Return a factor's values (F,) from a cache: hundreds of candidates share few factors."""
+        """Return a factor's values at the F frequencies, from a cache: candidates share factors."""
         if f.coefficients not in self._factors:
             self._factors[f.coefficients] = f.at(self.s)
         return self._factors[f.coefficients]
@@ -259,7 +259,7 @@ def _degree(factors: Sequence[Factor]) -> int:
 def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
     """Yield H with one factor's roots moved to 0, for each factor near s or s².
 
-    Near means that its coefficients are within `SIGMAS` standard deviations of 0.
+    A factor is near if its lower coefficients are within `SIGMAS` standard deviations of 0.
     """
     zero = Factor((0.0,), (0.0,))
     for factors in (H.numerator, H.denominator):

@@ -110,7 +110,8 @@ def past_inputs(
 def _explained(e: np.ndarray, z: np.ndarray) -> float:
     """Return how much of e (N, l) a regression on z (N, q) explains: 0 (nothing) to l (all).
 
-    It is tr(S_e⁻¹ S_explained), with the covariances of e and of the regression's prediction.
+    The result is tr(S_e⁻¹ S_p), with the covariances S_e of e and S_p of the regression's
+    prediction.
     """
     q, _ = np.linalg.qr(z / (z.std(axis=0) + 1e-12))
     p = q.T @ e

@@ -89,7 +89,10 @@ def rate(view: View) -> Iterable[Fault]:
 
 
 def _clock_is_wrong(view: View, m: float) -> bool:
-    """Return True if the motion fits the profile's period better than the stamps' period."""
+    """Return True if the motion fits the profile's period better than the time stamps' period.
+
+    ``m``: the time stamps' period divided by the profile's.
+    """
     gains = [x.gain for x in view.responses.values() if x.t > SURE and x.explained > EXPLAINED]
     if not gains:
         return False

@@ -117,7 +117,7 @@ def responses(
 def _evenly_sampled(
     recording: Recording, free: np.ndarray, number: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return angles, voltages and ``free`` with a row for every sample, lost ones too; NaN is zero.
+    """Return angles, voltages and ``free`` with a row also for each lost sample; NaN becomes 0.
 
     The voltage of row k is the mean of those at k − 1 and k: the loop holds each for one period.
     """
@@ -133,9 +133,9 @@ def _evenly_sampled(
 
 
 class _Windows:
-    """Integrals of a signal of n samples, ``dt`` s apart, times φ, φ̇ or φ̈, for each window.
+    """For each window, the integral ∫ x φ dt of a signal x, or the same with φ̇ or φ̈.
 
-    φ is a test function that is zero outside the window.
+    φ: test function, zero outside the window. x has n samples, ``dt`` s apart.
     """
 
     def __init__(self, n: int, dt: float) -> None:

@@ -155,8 +155,8 @@ def _roll_divided(view: View, k: float) -> View:
 def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
     """Return the estimated encoder factor of ``axis`` and its standard deviation.
 
-    It is the axis' response, divided by the others' geometric mean; for roll, also times k, by
-    which roll was divided before (`_roll_divided`).
+    The factor is the axis' response divided by the geometric mean of the others. For roll, it is
+    multiplied by k, because `_roll_divided` has divided roll by k.
     """
     others = [
         np.log(x.gain) for a, x in responses.items() if a != axis and (axis, a) != ("pitch", "yaw")

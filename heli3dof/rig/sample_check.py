@@ -1,8 +1,8 @@
-"""Checks that a driver's sample consists of numbers.
+"""Checks that counts, flags and times in a driver's sample are numbers.
 
-A NaN compares false with everything, so ``min(max(v, −v_max), v_max)`` of a NaN may be v_max. No
-sample with a NaN may therefore reach a controller. Voltages and currents may be NaN, "not
-measured": the control law does not use them.
+A NaN compares false with everything. So limiting a NaN to ±v_max may return v_max or −v_max,
+depending on the order of the arguments of min and max. Therefore no NaN may reach the controller.
+Voltages and currents may be NaN, "not measured": the control law does not use them.
 """
 
 from __future__ import annotations

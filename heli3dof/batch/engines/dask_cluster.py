@@ -153,7 +153,7 @@ class DaskCluster:
             ) from None
 
     def _check_code(self) -> None:
-        """Raise UsageError if a worker runs another code version."""
+        """Raise UsageError if a worker runs another version of heli3dof's code."""
         mine = code_version()
         for worker, other in self._client.run(_version_of_worker).items():
             if other != mine:
@@ -178,7 +178,7 @@ def _version_of_worker() -> str:
 
 
 def _in_worker(work: Callable[[T], R], item: T, version: str) -> R:
-    """Run ``work(item)`` with one thread; raise UsageError if the worker runs other code.
+    """Run ``work(item)`` with one thread; raise UsageError if the code's version differs.
 
     ``version``: the `code_version` of the process that sent the work.
     """

@@ -131,7 +131,7 @@ def _inertia_ties(
 ) -> dict[str, tuple[str, ...]]:
     """Return {axis: scale errors confounded with a wrong inertia of this axis}.
 
-    ``x``: {inertia: (ln(J/J_nominal), its standard deviation)}.
+    ``x``: {name of the inertia J: (ln(J/J_nominal), its standard deviation)}.
     """
     out: dict[str, list[str]] = {"pitch": [], "yaw": []}
     if _is_possible(-x["J_yaw"][0]):
@@ -150,16 +150,19 @@ def _inertia_ties(
 
 
 def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bool:
-    """Return whether x = (ln(J/J_nominal), σ) is within ln(1 + ε) + `SIGMAS` σ of ``shift``.
+    """Return whether the first number of x is ``shift``, within tolerance and noise.
 
-    ε is the ``tolerance``.
+    x: logarithm of the ratio of an inertia to its nominal value, and its standard deviation.
     """
     value, std = x
     return abs(value - shift) <= math.log1p(tolerance) + SIGMAS * std
 
 
 def _zero_error(f: Finding, T_g: float) -> float:
-    """Return the roll offset δ (rad) equivalent to a finding; NaN if its torque exceeds T_g."""
+    """Return the roll offset (rad) equivalent to a finding; NaN if there is no such offset.
+
+    ``T_g``: gravity torque of the level arm, N·m.
+    """
     value = next(iter(f.values.values()))[0]
     if f.term.effect.name == "encoder.offset":
         return math.radians(value)

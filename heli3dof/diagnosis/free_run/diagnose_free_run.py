@@ -202,8 +202,8 @@ def _without_each(
 ) -> dict[str, tuple[FreeRun, FreeRun]]:  # fmt: skip
     """Return {cause: (prediction errors without it, prediction errors with it)}.
 
-    They are on the recordings ``held``, else on blocks left out, else (if no blocks were left out)
-    on the fitted recordings ``whole``.
+    The errors are on the recordings ``held``, else on blocks left out, else (if no blocks were left
+    out) on the fitted recordings ``whole``.
     """
 
     removal = {"geometry": ("", "base.hover")}

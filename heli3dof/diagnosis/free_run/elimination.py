@@ -1,9 +1,10 @@
 """Backward elimination with block cross-validation, for logs without a usable likelihood.
 
-The full model is fitted to free-run predictions (`heli3dof.identification.greybox.multistep`). Then
-each term is left out once, and the others are refitted. e[k, j, i] (rad) is the error of prediction
-k at horizon j on axis i, s its RMS in the full model. ρ is the robust loss. In a cell c of
-`WINDOW_S` of held-out flight, the loss increases by
+The fit of the model with all terms minimises its free-run prediction errors
+(`heli3dof.identification.greybox.multistep`). Then each term is left out once, and the others are
+refitted. e[k, j, i] (rad) is the error of prediction k at horizon j on axis i. s is the RMS of e in
+the model with all terms, for each horizon and axis. ρ is the robust loss. In a cell c of `WINDOW_S`
+of held-out flight, the loss increases by
 
     d_c = mean_{k∈c} Σ_i mean_j [ρ(e_without/s) − ρ(e_with/s)],       Δ = mean_c d_c
 
@@ -18,8 +19,10 @@ Prediction windows overlap, so the bootstrap resamples cells (block bootstrap).
      `SIGMAS`² or more without the term. Without such a term the model is wrong, and the tests
      of the other terms are invalid.
 2. The model is refitted. Retained terms correlated with the removed one are tested again.
-3. An effect of the catalogue is confounded with a cause (`tied_with`) if replacing the cause by it
-   does not increase the loss significantly. `free_run.candidates` lists the effects to try.
+3. `free_run.cause_selection` selects the causes among the terms that stay by need or prior
+   knowledge. An effect of the catalogue is confounded with a cause (`tied_with`) if the effect can
+   replace the cause without a significant increase of the loss. `free_run.candidates` lists the
+   effects to try.
 
 Terms that vary by recording are tested by leaving out whole recordings, if there are several. The
 filter (`heli3dof.model.estimation.ekf_jitter`) estimates their values in a left-out recording.
@@ -189,7 +192,10 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
 
 
 def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -> TermResult:
-    """Return the loss increase without the effect ``name``; the term ``added`` removes it."""
+    """Return the increase of the loss when the effect ``name`` is removed from the model.
+
+    The effect is removed by adding the term ``added`` to the fit with every term.
+    """
     assert result.first is not None
     trial = without_term(result.first, "", seed=seed, instead=added)
     return TermResult(name, trial.increase, (), trial)

@@ -103,7 +103,7 @@ def take_off(fit: MultiStepFit, i: int, recording: Recording) -> Iterator[dict[s
 
 
 def _pitch_acceleration(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[float, float, float]:
-    """Return the mean p̈ in rad/s², measured and modelled, and the latter's σ.
+    """Return the mean pitch acceleration (rad/s²): measured, modelled, std of the modelled one.
 
     The mean is from `SPUN_UP_S` after row k until row k + n of recording i.
     """

@@ -207,7 +207,7 @@ def _outlooks(
     models: Sequence[GreyBoxModel],
     probe_groups: Sequence[Sequence[Probe]],
 ) -> list[PlanForecast]:
-    """Return the feasible plans' results; ``models``: base alone, then base with each cause.
+    """Return the feasible plans' forecasts; ``models``: base model, then base with each cause.
 
     The first plan is simulated with all causes, the others at first only with the cause that had
     the smallest margin. A further cause can only lower a plan's rank. So a plan that ranks below
@@ -237,7 +237,7 @@ def _outlooks(
                 margins.setdefault(task, {})[which - 1] = m
 
     def best_rank(task: Task) -> float:
-        """Return an upper bound of margin/duration, exact if every cause was simulated."""
+        """Return the smallest margin of the causes simulated so far, divided by the plan's time."""
         return min(margins[task].values()) / task.plan.duration_s
 
     causes = list(range(len(models) - 1))
@@ -270,7 +270,7 @@ def _outlooks(
 def _scores(
     base: Estimate, task: Task, model: GreyBoxModel, probe_groups: Sequence[Sequence[Probe]]
 ) -> np.ndarray | None:
-    """Return each probe's score z (P,) on a simulated flight; None if that is not feasible."""
+    """Return the scores z of P probes on a simulated flight; None if it is not feasible."""
     flight = fly_task(task, model)
     runs = [] if flight is None else usable_runs(flight, 0)
     if flight is None or not runs:
@@ -283,14 +283,17 @@ def _scores(
 
 
 def _margin(z: np.ndarray, i: int, probe_groups: Sequence[Sequence[Probe]]) -> float:
-    """Return the margin of cause ``i`` over the others, from the scores z (P,) of its flight."""
+    """Return the largest z² of cause ``i`` minus the largest z² of the other causes.
+
+    ``z`` (P,): scores of P probes on a flight simulated with cause ``i``.
+    """
     ends = np.cumsum([len(group) for group in probe_groups])[:-1]
     highest = [float(part.max()) for part in np.split(z**2, ends)]
     return highest[i] - max((b for j, b in enumerate(highest) if j != i), default=0.0)
 
 
 def _model_with(base: Estimate, cause: Cause | None) -> GreyBoxModel:
-    """Return the base model with the cause, or without any cause for None."""
+    """Return the base model with ``cause``; the base model itself if that is None."""
     new = () if cause is None else (cause.term,)
     structure = base.structure.with_terms(*new)
     values = np.concatenate([base.values, () if cause is None else cause.values])

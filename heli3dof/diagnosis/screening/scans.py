@@ -1,8 +1,9 @@
 """Score test of a torque at every frequency (one Fourier transform) or instant (one running sum).
 
-λ(t) = L·e is the efficient score of a unit torque at time t. L (C, 3) is the score's adjoint
-(`screening.score_test`), e (C, 3) the torque's acceleration in rad/s². Time is divided into C short
-chunks.
+Time is divided into C short chunks. L (C, 3) is the derivative of the log-likelihood with respect
+to the acceleration of each axis in each chunk. The base parameters are projected out
+(`screening.score_test`). e (C, 3) is the acceleration by a unit torque, in rad/s². λ(t) = L·e, a
+sum over the axes, is the efficient score of a unit torque at time t.
 
     u(f) = Σ λ(t) exp(i 2π f t)      real part: of a cosine torque, imaginary part: of a sine
     u(t_0) = Σ_{t ≥ t_0} λ(t)        of a torque that sets in at t_0
@@ -50,14 +51,17 @@ class Scan(Protocol):
     ) -> tuple[float, tuple[float, ...], float]:
         """Return (largest z, the parameters' values there, estimated size of the first one).
 
-        ``L`` (C, 3): adjoint of the score. ``unit`` (C, 3): acceleration in rad/s² by one
-        unit of the first parameter.
+        ``L`` (C, 3): derivative of the log-likelihood with respect to the acceleration in C
+        chunks of time. ``unit`` (C, 3): acceleration in rad/s² by one unit of the first parameter.
         """
         ...
 
 
 def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """Return the information v (J,) of accelerations a (J, C, 3); NaN if the base absorbs them."""
+    """Return the information v of J torques with accelerations a (J, C, 3) in C chunks of time.
+
+    ``A``: the base fit's information. v is NaN for a torque that the base parameters can replace.
+    """
     D = forward(evaluation.path, a)
     cross = (evaluation.T * evaluation.at.w) @ D.T
     full = np.einsum("ij,j,ij->i", D, evaluation.at.w, D)

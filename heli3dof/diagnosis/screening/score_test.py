@@ -137,9 +137,9 @@ class Screen:
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
-        """Return for each term (indices of its probes, structure with the term, list of values).
+        """Return, per term, its probes' indices, the model with the term and parameter values.
 
-        The first values in the list are without the effect, the others at one probe each.
+        The first array of values is without the effect, each further one at one probe.
         """
         out = []
         names = [q.name for q in self.plain]
@@ -156,7 +156,7 @@ class Screen:
         return out
 
     def _changes(self, evaluation: Evaluation) -> Iterator[Changes]:
-        """Yield the changes of accelerations and readings by the probes, one term at a time."""
+        """Yield, for each term, the changes of accelerations and readings that its probes cause."""
         p = evaluation.path
         for rows, wide, sets in self.sets:
             hooks = set(wide.terms[-1].effect.hooks)
@@ -167,7 +167,7 @@ class Screen:
             yield rows, a, m, m0
 
     def _unit(self, evaluation: Evaluation, t: Term) -> np.ndarray:
-        """Return the accelerations (C, 3), in rad/s², of a scan's unit torque."""
+        """Return the accelerations (C, 3) rad/s² by a scan's unit torque in C chunks of time."""
         p = evaluation.path
         if t.effect.name == "mass.change":
             unit: tuple[float, ...] = (1.0, -1.0)

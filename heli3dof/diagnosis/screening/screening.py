@@ -85,7 +85,7 @@ class Screening:
 
     @cached_property
     def _sigma(self) -> np.ndarray:
-        """Return σ of the first parameter of each probe but scans, in the parameter's unit."""
+        """Return the standard deviation of each unscanned probe's first parameter, in its unit."""
         v = np.maximum(self.screen.information(), 1e-300)
         return np.asarray(self.nulls.std[: len(self.screen.plain)] / np.sqrt(v))
 

@@ -31,7 +31,7 @@ R, T, F_FRONT, F_BACK, V_FRONT, V_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.V
 def _linear(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, t, h, V, X, A, B, slope, q_ddot
 ):  # fmt: skip
-    """Write the model's A, B, reading slopes and q̈ (see the module) along the states X (N, 6)."""
+    """Write A, B, the readings' slopes and the accelerations (see the module) along X (N, 6)."""
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
     w, m = np.zeros((4, 3)), np.empty(3)
@@ -66,7 +66,11 @@ linear = compiled(_linear, error_model="numpy", nogil=True)
 
 
 def _gradient(blocks, h, A, B, slope, row, state, G, W, K, nu, mu):  # type: ignore[no-untyped-def]
-    """Write nu = ∂ ln L/∂τ_k and mu = ∂ ln L/∂q̈_k, (N, 3), with τ and q̈ constant during row k."""
+    """Write the derivatives of the log-likelihood ln L by row k's torques and accelerations.
+
+    ``nu`` (N, 3) = ∂ ln L/∂τ_k for the torques τ_k (N·m), ``mu`` (N, 3) = ∂ ln L/∂q̈_k for the
+    accelerations q̈_k (rad/s²). Both are constant during a row.
+    """
     n = row.shape[0] - 1
     z, acc = np.empty(6), np.empty(3)
     for b in range(blocks.shape[0] - 1, -1, -1):
@@ -182,7 +186,10 @@ forced = compiled(_forced, error_model="numpy", nogil=True)
 
 
 def _gather(nu, axes, which, left, share, knots, out):  # type: ignore[no-untyped-def]
-    """Add the score Σ_k ν_k φ(z_k) of each of J hat functions φ to ``out`` (blocks, J)."""
+    """Add the score Σ_k ν_k φ(z_k) of each of J hat functions φ to ``out`` (blocks, J).
+
+    ν_k: result ``nu`` of `_gradient` in row k; z_k: the variable of φ in row k.
+    """
     M = left.shape[1]
     for k in range(nu.shape[0]):
         b = which[k]

@@ -173,9 +173,10 @@ def filtered_fit(fit: CorrectedFit) -> FilteredFit:
 
 
 def product_scores(flown: FilteredFit, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the test statistic S and estimate c, each (P,), of a torque c φ for P products φ.
+    """Return the test statistic S (P,) and the estimate c (P,) of a torque c φ on ``axis``.
 
-    S is 0 for a product without information.
+    P is the number of candidates φ, the products of measured quantities in `PRODUCTS`. S is 0 if
+    the flights contain no information about c.
     """
     u, v = np.zeros(len(PRODUCTS)), np.zeros(len(PRODUCTS))
     for k in range(0, len(PRODUCTS), AT_ONCE):

@@ -160,9 +160,9 @@ def significant_torques(
 
 
 def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
-    """Return the index of the group for ``place``, an axis and a variable.
+    """Return the index of the group of hat functions for ``place``, an axis and a variable.
 
-    A variable that hardly moves has no group. Then the most significant group of the axis is used.
+    A variable that hardly changes has no group; then the axis's most significant group is used.
     """
     groups = [q for q, (i, _) in enumerate(library.groups) if AXES[i] == place.axis]
     exact = [q for q in groups if library.groups[q][1] == place.variable]
@@ -200,8 +200,9 @@ def _exceeds_coloured_noise(
 ) -> bool:
     """Return whether the torque ``new`` of group q exceeds the threshold also with coloured noise.
 
-    The group's statistic S is divided by κ and by ρ, the ratio by which coloured noise increases S.
-    A ρ that is not significant counts as 1, unless ``is_coloured``: slow noise was found before.
+    The group's score-test statistic S is divided by κ, the inflation of scores, and by ρ, the ratio
+    by which coloured noise increases S. A ρ that is not significant counts as 1, unless
+    ``is_coloured``: slow noise was found before.
     """
     P = tests.directions[q]
     torque = np.array([f for _, f in new.table])
@@ -309,8 +310,9 @@ def gumbel_stretch(n: int) -> float:
 
 
 def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Project a constant torque out of the information V; return V and the matrix for scores.
+    """Project a constant torque out of the information matrix V of torques at the knots.
 
+    Returns the new V, and the matrix by which to multiply scores for the same projection.
     ``full``: V before parameters were projected out.
     """
     one = np.ones(KNOTS)
@@ -322,7 +324,7 @@ def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _statistic(u: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """Return uᵀ V⁻¹ u for each row of u."""
+    """Return the score-test statistic uᵀ V⁻¹ u for each row u of scores; V: information."""
     u = np.atleast_2d(u)
     return np.asarray(np.einsum("bi,bi->b", u, np.linalg.solve(V, u.T).T))
 

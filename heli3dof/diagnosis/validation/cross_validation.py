@@ -132,7 +132,7 @@ def training(d: Data, rows: tuple[int, int]) -> Data:
 def _estimate_without(
     fit: Estimate, at: FilterRun, tangents: np.ndarray, rows: tuple[int, int]
 ) -> np.ndarray:
-    """Return θ (n,) estimated without ``rows`` [a, b); the prior mean if no other row remains."""
+    """Return parameters (n,) estimated without ``rows`` [a, b); prior mean if no row remains."""
     problem = replace(fit.problem, data=training(fit.problem.data, rows))
     theta, noise = fit.optimum.theta, fit.optimum.noise
     if not len(problem.data.blocks):

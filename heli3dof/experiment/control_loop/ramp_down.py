@@ -7,18 +7,20 @@
 
 V_last: last voltages sent; V_o: hover voltage of each motor; V_h: its size, with a lower limit;
 v_max: the amplifier's limit. From voltages near the hover voltage, a ramp sets the arm down. From
-other voltages, a ramp would throw the arm (24 V after a wrong encoder sign: up to 100°) or drive it
-into the table. Both motors then go to zero at once. The law reads no angle, because wrong encoders
-may be why the flight ends. Comparison with other laws: `make bench TOPIC=ramp_down`.
+other voltages, a ramp would drive the arm into the table or throw it (by up to 100° from 24 V,
+which a wrong encoder sign causes). So both motors go to zero at once. V depends on no angle,
+because wrong encoders may be why the flight ends. Comparison with other laws:
+`make bench TOPIC=ramp_down`.
 
 * Periods that the host misses or the connection loses are skipped, so the ramp takes no longer.
 * If the device does not answer, or a second Ctrl-C arrives, the loop stops the device at once.
 * If the device stops on its own, the loop goes on recording its samples for the time of the ramp.
 * After a completed plan the ramp is slow (``landing_s``), and the safety monitors stay active
   (`Supervision`). A report of a monitor, a failure of the recorder or a request to end shortens the
-  rest to at most ``ramp_down_s``. Without such an event, a roll encoder that still reads a constant
-  angle above the table may be dead: a working encoder shows the arm fall. The loop then holds zero
-  volts until the reading changes, for at most `FALL_S`.
+  rest to at most ``ramp_down_s``. If none of these events occurred, the loop checks the encoder of
+  roll (the arm's angle) at the end of the ramp. A working encoder shows the arm fall; one that
+  reads a constant angle above the table may be dead. In that case the loop holds zero volts until
+  the reading changes, for at most `FALL_S`.
 """
 
 from __future__ import annotations

@@ -122,10 +122,10 @@ def _scheduling(undo: ExitStack, priority: int) -> Check:
 
 
 def _schedule(undo: ExitStack, thread: int, priority: int) -> int:
-    """Run the thread with id ``thread`` (0: this thread) under SCHED_FIFO; return its priority.
+    """Run the thread with id ``thread`` (0: this thread) under SCHED_FIFO.
 
-    ``priority`` (1 to 99) is the priority to request. When ``undo`` closes, the former scheduling
-    is restored.
+    Requests ``priority`` (1 to 99), and returns the priority that the system granted. When
+    ``undo`` closes, it restores the former scheduling.
     """
     import resource
 

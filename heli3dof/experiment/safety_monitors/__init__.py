@@ -45,7 +45,7 @@ class SafetyMonitor(ABC):
 
 @dataclass(frozen=True)
 class FlightMonitors:
-    """The safety monitors of one flight, and the callbacks that the control loop needs of them."""
+    """The safety monitors of one flight, and the callbacks that they give the control loop."""
 
     each_period: tuple[Monitor, ...]
     at_once: Callable[[], str | None]

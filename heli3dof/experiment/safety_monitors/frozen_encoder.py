@@ -204,7 +204,7 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, angle: float) -> None:
-        """Restart the observer at rest at ``angle`` (rad); keep the estimates of friction F."""
+        """Restart the observer at rest at ``angle`` (rad); keep the friction estimates."""
         self._observer.restart(angle)
         self.count = count
         self._bias = self._bias_s = 0.0

@@ -40,10 +40,10 @@ SHORTEST_S = 0.01
 
 
 class SilentEncoder(SafetyMonitor):
-    """Safety monitor that trips if the pitch or yaw count is constant in the ramp to zero.
+    """Safety monitor that trips if the pitch or yaw count is constant for too long in the ramp.
 
     In closed loop, it records the longest time for which each count is constant. It trips if a
-    count is constant for much longer in the ramp.
+    count is constant for much longer in the ramp to zero.
     """
 
     order = 60
@@ -116,9 +116,9 @@ class _Axis:
         self._way = way
 
     def longest_credible_s(self) -> float:
-        """Return T in s, the longest standstill that a live encoder may show (see the module).
+        """Return the longest standstill in s that a live encoder may show (see the module).
 
-        T is infinite for an axis that has not yet moved to and fro enough.
+        It is infinite for an axis that has not yet moved to and fro enough.
         """
         if self._n < STANDSTILLS or self._reversals < REVERSALS or not self._from_change:
             return float("inf")

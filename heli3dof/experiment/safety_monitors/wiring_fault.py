@@ -229,9 +229,9 @@ def _score(
 def _fit(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float) -> tuple[float, float]:
     """Fit θ₀ + ω₀ t + ½ b t² + s ∬ α dt² to one axis; return mean squared residual (rad²) and b.
 
-    ``t`` (n,): times in s; ``theta`` (n,): measured angles in rad; ``alpha`` (n,): α in rad/s²; b:
-    unmodelled acceleration in rad/s². ``weight``: q/B in s², with q rad per count and the prior
-    b ~ N(0, B²).
+    ``t`` (n,): times in s; ``theta`` (n,): measured angles in rad; ``alpha`` (n,): expected
+    acceleration α in rad/s². Fitted: angle θ₀ and rate ω₀ at the start, unmodelled acceleration b
+    (rad/s²), gain s. ``weight``: q/B in s², with q rad per count and the prior b ~ N(0, B²).
     """
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]

@@ -1,10 +1,12 @@
 """``ramp``: the references move at a constant rate to new values, or the voltages to an offset.
 
     r_ref(t) = r_0 + (r_1 − r_0) t/T                     r_0, r_1: old, new reference
-    V_front += (common_V + difference_V) t/T,  V_back += (common_V − difference_V) t/T
+    V_front = V_c,front + (common_V + difference_V) t/T
+    V_back  = V_c,back  + (common_V − difference_V) t/T
 
-T is ``duration_s``. A slow ramp shows friction, a dead zone and the static thrust curve. The
-control loop compensates the voltage offset, which ends with the segment.
+T is ``duration_s``, V_c the controller's output. A slow ramp of the roll reference shows friction,
+a dead zone and the static thrust curve. The controller counteracts the voltage offset. The offset
+is zero again after the segment.
 """
 
 from __future__ import annotations

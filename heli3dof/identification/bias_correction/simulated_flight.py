@@ -29,7 +29,10 @@ from heli3dof.recording.recording import Recording
 
 
 def _linear_law(A, B, input, v_max, k, angle, voltage, out):  # type: ignore[no-untyped-def]
-    """Write v[k] of `recording.linear_controller` to ``out``; ``angle``, ``voltage``: up to k."""
+    """Write the voltages that the linear controller sends in row k to ``out[2:]``.
+
+    ``angle``, ``voltage``: rows up to k. Other arguments: `recording.linear_controller`.
+    """
     for m in range(2):
         v = input[k, m]
         for j in range(len(B)):
@@ -50,7 +53,7 @@ def _fly(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Simulate the closed loop; write the results ``angle`` (N, 3) rad and ``voltage`` (N, 2) V.
 
-    ``kick`` (N, 3): random changes Δq̇ of the rates, rad/s; ``low``: roll on the table, rad;
+    ``kick`` (N, 3): random changes of the rates, rad/s; ``low``: roll on the table, rad;
     ``late``: 1 if the voltage acts one period later, else 0.
     """
     setup(s, first, address, par, mem)

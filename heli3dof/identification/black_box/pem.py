@@ -159,8 +159,9 @@ def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndar
 def _evaluate(data, W, C, d, S, rho_max) -> _Point:  # type: ignore[no-untyped-def]
     """Return innovations and cost of the model W = [Ã B K], C, d; the cost is ∞ if Ã is unstable.
 
-    Ã = A − K C is unstable if its spectral radius exceeds ``rho_max``. ``data`` are the segments
-    (u, y). S (l, l), an earlier innovation covariance, weights the fit of the initial states.
+    Ã = A − K C is unstable if its spectral radius exceeds ``rho_max``. d: offset of the outputs.
+    ``data``: segments (u, y). S (l, l), an earlier innovation covariance, weights the fit of the
+    initial states.
     """
     n = W.shape[0]
     m = data[0][0].shape[1]

@@ -1,8 +1,9 @@
 """Compute standard deviations of poles, transfer functions and frequency responses (delta method).
 
 A fit has p parameters θ with covariance P (p, p). The one-step predictor has the matrices Ã, B, K,
-C, with Ã = A − K C. Θ = ``PemFit.tangent`` holds the derivatives of their entries by θ. A smooth
-function f (q,) of the model, for instance its poles, has to first order the covariance
+C, with Ã = A − K C. Θ = ``PemFit.tangent`` holds the derivatives of their entries with respect
+to θ. A smooth function f (q,) of the model, for instance its poles, has to first order the
+covariance
 
     cov f = F P Fᵀ,      F = ∂f/∂θ = ∂f/∂(Ã, B, K, C) · Θ      (q, p)
 

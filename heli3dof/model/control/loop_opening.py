@@ -96,13 +96,15 @@ def before_law(
     reference: MutableSequence[float],
     extra: MutableSequence[float],
 ) -> None:
-    """Decide which axes are open in a control period, and set the references for `control_law`.
+    """Decide which axes run in open loop in a control period; set references for `control_law`.
 
-    ``p`` and ``s`` are the law's parameters and state; ``mode`` (3): 0 CLOSED, 1 LEARN, 2 OPEN for
-    each axis; ``angle`` (3) rad: measured; ``room``: bounds from `free_within`; ``z``: the state of
-    the loop opening, `N_OPENING` zeros at the start. ``reference`` (3) rad is overwritten with the
-    references to apply. ``extra`` (2) V, the excitation, is stored in ``z`` for `after_law` and set
-    to zero.
+    ``mode`` (3) is the request for each axis: 0 CLOSED; 1 LEARN: closed, while `after_law` averages
+    the axis's part of the voltage; 2 OPEN. After an angle or rate left the bounds ``room``
+    (`free_within`), all loops stay closed until no axis has the mode OPEN.
+
+    ``p``, ``s``: parameters and state of `control_law`; ``angle`` (3) rad: measured; ``z``: state
+    of the loop opening, `N_OPENING` zeros at the start. ``reference`` (3) rad is overwritten with
+    the references to apply. ``extra`` (2) V, the excitation, is moved to ``z`` for `after_law`.
     `before_law` and `after_law` run on Python lists and under ``numba.njit`` on float64 arrays.
     """
     anything = False

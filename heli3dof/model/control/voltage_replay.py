@@ -166,7 +166,7 @@ def is_late(recording: Recording) -> bool:
 
 
 def _voltage(r: Recording) -> np.ndarray:
-    """Return (N, 2) V: the controller's voltages after the limiter, from the logged angles."""
+    """Return (N, 2) V: the controller's voltages after the limiter, computed from logged angles."""
     assert r.profile.controller is not None
     p = parameters(r.profile.controller, r.profile.motor.V_o, r.profile.motor.v_max, r.profile.dt)
     s, voltage = state_at_rest(p, [float(a) for a in r.angle[0]]), np.empty_like(r.voltage)
@@ -188,7 +188,7 @@ _replay_compiled = compiled(_replay)
 
 
 def _shares(r: Recording, rows: np.ndarray, d: np.ndarray, logged: np.ndarray) -> list[float]:
-    """Return std(d)/std(``logged``) of each block, the larger of the two motors' ratios.
+    """Return, for each block of time, std(d)/std(``logged``) of the motor with the larger ratio.
 
     ``d`` (N, 2) V: logged minus computed voltages; its constant and slope are removed from each
     block. ``logged`` (N, 2) V. ``rows`` (N,) bool: the rows to compare.
@@ -215,7 +215,7 @@ def _line(t: np.ndarray) -> np.ndarray:
 def _is_feedback(r: Recording, rows: np.ndarray, d: np.ndarray) -> bool:
     """Return True if the controller's signals explain d (N, 2), in V, in the ``rows`` (N,) bool.
 
-    The signals are its errors, rates and integrals; d is logged minus computed voltages.
+    The signals are the control errors, rates and integrals; d is logged minus computed voltages.
     """
     from scipy.signal import lfilter
 

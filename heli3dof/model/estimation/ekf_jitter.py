@@ -171,10 +171,10 @@ def _filter(  # type: ignore[no-untyped-def]
 
 
 def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: ignore[no-untyped-def]
-    """Write the derivatives ∂q̈/∂x (3, 6 + B) at the state x = (q, q̇, b) to A.
+    """Write the derivatives ∂q̈/∂x (3, 6 + B) of the accelerations q̈ at the state x to A.
 
-    b (B,) are the parameters that vary by recording, ``where`` their `positions` in ``par``. F (2,)
-    N are the thrusts, w work space. For the other arguments see
+    x contains the angles, the rates and the B parameters that vary by recording; ``where`` is their
+    `positions` in ``par``. F (2,) N are the thrusts, w work space. For the other arguments see
     `heli3dof.model.physics.integrator`.
     """
     s[F_FRONT], s[F_BACK] = F[0], F[1]
@@ -199,11 +199,11 @@ _slopes = compiled(_slopes_py, error_model="numpy")
 
 
 def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
-    """Advance the covariance P (n, n) of x by one step of h s, in place; n = 6 + B.
+    """Advance the covariance P (n, n) of the state x by one step of h s, in place.
 
-    P ← Φ P Φᵀ + process noise of intensity a2 (3,) on the rates, as in
-    `heli3dof.model.estimation.ekf_quantised`. With A (3, n) = ∂q̈/∂x, Φ maps x = (q, q̇, b)
-    to (q + h q̇ + ½h² A x, q̇ + h A x, b). ``AP`` and ``W`` (n, n) are work space.
+    x = (q, q̇, b): angles, rates and B parameters that vary by recording, n = 6 + B. P ← Φ P Φᵀ +
+    process noise of intensity a2 (3,) on the rates, as in `ekf_quantised`. With A (3, n) = ∂q̈/∂x,
+    Φ maps x to (q + h q̇ + ½h² A x, q̇ + h A x, b). ``AP`` and ``W`` (n, n) are work space.
     """
     half = 0.5 * h * h
     for i in range(3):

@@ -100,7 +100,7 @@ grow = compiled(_grow, leaf=True, error_model="numpy")
 
 
 def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
-    """Write the derivatives ∂q̈/∂(q, q̇) (3, 6) at the state x = (q, q̇) to A.
+    """Write the derivatives (3, 6) of the accelerations by the state x (angles, rates) to A.
 
     F (2,) N are the thrusts, w is work space. For the other arguments see
     `heli3dof.model.physics.integrator`.

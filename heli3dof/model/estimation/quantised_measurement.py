@@ -84,7 +84,7 @@ interval = compiled(_interval, leaf=True, error_model="numpy")
 
 
 def _rate_event(v: float, var: float) -> tuple[float, float, float]:
-    """Return (ln Z, g, w), Z = E[max(q̇, 0)] of a rate q̇ ~ N(v, ``var``).
+    """Return (ln Z, g, w) for the expectation Z = E[max(q̇, 0)] of a rate q̇ ~ N(v, ``var``).
 
     g = ∂ ln Z/∂v and w = −∂² ln Z/∂v² are score and information.
     """

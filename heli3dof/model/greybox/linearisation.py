@@ -39,7 +39,7 @@ class _Plant:
         self.free = np.ones(3, dtype=bool)
 
     def acceleration(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """Return q̈ (3,) rad/s² at rest at the angles q (3,) rad with the thrusts F (2,) N."""
+        """Return accelerations (3,) rad/s² at rest, at angles q (3,) rad and thrusts F (2,) N."""
         a = np.empty(3)
         self.s[state_layout.R : state_layout.R + 3] = q
         self.s[state_layout.R_DOT : state_layout.R_DOT + 3] = 0.0

@@ -71,11 +71,12 @@ soft = compiled(_soft, leaf=True, error_model="numpy")
 
 
 def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """Apply dry friction to x = (q, q̇) after a step of h s; return True if any joint has friction.
+    """Apply dry friction after a step of h s; return True if any joint has friction.
 
-    w (≥ 8, 3) is work space. At the call, its row 3 contains the standard deviations of the rates.
-    On return, row 2 contains ρ, row 3 Var S (see `_soft`), and row 4 + i contains W_ji/W_ii for all
-    joints j, with the inverse mass matrix W. Other arguments: `heli3dof.model.physics.integrator`.
+    x: angles and rates. w (≥ 8, 3) is work space. At the call, its row 3 contains the standard
+    deviations of the rates. On return, row 2 contains ρ, row 3 Var S (see `_soft`), and row 4 + i
+    contains W_ji/W_ii for all joints j, with the inverse mass matrix W. Other arguments:
+    `heli3dof.model.physics.integrator`.
     """
     if first[DRY + 1] == first[DRY]:
         return False

@@ -47,7 +47,7 @@ setup = compiled(_setup, leaf=True, error_model="numpy")
 def _step_without_dry_friction(  # type: ignore[no-untyped-def]
     s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache
 ):
-    """Advance the state x = (q, q̇) from row k to the next, without dry friction.
+    """Advance the state x (angles, rates) from row k to the next, without dry friction.
 
     cache[:3] holds h, exp(−h/2τ), exp(−h/τ), with the rotors' lag τ (s). w[7, :2] becomes the
     thrusts (N) at the end of the step. Other arguments: see the head of this file.
@@ -76,7 +76,7 @@ step_without_dry_friction = compiled(_step_without_dry_friction, leaf=True, erro
 
 
 def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
-    """Advance the state x = (q, q̇), angles and rates, from row k to the next, with dry friction.
+    """Advance the state x (angles, rates) from row k to the next, with dry friction.
 
     Arguments: see the head of this file.
     """
@@ -100,7 +100,7 @@ stop_at_table = compiled(_stop_at_table, leaf=True, error_model="numpy")
 
 
 def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
-    """Advance the state x = (q, q̇), angles and rates, and the thrusts F from row k to the next.
+    """Advance the state x (angles, rates) and the thrusts F from row k to the next.
 
     Writes target[k], the steady-state thrusts at the voltage of row k, and F[k + 1]. Other
     arguments: see the head of this file.
@@ -117,7 +117,7 @@ fly_row = compiled(_fly_row, leaf=True, error_model="numpy")
 def _midpoint_without_dry_friction(  # type: ignore[no-untyped-def]
     s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache
 ):  # fmt: skip
-    """Advance the state x = (q, q̇) as `_step_without_dry_friction` does, but by the midpoint rule.
+    """Advance the state x as `_step_without_dry_friction` does, but by the midpoint rule.
 
     The effects are evaluated at the rate in the middle of the step, predicted by the acceleration
     of the previous step, cache[3:6]. With the rate at the start instead, an axis of inertia J and
@@ -151,7 +151,7 @@ midpoint_without_dry_friction = compiled(
 
 
 def _step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache):  # type: ignore[no-untyped-def]
-    """Advance the state x = (q, q̇) by one row as `_step` does, but by the midpoint rule."""
+    """Advance the state x by one row as `_step` does, but by the midpoint rule."""
     midpoint_without_dry_friction(
         s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache
     )
@@ -163,7 +163,7 @@ step_midpoint = compiled(_step_midpoint, leaf=True, error_model="numpy")
 
 
 def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """Advance the state x from row a to row b by a midpoint step of h s, without dry friction.
+    """Advance the state x from row a to row b by a midpoint step of ``h`` s, without dry friction.
 
     ``mean`` (N + 1, 2) N·s is the integral of the thrusts up to each row. The step uses the mean
     thrusts from row a to row b. Other arguments: see the head of this file.

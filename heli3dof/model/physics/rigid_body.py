@@ -100,7 +100,7 @@ call = caller()
 
 
 def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """Replace q̈ of the rigid body in ``a`` by its blend with the simplified equations (κ, ν).
+    """Replace the accelerations ``a`` by a blend with those of the simplified equations.
 
     Equations: see the head of this file. Arguments: see `_body_accelerations`.
     """
@@ -128,7 +128,7 @@ alone = compiled(_alone, leaf=True, error_model="numpy")
 
 
 def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """Write the angular accelerations q̈ (3,) rad/s² of the rigid body to ``a``.
+    """Write the angular accelerations (3,) rad/s² of the rigid body to ``a``.
 
     s: rig parameters and state; ``force`` (2,) N: thrusts; ``torque`` (3,) N·m: the effects'
     torques. An axis that is not ``free`` is fixed: its acceleration is zero.
@@ -183,7 +183,7 @@ body_accelerations = compiled(_body_accelerations, leaf=True, error_model="numpy
 
 
 def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type: ignore[no-untyped-def]
-    """Write the angular accelerations q̈ (3,) rad/s² of the rig with its effects to ``a``.
+    """Write the angular accelerations (3,) rad/s² of the rig with its effects to ``a``.
 
     ``force`` (2,) and ``torque`` (3,) are work space; ``s`` … ``free``: see
     `heli3dof.model.physics.integrator`.

@@ -73,7 +73,7 @@ def ticks(t: np.ndarray) -> Ticks:
 
 
 def _counted(t: np.ndarray) -> np.ndarray:
-    """Return the samples' numbers n_k (N,) for time stamps t (N,) s that are not in bursts."""
+    """Return the samples' numbers (N,) for time stamps t (N,) s that are not in bursts."""
     period = _period(t)
     intervals = np.diff(t) / period
     steps = np.rint(intervals)
@@ -142,7 +142,7 @@ def _period(t: np.ndarray) -> float:
     """Return an initial period T in s: the median interval if all intervals are within 10 % of it.
 
     Otherwise T is the value near the median that maximises |Σ exp(2πi t_k / T)|. The sum is over
-    the first `HEAD` time stamps.
+    the first `HEAD` time stamps t_k.
     """
     dt = np.diff(t)
     T = float(np.median(dt))

@@ -97,7 +97,7 @@ def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -
 
 
 def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return residual e and slope ẏ at the middle of parabolas fitted to 2 ``half`` + 1 samples.
+    """Return residuals and slopes at the middle of parabolas fitted to 2 ``half`` + 1 samples.
 
     ``t``: times (N,) in s; ``y``: the angle of one axis (N,) in rad.
     """
@@ -120,17 +120,18 @@ def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.n
 
 
 def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
-    """Return the variance s² (N,) rad² of an axis's angle by quantisation and a jitter `SCALE_S`.
+    """Return the variance (N,) rad² of an axis's angle by quantisation and a jitter `SCALE_S`.
 
-    ``rate``: ẏ (N,) in rad/s; ``step``: the encoder's step in rad.
+    ``rate`` (N,): in rad/s; ``step``: the encoder's step in rad.
     """
     return np.asarray(step**2 / 12 + (SCALE_S * rate) ** 2)
 
 
 def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJitter:
-    """Return σ_t estimated from one axis by least squares: e² = const + σ_t² ẏ².
+    """Return the jitter σ_t (s), estimated from one axis by least squares: e² = const + σ_t² ẏ².
 
-    ``e``: residuals (rad); ``rate``: ẏ (rad/s); ``blocks``: each sample's block number.
+    ``e``: residuals of `_residual` in rad; ``rate``: ẏ in rad/s; ``blocks``: each sample's block
+    number.
     """
     there = np.isfinite(e)
     if there.sum() < 100:
@@ -144,9 +145,9 @@ def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJ
 
 
 def _jackknife(top: np.ndarray, below: np.ndarray) -> MotionJitter:
-    """Return σ_t, with σ_t² = Σ top / Σ below, and the standard deviation of σ_t² by jackknife.
+    """Return the jitter σ_t (s), and the standard deviation of σ_t² by the jackknife.
 
-    ``top``, ``below``: numerator and denominator of σ_t² in each block.
+    σ_t² = Σ top / Σ below; ``top``, ``below``: numerator and denominator in each block.
     """
     kept = below > 0
     top, below = top[kept], below[kept]

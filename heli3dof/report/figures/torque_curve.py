@@ -169,9 +169,9 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
 def _clearest(flight: LinearisedRun, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
     """Return the variable and the axis on which the cause explains most of the residual torque.
 
-    The residual torque is averaged in bins of the variable. The measure is the decrease of its
-    weighted variance over the bins when the ``cause``'s torque is subtracted. A later variable of
-    ``names`` must reach `MIN_CLARITY_RATIO` times the best measure so far.
+    The residual torque is averaged in bins of the variable. The measure is the decrease of this
+    mean's weighted variance over the bins when the torque of ``cause`` is subtracted. A later
+    variable of ``names`` must reach `MIN_CLARITY_RATIO` times the best measure so far.
     """
     best = (names[0], 0, 0.0)
     for name in dict.fromkeys(names):

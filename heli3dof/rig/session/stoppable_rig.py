@@ -1,8 +1,9 @@
-"""Wraps a rig: other processes can stop it, and its counts are zero at the rest angles.
+"""Wraps a rig: other processes can stop it, and its encoder counts are zero at the rest angles.
 
 An emergency stop that another process requests ends the loop by the samples' flag ESTOP::
 
-    exchange(command):   requested?  →  estop once, confirm, and zero volts from then on
+    exchange(command):   requested?  →  estop and confirmation to the requester, once;
+                                     zero volts from then on
     arm():               requested, or a stop since the program began
                          (`heli3dof.rig.session.stop_stamp`)?
                          →  SafetyTrip, since arming would clear the stop
@@ -30,7 +31,7 @@ from heli3dof.rig.session.server import Session
 
 
 class StoppableRig:
-    """A rig that its session can stop on request; its counts are zero at the rest angles."""
+    """A rig that its session can stop on request; encoder counts are zero at the rest angles."""
 
     def __init__(self, rig: Rig, session: Session, rest: RestCounts = COUNTS_AT_POWER_UP) -> None:
         self.inner, self.session = rig, session

@@ -32,7 +32,8 @@ def read(
     ``columns`` names the matrix's rows or columns in order: ``t_s,v_front_V,…``; the name ``-``
     skips a row or column. ``log:t_s,v_front_V,…`` takes the matrix from the variable ``log``.
     Without ``columns``, the signals have the names of `heli3dof.recording.logs.matlab.signals`.
-    Raises RecordingError or UsageError.
+    Raises RecordingError if the file contains no such signals or is not readable, UsageError if
+    ``columns`` repeats a name or h5py is missing.
     """
     variables = read_variables(path)
     wanted, names = _parse(columns)

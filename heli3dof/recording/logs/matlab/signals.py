@@ -1,4 +1,4 @@
-"""Find the signals and clocks among a MAT file's variables.
+"""Find the signals and their clocks (time vectors) among a MAT file's variables.
 
 ====================================  ==========================================================
 variable                              signals
@@ -45,9 +45,10 @@ class _Found:
 
 
 def tables(source: str, stem: str, variables: Mapping[str, Any]) -> list[Table]:
-    """Return a table of signals for each clock, and for each length of arrays without a clock.
+    """Return one table of signals per time vector.
 
-    ``source``: the file's name; ``stem``: the same without ending; ``variables``: by name.
+    Arrays without a time vector form one table per array length. ``source``: the file's name;
+    ``stem``: the same without ending; ``variables``: the file's variables by name.
     """
     found = _Found()
     for name, value in variables.items():
@@ -89,7 +90,7 @@ def _visit(name: str, value: Any, found: _Found) -> None:
 def _timed_structure(
     name: str, value: Mapping[str, Any]
 ) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
-    """Return clock and columns of a structure that contains time; None for other structures."""
+    """Return time vector and columns of a structure; None if it contains no time vector."""
     fields = {key.lower(): inner for key, inner in value.items()}
     t = np.asarray(fields.get("time", ()))
     if t.ndim != 1 or len(t) < MIN_SAMPLES:
@@ -112,7 +113,7 @@ def _timed_structure(
 
 
 def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:
-    """Yield one dict per clock: the clock's signals by name, and the clock as ``t_s``.
+    """Yield one dict per time vector: its signals by name, and the vector itself as ``t_s``.
 
     The arrays that become such signals are removed from ``found``.
     """
@@ -139,11 +140,11 @@ def _by_clock(found: _Found) -> Iterator[dict[str, np.ndarray]]:
 
 
 def _without_clock(found: _Found, clocks: set[int]) -> Iterator[dict[str, np.ndarray]]:
-    """Yield one dict per length: the columns of that length in ``found`` that have no clock.
+    """Yield one dict per array length, with the columns in ``found`` that have no time vector.
 
-    Ignored are arrays of fewer than `MIN_SAMPLES` samples and, if the file has clocks, arrays of
-    lengths other than theirs (``clocks``). An array with a name of docs/reference/recording.md is
-    always kept.
+    ``clocks``: lengths of the file's time vectors. If there are any, arrays of other lengths are
+    ignored. So are arrays of fewer than `MIN_SAMPLES` samples. An array with a name of
+    docs/reference/recording.md is always kept.
     """
     lengths: dict[int, dict[str, np.ndarray]] = {}
     for name, array in found.arrays.items():
