@@ -105,8 +105,9 @@ Each row is one measured number. *Bar* is the required value, fixed before the m
 marks a row that misses it. The last two columns are the command that repeats the measurement and
 the commit at which it was made. The computer was shared, so times are upper bounds.
 
-`python -m tests.bench.page` writes this page from [benchmarks.json](benchmarks.json). Every other
-figure is in [data/figures.csv](data/figures.csv), with one CSV file for each table.
+`python -m tests.bench.page` writes this page from [benchmarks.json](benchmarks.json). All
+figures, also those without a row here, are in [data/figures.csv](data/figures.csv). Each table of a
+benchmark has a CSV file of its own in the same folder.
 
 | what | measured | interval, or how | bar | met | command | commit |
 |---|---|---|---|---|---|---|
