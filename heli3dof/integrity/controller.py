@@ -59,10 +59,9 @@ def identified(view: View) -> Iterable[Fault]:
         yield Fault(
             "controller.identified", Kind.NOTE, name,
             f"{name}: a linear controller of order {len(law.A)} was identified from the log. It "
-            f"leaves {100 * law.share:.2g} % of the voltages' changes unexplained (standard "
-            "deviation). Simulated flights use it.",
-            "the profile has no [controller], the log has no references, or another controller "
-            "flew it.",
+            f"leaves {100 * law.share:.2g} % of the voltages' changes unexplained. Simulated "
+            "flights use it.",
+            "the profile has no [controller], or another controller flew the log.",
             "nothing to do",
         )  # fmt: skip
 

@@ -25,7 +25,7 @@ class LinearController:
     B: FloatArray
     """(n + 1, 2, 3) V/rad, B_0 … B_n"""
     share: float = 0.0
-    """What the law does not explain: standard deviation, relative to that of v[k] − v[k−1]"""
+    """What the law does not explain: the usual error, relative to the changes v[k] − v[k−1]"""
 
     def input_of(self, v: FloatArray, y: FloatArray) -> FloatArray:
         """Return w (N, 2) in V, with which the law has the voltages v (N, 2) at angles y (N, 3).

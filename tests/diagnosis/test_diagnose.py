@@ -6,6 +6,7 @@ tests/cli/test_diagnose.py has a hidden effect, named with its size.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 import pytest
@@ -71,3 +72,16 @@ def test_a_cause_dropped_without_the_controller_leaves_a_plausible_inertia() -> 
     roll = result.fitted.final.values[1]  # type: ignore[union-attr]
     nominal = result.fitted.model.structure.free[1].start
     assert 0.8 < roll / nominal < 1.25
+
+
+@pytest.mark.accuracy
+def test_a_slow_torque_is_found_with_an_identified_controller() -> None:
+    """A constant torque changes the steady voltages. The nulls must not repeat this change."""
+    device = "mock:?speed=max&hide=bias.torque.pitch:0.03"
+    recording = flown("steps", 45.0, device=device, seed=70)
+    profile = recording.profile.model_copy(update={"controller": None})
+    result = diagnose(replace(recording, profile=profile), quick=True)
+    (cause,) = result.findings
+    assert cause.term.name == "bias.torque.pitch"
+    assert cause.values["torque_Nm"][0] == pytest.approx(0.03, rel=0.1)
+    assert result.about["nulls"] == "simulated"

@@ -9,10 +9,10 @@ A log without noise obeys the law of its controller exactly. e differs from zero
 which the controller is not linear: a rate limiter, clamped integrals. Such rows hardly affect the
 minimum of Σ|e|, which gives A, B, R and c. Rows within n periods of the voltage limit are left out.
 
-The **share** of a block of `BLOCK_S` is std(e)/std(Δu), with Δu[k] = u[k] − u[k−1]; of both motors
-the larger one. A law's share is the upper quartile of its blocks. The result is the law of lowest
-order whose share exceeds the least of all orders by at most `ALIKE`, if the least is at most
-`MAX_SHARE`.
+The **share** of a block of `BLOCK_S` is σ_e/std(Δu), with Δu[k] = u[k] − u[k−1] and σ_e the
+standard deviation of e by its median absolute value; of both motors the larger one. A law's share
+is the upper quartile of its blocks. The result is the law of lowest order whose share exceeds the
+least of all orders by at most `ALIKE`, if the least is at most `MAX_SHARE`.
 """
 
 from __future__ import annotations
@@ -29,15 +29,17 @@ from heli3dof.recording.recording import Recording
 
 ORDERS = (1, 2, 3, 4)
 """Orders n, lowest first. An integral has order 1, a rate filter 2, a delay of one period 1."""
-MAX_SHARE = 0.05
-"""Largest share of a controller. Chosen: in 7 logs of two laboratories and 42 flights of emulated
-rigs, it was at most 0.013 with the controller's order."""
-ALIKE = 0.002
+MAX_SHARE = 0.002
+"""Largest share of a controller. Chosen: in the logs of two laboratories it was 0.001 with the
+controller's order, and over 0.02 with a lower order."""
+ALIKE = 0.001
 """Difference of shares that does not justify a higher order. Chosen."""
 BLOCK_S, LEAST_ROWS, LEAST_BLOCKS = 2.0, 20, 3
 """s, length of a block; fewest rows of a block; fewest blocks. Chosen."""
 MAX_ROWS = 50_000
 """Largest number of rows used, the first ones: a hundred seconds at 500 Hz. Chosen."""
+MAD_TO_STD = 1.4826
+"""Standard deviation of a normal distribution, relative to its median absolute deviation"""
 ROWS_PER_PARAMETER = 10
 """Fewest rows for each parameter of a motor's law. Chosen."""
 AT_LIMIT = 0.98
@@ -53,10 +55,14 @@ RANK_TOLERANCE = 1e-10
 def identified_controller(recording: Recording) -> LinearController | None:
     """Return the linear controller that explains the recording's voltages; None without one.
 
-    The recording must have all angles in every row, and a row for every control period.
+    The recording must have all angles in every row, a reference, and a row for every control
+    period. Without references, an integral would not be identifiable: the input w would contain its
+    voltage, and with it the effect of every slow torque.
     """
     r = under_control(recording)
     if len(r.axes) < len(AXES) or not np.isfinite(r.angle).all() or decimation(r) != 1:
+        return None
+    if not any(r.has_reference(a) for a in AXES):
         return None
     laws = list[LinearController]()
     for n in ORDERS:
@@ -93,7 +99,7 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
 
 
 def block_shares(t: np.ndarray, e: np.ndarray, change: np.ndarray) -> list[float]:
-    """Return the shares std(``e``)/std(``change``) of the blocks; both (N, 2) in V, t (N,) in s.
+    """Return the shares of the blocks: what ``e`` is of ``change``, both (N, 2) in V; t (N,) in s.
 
     Blocks with too few rows, or with a constant voltage, are left out.
     """
@@ -102,7 +108,7 @@ def block_shares(t: np.ndarray, e: np.ndarray, change: np.ndarray) -> list[float
     for own in (block == b for b in np.unique(block)):
         scale = change[own].std(axis=0)
         if own.sum() >= LEAST_ROWS and (scale > 0).all():
-            shares.append(float((e[own].std(axis=0) / scale).max()))
+            shares.append(float((MAD_TO_STD * np.median(np.abs(e[own]), axis=0) / scale).max()))
     return shares
 
 
