@@ -225,8 +225,8 @@ class MockRig:
     def exchange(self, command: Command, due_s: float) -> Sample:
         """Apply a command for one control period and return the sample at the period's end.
 
-        If this sample is lost (`timing.gaps`), the next one. ``due_s``: end of the period in s on
-        the host's monotonic clock, used with ``speed=real``.
+        If this sample is lost (`timing.gaps`), the next one is returned. ``due_s``: end of the
+        period in s on the host's monotonic clock, used with ``speed=real``.
         """
         self._check_open()
         device = self._device

@@ -85,7 +85,7 @@ class SerialDriver:
             line.close()
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """Return checks of the port (file, permission, users, latency timer) without opening it."""
+        """Return checks of the port without opening it: file, permission, lock, latency timer."""
         from .link.serial_line import pyserial_url
         from .link.serial_port_checks import checks
         from .options import SerialOptions

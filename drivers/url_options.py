@@ -42,9 +42,10 @@ class UrlOptions(BaseModel):
 
     @classmethod
     def of(cls, url: DeviceUrl, **place: Any) -> Self:
-        """Return the checked options of ``url``; ``place``: values of fields that are not options.
+        """Return the checked options of ``url``.
 
-        If an option is repeated, its last value counts, except if the field is a tuple of strings.
+        ``place``: values of the fields that are read from the URL before its ``?``. option
+        is repeated, its last value counts; a field of type ``tuple[str, ...]`` gets all values.
         Raises UsageError for an unknown option, naming the nearest, and for a value out of bounds.
         """
         url.check_options(cls.names())

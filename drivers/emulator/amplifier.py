@@ -6,11 +6,10 @@
     IDLE, STOPPED  v(t) = 0
 
 After the time ``watchdog`` without a command, ARMED becomes LATCHED; the voltage then falls to zero
-in the time ``ramp``. A stop or a fault gives STOPPED. All voltages are whole microvolts, rounded
-towards zero, except in `Amplifier.mean_V` (V); all times are whole microseconds. ARM and DISARM are
-requests of the host.
-An ARM must carry the current ticket, a number that changes with every ARM, DISARM, stop and expiry
-of the watchdog.
+in the time ``ramp``. DISARM gives IDLE, a stop or a fault gives STOPPED. All voltages are whole
+microvolts, rounded towards zero, except in `Amplifier.mean_V` (V); all times are whole
+microseconds. ARM and DISARM are requests of the host. An ARM must carry the current ticket, a
+number that changes with every ARM, DISARM, stop and expiry of the watchdog.
 """
 
 from __future__ import annotations

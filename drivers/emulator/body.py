@@ -56,10 +56,7 @@ class Body:
 
     @property
     def J(self) -> tuple[float, float, float]:
-        """Return the level rig's inertias (roll, pitch, yaw) in kg·m², without ``dJ``.
-
-        ``dJ``: additional rotary inertia on the joints' shafts.
-        """
+        """Return the level rig's inertias (roll, pitch, yaw), kg·m², without the shafts' ``dJ``."""
         return self.J_w + self.I_bb, self.I_aa, self.J_w + self.I_bb + self.I_aa
 
     def vector(self) -> np.ndarray:
@@ -103,10 +100,10 @@ def body_of(profile: Profile) -> Body:
 def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
     """Return ``body`` with random thrust per volt, gravity torque and inertias.
 
-    The thrust per volt K_f, the gravity torque T_g and the inertias J_w, I_aa and I_bb are each
-    multiplied by 1 + u. Each u is drawn from ``rng``, uniform within ± ``spread``. The product of
-    inertia I_ab scales with √(I_aa I_bb). The lengths are unchanged, because they are easily
-    measured.
+    The thrust per volt K_f, the gravity torque T_g, the counterweight's inertia J_w and the body's
+    inertias I_aa and I_bb are each multiplied by 1 + u. Each u is drawn from ``rng``, uniform
+    within ± ``spread``. The product of inertia I_ab scales with √(I_aa I_bb). The lengths are
+    unchanged, because they are easily measured.
     """
     k = 1 + spread * rng.uniform(-1, 1, size=5)
     return replace(
@@ -145,10 +142,11 @@ class Setup:
 
 
 def setup_of(profile: Profile, start: str) -> Setup:
-    """Return the emulated rig of a profile. ``start``: ``rest`` (on its table) or ``level``.
+    """Return the emulated rig of a profile, at rest on its table or level.
 
-    On the table the rig has the profile's rest angles, and its counts are zero. Raises UsageError
-    if roll's rest angle is outside −90 … 0°, or pitch's beyond its mechanical stops.
+    ``start``: ``rest`` for the profile's rest angles, at which the encoder counts are zero, or
+    ``level`` for zero angles. Raises UsageError if roll's rest angle is outside −90 … 0°, or
+    pitch's beyond its mechanical stops.
     """
     body = body_of(profile)
     rest = tuple(profile.encoder.rest_rad.tolist())

@@ -67,7 +67,7 @@ def _hooks(stage, s, body, first, address, par, mem, out):  # type: ignore[no-un
 
 @njit(error_model="numpy")
 def _lag(state, target_f, target_b, tau, elapsed, force):  # type: ignore[no-untyped-def]
-    """Write the thrusts F (front, back) in N of rotors with a first-order lag to ``force``.
+    """Write to ``force`` the thrusts F (front, back) in N of rotors with a first-order lag.
 
     Each F solves τ Ḟ = target − F. ``tau``: τ, s; ``target_f``, ``target_b``: targets, N;
     ``elapsed``: time in s since the thrusts were ``state[6:8]``.

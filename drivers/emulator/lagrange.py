@@ -108,7 +108,10 @@ def velocity_torques(
 
 @njit(cache=True)
 def gravity(body: np.ndarray, r: float, p: float) -> tuple[float, float]:
-    """Return the gravity terms (∂U/∂r, ∂U/∂p) in N·m at roll ``r`` and pitch ``p`` in rad."""
+    """Return the derivatives (∂U/∂r, ∂U/∂p) in N·m of the potential energy U.
+
+    ``r``, ``p``: roll and pitch, rad; ``body``: the body's parameters (`plant_layout`).
+    """
     lean = body[G_P] * math.cos(p) * math.cos(r)
     return body[T_G] * math.cos(r) - body[G_P] * math.sin(r) * math.sin(p), lean
 

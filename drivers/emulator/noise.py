@@ -4,10 +4,10 @@ Each torque w is an Ornstein–Uhlenbeck process, τ_c ẇ = −w + √(2 τ_c) 
 sampled exactly at the control period and held over it: w[k+1] = a w[k] + σ √(1 − a²) N(0, 1), a =
 exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ_c (s), for any dt.
 
-σ was chosen by the difference between a closed-loop run with noise (angles y) and the same run
-without (angles ŷ); default controller, start level. The table shows the fit 100 (1 − ‖y − ŷ‖/‖y −
-mean y‖) % for three flight plans: the mean over noise seeds 1–6 for roll / pitch / yaw, and pitch's
-range over these seeds. The plans' random signals have seed 1:
+σ was chosen so that a closed-loop run with noise (angles y) differs little from the same run
+without noise (angles ŷ); default controller, start level. The table shows the fit
+100 (1 − ‖y − ŷ‖/‖y − mean y‖) % for three flight plans: the mean over noise seeds 1–6 for roll /
+pitch / yaw, and pitch's range over these seeds. The plans' random signals have seed 1:
 
 ==============  ======================  ===============
 plan            fit                     pitch
@@ -17,8 +17,9 @@ plan            fit                     pitch
 ``large``       99.5 / 96.6 / 99.6      96.1 … 97.1
 ==============  ======================  ===============
 
-So no model can fit a run's pitch much better in closed-loop replay. Below 16 Hz the noise is almost
-white. The density of its accelerations is σ √(2 τ_c) / J, J the axis' inertia: 0.0054 (roll),
+A model simulated in closed loop without this noise cannot fit pitch much better than that. Below
+16 Hz the noise is almost white. The spectral density of the accelerations that it causes is
+σ √(2 τ_c) / J, J the axis' inertia: 0.0054 (roll),
 0.0136 (pitch) and 0.0022 (yaw) rad/s² per √Hz (two-sided) on the paper's rig.
 """
 
@@ -76,12 +77,13 @@ class TorqueNoise:
 
 
 class Vibration:
-    """Draws random torques τ (3,) in N·m of a lightly damped mode, one set per control period.
+    """Draws torques τ (3,), N·m, of a randomly excited vibration, one set per control period.
 
     τ[k] = Re z[k], z[k+1] = a z[k] + σ √(1 − |a|²) (N(0, 1) + i N(0, 1)), a = e^{(−ζ + i) ω dt}.
 
-    z (3,) is the complex state; σ is ``scale`` times `SIGMA_NM`; ω = 2π ``hertz``; ζ is the
-    damping ratio `VIBRATION_DAMPING`; ``dt`` is the control period in s.
+    z (3,) is the complex state of a lightly damped mode on each axis; σ is ``scale`` times
+    `SIGMA_NM`; ω = 2π ``hertz``; ζ is the damping ratio `VIBRATION_DAMPING`; ``dt`` is the control
+    period in s.
     """
 
     def __init__(self, rng: np.random.Generator, dt: float, scale: float, hertz: float) -> None:

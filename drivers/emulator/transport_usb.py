@@ -61,7 +61,9 @@ class BusFault:
 
     @staticmethod
     def of(text: str) -> BusFault:
-        """Return the fault that ``text``, a value of ``bus=``, describes. Raises UsageError.
+        """Return the fault that ``text``, a value of ``bus=``, describes.
+
+        Raises UsageError if it describes none.
 
         >>> BusFault.of("silent@1:0.5")
         BusFault(kind='silent', at_s=1.0, for_s=0.5)

@@ -55,9 +55,10 @@ class UsbFunction:
         self._to_host = b""
 
     def control(self, now_us: int, kind: int, request: int, value: int) -> bytes | None:
-        """Return the reply to a control request: for a string descriptor, or to stop the motors.
+        """Execute a USB control request: return a string descriptor's bytes, or stop the motors.
 
-        ``kind``, ``request``, ``value``: bmRequestType, bRequest, wValue; ``now_us``: time in µs.
+        Returns b"" for a stop, None (STALL) for any other request. ``kind``, ``request``,
+        ``value``: bmRequestType, bRequest, wValue; ``now_us``: time in µs.
         """
         if (kind, request, value >> 8) == (0x80, 6, 3):
             return self._string(value & 0xFF)
@@ -67,7 +68,7 @@ class UsbFunction:
         return None
 
     def configure(self, now_us: int, value: int) -> None:
-        """Select configuration ``value`` at ``now_us`` (µs): 1, or 0, which stops the motors."""
+        """Set the USB configuration at ``now_us`` (µs): 1 (ready), or 0, which stops the motors."""
         if not value:
             self.lost(now_us)
         self.configuration = value

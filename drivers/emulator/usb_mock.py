@@ -37,7 +37,10 @@ class UsbMockDriver:
         return []
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
-        """Return the emulated rig of ``url``, opened on a bus of its own. Raises UsageError."""
+        """Return the emulated rig of ``url``, opened on a bus of its own.
+
+        Raises UsageError for a bad option.
+        """
         from ..mock import own_profile
         from ..options import UsbMockOptions
         from ..usb_bulk.driver import open_on

@@ -298,7 +298,7 @@ def parse(stuffed: bytes) -> Frame | None:
 
 
 def command(number: int, front_uV: int, back_uV: int) -> bytes:
-    """Return the bytes of a command frame to send; a faster `wire` for the control loop.
+    """Return the bytes of a command frame to send; for the control loop, faster than `wire`.
 
     ``number`` is the frame's number; ``front_uV`` and ``back_uV`` are the motor voltages in µV.
     """

@@ -38,7 +38,7 @@ REMEMBERED = 1024
 
 
 class SampleValidator:
-    """Checks the numbers of samples and commands of one connection, and converts sample frames."""
+    """Checks the numbers of one connection's samples and echoes; converts frames to `Sample`."""
 
     def __init__(self, statistics: LinkStatistics) -> None:
         self._statistics = statistics
@@ -70,15 +70,16 @@ class SampleValidator:
         return self.number
 
     def command(self, sequence: int) -> int:
-        """Return the frame number of a new command. ``sequence``: the caller's number of it."""
+        """Return a new command's frame number; samples that echo it get the number ``sequence``."""
         self.number = number = (self.number + 1) & _MASK
         self._sequences[number % REMEMBERED] = sequence
         return number
 
     def accept(self, frame: SampleFrame, host_time_s: float) -> Sample | None:
-        """Return the sample in ``frame``; None if it is not new or echoes no command that was sent.
+        """Return the sample in ``frame``, or None if its number or its echo is not valid.
 
-        ``host_time_s``: time of arrival in s.
+        The number must be newer than the last sample's. The echo must not be older than the last
+        one, and its command must have been sent. ``host_time_s``: time of arrival in s.
         """
         statistics = self._statistics
         ahead = (frame.echo - self._echo) & _MASK

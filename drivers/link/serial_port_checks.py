@@ -1,4 +1,4 @@
-"""Checks a serial port for ``doctor`` without opening it: file, permission, users, latency."""
+"""Checks a serial port for ``doctor`` without opening it: file, permission, lock, latency."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .serial_ports import (
 
 
 def checks(path: str) -> Sequence[Check]:
-    """Return the results of checks of the port ``path``: file, permission, users, latency timer."""
+    """Return checks of the port ``path``: file, permission, programs that use it, latency timer."""
     if not os.path.exists(path):
         there = ", ".join(usb_ports()) or "none on USB"
         return (Check("port", f"{path} is not there (ports: {there})", False, "plug the rig in"),)

@@ -128,7 +128,10 @@ def _name(pid: int) -> str:
 
 
 def latency_timer(path: str) -> tuple[int, Path] | None:
-    """Return an FTDI adapter's latency timer in ms and the file that sets it; else None."""
+    """Return an FTDI adapter's latency timer in ms and the file that sets it.
+
+    Returns None for a port without such a timer.
+    """
     name = Path(os.path.realpath(path)).name
     for place in LATENCY_FILES:
         file = Path(place.format(name))

@@ -59,7 +59,10 @@ class Board:
         self._hil.open(wiring.board, wiring.number)
 
     def prepare(self) -> None:
-        """Set zero volts, disable the amplifier and configure the channels named by the URL."""
+        """Set zero volts, disable the amplifier and configure the channels named by the URL.
+
+        The URL option ``counts=zero`` also sets the encoder counts to zero.
+        """
         hil, hardware = self._hil, self._hardware
         self.watchdog_clear()
         self.write_volts(0.0, 0.0)
@@ -94,7 +97,10 @@ class Board:
         return version_of(self._hardware)
 
     def write_volts(self, front: float, back: float) -> None:
-        """Set the motor voltages in V; the board output is voltage / amplifier gain. NaN: 0 V."""
+        """Set the motor voltages in V; the board outputs them divided by the amplifier gain.
+
+        If either is NaN or infinite, both are set to zero.
+        """
         if not (math.isfinite(front) and math.isfinite(back)):
             front = back = 0.0  # a converter's output for NaN is undefined
         gain = self._wiring.gain
@@ -124,7 +130,8 @@ class Board:
     def watchdog_start(self) -> None:
         """Start the watchdog, after setting the outputs' states at its timeout (expiration states).
 
-        Some boards, such as the Q8 series, require such a state for all outputs or for none.
+        Some boards, such as the Q8 series, require such a state for all outputs or for none. On
+        these it is set for all outputs.
         """
         hil, timeout_s = self._hil, self._wiring.watchdog_s
         try:
@@ -146,7 +153,7 @@ class Board:
         """Set what the channels ``analog`` and ``lines`` (digital) do at a watchdog timeout.
 
         Analog outputs go to 0 V, enable lines to the level that disables, other lines to tristate.
-        The Q8 series refuses a level: all its digital outputs go to tristate.
+        The Q8 series accepts only tristate, so there all lines go to tristate.
         """
         hil, states, n = self._hil, self._hardware.DigitalState, len(lines)
         hil.watchdog_set_analog_expiration_state(

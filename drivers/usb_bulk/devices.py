@@ -102,7 +102,7 @@ def interface_of(device: Any) -> Any:
 
 
 def _serial(device: Any) -> str | None:
-    """Return the serial number, if possible from sysfs (no permission needed); else None."""
+    """Return the serial number from sysfs (no permission needed), else from the device, or None."""
     import usb.core
     import usb.util
 

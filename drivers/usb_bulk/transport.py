@@ -186,8 +186,8 @@ class UsbTransport:
     def _recover(self, error: Any, pipe: int, stalled: bool, doing: str) -> None:
         """If ``error`` is a stall of ``pipe``, clear it; for any other error raise a DeviceError.
 
-        ``stalled``: True if the pipe had just stalled; this also raises a DeviceError. ``doing``:
-        the operation that failed, as text.
+        ``stalled``: True if this transfer has stalled before; then a stall also raises a
+        DeviceError. ``doing``: the operation that failed, as text.
         """
         if error.errno != errno.EPIPE or stalled:
             raise explain(error, self._name, doing) from error

@@ -92,8 +92,9 @@ class NamedShare:
 def named_shares(rows: Iterable[Mapping[str, Any]]) -> list[NamedShare]:
     """Return, for each cause, the share of a recording's replicates whose diagnoses name it.
 
-    The largest share is first. ``rows``: rows of ``batch diagnose``; their column ``replicate`` is
-    0 for the recording itself. Failed replicates do not count.
+    The largest share is first; the list is empty without replicates. ``rows``: rows of ``batch
+    diagnose``; their column ``replicate`` is 0 for the recording itself. Failed replicates do not
+    count.
     """
     diagnosed = [row for row in rows if row["exit_code"] == 0]
     replicates = [row for row in diagnosed if row["replicate"]]

@@ -65,11 +65,12 @@ def run_batch(
     tasks: Sequence[Task], folder: OutputFolder, engine: Engine,
     progress: Progress = lambda batch: None,
 ) -> Batch:  # fmt: skip
-    """Run the tasks without a final outcome in the folder; write the table of all tasks.
+    """Run the tasks without a final outcome in the folder; return the batch's final counts.
 
-    An outcome is final if no retry would change it. ``engine`` runs the tasks; ``progress`` is
-    called at the start and after each outcome. After Ctrl-C or an error, the table contains the
-    tasks done so far. The table's rows are in the order of ``tasks``.
+    Also writes the table of all outcomes in the folder, in the order of ``tasks``. An outcome is
+    final if no retry would change it. ``engine`` runs the tasks; ``progress`` is called at the
+    start and after each outcome. After Ctrl-C or an error, the table contains the tasks done so
+    far.
     """
     # Two files of the same name and content are one task.
     todo = list({t.key: t for t in tasks if not folder.is_done(t.key)}.values())

@@ -110,7 +110,8 @@ def show_comparison(
 ) -> None:
     """Print a comparison: the verdict and the fit table; with ``verbose`` all tables.
 
-    ``paper``: also print the paper's Table II; ``published``: the paper's numbers to print.
+    ``paper``: also print a table like the paper's Table II; ``published``: the paper's numbers, for
+    one more table.
     """
     from heli3dof.comparison.verdict import verdict
     from heli3dof.report.text.comparison_tables import (

@@ -149,7 +149,7 @@ def show_diagnosis(out: Output, document: Mapping[str, Any], *, verbose: bool = 
 
 
 def _end_with_bad_data(out: Output, result: Diagnosis) -> NoReturn:
-    """End with RecordingError's exit code; print the faults first if ``--quiet`` hid them."""
+    """End the command with RecordingError's exit code; with ``--quiet``, print the faults first."""
     if out.quiet:
         for fault in result.faults:
             fix = f" Try: {fault.fix}" if fault.fix else ""

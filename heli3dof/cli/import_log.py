@@ -94,7 +94,7 @@ def import_log(
 
 
 def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
-    """Yield the table and lines to print about a log; ``found``: its columns, from `preview`."""
+    """Yield a table of a log's columns, and lines of text, to print; ``found``: from `preview`."""
     from rich.table import Table
 
     table = Table("column", "from", "unit")

@@ -1,6 +1,6 @@
 """`MonitorState`: what ``heli3dof monitor`` shows, computed from a rig's readings.
 
-rate = (angle[k] − angle[k−1]) / (t[k] − t[k−1]),  t on the device's clock
+rate = (angle[k] − angle[k−1]) / (t[k] − t[k−1]),  t of reading k on the device's clock
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class MonitorState:
-    """Collects a rig's readings: the last one, rates (°/s), angle ranges (°), flags, lateness."""
+    """Collects a rig's readings: the last one, rates (°/s), angle ranges (°), flags, largest delay."""
 
     def __init__(self) -> None:
         self.readings = 0

@@ -100,8 +100,8 @@ class Output:
 def stages(out: Output) -> Iterator[Callable[[str], None]]:
     """Context manager: yield a function that displays a text on a computation's present stage.
 
-    On a terminal a spinner shows the text. Otherwise each text is printed as a line, except counts
-    such as "Screening … flights: 31 of 64".
+    On a terminal a spinner shows the text. Without one, each text is printed as a line, except
+    counts such as "Screening … flights: 31 of 64". With ``--quiet`` nothing is shown.
     """
     if out.quiet or not live_allowed():
         yield lambda sentence: None if "… " in sentence else out.note(sentence)

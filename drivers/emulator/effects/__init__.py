@@ -25,7 +25,8 @@ GROUP = "heli3dof.emulated_effects"
 def catalogue() -> dict[str, Effect]:
     """Return every effect, with its name as key, in alphabetical order.
 
-    A plug-in that does not load or compile, or whose name is taken, is left out with a warning.
+    A plug-in is left out with a warning if it does not load or compile, or if one of its effects
+    has the name of another effect.
     """
     effects: list[Effect] = []
     for module in modules_of(__name__):

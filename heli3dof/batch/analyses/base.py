@@ -38,7 +38,7 @@ class Job:
 
     @cached_property
     def intact(self) -> tuple[Recording, dict[str, Any]]:
-        """Return (recording, file description); of a torn file the recording is its intact part."""
+        """Return the recording (of a torn file, its intact part) and facts about the file."""
         return read_with_info(self.file, self.profile)
 
     @property
@@ -48,7 +48,7 @@ class Job:
         return self.path
 
     def output(self, kind: str, ending: str) -> Path:
-        """Return the path of an output file with this ``ending``; create its folder ``kind``."""
+        """Return the path of an output file with this ``ending``; create its subfolder ``kind``."""
         path = self.folder / kind / f"{self.label}{ending}"
         path.parent.mkdir(parents=True, exist_ok=True)
         return path

@@ -103,7 +103,8 @@ def _thrust(
 def generalised_mean(x: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
     """Return the generalised least-squares mean (1ᵀΣ⁻¹x)/(1ᵀΣ⁻¹1) and its standard deviation.
 
-    ``x``: (n,); ``covariance``: Σ (n, n). NaN if Σ is not positive definite.
+    ``x`` (n,): the values; ``covariance`` (n, n): their covariance Σ. Both results are NaN if Σ is
+    singular or 1ᵀΣ⁻¹1 is not positive.
     """
     try:
         weight = np.linalg.solve(covariance, np.ones(len(x)))

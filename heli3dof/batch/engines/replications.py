@@ -34,8 +34,8 @@ def replications_on_cluster(address: str | None) -> Iterator[None]:
 def replications_on(used: Engine) -> Distributor:
     """Return a function for `heli3dof.parallel.distribute` that gives replications to an engine.
 
-    ``used``: the engine. If the workers of a part exit before they return it, this process computes
-    it.
+    ``used``: the engine. If several workers exit while computing one part of the replications, this
+    process computes that part.
     """
 
     def distributor(work: Callable[[int], Any], count: int) -> Iterator[tuple[int, Any]]:
