@@ -216,7 +216,8 @@ class MockRig:
     def read(self) -> Sample:
         """Return a sample without sending a command.
 
-        With ``speed=real`` the rig first simulates the time since the last call.
+        With ``speed=real`` the rig first simulates the time since the last call; a virtual clock
+        does not advance.
         """
         self._check_open()
         self._catch_up(time.monotonic())

@@ -1,4 +1,4 @@
-"""The first columns of the results table, which describe the recording; equal for all verbs.
+"""The first columns of the results table, which describe the recording; the same for all verbs.
 
 ``--where`` may use all of them. Jitter is rounded to a multiple of `RESOLUTION_S`. The columns
 ``roll_start_deg_std`` and ``pitch_start_deg_std`` contain the standard deviation of rounding to one

@@ -41,6 +41,8 @@ def write_table(rows: Sequence[Row], folder: Path) -> list[Path]:
 def typed(rows: Sequence[Row]) -> dict[str, list[Any]]:
     """Return column → values of one type, None where a row has no value.
 
+    Integers become floats in a column with floats; any other mixture of types becomes text.
+
     >>> typed([{"a": 1}, {"a": 0.5, "b": "x"}])
     {'a': [1.0, 0.5], 'b': [None, 'x']}
     """

@@ -25,7 +25,8 @@ Progress = Callable[["Batch"], None]
 class Batch:
     """The progress of a batch: how many of its tasks are done, failed or left out.
 
-    `run_batch` passes it to its argument ``progress``.
+    A task is left out if its recording does not meet ``--where``. `run_batch` passes this object to
+    its argument ``progress``.
     """
 
     total: int

@@ -1,4 +1,4 @@
-"""Give the Monte Carlo replications of one diagnosis to an engine, such as a Dask cluster.
+"""Gives the Monte Carlo replications of one diagnosis to an engine, such as a Dask cluster.
 
 Worker k = 0 … n − 1 gets one part: the replications k, k + n, k + 2n, … The function that computes
 them contains the recordings: about 0.3 MB per second of flight. So it is sent only once per part.
