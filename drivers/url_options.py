@@ -44,8 +44,8 @@ class UrlOptions(BaseModel):
     def of(cls, url: DeviceUrl, **place: Any) -> Self:
         """Return the checked options of ``url``.
 
-        ``place``: values of the fields that are read from the URL before its ``?``. option
-        is repeated, its last value counts; a field of type ``tuple[str, ...]`` gets all values.
+        ``place``: values of the fields that are read from the URL before its ``?``. If an
+        option is repeated, its last value counts; a field of type ``tuple[str, ...]`` gets all.
         Raises UsageError for an unknown option, naming the nearest, and for a value out of bounds.
         """
         url.check_options(cls.names())

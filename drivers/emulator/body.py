@@ -56,7 +56,10 @@ class Body:
 
     @property
     def J(self) -> tuple[float, float, float]:
-        """Return the level rig's inertias (roll, pitch, yaw), kg·m², without the shafts' ``dJ``."""
+        """Return the level rig's inertias of roll, pitch and yaw in kg·m².
+
+        The inertias ``dJ`` of the joints' shafts are not included.
+        """
         return self.J_w + self.I_bb, self.I_aa, self.J_w + self.I_bb + self.I_aa
 
     def vector(self) -> np.ndarray:

@@ -4,8 +4,8 @@ Each torque w is an Ornstein–Uhlenbeck process, τ_c ẇ = −w + √(2 τ_c) 
 sampled exactly at the control period and held over it: w[k+1] = a w[k] + σ √(1 − a²) N(0, 1), a =
 exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ_c (s), for any dt.
 
-σ was chosen so that a closed-loop run with noise (angles y) differs little from the same run
-without noise (angles ŷ); default controller, start level. The table shows the fit
+σ was chosen by comparing a closed-loop run with noise (angles y) and the same run without noise
+(angles ŷ); default controller, start level. The table shows the fit
 100 (1 − ‖y − ŷ‖/‖y − mean y‖) % for three flight plans: the mean over noise seeds 1–6 for roll /
 pitch / yaw, and pitch's range over these seeds. The plans' random signals have seed 1:
 
@@ -17,10 +17,10 @@ plan            fit                     pitch
 ``large``       99.5 / 96.6 / 99.6      96.1 … 97.1
 ==============  ======================  ===============
 
-A model simulated in closed loop without this noise cannot fit pitch much better than that. Below
-16 Hz the noise is almost white. The spectral density of the accelerations that it causes is
-σ √(2 τ_c) / J, J the axis' inertia: 0.0054 (roll),
-0.0136 (pitch) and 0.0022 (yaw) rad/s² per √Hz (two-sided) on the paper's rig.
+So no model can fit a run's pitch much better than this in closed-loop replay. Below 16 Hz the noise
+is almost white. The spectral density of the accelerations that it causes is σ √(2 τ_c) / J, J the
+axis' inertia: 0.0054 (roll), 0.0136 (pitch) and 0.0022 (yaw) rad/s² per √Hz (two-sided) on the
+paper's rig.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ class Sampling:
         return None
 
     def set_round_trip(self, round_trip_s: float) -> None:
-        """Set the time until a POLL is repeated: four times ``round_trip_s`` (s), within limits."""
+        """Set the time until a POLL is repeated: 4·``round_trip_s`` (s), within limits."""
         self._retry_s = min(max(4 * round_trip_s, SHORTEST_RETRY_S), LONGEST_RETRY_S)
 
     def discard_stale(self) -> None:

@@ -57,7 +57,7 @@ class Source:
         """Return a hash that changes with the file's content; empty if it cannot be read.
 
         For a URL it is the file system's checksum (on S3: of ETag, size and date), so that the
-        content need not be transferred. A worker that cannot read the file reports why.
+        content need not be transferred.
         """
         try:
             if self.is_url:

@@ -82,7 +82,7 @@ class Processes:
 
 
 def _context() -> multiprocessing.context.BaseContext:
-    """Return how workers start: forked from a server that has imported `PRELOADED`, or spawned."""
+    """Return how workers start: forked from a server with `PRELOADED` imported, else spawned."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
