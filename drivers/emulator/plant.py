@@ -49,7 +49,7 @@ class Truth:
 class Plant:
     """Simulates a rig's mechanics from motor voltages to encoder counts.
 
-    ``dt``: control period, s; ``noise``: factor of the random torques; ``noise_s``: their
+    ``dt``: control period, s; ``noise`` multiplies the random torques; ``noise_s``: their
     correlation time, s. ``spread``: largest relative change of parameters (`spread_body`), drawn
     from ``spread_seed`` if given, else from ``seed``; ``start_V``: voltage on both motors
     before the start.

@@ -38,7 +38,8 @@ def main() -> None:
 def _terminal() -> tuple[int, str]:
     """Open a raw pseudo-terminal; return the rig's file descriptor and the path for the host.
 
-    This process also keeps the host's end open, so that the rig goes on after the host closes it.
+    This process also keeps the host's end open, so that the rig keeps running after the host closes
+    it.
     """
     rig_end, host_end = os.openpty()
     tty.setraw(host_end)

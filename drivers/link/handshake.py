@@ -97,8 +97,8 @@ def check_profile(
 
     A contradiction is: other counts per revolution or another sign of them, a voltage limit above
     the device's, or a control period below its shortest sample period. The error names the
-    profile's key. ``name`` is the rig's port or URL. With ``signs="profile"`` the signs of the
-    encoder counts may differ; the profile's apply.
+    profile's key. ``name`` is the rig's port or URL. With ``signs="profile"`` the signs may
+    differ; the profile's apply.
     """
     for axis, theirs in zip(
         AXES, (identity.counts_roll, identity.counts_pitch, identity.counts_yaw), strict=True

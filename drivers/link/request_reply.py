@@ -49,7 +49,7 @@ class RequestClient:
         self.statistics.sent += 1
 
     def receive(self, timeout_s: float) -> list[Frame]:
-        """Receive frames for up to ``timeout_s`` s; queue samples, return the other frames."""
+        """Wait up to ``timeout_s`` s for bytes; queue samples, return the other frames."""
         return self._process(self.transport.read(timeout_s))
 
     def _process(self, data: bytes) -> list[Frame]:

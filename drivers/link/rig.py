@@ -87,8 +87,8 @@ class LinkRig:
 
         ``driver``: the driver's name, for recordings. ``stream=False``: the host requests each
         sample. ``watchdog_s``: timeout that replaces the device's own. ``signs="profile"``: the
-        signs of the encoder counts are those of the profile. After an error the transport is
-        closed.
+        profile's signs of the encoder counts apply, even if the device's differ. After an error
+        the transport is closed.
         """
         self._transport = transport
         self._client = RequestClient(transport)
