@@ -183,7 +183,7 @@ def _base_changes(calibration: Calibration, profile: Profile) -> Iterator[Change
 
 
 def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
-    """Return motor.K_f, motor.V_o and the inertias by their keys; empty if ``base`` is empty."""
+    """Return motor.K_f, motor.V_o and inertias from measurements ``base``; empty without any."""
     if not base:
         return {}
     K_f, T_g = base["K_f"], base["T_g"]
@@ -201,10 +201,10 @@ def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Me
 
 
 def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
-    """Return the ratios that flights determine without K_f: V_o in V, K_f/J in N/(V·kg·m²).
+    """Return ratios in which the error of thrust gain K_f cancels: V_o in V, K_f/J in N/(V·kg·m²).
 
-    The standard deviations of T_g and the inertias include that of K_f, which only the
-    profile's tolerance bounds. The error of K_f cancels in these ratios.
+    V_o = T_g/(2 L_a K_f) is the operating voltage, L_a the arm length. The standard deviations of
+    trim torque T_g and inertias J include that of K_f, which only the profile's tolerance bounds.
     """
     if not base:
         return {}

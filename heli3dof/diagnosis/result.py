@@ -242,7 +242,7 @@ def _unexplained(r: UnexplainedError) -> float:
 
 
 def confounded_names(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
-    """Return the names of effects that are faults, or confounded with a cause."""
+    """Return the names of effects that are faults of a recording, or confounded with a cause."""
     names: list[str] = []
     for f in causes:
         if isinstance(f, Fault):

@@ -92,6 +92,8 @@ def undetectable_scales(
 def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
     """Return the causes in ``tied_with`` that a flight can separate from the cause ``of``.
 
+    No flight separates an encoder scale, or the thrust gain from an inertia or imbalance.
+
     >>> separable_by_flight("inertia.roll", [THRUST_GAIN, "encoder.scale.yaw"])
     ()
     >>> separable_by_flight("motor.dead_zone", [THRUST_GAIN])
@@ -150,7 +152,7 @@ def _inertia_ties(
 
 
 def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bool:
-    """Return whether the first number of x is ``shift``, within tolerance and noise.
+    """Return whether the first number of x equals ``shift`` within tolerance and noise.
 
     x: logarithm of the ratio of an inertia to its nominal value, and its standard deviation.
     """

@@ -1,4 +1,4 @@
-"""Decide which terms of the full model are causes, and which are only kept in the model.
+"""Decide which terms of the fitted model are causes, and which are only kept in the model.
 
 Let θ̂ ± σ be the estimate of a term's first parameter and θ_0 its null value, at which the term has
 no effect. The probability that the parameter differs from θ_0 is
@@ -60,7 +60,10 @@ def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResul
 
 
 def mostly_prior(fit: MultiStepFit, name: str) -> bool:
-    """Return whether a term's σ > `PRIOR_SHARE` σ_prior; False if it varies by recording."""
+    """Return whether a term's estimate is mostly its prior: σ > `PRIOR_SHARE` σ_prior.
+
+    The result is False for a term that varies by recording.
+    """
     free = fit.structure.free
     j = first_parameters(free).get(name)
     if j is None or free[j].name in fit.problem.varying:

@@ -53,7 +53,7 @@ class OpenParameter:
     """The parameter of an undecided term: the first without a log scale, shared by all recordings.
 
     ``size``: distance from the value without the effect; ``size`` and ``std`` are in ``unit``.
-    ``index``: index of the scaled parameter; ``slope``: derivative of the value by it.
+    ``index``: of the scaled parameter; ``slope``: derivative of the value by the scaled one.
     """
 
     name: str
@@ -64,7 +64,7 @@ class OpenParameter:
     unit: str
 
     def significance(self, after: float) -> float:
-        """Return the significance u of a flight that lowers the standard deviation to ``after``."""
+        """Return the significance u expected of a flight that lowers σ = ``std`` to ``after``."""
         return self.size * math.sqrt(max(after**-2 - self.std**-2, 0.0))
 
 

@@ -77,7 +77,7 @@ class Cause:
 
     @property
     def probe(self) -> Probe:
-        """Return a probe of the score test at these values."""
+        """Return the cause as a probe of the score test."""
         first = self.term.effect.parameters[0]
         return Probe(self.term, self.values, self.values[0] - first.null)
 
@@ -217,7 +217,7 @@ def _outlooks(
     margins: dict[Task, dict[int, float]] = {}
 
     def fly(jobs: Sequence[tuple[Task, int]]) -> None:
-        """Simulate the jobs (plan, cause); remove plans that are not feasible."""
+        """Simulate each (plan, index of cause) in ``jobs``; remove plans that are not feasible."""
         base_jobs = [
             (t, 0) for t in dict.fromkeys(task for task, _ in jobs) if t not in base_scores
         ]

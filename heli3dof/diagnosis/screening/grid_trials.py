@@ -10,7 +10,7 @@ rises. A term is fitted in full if both conditions hold at the last w:
 
 1. Δℓ > `MIN_TRIAL_GAIN`.
 2. If the controller is known: Δℓ > max Δℓ_null + `MIN_TRIAL_GAIN` over flights simulated from the
-   base. Δℓ varies widely for an axis with little motion.
+   base fit. Δℓ varies widely for an axis with little motion.
 """
 
 from __future__ import annotations

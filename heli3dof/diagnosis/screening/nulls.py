@@ -77,8 +77,8 @@ class Nulls:
     def threshold_of(self, term: Term) -> float:
         """Return the threshold of a term's Z².
 
-        Another form of the rigid body's equations has its own threshold: Bonferroni's over
-        `FORMAL_CANDIDATES`.
+        A term that is another form of the rigid body's equations has its own threshold, with
+        Bonferroni's correction for `FORMAL_CANDIDATES` tests.
         """
         from scipy.stats import t
 

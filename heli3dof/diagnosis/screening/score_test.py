@@ -94,7 +94,10 @@ class Screen:
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
     def information(self) -> np.ndarray:
-        """Return the information of each probe but scans, per squared parameter unit; limits: 0."""
+        """Return each probe's information on its first parameter, in 1/unit²; 0 for limits.
+
+        Scans are omitted.
+        """
         size = np.array([p.size if p.grows else np.inf for p in self.plain])
         return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
 
@@ -137,7 +140,7 @@ class Screen:
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
-        """Return, per term, its probes' indices, the model with the term and parameter values.
+        """Return for each term: its probes' indices, the model with it, and parameter values.
 
         The first array of values is without the effect, each further one at one probe.
         """
@@ -181,7 +184,7 @@ class Screen:
 
 
 def with_term(structure: Structure, values: np.ndarray, t: Term) -> tuple[Structure, np.ndarray]:
-    """Return the structure with one more term, and values at which this has no effect."""
+    """Return the structure with the term ``t``, and values at which this term has no effect."""
     wide = structure.with_terms(t)
     # Absent is the null value (a lag of zero), not the lower bound.
     return wide, np.concatenate([values, [f.null for f in wide.free[len(values) :]]])

@@ -209,7 +209,10 @@ def value(flight: LinearisedRun, product: str) -> np.ndarray:
 
 
 def projected(flown: FilteredFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return score (K,) and information (K, K) of prediction changes D, the fit projected out."""
+    """Return score (K,) and information (K, K) of K changes D (K, E) of the E predictions.
+
+    The fit's parameters are projected out.
+    """
     at, nuisance = flown.flight.at, flown.nuisance
     weighted = D * at.w
     cross = weighted @ nuisance.tangents.T
