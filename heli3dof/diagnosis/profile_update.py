@@ -253,7 +253,7 @@ def _source_comment(calibration: Calibration, before: float, spread: str = "") -
 
 
 def applied(profile: Profile, new: Sequence[Change]) -> dict[str, Any]:
-    """Return the profile's nested dict with the changes."""
+    """Return the profile as nested dicts, with the changes ``new`` made."""
     from heli3dof.rig.profile_file import put
 
     data = profile.to_dict()

@@ -4,7 +4,7 @@ Each cause is removed in turn and the fit repeated. The gain Δℓ is the increa
 held-out data by the cause (`validation.gain`). A cause is adopted if one of these conditions holds:
 
 1. The 95 % interval of Δℓ lies above zero.
-2. Δℓ > `MIN_GAIN`, and the cause is the first, or its score is at least `SUFFICIENT`.
+2. Δℓ > `MIN_GAIN`, and either the cause is the first or its score is at least `SUFFICIENT`.
 3. Δℓ > `LARGE_GAIN`, and the prediction error of an axis decreases significantly.
 
 Condition 2 is for short flights, whose intervals are wide. The first cause has already passed the
@@ -256,7 +256,7 @@ def with_positive_torque(
 ) -> dict[str, tuple[float, float]]:
     """Return a periodic torque's ``values`` with amplitude τ > 0; if τ < 0, the phase shifts by π.
 
-    The phase is in (−π, π]. Values of other effects are unchanged.
+    The result has its phase in (−π, π].
     """
     out = dict(values)
     if {"torque_Nm", "phase_rad"} <= out.keys():

@@ -109,7 +109,7 @@ def threshold(tests: int) -> float:
 
 
 def with_further_effects(fit: MultiStepFit) -> MultiStepFit:
-    """Return the fit with those further effects of the catalogue that reduce Q significantly."""
+    """Return the fit with further effects of the catalogue that reduce its cost significantly."""
     for _ in range(MAX_CAUSES):
         tests = score_tests(fit)
         least = threshold(len(tests))

@@ -72,7 +72,7 @@ def mostly_prior(fit: MultiStepFit, name: str) -> bool:
 
 
 def contradicted(result: Elimination, r: TermResult) -> str:
-    """Return why the recordings do not support the cause; empty if they do."""
+    """Return why the recordings do not confirm the term ``r`` as a cause; empty if they do."""
     if mostly_prior(result.fit, r.term):
         return MOSTLY_PRIOR
     halves = compare_halves(result.halves, r.term)

@@ -9,7 +9,7 @@ own in each recording. The prior couples the new recording's values b to the com
     H_p = D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag (C_now⁻¹ + A − B C⁻¹ Bᵀ)⁻¹
 
 A is the block of the common parameters, C that of b. C_now is the present covariance of the common
-parameters. The recordings do not confirm an open parameter, so the new flight alone must. θ_0 is
+parameters. The recordings do not confirm an open parameter; only the new flight can. θ_0 is
 its value without the effect. Its expected significance u, and the probability P that it is then
 significant, are
 

@@ -2,7 +2,7 @@
 
 Each cause i in turn is taken as the truth, with its estimated size. Every plan is simulated on this
 model in closed loop, with noise and encoders. The score test (`screening.score_test`) gives the
-score z_j of each cause j, minus its score on the same flight of the base model:
+score z_j of each cause j, minus its score on a flight of this plan by the base model:
 
     margin_i = z_i² − max_{j≠i} z_j²,      margin = min_i margin_i,      rank by margin / duration
 
