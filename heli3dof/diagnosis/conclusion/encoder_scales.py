@@ -78,7 +78,7 @@ def undetectable_scales(
     tied: Sequence[str], axes: Sequence[str], *, rest_rad: float, tolerance: float,
     level_deg: float = math.inf,
 ) -> tuple[str, ...]:  # fmt: skip
-    """Return the scale errors of the measured ``axes`` that these recordings cannot show.
+    """Return the encoder scale errors of the measured ``axes`` that the recordings cannot show.
 
     A wrong roll scale also shifts the level angle, because counts start at the rest angle
     ``rest_rad``. ``level_deg``: least detectable shift. ``tolerance``: relative scale error that

@@ -127,7 +127,7 @@ def simulated_nulls(
 
 
 def nulls_from_scores(z: np.ndarray, signed: int | None = None) -> Nulls:
-    """Return the distribution of the scores z (B, P) of P probes in B nulls.
+    """Return the distribution of the scores z (B, P) of P probes in B simulated flights.
 
     The first ``signed`` scores (default: all) are of single probes, the others maxima of scans.
     """

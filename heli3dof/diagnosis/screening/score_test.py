@@ -1,17 +1,18 @@
 """Rao's score test of every candidate effect, without fitting any.
 
 With the filter's gains held, a probe (an effect at trial values) changes the predictions c of E
-encoder readings by the trace δc (E,). g and w (E,) are the readings' scores and information,
-W = diag(w). θ (n,) is the fit, with prior mean θ_0 and prior precision Λ. T = ∂c/∂θ (n, E) and
-A = T W Tᵀ + Λ. Then
+encoder readings by δc (E,), its trace. g and w (E,) are the readings' scores and information,
+W = diag(w). θ (n,) are the fitted parameters, with prior mean θ_0 and prior precision Λ. With
+T = ∂c/∂θ (n, E) and A = T W Tᵀ + Λ,
 
     u = δc·g − (T W δc)ᵀ A⁻¹ (T g − Λ(θ − θ_0))        efficient score
     v = δc W δc − (T W δc)ᵀ A⁻¹ (T W δc)               its information
     z = u/√v                                           standard normal without the effect
     u/v                                                estimated size, in units of the probe
 
-The parts with A⁻¹ project out the base parameters, so no refit of the base is necessary. Sums over
-readings use the adjoint L: Σ q δc = Σ L·δa for an acceleration δa (`bias_correction.perturbation`).
+The parts with A⁻¹ project out the base parameters, so no refit of the base is necessary. Sums
+with weights q over readings use their adjoint L: Σ q δc = Σ L·δa, where the probe changes the
+acceleration by δa (`bias_correction.perturbation`).
 
 The likelihood is approximate, so z is biased; `screening.nulls` standardises it.
 """

@@ -72,7 +72,7 @@ class Step(Screening):
 
     @cached_property
     def instead_of_inertia(self) -> list[CandidateFit]:
-        """Return the candidates that an inertia may have absorbed."""
+        """Return fits of the candidates whose effect an inertia may have absorbed."""
         return instead_of_inertia(self)
 
     def chosen(self, setup: Setup, earlier_score: float | None) -> Step:

@@ -38,7 +38,7 @@ class Hats:
 
     @property
     def groups(self) -> tuple[tuple[int, str], ...]:
-        """Return (axis, variable) of each group."""
+        """Return (axis, variable) of each group of hat functions."""
         return tuple((int(a), v) for a in self.axes for v in self.variables)
 
     def columns(self, group: int) -> slice:
