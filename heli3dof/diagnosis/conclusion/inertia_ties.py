@@ -111,7 +111,7 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
 
 def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the terms with a plausible size α in a given range, and a measured Z that agrees.
+    """Return the terms with a plausible size α in a given range, and a measured Z to match it.
 
     ``amounts``: (index i of a probe, least α, most α), with α in units of the probe.
     """

@@ -109,9 +109,8 @@ def fit_start(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the start of a fit with ``term``: parameters (n + m,) and ``noise`` (4,).
 
-    ``theta`` (n,): current fit; m: the term's parameters. The first round evaluates every other
-    grid value, the second the neighbours of the best one. Each round ends with updates of the
-    noise.
+    ``theta`` (n,): current fit; m: number of the term's parameters. The first round evaluates
+    every other grid value, the second the neighbours of the best one.
     """
     new = ext.structure.free[len(theta) :]
     full = np.concatenate([theta, [f.scaled(f.start) for f in new]])

@@ -147,7 +147,10 @@ def linearised_run_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray)
 def along(
     problem: Likelihood, theta: np.ndarray, X: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return A, B, ``slope``, ``q_ddot`` of `LinearisedRun` for ``theta`` (n,) and X (N, 6)."""
+    """Return the model's derivatives A and B, slopes and accelerations, as in `LinearisedRun`.
+
+    ``theta`` (n,): parameters; X (N, 6): states.
+    """
     from heli3dof.diagnosis.sensitivity.residual_torque_passes import linear
 
     d, hooks = problem.data, problem.structure.hooks
