@@ -52,7 +52,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A rig's calibration, read from a file."""
+    """A rig's calibration: measured values for its profile, read from a file."""
 
     source: str
     base: Mapping[str, Measured]

@@ -159,7 +159,7 @@ class Diagnosis:
 
     @property
     def in_order(self) -> tuple[Fault | Finding | OffNominal, ...]:
-        """Return all causes in the order of the function `in_order`."""
+        """Return faults, findings and base parameters off nominal, as the function `in_order`."""
         return in_order(self.faults, self.findings, self.calibration_findings)
 
 

@@ -113,7 +113,7 @@ def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
-    """Return the findings; if the thrust gain K_f is among them, all are confounded with it.
+    """Return the findings; if the thrust gain K_f is one, all others are confounded with it.
 
     Without simulated flights, only the profile's nominal values separate a wrong K_f from inertias
     that are all wrong by the inverse factor (`greybox.thrust_scale`).

@@ -92,7 +92,7 @@ def recommend(
     """Return the plan that distinguishes the confounded causes in the shortest time.
 
     ``base``: a fit without these causes. ``plans``: names of the plans to compare; by default all.
-    Raises UsageError if each plan leaves the safety envelope, or is unstable, on at least one model.
+    Raises UsageError if each plan leaves the safety envelope or is unstable on at least one model.
     """
     causes = list(causes)[:MAX_CAUSES]
     names = [c.term.name for c in causes]

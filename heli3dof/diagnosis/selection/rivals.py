@@ -50,7 +50,7 @@ MIN_STD = 1.0
 
 
 def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
-    """Return the candidates that scores cannot rank, the chosen cause first, or [] if they can.
+    """Return the candidates that scores cannot rank, the chosen cause first; [] if scores can.
 
     Terms that the score test cannot detect have no score bias and are not among them.
     """
