@@ -61,7 +61,7 @@ class BaseParameter:
 
     @property
     def x(self) -> float:
-        """Return x = ln(X/X_nominal) of the value X; −∞ if the two have different signs."""
+        """Return x = ln(X/X_nominal) of the estimate X; −∞ if X has the wrong sign."""
         ratio = self.value / self.nominal
         return float(np.log(ratio)) if ratio > 0 else -np.inf
 

@@ -161,7 +161,7 @@ def _profile(f: Fitted | None) -> list[dict[str, Any]]:
 
 
 def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
-    """Return the ratios of base parameters that do not depend on the thrust gain K_f.
+    """Return the ratios of base parameters in which the error of the thrust gain K_f cancels.
 
     They exclude an inertia that was implausible and therefore has a narrow prior.
     """

@@ -218,7 +218,7 @@ def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured
 
 
 def _relative_std_without_K_f(m: Measured, K_f: Measured) -> float:
-    """Return the relative standard deviation of m/K_f; the error of thrust gain K_f cancels."""
+    """Return the relative std of m/K_f, in which the error of the thrust gain K_f cancels."""
     return sqrt(max(_relative_std(m) ** 2 - _relative_std(K_f) ** 2, 0.0))
 
 

@@ -154,12 +154,12 @@ class Diagnosis:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Return the recordings' faults that are causes: findings that name an effect."""
+        """Return the recordings' faults of the kind "finding" that name an effect: causes."""
         return tuple(f for f in self.integrity if f.is_cause)
 
     @property
     def in_order(self) -> tuple[Fault | Finding | OffNominal, ...]:
-        """Return faults, findings and base parameters off nominal, as the function `in_order`."""
+        """Return faults, findings and base parameters off nominal in the order of `in_order`."""
         return in_order(self.faults, self.findings, self.calibration_findings)
 
 

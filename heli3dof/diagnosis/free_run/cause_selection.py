@@ -102,7 +102,7 @@ def open_terms(
     """Return the terms on which a further flight should decide.
 
     These are the first confounded cause and the terms confounded with it. Without any, they are
-    terms that held-out blocks need but that are no causes, else terms that are not identifiable.
+    terms that improve held-out predictions but are no causes, else those not identifiable.
     """
     for r in causes:
         if r.tied_with:

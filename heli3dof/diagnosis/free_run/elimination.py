@@ -228,7 +228,7 @@ def with_confounded_terms(
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
-    """Return the terms with a prior mean more than `SIGMAS` prior σ from the null value."""
+    """Return the terms with a prior mean more than `SIGMAS` prior σ from the value of no effect."""
     out = set()
     sd = 1 / np.sqrt(np.diag(problem.prior))
     for j, f in enumerate(problem.structure.free):

@@ -77,7 +77,7 @@ def cross_validated(models: Sequence[GreyBoxModel], recordings: Sequence[Recordi
 
 
 def predicts_better(before: FreeRun, after: FreeRun) -> bool:
-    """Return whether ``after`` predicts better over 3 s, with equal weights of the axes."""
+    """Return whether ``after`` predicts better than ``before`` over 3 s; all axes weigh equally."""
     b, a = (np.array(list(x.over_deg().values())) for x in (before, after))
     return bool(np.nansum((a / b) ** 2) < np.isfinite(a / b).sum())
 

@@ -237,7 +237,7 @@ def _outlooks(
                 margins.setdefault(task, {})[which - 1] = m
 
     def best_rank(task: Task) -> float:
-        """Return the smallest margin of the causes simulated so far, divided by the plan's time."""
+        """Return the smallest margin of the causes simulated so far, divided by the duration."""
         return min(margins[task].values()) / task.plan.duration_s
 
     causes = list(range(len(models) - 1))

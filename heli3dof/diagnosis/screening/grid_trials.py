@@ -100,7 +100,7 @@ def exceeds_nulls(
 
 
 def widened(problem: Likelihood, term: Term) -> Likelihood:
-    """Return the likelihood of the model with one more term."""
+    """Return the likelihood of the model with ``term`` added."""
     return replace(problem, structure=problem.structure.with_terms(term))
 
 

@@ -132,7 +132,7 @@ class LinearisedRun:
 
 
 def linearised_run(fit: Estimate) -> LinearisedRun:
-    """Return the filter run of a fit over its recordings."""
+    """Return a fit's filter run over its recordings, with the model's derivatives."""
     return linearised_run_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
 
 
