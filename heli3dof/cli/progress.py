@@ -1,8 +1,7 @@
 """Show a flight live: angles against references, voltages, limits, lateness, time left.
 
 A terminal of at least 80 × 24 characters shows a screen of moving traces, a smaller one a line.
-Without a terminal, a line is printed every `PRINT_EVERY_S`. A separate thread draws the state of
-the control loop.
+Without a terminal, a line is printed every `PRINT_EVERY_S` seconds.
 """
 
 from __future__ import annotations

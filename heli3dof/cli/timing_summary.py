@@ -69,9 +69,9 @@ def latency_text(latency: Mapping[str, Any]) -> str:
 
 
 def unacknowledged_text(latency: Mapping[str, Any]) -> str:
-    """Return a text with two numbers of voltage commands.
+    """Return a text on the voltage commands that the rig did not echo.
 
-    The first is of commands that the next sample did not echo, the second of those that none did.
+    It states how many the next sample did not echo, and how many no sample echoed.
     """
     never = latency["commands_never_echoed"]
     return (

@@ -76,7 +76,7 @@ class Traces:
 
 
 def scale(values: Sequence[float]) -> tuple[float, float]:
-    """Return the lowest and highest finite value, at least `MIN_SPAN_DEG` apart.
+    """Return (lowest, highest) finite value; values closer than `MIN_SPAN_DEG` are moved apart.
 
     >>> scale([2.0, nan, 2.2])
     (1.6, 2.6)

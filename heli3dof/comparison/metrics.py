@@ -95,7 +95,7 @@ class StepMetrics:
 
 @dataclass(frozen=True)
 class AxisMetrics:
-    """Step metrics of one axis: those of the reported segment, and those of every segment."""
+    """Step metrics of one axis: of the reported segment (see the module), and of every segment."""
 
     reported: StepMetrics
     steps: tuple[StepMetrics, ...]

@@ -104,7 +104,7 @@ def rmse_deg(
 
 
 def over_window_deg(by_horizon: Mapping[float, FloatArray], made: Predictions) -> FloatArray:
-    """Return the RMSE (3,) in degrees over a prediction window, from horizon 0 to its end.
+    """Return the RMSE (3,) in degrees over a prediction window, from horizon 0 to the longest.
 
     ``by_horizon`` is what `rmse_deg` returns for the predictions ``made``. The squares are averaged
     by the trapezoidal rule.

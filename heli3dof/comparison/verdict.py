@@ -81,10 +81,10 @@ def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, Float
 
 
 def _best(errors: Errors, what: str) -> list[str]:
-    """Return a sentence with each axis's best model, its error, and that of a second model.
+    """Return one sentence in a list: each axis's best model, its error, and a second one's error.
 
-    The second model is ``hover`` if it is not best, else the next best one. The list is empty
-    without errors. ``what`` describes the ``errors``, for example "closed-loop replay".
+    The second model is ``hover`` if that is not best, else the next best one. The list is empty if
+    no error is known. ``what`` describes the ``errors``, for example "closed-loop replay".
     """
     models = {name: e for name, e in errors.items() if name != STILL}
     groups: dict[tuple[str, ...], list[str]] = {}

@@ -61,18 +61,22 @@ class BaseParameter:
 
     @property
     def x(self) -> float:
-        """Return x = ln(X/X_nominal) of the value X; −∞ if the two have different signs."""
+        """Return x = ln(X/X_nominal) of the estimate X; −∞ if X has the wrong sign."""
         ratio = self.value / self.nominal
         return float(np.log(ratio)) if ratio > 0 else -np.inf
 
     def excess(self, tolerance: float) -> float:
-        """Return |x| − |e|, the excess of x over its bound e by the tolerance; negative within."""
+        """Return by how much |x| exceeds its limit |e|; negative within the ``tolerance`` ε.
+
+        x is ln(X/X_nominal); e is ln(1 + ε), or ln(1 − ε) if x < 0.
+        """
         return abs(self.x) - abs(edge(self.x, tolerance))
 
     def is_significant(self, beyond: float, quantile: float, std: float) -> bool:
         """Return whether ``beyond`` > √((`SCALE_QUANTILE` σ_k)² + (``quantile`` · ``std``)²).
 
-        σ_k is the standard deviation of ln K_f, ``std`` that of ln X by the flights' noise.
+        ``beyond``: result of `excess`. σ_k is the standard deviation of ln K_f, ``std`` that of the
+        parameter's logarithm by the flights' noise.
         """
         return beyond > float(np.hypot(SCALE_QUANTILE * self.scale, quantile * std))
 
@@ -89,7 +93,7 @@ def quantile() -> float:
 
 
 def base_parameters(fit: PhysicalFit) -> tuple[BaseParameter, ...]:
-    """Return K_f, T_g and the three inertias, in this order."""
+    """Return thrust gain K_f, trim torque T_g and three inertias, in SI and in this order."""
     scale = thrust_scale(fit)
     K_f = fit.structure.profile.motor.K_f
     out = [
@@ -120,7 +124,7 @@ class OffNominal:
 def off_nominal(
     fit: PhysicalFit, *, std_inflation: float = STD_INFLATION
 ) -> tuple[OffNominal, ...]:
-    """Return the base parameters that differ from nominal by significantly more than tolerance.
+    """Return the base parameters that significantly differ from nominal by more than the tolerance.
 
     The largest `OffNominal.score` comes first. ``std_inflation``: factor by which the test
     multiplies the standard deviations that the flights' noise causes.

@@ -153,7 +153,7 @@ def _base(f: Fitted) -> tuple[BaseParameter, ...]:
 
 
 def _profile(f: Fitted | None) -> list[dict[str, Any]]:
-    """Return the calibration as keys of the profile, which `profile update` writes."""
+    """Return the calibrated values by the profile's keys, as `profile update` writes them."""
     if f is None:
         return []
     keys = profile_keys(_measured(f), f.model.profile)
@@ -161,7 +161,7 @@ def _profile(f: Fitted | None) -> list[dict[str, Any]]:
 
 
 def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
-    """Return the ratios of base parameters that do not depend on the thrust gain K_f.
+    """Return the ratios of base parameters in which the error of the thrust gain K_f cancels.
 
     They exclude an inertia that was implausible and therefore has a narrow prior.
     """

@@ -52,7 +52,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A rig's calibration, read from a file."""
+    """A rig's calibration: measured values for its profile, read from a file."""
 
     source: str
     base: Mapping[str, Measured]
@@ -183,7 +183,7 @@ def _base_changes(calibration: Calibration, profile: Profile) -> Iterator[Change
 
 
 def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
-    """Return motor.K_f, motor.V_o and the inertias by their keys; empty if ``base`` is empty."""
+    """Return motor.K_f, motor.V_o and inertias from measurements ``base``; empty without any."""
     if not base:
         return {}
     K_f, T_g = base["K_f"], base["T_g"]
@@ -201,10 +201,10 @@ def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Me
 
 
 def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
-    """Return the ratios that flights determine without K_f: V_o in V, K_f/J in N/(V·kg·m²).
+    """Return ratios in which the error of thrust gain K_f cancels: V_o in V, K_f/J in N/(V·kg·m²).
 
-    The standard deviations of T_g and the inertias include that of K_f, which only the
-    profile's tolerance bounds. The error of K_f cancels in these ratios.
+    V_o = T_g/(2 L_a K_f) is the operating voltage, L_a the arm length. The standard deviations of
+    trim torque T_g and inertias J include that of K_f, which only the profile's tolerance bounds.
     """
     if not base:
         return {}
@@ -218,7 +218,7 @@ def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured
 
 
 def _relative_std_without_K_f(m: Measured, K_f: Measured) -> float:
-    """Return the relative standard deviation of m/K_f; the error of thrust gain K_f cancels."""
+    """Return the relative std of m/K_f, in which the error of the thrust gain K_f cancels."""
     return sqrt(max(_relative_std(m) ** 2 - _relative_std(K_f) ** 2, 0.0))
 
 
@@ -253,7 +253,7 @@ def _source_comment(calibration: Calibration, before: float, spread: str = "") -
 
 
 def applied(profile: Profile, new: Sequence[Change]) -> dict[str, Any]:
-    """Return the profile's nested dict with the changes."""
+    """Return the profile as nested dicts, with the changes ``new`` made."""
     from heli3dof.rig.profile_file import put
 
     data = profile.to_dict()

@@ -154,12 +154,12 @@ class Diagnosis:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Return the recordings' faults that are causes: findings that name an effect."""
+        """Return the recordings' faults of the kind "finding" that name an effect: causes."""
         return tuple(f for f in self.integrity if f.is_cause)
 
     @property
     def in_order(self) -> tuple[Fault | Finding | OffNominal, ...]:
-        """Return all causes in the order of the function `in_order`."""
+        """Return faults, findings and base parameters off nominal in the order of `in_order`."""
         return in_order(self.faults, self.findings, self.calibration_findings)
 
 
@@ -242,7 +242,7 @@ def _unexplained(r: UnexplainedError) -> float:
 
 
 def confounded_names(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
-    """Return the names of effects that are faults, or confounded with a cause."""
+    """Return the names of effects that are faults of a recording, or confounded with a cause."""
     names: list[str] = []
     for f in causes:
         if isinstance(f, Fault):

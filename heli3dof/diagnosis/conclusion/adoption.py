@@ -4,7 +4,7 @@ Each cause is removed in turn and the fit repeated. The gain Δℓ is the increa
 held-out data by the cause (`validation.gain`). A cause is adopted if one of these conditions holds:
 
 1. The 95 % interval of Δℓ lies above zero.
-2. Δℓ > `MIN_GAIN`, and the cause is the first, or its score is at least `SUFFICIENT`.
+2. Δℓ > `MIN_GAIN`, and either the cause is the first or its score is at least `SUFFICIENT`.
 3. Δℓ > `LARGE_GAIN`, and the prediction error of an axis decreases significantly.
 
 Condition 2 is for short flights, whose intervals are wide. The first cause has already passed the
@@ -229,9 +229,9 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
 
 
 def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:
-    """Return the choices; the others and ``formal`` effects are removed from each ``tied_with``.
+    """Return the choices; each ``tied_with`` omits the other choices and ``formal`` effects.
 
-    If names are removed, the choice gets at least its confidence against the other candidates.
+    If names are removed, the confidence is raised to that against the remaining candidates.
     ``formal``: effects that are other forms of the rigid body's equations, not causes.
     """
     named = {c.term.name for c in choices} | set(formal)
@@ -254,7 +254,10 @@ def log_likelihood_gain(g: Gain) -> float:
 def with_positive_torque(
     values: Mapping[str, tuple[float, float]],
 ) -> dict[str, tuple[float, float]]:
-    """Return a periodic torque with amplitude τ > 0, phase in (−π, π]: −τ sin φ = τ sin(φ + π)."""
+    """Return a periodic torque's ``values`` with amplitude τ > 0; if τ < 0, the phase shifts by π.
+
+    The result has its phase in (−π, π].
+    """
     out = dict(values)
     if {"torque_Nm", "phase_rad"} <= out.keys():
         (torque, std), (phase, spread) = out["torque_Nm"], out["phase_rad"]

@@ -62,9 +62,9 @@ def conclude(
 def without_causes(
     names: Sequence[str], causes: Sequence[Fault | Finding | OffNominal]
 ) -> tuple[str, ...]:
-    """Return the effects ``names``, not identifiable at their typical sizes, except causes.
+    """Return the effects ``names`` without those that are ``causes``.
 
-    A larger effect may still have been found as a cause.
+    ``names``: effects not identifiable at their typical sizes. A larger one may still be a cause.
     """
     found = {c.term.name for c in physical(causes)}
     return tuple(name for name in names if name not in found)

@@ -78,7 +78,7 @@ def undetectable_scales(
     tied: Sequence[str], axes: Sequence[str], *, rest_rad: float, tolerance: float,
     level_deg: float = math.inf,
 ) -> tuple[str, ...]:  # fmt: skip
-    """Return the scale errors of the measured ``axes`` that these recordings cannot show.
+    """Return the encoder scale errors of the measured ``axes`` that the recordings cannot show.
 
     A wrong roll scale also shifts the level angle, because counts start at the rest angle
     ``rest_rad``. ``level_deg``: least detectable shift. ``tolerance``: relative scale error that
@@ -91,6 +91,8 @@ def undetectable_scales(
 
 def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
     """Return the causes in ``tied_with`` that a flight can separate from the cause ``of``.
+
+    No flight separates an encoder scale, or the thrust gain from an inertia or imbalance.
 
     >>> separable_by_flight("inertia.roll", [THRUST_GAIN, "encoder.scale.yaw"])
     ()
@@ -111,7 +113,7 @@ def separable_by_flight(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
 
 
 def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
-    """Return the findings; if the thrust gain K_f is among them, all are confounded with it.
+    """Return the findings; if the thrust gain K_f is one, all others are confounded with it.
 
     Without simulated flights, only the profile's nominal values separate a wrong K_f from inertias
     that are all wrong by the inverse factor (`greybox.thrust_scale`).
@@ -150,7 +152,7 @@ def _inertia_ties(
 
 
 def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bool:
-    """Return whether the first number of x is ``shift``, within tolerance and noise.
+    """Return whether the first number of x equals ``shift`` within tolerance and noise.
 
     x: logarithm of the ratio of an inertia to its nominal value, and its standard deviation.
     """

@@ -10,14 +10,14 @@ the probe) and its statistic Z are at least
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
-and at most those for the opposite edge. v_i is the information of probe i, std_i the standard
+and at most those for the opposite limit. v_i is the information of probe i, std_i the standard
 deviation of its score in flights simulated without it. Effect i is confounded with parameter j if
 
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
 2. the measured Z_i lies within this range of Z, widened by `MAX_DEVIATION`.
 
 A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For it, α runs over the
-sizes for which x_j(α) = θ_j − α b_ji gives a K_f within the tolerance.
+sizes for which the corrected parameters θ_j − α b_ji give a K_f within the tolerance.
 
 An inertia is also confounded with an effect for another reason. A fit of all parameters with this
 effect has the inertia within tolerance and explains the flight equally well
@@ -58,7 +58,7 @@ def with_confounded_causes(off: OffNominal, step: Step) -> OffNominal:
 
 
 def last_step_with_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:
-    """Return the last selection step with the causes of ``fit``; the last step if none has them."""
+    """Return the last step whose fit has the same terms as ``fit``; without any, the last step."""
     names = {t.name for t in fit.structure.terms}
     same = (s for s in reversed(steps) if {t.name for t in s.fit.structure.terms} == names)
     return next(same, steps[-1])
@@ -96,7 +96,7 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     limit = abs(edge(log_k(0.0, np.zeros(4)), fit.structure.profile.tolerance))
 
     def size_ranges(i: int) -> list[tuple[float, float]]:
-        """Return (least, most) size α of probe ``i``, for each possible sign of α.
+        """Return for each possible sign the (least, most) size α of probe ``i`` that explains K_f.
 
         Corrected for an effect of this size, K_f is within the profile's tolerance.
         """
@@ -111,7 +111,7 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
 
 def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the terms with a plausible size α in a given range, and a measured Z that agrees.
+    """Return the terms with a plausible size α in a given range, and a measured Z to match it.
 
     ``amounts``: (index i of a probe, least α, most α), with α in units of the probe.
     """

@@ -35,7 +35,7 @@ MOST_CONFIDENCE = 0.5
 def marked_if_recordings_disagree(
     findings: Sequence[Finding], recordings: Sequence[Recording]
 ) -> tuple[Finding, ...]:
-    """Return the findings; those that the recordings do not confirm are marked "…-like"."""
+    """Return the findings; doubtful ones (rules 1 to 3 of the module) are marked "…-like"."""
     unconfirmed = not_confirmed([f.term.name for f in findings], recordings)
     return tuple(
         marked_like(f) if f.term.name in unconfirmed or _is_doubtful(f, recordings) else f

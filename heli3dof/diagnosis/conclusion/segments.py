@@ -91,7 +91,7 @@ def ranking_std(d: np.ndarray) -> float:
 
 
 def ranking_probability(difference: float, s: float) -> float:
-    """Return Φ(Δ/s), the confidence in the higher of two scores that differ by Δ.
+    """Return Φ(Δ/s), the confidence in the higher of two scores with the difference Δ ± s.
 
     >>> round(ranking_probability(20.0, 20.0), 2), ranking_probability(1.0, 0.0)
     (0.84, 1.0)

@@ -48,9 +48,9 @@ class TorqueSearchResult:
 def settle_unmodelled(
     setup: Setup, start: TorqueSearchResult, holdout: Sequence[Recording], *, flights: int
 ) -> TorqueSearchResult:
-    """Search for residual torques from ``start``; replace the causes that stand in for them.
+    """Search the fit of ``start`` for residual torques; drop causes that a torque explains better.
 
-    ``flights``: number of null simulations per search.
+    ``flights``: number of flights simulated without residual torque, per search.
     """
     if not start.fit.is_corrected:  # a cause dropped by now may have prevented simulation
         again = bias_corrected(setup, start.fit.problem, start.fit.optimum)
@@ -108,7 +108,7 @@ def _undecided(
 def _without_stand_ins(
     setup: Setup, now: TorqueSearchResult, names: Sequence[str], holdout: Sequence[Recording]
 ) -> TorqueSearchResult:
-    """Return the result without the causes ``names``; each other cause is adopted or dropped."""
+    """Return the result without the causes ``names``; refit the others, adopt or drop each."""
     found = now.fit
     for f in now.findings:
         if f.term.name in names:

@@ -1,6 +1,6 @@
 """Put unmodelled torques into the extended model if they improve predictions of held-out data.
 
-For each torque in turn, the model is extended by the term of a proposal
+For each torque in turn, the model is extended by a proposal, a formula or a curve
 (`unmodelled.torque_formula`), fitted in full and bias-corrected. The first proposal that makes
 held-out data significantly more likely is adopted; without one, the torque is left out.
 """

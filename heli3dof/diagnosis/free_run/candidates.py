@@ -1,7 +1,7 @@
 """Score test of every effect that a multi-step fit lacks, without fitting any.
 
 r (R,) are the fit's weighted residuals and Q = r·r + prior its cost, which is like −2 ln L
-(`heli3dof.identification.greybox.multistep`). D (dim, R) is ∂r/∂z, with the scaled parameters z.
+(`heli3dof.identification.greybox.multistep`). D (dim, R) is ∂r/∂z, with dim scaled parameters z.
 z_0 and Λ are the prior's mean and precision, H = D Dᵀ + Λ. A probe (`screening.catalogue`) changes
 r by d (R,), which one simulation gives. With the fit's parameters projected out,
 
@@ -51,7 +51,7 @@ MAX_FITS = 3
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """The score test of one probe."""
+    """The score test of one probe: an effect at trial values of its parameters."""
 
     probe: Probe
     change: np.ndarray
@@ -109,7 +109,7 @@ def threshold(tests: int) -> float:
 
 
 def with_further_effects(fit: MultiStepFit) -> MultiStepFit:
-    """Return the fit with those further effects of the catalogue that reduce Q significantly."""
+    """Return the fit with further effects of the catalogue that reduce its cost significantly."""
     for _ in range(MAX_CAUSES):
         tests = score_tests(fit)
         least = threshold(len(tests))

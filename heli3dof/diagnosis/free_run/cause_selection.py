@@ -1,4 +1,4 @@
-"""Decide which terms of the full model are causes, and which are only kept in the model.
+"""Decide which terms of the fitted model are causes, and which are only kept in the model.
 
 Let θ̂ ± σ be the estimate of a term's first parameter and θ_0 its null value, at which the term has
 no effect. The probability that the parameter differs from θ_0 is
@@ -60,7 +60,10 @@ def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResul
 
 
 def mostly_prior(fit: MultiStepFit, name: str) -> bool:
-    """Return whether a term's σ > `PRIOR_SHARE` σ_prior; False if it varies by recording."""
+    """Return whether a term's estimate is mostly its prior: σ > `PRIOR_SHARE` σ_prior.
+
+    The result is False for a term that varies by recording.
+    """
     free = fit.structure.free
     j = first_parameters(free).get(name)
     if j is None or free[j].name in fit.problem.varying:
@@ -69,7 +72,7 @@ def mostly_prior(fit: MultiStepFit, name: str) -> bool:
 
 
 def contradicted(result: Elimination, r: TermResult) -> str:
-    """Return why the recordings do not support the cause; empty if they do."""
+    """Return why the recordings do not confirm the term ``r`` as a cause; empty if they do."""
     if mostly_prior(result.fit, r.term):
         return MOSTLY_PRIOR
     halves = compare_halves(result.halves, r.term)
@@ -99,7 +102,7 @@ def open_terms(
     """Return the terms on which a further flight should decide.
 
     These are the first confounded cause and the terms confounded with it. Without any, they are
-    terms that held-out blocks need but that are no causes, else terms that are not identifiable.
+    terms that improve held-out predictions but are no causes, else those not identifiable.
     """
     for r in causes:
         if r.tied_with:

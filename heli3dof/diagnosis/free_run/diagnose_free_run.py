@@ -113,8 +113,8 @@ def diagnose_without_likelihood(
 
     ``why`` is the result of `no_likelihood`; the other arguments are as in `diagnose.diagnose`.
     With the base "hover", the rigid body is a candidate (`geometry`). ``quick`` omits
-    cross-validation: size alone decides, and causes are "…-like". Then the gain is measured on the
-    training data if there are no held-out data.
+    cross-validation: the estimates alone select causes, marked "…-like". Then the gain is measured
+    on the training data if there are no held-out data.
     """
     whole, partial = _all_angles(train), _lacking_angles([*train, *held])
     flights = [r for r in whole if len(flight_of(r).starts) >= LEAST_STARTS]
@@ -249,7 +249,10 @@ def _finding(result: Elimination, r: TermResult, gained: Gain) -> Finding:
 
 
 def _profile_error(recordings: Sequence[Recording], simpler: tuple[str, ...]) -> SimulationError:
-    """Return the prediction errors with the profile's values and the terms ``simpler``."""
+    """Return the base simulation's prediction errors with the profile's values.
+
+    ``simpler``: terms that turn the rigid body into the base simulation.
+    """
     model = nominal(recordings[0].profile, simpler)
     e = [
         free_run_errors(model, r, np.array([max(1, round(h / r.dt)) for h in HORIZONS_S]))

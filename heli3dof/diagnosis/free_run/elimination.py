@@ -120,7 +120,7 @@ class Elimination:
 def eliminate(
     full: MultiStepFit, *, seed: int = 0, progress: Progress = lambda s: None
 ) -> Elimination:
-    """Return which terms of the fit ``full`` the held-out blocks need."""
+    """Return which terms of the fit ``full`` stay in a backward elimination (see the module)."""
     begun = search(full.problem, full.z, full.noise, stages_s=(STAGE_S,))
     progress("Fitting each half of the blocks …")
     first = current = FitWithFolds.of(begun)
@@ -157,9 +157,10 @@ def eliminate(
 
 
 def without_elimination(full: MultiStepFit) -> Elimination:
-    """Return the fit ``full`` as a result in which no term was eliminated.
+    """Return the result for the fit ``full`` without any elimination.
 
-    In place of the cross-validated Δ, each term has √Σ((θ − θ_0)/σ)², over its parameters θ.
+    A term's increase is √Σ((θ − θ_0)/σ)² over its parameters θ, not the cross-validated Δ. θ_0 is
+    the value without the effect.
     """
     each = [
         TermResult(
@@ -175,7 +176,7 @@ def without_elimination(full: MultiStepFit) -> Elimination:
 def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
     """Return a list of (term, Σ (θ − θ_0)²/σ² over its parameters), by ascending sum.
 
-    θ_0 is the null value, on a logarithmic scale the lower bound.
+    θ_0 is the value without the effect, on a logarithmic scale the lower bound.
     """
     p, out = full.problem, {}
     C = np.linalg.inv(full.tangents @ full.tangents.T + p.prior)
@@ -192,9 +193,9 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
 
 
 def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -> TermResult:
-    """Return the increase of the loss when the effect ``name`` is removed from the model.
+    """Return the increase of the held-out loss if the term ``added`` cancels the effect ``name``.
 
-    The effect is removed by adding the term ``added`` to the fit with every term.
+    For example, ``base.hover`` (the linear model) cancels ``geometry``.
     """
     assert result.first is not None
     trial = without_term(result.first, "", seed=seed, instead=added)
@@ -227,7 +228,7 @@ def with_confounded_terms(
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
-    """Return the terms with a prior mean more than `SIGMAS` prior σ from the null value."""
+    """Return the terms with a prior mean more than `SIGMAS` prior σ from the value of no effect."""
     out = set()
     sd = 1 / np.sqrt(np.diag(problem.prior))
     for j, f in enumerate(problem.structure.free):
@@ -239,7 +240,7 @@ def known_beforehand(problem: MultiStep) -> set[str]:
 
 
 def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
-    """Return the other terms with a parameter that is correlated with one of term ``name``.
+    """Return the other terms that have a parameter correlated with a parameter of ``name``.
 
     The |correlation| exceeds `CORRELATED`.
     """
@@ -293,7 +294,7 @@ def training_cost(current: FitWithFolds, trial: Trial) -> float:
 
 
 def held_out_losses(full: MultiStepFit, test: MultiStep, scale: np.ndarray) -> np.ndarray:
-    """Return the mean loss (m,) of the fit ``full`` in each `WINDOW_S` of the test windows."""
+    """Return the fit's mean loss (m,) on the windows ``test``, in m cells of `WINDOW_S`."""
     windows = replace(test, structure=full.structure, varying=full.problem.varying)
     each = windows.errors(full.z, full.noise, STAGE_S)
     flights = zip(windows.flights, each, strict=True)
@@ -311,7 +312,7 @@ def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
 
 
 def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
-    """Return the loss (m,) in each `WINDOW_S` of recording i of ``p``, left out of the fit."""
+    """Return the loss (m,) in m cells (`WINDOW_S`) of recording i of ``p``, left out of the fit."""
     q, flight, a = full.problem, p.flights[i], full.noise
     data = split_at_climb_end(p.data[i], int(np.argmax(p.rows[i] == flight.starts[0])))
     states = filter_jittered(q.structure, full.values, data, a[:3], a[3], q.varying).states

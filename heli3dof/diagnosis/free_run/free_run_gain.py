@@ -4,9 +4,9 @@ With e_k,i(h) the error (rad) of prediction k on axis i after h seconds,
 
     RMSE_i(h) = √(mean_k e_k,i(h)²),      over 3 s: √(1/3 ∫₀³ RMSE_i(h)² dh)
 
-on held-out recordings, or on each fold's test blocks by the model fitted to the other folds. An
-extension is adopted if Σ_i (RMSE_i,after/RMSE_i,before)² over 3 s is below the number of axes.
-The bootstrap resamples cells of `free_run.refits.WINDOW_S`, because windows overlap.
+on held-out recordings, or on each fold's test blocks by the model fitted to the other folds. A
+model extension is adopted if Σ_i (RMSE_i,after/RMSE_i,before)² over 3 s is below the number of
+axes. The bootstrap resamples cells of `free_run.refits.WINDOW_S`, because windows overlap.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def cross_validated(models: Sequence[GreyBoxModel], recordings: Sequence[Recordi
 
 
 def predicts_better(before: FreeRun, after: FreeRun) -> bool:
-    """Return whether ``after`` predicts better over 3 s, with equal weights of the axes."""
+    """Return whether ``after`` predicts better than ``before`` over 3 s; all axes weigh equally."""
     b, a = (np.array(list(x.over_deg().values())) for x in (before, after))
     return bool(np.nansum((a / b) ** 2) < np.isfinite(a / b).sum())
 

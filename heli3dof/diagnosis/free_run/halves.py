@@ -65,8 +65,8 @@ def compare_halves(halves: tuple[MultiStepFit, ...], name: str) -> HalvesCompari
 def null_distance(fit: MultiStepFit, name: str) -> tuple[float, float, float, bool] | None:
     """Return (u = (θ − θ_0)/σ, θ, σ, whether σ > `PRIOR_SHARE` σ_prior) of the first parameter.
 
-    A parameter on a logarithmic scale has u = ∞, and θ and σ of its scaled value. None without a
-    parameter or σ.
+    θ_0 is its value without the effect. On a logarithmic scale u = ∞, and θ, σ are of the scaled
+    value. None without a parameter or σ.
     """
     p = fit.problem
     for j, f in enumerate(fit.structure.free):
@@ -90,7 +90,7 @@ def _scaled_estimate(fit: MultiStepFit, j: int) -> tuple[float, float, bool]:
 
 
 def chi_squared(fit: MultiStepFit, j: int) -> tuple[float, int]:
-    """Return χ² of parameter j's values by recording about the null value, and their number."""
+    """Return χ² of parameter j's values in n recordings about its null value, and n."""
     p = fit.problem
     at, f = recording_indices(p, j), fit.structure.free[j]
     C = np.linalg.inv(fit.tangents @ fit.tangents.T + p.prior)[np.ix_(at, at)]

@@ -82,10 +82,10 @@ def refit(full: MultiStepFit, name: str, instead: str | None = None) -> MultiSte
 def warm_fit(
     full: MultiStepFit, new: MultiStep, z: np.ndarray, D: np.ndarray | None, fresh: int = FRESH
 ) -> MultiStepFit:
-    """Return the fit of ``new``, started from z (dim,) and tangents D (dim, R).
+    """Return the fit of ``new``, started from z (dim,) and D = ∂r/∂z (dim, R).
 
-    The error scales are those of ``full``. ``fresh``: number of times D may be recomputed. If D is
-    None, it is computed at z.
+    z are the scaled parameters, r (R,) the residuals. The error scales are those of ``full``.
+    ``fresh``: number of times D may be recomputed. If D is None, it is computed at z.
     """
     v = least_squares_problem(new, full.noise, STAGE_S, full.scale)
     r = follow_on(v, z, D, settled=SETTLED, fresh=fresh)
@@ -121,7 +121,7 @@ def carried_over(full: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.nda
 
 
 def recording_indices(problem: MultiStep, j: int) -> list[int]:
-    """Return the indices in z of parameter j's values by recording (j is in ``problem.own``)."""
+    """Return the indices in z of parameter j's values, one for each recording."""
     b = list(problem.own).index(j)
     return [problem.n + i * len(problem.own) + b for i in range(len(problem.flights))]
 
@@ -145,7 +145,7 @@ def folds_of(full: MultiStepFit) -> list[tuple[MultiStepFit, MultiStep]]:
 
 
 def window_tangents(full: MultiStepFit, kept: np.ndarray) -> np.ndarray:
-    """Return ∂r/∂z (dim, R) of the residuals r of the windows that ``kept`` (S,) bool selects."""
+    """Return the derivatives ∂r/∂z (dim, R) of the residuals in the windows ``kept``, (S,) bool."""
     each = full.tangents.reshape(len(full.z), len(kept), -1)
     return np.asarray(each[:, kept].reshape(len(full.z), -1))
 

@@ -158,7 +158,7 @@ class CreepRun:
 
 
 def measure_creep(fit: MultiStepFit, recording: Recording) -> CreepRun | None:
-    """Return the run's creep; None unless a constant voltage holds the arm off the table."""
+    """Return the drift of roll at constant voltage; None unless it holds the arm off the table."""
     r, on = recording, constant_voltage(recording)
     if on is None:
         return None

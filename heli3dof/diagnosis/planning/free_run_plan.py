@@ -9,7 +9,7 @@ own in each recording. The prior couples the new recording's values b to the com
     H_p = D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag (C_now⁻¹ + A − B C⁻¹ Bᵀ)⁻¹
 
 A is the block of the common parameters, C that of b. C_now is the present covariance of the common
-parameters. The recordings do not confirm an open parameter, so the new flight alone must. θ_0 is
+parameters. The recordings do not confirm an open parameter; only the new flight can. θ_0 is
 its value without the effect. Its expected significance u, and the probability P that it is then
 significant, are
 
@@ -53,7 +53,7 @@ class OpenParameter:
     """The parameter of an undecided term: the first without a log scale, shared by all recordings.
 
     ``size``: distance from the value without the effect; ``size`` and ``std`` are in ``unit``.
-    ``index``: index of the scaled parameter; ``slope``: derivative of the value by it.
+    ``index``: of the scaled parameter; ``slope``: derivative of the value by the scaled one.
     """
 
     name: str
@@ -64,7 +64,7 @@ class OpenParameter:
     unit: str
 
     def significance(self, after: float) -> float:
-        """Return the significance u of a flight that lowers the standard deviation to ``after``."""
+        """Return the significance u expected of a flight that lowers σ = ``std`` to ``after``."""
         return self.size * math.sqrt(max(after**-2 - self.std**-2, 0.0))
 
 

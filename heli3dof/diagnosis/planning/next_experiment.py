@@ -2,7 +2,7 @@
 
 Each cause i in turn is taken as the truth, with its estimated size. Every plan is simulated on this
 model in closed loop, with noise and encoders. The score test (`screening.score_test`) gives the
-score z_j of each cause j, minus its score on the same flight of the base model:
+score z_j of each cause j, minus its score on a flight of this plan by the base model:
 
     margin_i = z_i² − max_{j≠i} z_j²,      margin = min_i margin_i,      rank by margin / duration
 
@@ -77,7 +77,7 @@ class Cause:
 
     @property
     def probe(self) -> Probe:
-        """Return a probe of the score test at these values."""
+        """Return the cause as a probe of the score test."""
         first = self.term.effect.parameters[0]
         return Probe(self.term, self.values, self.values[0] - first.null)
 
@@ -92,7 +92,7 @@ def recommend(
     """Return the plan that distinguishes the confounded causes in the shortest time.
 
     ``base``: a fit without these causes. ``plans``: names of the plans to compare; by default all.
-    Raises UsageError if every plan leaves the safety envelope on at least one of the models.
+    Raises UsageError if each plan leaves the safety envelope or is unstable on at least one model.
     """
     causes = list(causes)[:MAX_CAUSES]
     names = [c.term.name for c in causes]
@@ -217,7 +217,7 @@ def _outlooks(
     margins: dict[Task, dict[int, float]] = {}
 
     def fly(jobs: Sequence[tuple[Task, int]]) -> None:
-        """Simulate the jobs (plan, cause); remove plans that are not feasible."""
+        """Simulate each (plan, index of cause) in ``jobs``; remove plans that are not feasible."""
         base_jobs = [
             (t, 0) for t in dict.fromkeys(task for task, _ in jobs) if t not in base_scores
         ]
@@ -237,7 +237,7 @@ def _outlooks(
                 margins.setdefault(task, {})[which - 1] = m
 
     def best_rank(task: Task) -> float:
-        """Return the smallest margin of the causes simulated so far, divided by the plan's time."""
+        """Return the smallest margin of the causes simulated so far, divided by the duration."""
         return min(margins[task].values()) / task.plan.duration_s
 
     causes = list(range(len(models) - 1))

@@ -1,8 +1,8 @@
 """Simulate plans on a model in closed loop, to compute what the flights would show.
 
-A plan is converted and checked once for all models. A flight is one compiled pass with the model's
-noise and encoders (`bias_correction.simulated_flight`). A plan that opens loops is first simulated
-without noise, because its references depend on the motion (`heli3dof.model.control.loop_opening`).
+A flight is simulated with the model's noise and encoders (`bias_correction.simulated_flight`). A
+plan that opens control loops is first simulated without noise, because its references depend on the
+motion (`heli3dof.model.control.loop_opening`).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Task:
 
 
 def task_of(plan: Plan, profile: Profile, seed: int) -> Task | None:
-    """Return the plan as references for a rig; None if it leaves the safety envelope.
+    """Return the plan as references for a rig; None if it fails a check (safety envelope).
 
     If the profile's controller is unknown, the default one is used.
     """

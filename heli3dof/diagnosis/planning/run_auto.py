@@ -4,7 +4,7 @@
                ↑______________ fly the recommended plan ______________|
 
 The run also ends if the recommended plan exceeds the remaining budget. It ends too if a plan that
-was flown before is recommended for a single cause: the earlier flight did not show it.
+was flown before is recommended for a single cause: the earlier flight did not show this cause.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ rises. A term is fitted in full if both conditions hold at the last w:
 
 1. Δℓ > `MIN_TRIAL_GAIN`.
 2. If the controller is known: Δℓ > max Δℓ_null + `MIN_TRIAL_GAIN` over flights simulated from the
-   base. Δℓ varies widely for an axis with little motion.
+   base fit. Δℓ varies widely for an axis with little motion.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def exceeds_nulls(
 
 
 def widened(problem: Likelihood, term: Term) -> Likelihood:
-    """Return the likelihood of the model with one more term."""
+    """Return the likelihood of the model with ``term`` added."""
     return replace(problem, structure=problem.structure.with_terms(term))
 
 
@@ -109,9 +109,8 @@ def fit_start(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the start of a fit with ``term``: parameters (n + m,) and ``noise`` (4,).
 
-    ``theta`` (n,): current fit; m: the term's parameters. The first round evaluates every other
-    grid value, the second the neighbours of the best one. Each round ends with updates of the
-    noise.
+    ``theta`` (n,): current fit; m: number of the term's parameters. The first round evaluates
+    every other grid value, the second the neighbours of the best one.
     """
     new = ext.structure.free[len(theta) :]
     full = np.concatenate([theta, [f.scaled(f.start) for f in new]])

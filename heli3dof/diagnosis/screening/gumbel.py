@@ -22,7 +22,7 @@ def gumbel(largest: np.ndarray, *, least: float = 0.0) -> tuple[float, float]:
 
 
 def beyond(share: float) -> float:
-    """Return k such that the ``share`` of maxima exceeds μ + k β (location μ, scale β).
+    """Return k: the ``share`` of Gumbel-distributed maxima exceeds μ + k β (location, scale).
 
     >>> round(beyond(0.0005), 2)
     7.6

@@ -77,8 +77,8 @@ class Nulls:
     def threshold_of(self, term: Term) -> float:
         """Return the threshold of a term's Z².
 
-        Another form of the rigid body's equations has its own threshold: Bonferroni's over
-        `FORMAL_CANDIDATES`.
+        A term that is another form of the rigid body's equations has its own threshold, with
+        Bonferroni's correction for `FORMAL_CANDIDATES` tests.
         """
         from scipy.stats import t
 
@@ -127,7 +127,7 @@ def simulated_nulls(
 
 
 def nulls_from_scores(z: np.ndarray, signed: int | None = None) -> Nulls:
-    """Return the distribution of the scores z (B, P) of P probes in B nulls.
+    """Return the distribution of the scores z (B, P) of P probes in B simulated flights.
 
     The first ``signed`` scores (default: all) are of single probes, the others maxima of scans.
     """

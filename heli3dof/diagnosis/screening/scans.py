@@ -5,7 +5,7 @@ to the acceleration of each axis in each chunk. The base parameters are projecte
 (`screening.score_test`). e (C, 3) is the acceleration by a unit torque, in rad/s². λ(t) = L·e, a
 sum over the axes, is the efficient score of a unit torque at time t.
 
-    u(f) = Σ λ(t) exp(i 2π f t)      real part: of a cosine torque, imaginary part: of a sine
+    u(f) = Σ λ(t) exp(i 2π f t)      real part: cosine torque, imaginary part: sine torque
     u(t_0) = Σ_{t ≥ t_0} λ(t)        of a torque that sets in at t_0
 
 The information v is computed at a few f or t_0 and interpolated. The result is the largest

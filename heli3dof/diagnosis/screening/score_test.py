@@ -1,17 +1,18 @@
 """Rao's score test of every candidate effect, without fitting any.
 
 With the filter's gains held, a probe (an effect at trial values) changes the predictions c of E
-encoder readings by the trace δc (E,). g and w (E,) are the readings' scores and information,
-W = diag(w). θ (n,) is the fit, with prior mean θ_0 and prior precision Λ. T = ∂c/∂θ (n, E) and
-A = T W Tᵀ + Λ. Then
+encoder readings by δc (E,), its trace. g and w (E,) are the readings' scores and information,
+W = diag(w). θ (n,) are the fitted parameters, with prior mean θ_0 and prior precision Λ. With
+T = ∂c/∂θ (n, E) and A = T W Tᵀ + Λ,
 
     u = δc·g − (T W δc)ᵀ A⁻¹ (T g − Λ(θ − θ_0))        efficient score
     v = δc W δc − (T W δc)ᵀ A⁻¹ (T W δc)               its information
     z = u/√v                                           standard normal without the effect
     u/v                                                estimated size, in units of the probe
 
-The parts with A⁻¹ project out the base parameters, so no refit of the base is necessary. Sums over
-readings use the adjoint L: Σ q δc = Σ L·δa for an acceleration δa (`bias_correction.perturbation`).
+The parts with A⁻¹ project out the base parameters, so no refit of the base is necessary. Sums
+with weights q over readings use their adjoint L: Σ q δc = Σ L·δa, where the probe changes the
+acceleration by δa (`bias_correction.perturbation`).
 
 The likelihood is approximate, so z is biased; `screening.nulls` standardises it.
 """
@@ -94,7 +95,10 @@ class Screen:
         return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
     def information(self) -> np.ndarray:
-        """Return the information of each probe but scans, per squared parameter unit; limits: 0."""
+        """Return each probe's information on its first parameter, in 1/unit²; 0 for limits.
+
+        Scans are omitted.
+        """
         size = np.array([p.size if p.grows else np.inf for p in self.plain])
         return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
 
@@ -137,7 +141,7 @@ class Screen:
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
-        """Return, per term, its probes' indices, the model with the term and parameter values.
+        """Return for each term: its probes' indices, the model with it, and parameter values.
 
         The first array of values is without the effect, each further one at one probe.
         """
@@ -181,7 +185,7 @@ class Screen:
 
 
 def with_term(structure: Structure, values: np.ndarray, t: Term) -> tuple[Structure, np.ndarray]:
-    """Return the structure with one more term, and values at which this has no effect."""
+    """Return the structure with the term ``t``, and values at which this term has no effect."""
     wide = structure.with_terms(t)
     # Absent is the null value (a lag of zero), not the lower bound.
     return wide, np.concatenate([values, [f.null for f in wide.free[len(values) :]]])

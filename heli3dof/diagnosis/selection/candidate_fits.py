@@ -6,8 +6,8 @@ the nulls' variance inflation κ and N filter updates, the score of a term with 
     score = 2 Δℓ_c/κ − m ln N
 
 A screened term starts at its probe with the largest Z² (`screening.screening`). If the fit is worse
-than the current one, it is repeated from near zero. A term that the score test cannot detect starts
-from its grid (`screening.grid_trials`).
+than the current one, it is repeated from a size near zero. A term that the score test cannot
+detect starts from its grid (`screening.grid_trials`).
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Find effects that an inertia has absorbed, by full fits of candidates with small scores.
 
-In a short step flight, a slow torque has nearly the effect of a wrong inertia. The base absorbs the
-torque in the inertia J_j; a full fit with it returns J_j to nominal. If an inertia is significantly
-off nominal (`diagnosis.base_parameters`), terms with Z² > `MIN_Z2` are fitted in full, at most
-`MAX_FITS`. A term is confounded with the inertias if its score exceeds −`TIE` and its fit puts all
-of them within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal) ≤ ln(1 + ε).
+In a short step flight, a slow torque has nearly the effect of a wrong inertia. The base fit absorbs
+the torque in the inertia J_j; a full fit with the torque returns J_j to nominal. If an inertia is
+significantly off nominal (`diagnosis.base_parameters`), terms with Z² > `MIN_Z2` are fitted in
+full, at most `MAX_FITS`. A term is confounded with the inertias if its score exceeds −`TIE` and its
+fit puts all of them within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal) ≤ ln(1 + ε).
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ MIN_STD = 1.0
 
 
 def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
-    """Return the candidates that scores cannot rank, the chosen cause first; empty without any.
+    """Return the candidates that scores cannot rank, the chosen cause first; [] if scores can.
 
     Terms that the score test cannot detect have no score bias and are not among them.
     """
@@ -74,10 +74,10 @@ def compared_by_simulation(
     choice: Choice, current: CorrectedFit, nulls: Nulls, recordings: Sequence[Recording], *,
     seed: int, flights_per_round: int,
 ) -> Choice:  # fmt: skip
-    """Return the choice, revised by flights simulated from each rival if there are rivals.
+    """Return the choice, revised by simulated flights if scores cannot rank it and its rivals.
 
-    ``current``: the fit to which the cause is added. ``flights_per_round``: as in `correct`. A
-    rival whose correction diverges cannot be simulated, so it is not the cause.
+    ``current``: the fit to which the cause is added. ``flights_per_round``: of the bias
+    correction. A rival whose correction diverges cannot be simulated, so it is not the cause.
     """
     compared = rivals(choice, nulls)
     fits = [

@@ -58,7 +58,7 @@ class Step(Screening):
     choice: Choice | None = None
 
     def significant_trials(self, setup: Setup, untested: Sequence[Term]) -> list[GridTrial]:
-        """Return those trials of ``untested`` terms that raise the log-likelihood enough."""
+        """Return trials of ``untested`` terms that meet both rules of `screening.grid_trials`."""
         o, problem = self.fit.optimum, self.fit.problem
         tried = trials(problem, o.theta, o.noise, untested)
         if not tried or not self.fit.is_corrected:
@@ -72,7 +72,7 @@ class Step(Screening):
 
     @cached_property
     def instead_of_inertia(self) -> list[CandidateFit]:
-        """Return the candidates that an inertia may have absorbed."""
+        """Return fits of the candidates whose effect an inertia may have absorbed."""
         return instead_of_inertia(self)
 
     def chosen(self, setup: Setup, earlier_score: float | None) -> Step:
@@ -116,7 +116,7 @@ def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
 def fit_with_cause(setup: Setup, current: CorrectedFit, choice: Choice) -> CorrectedFit:
     """Return the ``current`` fit with the chosen term, bias-corrected.
 
-    If that is another form of the rigid body's equations, other significant forms are added too.
+    If that term is another form of the body's equations, other significant forms are added too.
     """
     best = choice.candidates[0]
     problem, optimum = best.problem, best.optimum

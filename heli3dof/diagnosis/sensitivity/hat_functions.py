@@ -38,7 +38,7 @@ class Hats:
 
     @property
     def groups(self) -> tuple[tuple[int, str], ...]:
-        """Return (axis, variable) of each group."""
+        """Return (axis, variable) of each group of hat functions."""
         return tuple((int(a), v) for a in self.axes for v in self.variables)
 
     def columns(self, group: int) -> slice:
@@ -47,7 +47,7 @@ class Hats:
     def place(self, flight: LinearisedRun) -> tuple[np.ndarray, np.ndarray]:
         """Return, for each variable z, the knot below z and the fraction of the way to the next.
 
-        Both arrays are (N, M).
+        Both arrays are (N, M), for N rows and M variables.
         """
         N, M = len(flight.data.t), len(self.variables)
         left, share = np.zeros((N, M), dtype=np.int8), np.zeros((N, M), dtype=np.float32)
@@ -107,7 +107,7 @@ class HatScores:
 def sums_along(
     library: Hats, flight: LinearisedRun, tangents: np.ndarray, wanted: np.ndarray | None = None
 ) -> HatScores:
-    """Return scores and information of all functions of ``library``.
+    """Return scores and information of all hat functions in ``library``.
 
     ``tangents`` (p, E): derivatives of the E predictions by the fit's parameters. ``wanted``:
     columns of functions whose changes δc of the predictions are returned; none by default.

@@ -12,9 +12,10 @@ def project_out(
 
         D̃ = D − (T w Dᵀ)ᵀ A⁻¹ T,        D w D̃ᵀ = D w Dᵀ − Xᵀ A⁻¹ X,      X = T w Dᵀ
 
-    D are the changes of E predictions, T = ``tangents`` (p, E) the changes per unit of each of the
-    p parameters, w (E,) the predictions' information. D w D̃ᵀ is the part of the information D w Dᵀ
-    that remains. D̃ w D̃ᵀ is smaller in general, because A (p, p) = T w Tᵀ + Λ includes the prior's
-    information. With predictions in rad, w is in 1/rad² and D in rad per unit of its cause.
+    D are the changes of E predictions by K causes, T = ``tangents`` (p, E) those per unit of
+    each of p parameters, w (E,) the predictions' information. D w D̃ᵀ is the part of the
+    information D w Dᵀ that remains. D̃ w D̃ᵀ is smaller in general, because A (p, p) = T w Tᵀ + Λ
+    includes the prior's information Λ. With predictions in rad, w is in 1/rad² and D in rad per
+    unit of its cause.
     """
     return np.asarray(D - np.linalg.solve(A, (tangents * w) @ D.T).T @ tangents)

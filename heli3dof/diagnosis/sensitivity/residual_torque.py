@@ -67,7 +67,10 @@ class LinearisedRun:
 
     @cached_property
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return ∂ ln L by each row's torque (1/(N·m)) and acceleration (s²/rad), each (N, 3)."""
+        """Return the log-likelihood's derivatives by each row's torque and acceleration.
+
+        Both are (N, 3), in 1/(N·m) and s²/rad.
+        """
         from heli3dof.diagnosis.sensitivity.residual_torque_passes import gradient
 
         d, at = self.data, self.at
@@ -129,12 +132,12 @@ class LinearisedRun:
 
 
 def linearised_run(fit: Estimate) -> LinearisedRun:
-    """Return the filter run of a fit over its recordings."""
+    """Return a fit's filter run over its recordings, with the model's derivatives."""
     return linearised_run_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
 
 
 def linearised_run_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> LinearisedRun:
-    """Return the filter's run with parameters ``theta`` (n,) and `LinearisedRun.noise` (4,)."""
+    """Return the filter run with parameters ``theta`` (n,) and ``noise`` as in `LinearisedRun`."""
     at = problem.run(theta, noise, keep=2)
     assert at.X is not None
     A, B, slope, q_ddot = along(problem, theta, at.X)
@@ -144,7 +147,10 @@ def linearised_run_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray)
 def along(
     problem: Likelihood, theta: np.ndarray, X: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return A, B, ``slope``, ``q_ddot`` as in `LinearisedRun`, at θ (n,) and states X (N, 6)."""
+    """Return the model's derivatives A and B, slopes and accelerations, as in `LinearisedRun`.
+
+    ``theta`` (n,): parameters; X (N, 6): states.
+    """
     from heli3dof.diagnosis.sensitivity.residual_torque_passes import linear
 
     d, hooks = problem.data, problem.structure.hooks

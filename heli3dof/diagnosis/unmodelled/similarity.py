@@ -26,7 +26,7 @@ LIKE = 0.9
 
 
 def named_traces(fit: Estimate) -> tuple[list[str], np.ndarray]:
-    """Return names of the causes that ``fit`` lacks, and their prediction changes (P, E)."""
+    """Return names and changes (P, E) of E readings, by P probes of causes that ``fit`` lacks."""
     problem, o = fit.problem, fit.optimum
     axes = [a for a, measured in zip(AXES, problem.data.axes, strict=True) if measured]
     fitted = [t.name for t in fit.structure.terms]

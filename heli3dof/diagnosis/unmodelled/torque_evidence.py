@@ -8,8 +8,6 @@ information. D (K, E) are the derivatives by K coefficients of free-form torques
     A = T w Tᵀ + Λ        g = T ∂ ln L/∂c − Λ(θ − θ_0)      information and score of θ
     V = D w Dᵀ            u = D ∂ ln L/∂c                   information and score of the torques
     X = T w Dᵀ                                              information shared by both
-
-The tests in `unmodelled_torque` need nothing else.
 """
 
 from __future__ import annotations

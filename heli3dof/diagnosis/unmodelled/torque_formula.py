@@ -7,7 +7,7 @@ The fit's scaled parameters, with tangents T, information A and score g, are pro
     u = D·∂ln L/∂e − (T w D)ᵀ A⁻¹ g,    v = D w D − (T w D)ᵀ A⁻¹ (T w D)
     S = u²/v,    c = u/v ± √(κ/v)                       κ: inflation of the fit's scores
 
-The same test of the piecewise linear torque Σ τ_k φ_k, with r directions, gives S_spline. The
+The same test of the piecewise linear torque Σ τ_k φ_k, of rank r, gives S_spline. The
 formula is as good as this curve if BIC does not justify the curve's further r − 1 parameters (N
 filter updates):
 
@@ -111,7 +111,7 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
 
 
 def significant_formula(fit: CorrectedFit) -> Place | None:
-    """Return axis and variable of the most significant torque formula; None if none is."""
+    """Return axis and variable of the best torque formula; None if it is not significant."""
     flown = filtered_fit(fit)
     flight, nuisance, at = flown.flight, flown.nuisance, flown.flight.at
     block = block_numbers(flight.data, BLOCK_S)[at.row]
@@ -209,7 +209,10 @@ def value(flight: LinearisedRun, product: str) -> np.ndarray:
 
 
 def projected(flown: FilteredFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return score (K,) and information (K, K) of prediction changes D, the fit projected out."""
+    """Return score (K,) and information (K, K) of K changes D (K, E) of the E predictions.
+
+    The fit's parameters are projected out.
+    """
     at, nuisance = flown.flight.at, flown.nuisance
     weighted = D * at.w
     cross = weighted @ nuisance.tangents.T
