@@ -91,7 +91,7 @@ class Scale:
     """Prior distribution d·φ₀²/χ²_d of a flight's variance φ², from the sibling rigs.
 
     χ²_d is chi-squared with d degrees of freedom. d is `freedom`; with the probability `UNLIKE` the
-    rig is unlike its siblings, and d is 1.
+    rig is unlike its siblings; then d is 1.
     """
 
     variance: float

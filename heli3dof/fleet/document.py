@@ -87,7 +87,7 @@ def _estimate(e: Estimate) -> dict[str, Any]:
 
 
 def _own(r: RigQuantity) -> list[dict[str, Any]]:
-    """Return, for each flight since the last step, its recording and its own estimate.
+    """Return the recording and the shrunken value of each flight of the rig's estimate.
 
     The list is empty without standard deviations, or if there is only one flight.
     """

@@ -92,9 +92,9 @@ def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Differen
 
 
 def _with_scatter(estimate: Estimate, scatter: float) -> Estimate:
-    """Return the estimate; the std of one from a single flight is increased by ``scatter``.
+    """Return ``estimate``; if it is from a single flight, ``scatter`` is added to its std.
 
-    ``scatter``: standard deviation between flights.
+    ``scatter``: standard deviation between flights; it is added in quadrature.
     """
     if estimate.n > 1:
         return estimate

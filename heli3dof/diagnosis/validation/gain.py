@@ -1,8 +1,9 @@
 """Compute the gain of an extended model on held-out data, with bootstrap intervals.
 
 The gain is the decrease of the prediction error ΔRMSE and the increase of the log-likelihood Δℓ.
-Base simulation (before) and extended model (after) are evaluated on the same rows
-(`validation.cross_validation`). The base simulation is refitted, so calibration alone is no gain.
+The base simulation (before) and the model extended by effects (after) are evaluated on the same
+rows (`validation.cross_validation`). The base simulation is refitted, so calibration alone is no
+gain.
 
     ΔRMSE_i = RMSE_i(before) − RMSE_i(after)       ° on axis i, of predictions 1 s ahead
     Δℓ = Σ ln Z(after) − Σ ln Z(before)            Z: probability of a reading given earlier ones

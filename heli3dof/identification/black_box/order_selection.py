@@ -8,10 +8,10 @@ the axes, on the *training* flights, of
 * predictions 1 s ahead, and
 * the closed-loop replay, where the controller is known.
 
-No method minimises the errors of these two, so a larger order does not score better merely because
-it has more parameters. The replay rejects models that are good one step ahead and diverge in closed
-loop; the prediction rejects poor noise models. The smallest order within `TIE` of the best score is
-chosen.
+None of the methods minimises these two errors, so a larger order does not score better merely
+because it has more parameters. The replay rejects models that are good one step ahead and diverge
+in closed loop; the prediction rejects poor noise models. The smallest order within `TIE` of the
+best score is chosen.
 """
 
 from __future__ import annotations
