@@ -126,7 +126,7 @@ class _Series:
     scale: Scale | None
 
     def is_searchable(self, flights: np.ndarray) -> bool:
-        """Return True for at least `LEAST_FLIGHTS` flights, plus one per plan after the first."""
+        """Return True if ``flights`` suffice: `LEAST_FLIGHTS`, plus one for each further plan."""
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:

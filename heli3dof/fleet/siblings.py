@@ -35,7 +35,7 @@ LEAST_RIGS = 3
 
 @dataclass(frozen=True)
 class Difference:
-    """A rig that differs from its siblings in one quantity."""
+    """A rig that differs from the other rigs in one quantity."""
 
     rig: str
     size: float
@@ -53,7 +53,7 @@ def fleet_estimate(rigs: Mapping[str, Estimate]) -> Estimate | None:
 
 
 def differing_rigs(rigs: Mapping[str, Estimate], quantities: int) -> tuple[Difference, ...]:
-    """Return the rigs that differ from their siblings in one quantity, most deviating first.
+    """Return the rigs that differ from the others in one quantity, most deviating first.
 
     ``rigs``: rig → its estimate; ``quantities``: number of quantities tested in the fleet.
     """

@@ -171,7 +171,7 @@ def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
 
 
 def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list[int]:
-    """Return ``groups``, largest ``x`` first; a group of functions of time gets x + `TIE`.
+    """Return ``groups`` by falling significance ``x``; for functions of time `TIE` is added to x.
 
     Thus slow noise is preferred to a torque of another variable that explains hardly more.
     """

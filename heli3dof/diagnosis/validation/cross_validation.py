@@ -187,7 +187,7 @@ class RowResults:
 def _evaluate(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, rows: tuple[int, int]
 ) -> RowResults:
-    """Evaluate the model at θ (n,) on ``rows`` [a, b), with the noise that is most likely there."""
+    """Evaluate the model at θ (n,) on ``rows`` [a, b), with the process noise most likely there."""
     data = problem.data
     evaluated = replace(problem, data=_with_settling(data, rows, settling_s(problem)))
     noise = _most_likely_noise(evaluated, theta, noise, rows[0])

@@ -35,7 +35,7 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class Interval:
-    """A number with its bootstrap interval at `LEVEL`."""
+    """A number with its bootstrap interval, whose confidence is `LEVEL`."""
 
     value: float
     low: float
@@ -75,7 +75,7 @@ class HeldOut:
 
     @property
     def rmse_deg(self) -> dict[str, float | None]:
-        """Return the RMSE by axis in degrees; None for an axis that was not measured."""
+        """Return the predictions' RMSE by axis in degrees; None for an axis that was not measured."""
         return _by_axis(rms_deg(self.squares.sum(axis=0), self.counts.sum(axis=0)))
 
 
@@ -95,7 +95,7 @@ class Gain:
 
     @property
     def of_calibration(self) -> bool:
-        """Return True if the refit removes most of any axis' mean square error (`removes_most`).
+        """Return True if refitting removes most of any axis's mean square error (`removes_most`).
 
         ``before``: RMSE with the profile's parameters; ``after``: RMSE with refitted parameters.
         """

@@ -49,13 +49,13 @@ class PredictionErrors:
     """(S, H, 3) rad, at most `FAR`; NaN beyond the end of a run and on unmeasured axes"""
 
     def rmse_deg(self, of: np.ndarray | None = None) -> np.ndarray:
-        """Return the RMSE (H, 3) in degrees over all starts, or over those in ``of`` (S,) bool."""
+        """Return the predictions' RMSE (H, 3) in degrees, from all starts or those in ``of`` (S,)."""
         e = self.errors if of is None else self.errors[of]
         return np.asarray(np.degrees(np.sqrt(mean_square(e))))
 
 
 def mean_square(e: np.ndarray) -> np.ndarray:
-    """Return the mean of the finite squares over the first axis; NaN if none."""
+    """Return the mean of the finite e² over the array's first axis; NaN if there are none."""
     finite = np.isfinite(e)
     count = finite.sum(axis=0)
     total = (np.where(finite, e, 0.0) ** 2).sum(axis=0)
@@ -193,7 +193,7 @@ def with_blocks(data: Data, blocks: np.ndarray) -> Data:
 
 
 def starts_of(d: Data) -> np.ndarray:
-    """Return the rows (S,) where predictions start: each `EVERY_S`, after `SETTLED_S` in a run."""
+    """Return the rows (S,) where predictions start: every `EVERY_S`, after `SETTLED_S` in a run."""
     out = [np.zeros(0, dtype=np.int64)]
     for _, start, stop in d.blocks:
         dt = float(np.median(d.h[start:stop]))

@@ -105,7 +105,7 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def unexplained_scatter(self) -> float:
-        """Return the factor by which unmodelled motion increases the variances.
+        """Return the factor by which unmodelled motion increases the parameters' variances.
 
         It is the mean of `coloured_noise_factor`; if no flights were simulated, it is the fit's
         variance factor `inflation`.
@@ -271,7 +271,7 @@ class NoiseScoreBias:
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return True if these derivatives must be computed again for ``theta`` and ``noise``.
+        """Return True if the noise derivatives must be computed again for ``theta`` and ``noise``.
 
         They are valid up to the distances `REUSED_WITHIN` from the values of the simulated flights.
         """

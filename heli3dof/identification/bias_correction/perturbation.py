@@ -58,7 +58,7 @@ class Path:
 
     @property
     def t(self) -> np.ndarray:
-        """Return the time (C,) s of the middle of each chunk."""
+        """Return the time (C,) s of the middle of each chunk of rows."""
         return np.asarray(self.data.t[(self.chunk[:, 0] + self.chunk[:, 1]) // 2])
 
 

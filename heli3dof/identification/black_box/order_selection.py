@@ -1,9 +1,9 @@
 """Search a black box's order: fit each order at each sampling interval, and choose one fit.
 
-Order and interval decide how good a black box is in closed loop. At 2 ms the encoders' rounding
-dominates the innovations; over 40 to 80 ms the rig's own motion does, and the exact mean voltages
-are known. A candidate is the fit of one order at one interval. Its score is the mean fit (%) over
-the axes, on the *training* flights, of
+Order and interval decide how good a black box is in closed loop. At an interval of 2 ms the
+encoders' rounding dominates the innovations, at 40 to 80 ms the rig's own motion. A candidate is
+the fit of one order at one interval. Its score is the mean fit (%) over the axes, on the *training*
+flights, of
 
 * predictions 1 s ahead, and
 * the closed-loop replay, where the controller is known.
