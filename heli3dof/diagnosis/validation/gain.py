@@ -75,7 +75,7 @@ class HeldOut:
 
     @property
     def rmse_deg(self) -> dict[str, float | None]:
-        """Return the predictions' RMSE by axis in degrees; None for an axis that was not measured."""
+        """Return the predictions' RMSE by axis in degrees; None for an axis not measured."""
         return _by_axis(rms_deg(self.squares.sum(axis=0), self.counts.sum(axis=0)))
 
 
