@@ -144,8 +144,8 @@ def change_posterior(
     """Return the probabilities of all changes in n flights of P plans, n − P ≥ 3.
 
     ``y``, ``s`` (n,): values and standard deviations s > 0; ``t`` (n,): increasing times, in any
-    unit; ``plans`` (n,): the plan of each flight, by default one for all; ``scale``: prior of φ²
-    from the sibling rigs.
+    unit; ``plans`` (n,): the plan of each flight, by default one for all; ``scale``: prior of
+    a flight's variance φ², from the sibling rigs.
     """
     from scipy.special import gammaln, logsumexp
 

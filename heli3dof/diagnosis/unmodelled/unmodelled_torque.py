@@ -21,9 +21,9 @@ which leaves r degrees of freedom.
    is taken.
 4. The accepted torque is projected out, and the test is repeated.
 
-A torque that depends on time only is slow noise, such as a draught's: it is
-projected out like the others, but it is no effect that a model could contain. Once slow noise was
-found, ρ is used for all further torques. Before, ρ is used only if it differs significantly from 1.
+A torque that depends on time only is slow noise, such as a draught's: it is projected out like the
+others, but it is no effect that a model could contain. Once slow noise was found, ρ is used for all
+further torques. Before, ρ is used only if it differs significantly from 1.
 
 If the controller is unknown, half-second blocks of the flight give κ, and the threshold of x is
 twice the Bonferroni threshold.

@@ -49,7 +49,10 @@ class PredictionErrors:
     """(S, H, 3) rad, at most `FAR`; NaN beyond the end of a run and on unmeasured axes"""
 
     def rmse_deg(self, of: np.ndarray | None = None) -> np.ndarray:
-        """Return the predictions' RMSE (H, 3) in degrees, over all starts or ``of`` (S,) bool."""
+        """Return the predictions' RMSE (H, 3) in degrees, by horizon and axis.
+
+        ``of`` (S,) bool: the starts to use, by default all.
+        """
         e = self.errors if of is None else self.errors[of]
         return np.asarray(np.degrees(np.sqrt(mean_square(e))))
 
