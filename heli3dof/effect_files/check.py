@@ -84,7 +84,7 @@ def effect_of_file(path: Path) -> Effect:
 
 
 def problems(effect: Effect, plans: Collection[str]) -> list[str]:
-    """Return a sentence per mistake in an effect; ``plans``: names of the known plans."""
+    """Return a sentence per mistake in an effect; ``plans``: the plans that it may name."""
     found = [s for p in effect.parameters for s in unit_problems(p)]
     found += list(_unknown_names(effect, plans))
     try:
@@ -158,8 +158,8 @@ def _equation_problems(effect: Effect) -> Iterator[str]:
 def _change(hook: Any, stage: Stage, s: np.ndarray, axis: int, values: list[float]) -> np.ndarray:
     """Return what ``hook``, an equation of an effect, adds to its output array.
 
-    Before, this array holds voltages, thrusts or angles of the state ``s``, or zeros, depending on
-    ``stage``. ``values``: the effect's parameters.
+    Before the call, this array holds voltages, thrusts or angles of the state ``s``, or zeros,
+    depending on ``stage``. ``values``: the effect's parameters.
     """
     begun = {Stage.VOLTAGE: s[V_FRONT : V_BACK + 1], Stage.THRUST: s[F_FRONT : F_BACK + 1],
              Stage.MEASURE: s[R : R + 3]}.get(stage, np.zeros(3))  # fmt: skip

@@ -96,7 +96,7 @@ def read_answer(path: Path) -> Answer:
 
 
 def read_diagnosis(path: Path) -> dict[str, Any]:
-    """Return the document of ``diagnose --json``; raise RecordingError if it is another file."""
+    """Return the ``diagnose --json`` document in ``path``; RecordingError if it is another file."""
     try:
         document = json.loads(read_small(path))
         if not str(document["schema"]).startswith("heli3dof.diagnosis/"):

@@ -90,7 +90,7 @@ _ALONE = "motor.thrust_gain"
 
 @dataclass(frozen=True)
 class Cause:
-    """A hidden effect: its name with the axis, and the value of each parameter (``torque_Nm``)."""
+    """A hidden effect: its name with the axis; each parameter's value, such as ``torque_Nm``."""
 
     name: str
     values: Mapping[str, float]

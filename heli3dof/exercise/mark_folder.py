@@ -58,9 +58,9 @@ def _printable(text: str) -> str:
 def mark_folder(folder: Path, key: SigningKey) -> list[MarkedAnswer]:
     """Return a `MarkedAnswer` for each answer file in the folder and its subfolders.
 
-    For a file that is not an answer, the `MarkedAnswer` states the reason. Hidden files and files
-    with an ending in `NOT_ANSWERS` are skipped. ``key``: the teacher's. Raises UsageError if the
-    folder is missing or contains only skipped files.
+    For a file that is not an answer, the `MarkedAnswer` states the reason. Hidden files, and files
+    with a name ending in `NOT_ANSWERS`, are skipped. ``key``: the teacher's. Raises UsageError if
+    the folder is missing or contains only skipped files.
     """
     if not folder.is_dir():
         raise UsageError(

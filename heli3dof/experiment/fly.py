@@ -51,7 +51,7 @@ class Flight:
 
     @staticmethod
     def raise_ending(outcome: Outcome, path: Path | None) -> None:
-        """Raise the exception for a flight with this outcome, as `raise_if_cut_short` does.
+        """Raise an exception unless the outcome is that of a completed plan (`raise_if_cut_short`).
 
         ``path`` is the recording's file, which the message names, or None.
         """

@@ -62,8 +62,8 @@ def _rig(track: Track, siblings: Sequence[Track], quantities: int, plan: str) ->
     """Return the changes of one quantity of one rig, and its estimate since the last step.
 
     ``track``: values of the quantity; ``siblings``: those of the other rigs; ``quantities``:
-    number of quantities in the table. The estimate is from flights of ``plan``, or of the most
-    frequent plan since the last step if ``plan`` was not flown since.
+    number of quantities in the table. The estimate uses the flights of one plan: ``plan``, or the
+    most frequent plan since the last step if ``plan`` was not flown since.
     """
     changes = find_changes(
         track.t, track.y, track.s, track_prior(quantities), track.plans, sibling_scale(siblings)

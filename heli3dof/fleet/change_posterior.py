@@ -91,7 +91,7 @@ class Scale:
     """Prior distribution d·φ₀²/χ²_d of a flight's variance φ², from the sibling rigs.
 
     χ²_d is chi-squared with d degrees of freedom. d is `freedom`; with the probability `UNLIKE` the
-    rig is unlike its siblings, and d is 1.
+    rig is unlike its siblings; then d is 1.
     """
 
     variance: float
@@ -144,8 +144,8 @@ def change_posterior(
     """Return the probabilities of all changes in n flights of P plans, n − P ≥ 3.
 
     ``y``, ``s`` (n,): values and standard deviations s > 0; ``t`` (n,): increasing times, in any
-    unit; ``plans`` (n,): the plan of each flight, by default one for all; ``scale``: prior of φ²
-    from the sibling rigs.
+    unit; ``plans`` (n,): the plan of each flight, by default one for all; ``scale``: prior of
+    a flight's variance φ², from the sibling rigs.
     """
     from scipy.special import gammaln, logsumexp
 

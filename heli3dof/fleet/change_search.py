@@ -126,7 +126,7 @@ class _Series:
     scale: Scale | None
 
     def is_searchable(self, flights: np.ndarray) -> bool:
-        """Return True for at least `LEAST_FLIGHTS` flights, plus one per plan after the first."""
+        """Return True if ``flights`` suffice: `LEAST_FLIGHTS`, plus one for each further plan."""
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:
@@ -156,7 +156,7 @@ def normal_scores(y: FloatArray) -> FloatArray:
 
 
 def _candidates(series: _Series) -> Iterator[Change]:
-    """Yield the deviating flights: proposed by a Hampel filter, and confirmed by the posterior.
+    """Yield the deviating flights that a Hampel filter proposes and the posterior confirms.
 
     Each proposed flight is tested alone, among all flights that are not proposed.
     """
@@ -180,7 +180,7 @@ def _candidates(series: _Series) -> Iterator[Change]:
 
 
 def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
-    """Yield the most probable change in ``flights``; for a step, also the changes on both sides.
+    """Yield the most probable change in ``flights``; steps divide them, and each part is searched.
 
     Yields nothing if the flights are too few, or the probability of any change is below `REPORTED`.
     """
@@ -215,9 +215,9 @@ def _single(series: _Series, flights: np.ndarray) -> Change | None:
 def _refined(series: _Series, kept: np.ndarray, steps: list[Change]) -> list[Change]:
     """Return the steps, each computed again from the flights between its neighbouring steps.
 
-    When the dates no longer change, the least probable of the doubtful steps is removed, and all
-    are computed again. A step is doubtful if the probability of any change is below `REPORTED`, or
-    that of a step below 0.5.
+    This is repeated until the dates no longer change. Then the least probable of the doubtful steps
+    is removed, and all are computed again. A step is doubtful if the probability of any change is
+    below `REPORTED`, or that of a step below 0.5.
     """
     for _ in range(REFINEMENTS * len(steps)):
         before = [c.first for c in steps]

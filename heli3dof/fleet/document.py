@@ -15,7 +15,7 @@
 An estimate has ``value std interval scatter flights``, in the quantity's unit: the 95 % interval,
 the scatter between flights (in ``fleet``: between rigs), and the number of flights (or rigs).
 ``own`` holds each flight's estimate, shrunken towards the rig's mean. A rig's ``estimate`` and
-``own`` are from flights of ``plan`` (null: the recordings state none). A flight is ``recording``,
+``own`` are from flights of ``plan`` (null: the recordings state none). A flight has ``recording``,
 ``day`` (days since 1970-01-01 UTC; null if the flights are ordered by name). ``kinds`` gives the
 probability of each kind of change, ``p_value`` the chance of such a difference if all rigs are
 alike. Undefined numbers are null.
@@ -87,7 +87,7 @@ def _estimate(e: Estimate) -> dict[str, Any]:
 
 
 def _own(r: RigQuantity) -> list[dict[str, Any]]:
-    """Return, for each flight since the last step, its recording and its own estimate.
+    """Return the recording and the shrunken value of each flight of the rig's estimate.
 
     The list is empty without standard deviations, or if there is only one flight.
     """

@@ -106,8 +106,8 @@ def _weights(s: FloatArray, variance: float) -> FloatArray:
 def shrunken(y: FloatArray, s: FloatArray, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
     """Return each measurement's own value (n,), shrunken towards the mean, and its std (n,).
 
-    The own value is θ + bᵢ in the module. ``estimate``: that of the two or more measurements ``y``
-    with standard deviations ``s``.
+    The own value is the value without the measurement's error (θ + bᵢ in the module). ``estimate``:
+    that of the two or more measurements ``y`` with standard deviations ``s``.
     """
     total = s**2 + estimate.scatter**2
     share = np.divide(estimate.scatter**2, total, out=np.zeros_like(s), where=total > 0)

@@ -12,7 +12,7 @@ NEEDED = ("recording", "rig", "exit_code")
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows of the results table in ``folder``, except rows of bootstrap replicates.
+    """Return the rows of the results table in ``folder``, without those of bootstrap replicates.
 
     An empty cell is None. Raises UsageError if the table is missing, RecordingError if it cannot be
     used.

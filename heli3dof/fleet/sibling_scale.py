@@ -2,7 +2,8 @@
 
 A few flights of one rig hardly determine its standard deviation φ, but rigs of one kind scatter
 alike. For sibling rig r, q_r estimates φ² from the differences between the values y of successive
-flights of one plan. A step affects only one of them (von Neumann, Ann. Math. Stat. 12, 1941)::
+flights of one plan. A step changes only one of these differences (von Neumann, Ann. Math. Stat. 12,
+1941)::
 
     q_r = mean of (yᵢ₊₁ − yᵢ)²/2 over n_r differences,   f_r = 2n_r²/(3n_r − 1) degrees of freedom
 

@@ -35,7 +35,7 @@ LEAST_RIGS = 3
 
 @dataclass(frozen=True)
 class Difference:
-    """A rig that differs from its siblings in one quantity."""
+    """A rig that differs from the other rigs in one quantity."""
 
     rig: str
     size: float
@@ -53,7 +53,7 @@ def fleet_estimate(rigs: Mapping[str, Estimate]) -> Estimate | None:
 
 
 def differing_rigs(rigs: Mapping[str, Estimate], quantities: int) -> tuple[Difference, ...]:
-    """Return the rigs that differ from their siblings in one quantity, most deviating first.
+    """Return the rigs that differ from the others in one quantity, most deviating first.
 
     ``rigs``: rig → its estimate; ``quantities``: number of quantities tested in the fleet.
     """
@@ -92,9 +92,9 @@ def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Differen
 
 
 def _with_scatter(estimate: Estimate, scatter: float) -> Estimate:
-    """Return the estimate; the std of one from a single flight is increased by ``scatter``.
+    """Return ``estimate``; if it is from a single flight, ``scatter`` is added to its std.
 
-    ``scatter``: standard deviation between flights.
+    ``scatter``: standard deviation between flights; it is added in quadrature.
     """
     if estimate.n > 1:
         return estimate

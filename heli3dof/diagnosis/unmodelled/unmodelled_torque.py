@@ -1,8 +1,8 @@
-"""Test each axis for a residual torque: a free function of an angle, rate or voltage.
+"""Test each axis for a residual torque, which the fitted model lacks.
 
-The free-form torque f(z) = Σ_j τ_j φ_j(z) of a variable z has hat functions φ_j and coefficients
-τ_j in N·m (`sensitivity.hat_functions`). One variable on one axis is a group of `KNOTS` functions.
-Rao's score test evaluates each group without a fit:
+It is a free function f(z) = Σ_j τ_j φ_j(z) of an angle, rate, voltage or the time z, with hat
+functions φ_j and coefficients τ_j in N·m (`sensitivity.hat_functions`). The `KNOTS` hat functions
+of one variable on one axis are a group. Rao's score test evaluates each group without a fit:
 
     S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(r)      without a residual torque
 
@@ -15,17 +15,18 @@ which leaves r degrees of freedom.
    `inflation`.
 2. All groups are put on one scale: x = −2 ln P(χ²_r > S/κ). The largest x of a null has a Gumbel
    distribution, which gives the threshold.
-3. A group is accepted if its torque explains more than `MIN_SHARE` of the variance, and its x
-   exceeds the threshold. x must do so also with S/(κρ), where ρ ≥ 1 is the ratio by which coloured
-   noise increases S (`torque_evidence`). Of several such groups, that with the largest x is taken.
+3. A group is accepted if its torque explains more than `MIN_SHARE` of the variance of the axis's
+   residual torque, and its x exceeds the threshold, also with S/(κρ). ρ ≥ 1 is the ratio by which
+   coloured noise increases S (`torque_evidence`). Of several such groups, that with the largest x
+   is taken.
 4. The accepted torque is projected out, and the test is repeated.
 
-Time is a variable too. A torque that depends on time only is slow noise, such as a draught's: it is
-projected out like the others, but it is no effect that a model could contain. Once slow noise was
-found, ρ is used for all further torques. Before, ρ is used only if it differs significantly from 1.
+A torque that depends on time only is slow noise, such as a draught's: it is projected out like the
+others, but it is no effect that a model could contain. Once slow noise was found, ρ is used for all
+further torques. Before, ρ is used only if it differs significantly from 1.
 
 If the controller is unknown, half-second blocks of the flight give κ, and the threshold of x is
-twice that by Bonferroni.
+twice the Bonferroni threshold.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ResidualTorque:
-    """A residual torque on ``axis`` as a function of ``depends_on``."""
+    """A torque on ``axis`` that the fitted model lacks, as a function of ``depends_on``."""
 
     axis: str
     depends_on: str
@@ -110,7 +111,7 @@ class ResidualTorque:
 def split_off_slow_noise(
     torques: Sequence[ResidualTorque],
 ) -> tuple[tuple[ResidualTorque, ...], tuple[ResidualTorque, ...]]:
-    """Return the torques of measured variables, and those of time only (slow noise)."""
+    """Split ``torques`` into those of measured variables and those of time only (slow noise)."""
     return (
         tuple(t for t in torques if not t.is_slow_noise),
         tuple(t for t in torques if t.is_slow_noise),
@@ -162,7 +163,7 @@ def significant_torques(
 def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
     """Return the index of the group of hat functions for ``place``, an axis and a variable.
 
-    A variable that hardly changes has no group; then the axis's most significant group is used.
+    A variable that hardly changes has no group. Then the axis's most significant group is returned.
     """
     groups = [q for q, (i, _) in enumerate(library.groups) if AXES[i] == place.axis]
     exact = [q for q in groups if library.groups[q][1] == place.variable]
@@ -170,7 +171,7 @@ def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
 
 
 def with_time_first(groups: Sequence[int], library: Hats, x: np.ndarray) -> list[int]:
-    """Return the ``groups`` by falling significance ``x``; `TIE` is added to x of time's groups.
+    """Return ``groups`` by falling significance ``x``; for functions of time `TIE` is added to x.
 
     Thus slow noise is preferred to a torque of another variable that explains hardly more.
     """
@@ -216,7 +217,7 @@ def _exceeds_coloured_noise(
 
 @dataclass(frozen=True, eq=False)
 class ScoreTests:
-    """Score tests of all groups, each of one axis and one variable, as the module describes."""
+    """Results of the score tests of all groups: the hat functions of a variable on an axis."""
 
     x: np.ndarray
     """(groups,) −2 ln P(χ²_r > S/κ)"""
@@ -245,8 +246,9 @@ def score_tests(
 ) -> ScoreTests:
     """Return the score tests of all groups of hat functions.
 
-    ``null``: scores in simulated flights, which give κ and the threshold; if None, blocks of the
-    recorded flight give κ. ``sums``: scores and information of the recorded flight (`sums_along`).
+    ``null``: scores in simulated flights. They give the threshold and κ, the inflation of the test
+    statistic S; if None, blocks of the recorded flight give κ. ``sums``: scores and information of
+    the recorded flight (`sums_along`).
     """
     groups = len(library.groups)
     X = np.linalg.solve(nuisance.A, sums.cross)
@@ -310,10 +312,10 @@ def gumbel_stretch(n: int) -> float:
 
 
 def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Project a constant torque out of the information matrix V of torques at the knots.
+    """Project a constant torque out of V, the information matrix of a group's coefficients.
 
     Returns the new V, and the matrix by which to multiply scores for the same projection.
-    ``full``: V before parameters were projected out.
+    ``full``: V before the fit's parameters were projected out.
     """
     one = np.ones(KNOTS)
     along = V @ one

@@ -17,8 +17,8 @@ Without hold-out recordings, this is cross-validation: each block b of the train
    contains the only step.
 3. The instant of a mass change (`bias_correction.evaluation.SCANNED`) stays fixed: no other block
    contains information on it.
-4. The process noise is re-estimated on the evaluated rows, for base and extended model alike, so
-   that a rougher held-out flight favours neither model.
+4. The process noise is re-estimated on the evaluated rows, for the model with added effects and
+   for that without. So a rougher held-out flight favours neither model.
 5. The filter starts `SETTLE_S` before a block. With backlash it starts `BACKLASH_SETTLE_S` before,
    because only encoder edges in both directions determine the position within the backlash.
 """
@@ -92,7 +92,7 @@ def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
 
 
 def uncalibrated(fit: Estimate, holdout: Sequence[Recording]) -> HeldOut:
-    """Evaluate the fit's model with the profile's parameters, on the rows that `held_out` uses."""
+    """Evaluate the fit's model with the profile's parameters, on the same rows as `held_out`."""
     problem, noise = fit.problem, fit.optimum.noise
     theta = problem.scaled(fit.structure.values_of({}))
     if holdout:
@@ -187,7 +187,7 @@ class RowResults:
 def _evaluate(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, rows: tuple[int, int]
 ) -> RowResults:
-    """Evaluate the model at θ (n,) on ``rows`` [a, b), with the noise that is most likely there."""
+    """Evaluate the model at θ (n,) on ``rows`` [a, b), with the process noise most likely there."""
     data = problem.data
     evaluated = replace(problem, data=_with_settling(data, rows, settling_s(problem)))
     noise = _most_likely_noise(evaluated, theta, noise, rows[0])
@@ -224,9 +224,9 @@ def _with_settling(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -
 
 
 def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
-    """Return the log-likelihood ln Z (N, 3) of each row by axis; 0 outside the blocks.
+    """Return each row's log-likelihood ln Z (N, 3) by axis; 0 outside the data's blocks.
 
-    ``X``: states and summed ln Z of a filter run (``keep`` = 3).
+    ``X``: a filter run's states and, from column 6, ln Z summed up to each row (``keep`` = 3).
     """
     out = np.zeros((len(d.t), 3))
     total = np.zeros(3)
@@ -271,7 +271,10 @@ def _most_likely_noise(
 
 
 def _summed_over_cells(d: Data, on: str, parts: Sequence[RowResults]) -> HeldOut:
-    """Return the sums of the results over cells: pieces of runs of about `CELL_S` seconds."""
+    """Sum the results ``parts`` over cells, pieces of about `CELL_S` s into which runs are cut.
+
+    ``on``: description of the held-out data.
+    """
     cell_of_row = np.full(len(d.t), -1, dtype=np.int64)
     starts: list[float] = []
     source: list[int] = []

@@ -1,8 +1,9 @@
 """Compute the gain of an extended model on held-out data, with bootstrap intervals.
 
 The gain is the decrease of the prediction error ΔRMSE and the increase of the log-likelihood Δℓ.
-Base simulation (before) and extended model (after) are evaluated on the same rows
-(`validation.cross_validation`). The base simulation is refitted, so calibration alone is no gain.
+The base simulation (before) and the model extended by effects (after) are evaluated on the same
+rows (`validation.cross_validation`). The base simulation is refitted, so calibration alone is no
+gain.
 
     ΔRMSE_i = RMSE_i(before) − RMSE_i(after)       ° on axis i, of predictions 1 s ahead
     Δℓ = Σ ln Z(after) − Σ ln Z(before)            Z: probability of a reading given earlier ones
@@ -34,7 +35,7 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class Interval:
-    """A number with its bootstrap interval at `LEVEL`."""
+    """A number with its bootstrap interval, whose confidence is `LEVEL`."""
 
     value: float
     low: float
@@ -74,7 +75,7 @@ class HeldOut:
 
     @property
     def rmse_deg(self) -> dict[str, float | None]:
-        """Return the RMSE by axis in degrees; None for an axis that was not measured."""
+        """Return the predictions' RMSE by axis in degrees; None for an axis not measured."""
         return _by_axis(rms_deg(self.squares.sum(axis=0), self.counts.sum(axis=0)))
 
 
@@ -94,7 +95,7 @@ class Gain:
 
     @property
     def of_calibration(self) -> bool:
-        """Return True if the refit removes most of any axis' mean square error (`removes_most`).
+        """Return True if refitting removes most of any axis's mean square error (`removes_most`).
 
         ``before``: RMSE with the profile's parameters; ``after``: RMSE with refitted parameters.
         """

@@ -49,13 +49,16 @@ class PredictionErrors:
     """(S, H, 3) rad, at most `FAR`; NaN beyond the end of a run and on unmeasured axes"""
 
     def rmse_deg(self, of: np.ndarray | None = None) -> np.ndarray:
-        """Return the RMSE (H, 3) in degrees over all starts, or over those in ``of`` (S,) bool."""
+        """Return the predictions' RMSE (H, 3) in degrees, by horizon and axis.
+
+        ``of`` (S,) bool: the starts to use, by default all.
+        """
         e = self.errors if of is None else self.errors[of]
         return np.asarray(np.degrees(np.sqrt(mean_square(e))))
 
 
 def mean_square(e: np.ndarray) -> np.ndarray:
-    """Return the mean of the finite squares over the first axis; NaN if none."""
+    """Return the mean of the finite e² over the array's first axis; NaN if there are none."""
     finite = np.isfinite(e)
     count = finite.sum(axis=0)
     total = (np.where(finite, e, 0.0) ** 2).sum(axis=0)
@@ -63,7 +66,7 @@ def mean_square(e: np.ndarray) -> np.ndarray:
 
 
 def problem_of(model: GreyBoxModel, recordings: Sequence[Recording]) -> Likelihood:
-    """Return the likelihood of the recordings' usable runs under the model's structure."""
+    """Return the likelihood of the recordings' usable runs of rows under the model's structure."""
     runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
     return Likelihood(data_of(recordings, runs), model.structure)
 
@@ -128,8 +131,8 @@ def floor_deg(
 ) -> tuple[np.ndarray, str]:
     """Return the noise floor (H, 3) in degrees at H horizons, and the name of the method.
 
-    The method is simulated flights, or the filter's covariance if the controller is unknown or a
-    simulated flight has no usable rows, as with an unstable model.
+    The floor comes from simulated flights. If the controller is unknown, or a simulated flight has
+    no usable rows (as with an unstable model), it comes from the filter's covariance.
     """
     by_formula = "the filter's covariance"
     if not controller_is_known(recordings):
@@ -179,7 +182,8 @@ def covariance_floor_deg(
 def with_blocks(data: Data, blocks: np.ndarray) -> Data:
     """Return the data with other ``blocks`` (B, 3), each inside an old block.
 
-    Columns: first row of the lead-in, first row of the run, row after the run.
+    Columns: first row of the lead-in (only its voltages are used), first row of the run, row after
+    the run.
     """
     owner = np.searchsorted(data.blocks[:, 2], blocks[:, 1], side="right")
     return replace(
@@ -192,7 +196,7 @@ def with_blocks(data: Data, blocks: np.ndarray) -> Data:
 
 
 def starts_of(d: Data) -> np.ndarray:
-    """Return the rows (S,) of the starts: `EVERY_S` apart, from `SETTLED_S` on in each run."""
+    """Return the rows (S,) where predictions start: every `EVERY_S`, after `SETTLED_S` in a run."""
     out = [np.zeros(0, dtype=np.int64)]
     for _, start, stop in d.blocks:
         dt = float(np.median(d.h[start:stop]))

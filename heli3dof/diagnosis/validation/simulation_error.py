@@ -1,7 +1,7 @@
 """Compute a model's prediction errors by axis and horizon, their noise floor and worst intervals.
 
 The noise floor is the error that the true model would have (`validation.prediction`). It should be
-computed for the model with the effects found: a fit without these explains them by noise.
+computed for the model with the effects found: a fit without these attributes them to noise.
 The worst interval of an axis is the window of `WINDOW_S` in which predictions over `HORIZON_S` have
 the largest mean square error.
 """

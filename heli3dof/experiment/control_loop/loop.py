@@ -99,9 +99,9 @@ def fly(
             Called in every period of the ramp.
         live: receives the progress.
         monitors: each judges every period in which ``stop`` is called, before the envelope does.
-        must_still_fall: returns True while the roll count is constant above the table. After
-            the ramp of a completed plan the motors are at zero, so a live roll encoder must show
-            the arm fall. The loop then goes on at zero volts, for `ramp_down.FALL_S` at most.
+        must_still_fall: returns True while the roll count is constant above the table. Called
+            after the ramp of a completed plan: at zero volts a live roll encoder shows the arm
+            fall. While it returns True, the loop holds zero volts, for `ramp_down.FALL_S` at most.
     """
     flight = _Flight(rig, profile, signals, sink, stop, live or Live(), monitors)
     with _granted(rig.identity) as granted:
@@ -195,7 +195,7 @@ class _Flight:
         return _after_ramp(end, ramp), ramp
 
     def outcome(self, end: _End, ramp: RampDown, granted: Realtime | None) -> Outcome:
-        """Return the flight's outcome; a safety trip names a wiring fault that explains the trip.
+        """Return the flight's outcome; it names a wiring fault if one explains a safety trip.
 
         ``end``, ``ramp``: how the plan and the ramp ended. ``granted``: the real-time settings
         that the system granted; None on a virtual clock.

@@ -5,12 +5,11 @@
     V_start = V_last   where |V_last,front − V_o| ≤ ½ V_h and |V_last,back − V_o| ≤ ½ V_h
     V_start = 0        otherwise,                             V_h = max(|V_o|, v_max/8)
 
-V_last: last voltages sent; V_o: hover voltage of each motor; V_h: its size, with a lower limit;
-v_max: the amplifier's limit. From voltages near the hover voltage, a ramp sets the arm down. From
-other voltages, a ramp would drive the arm into the table or throw it (by up to 100° from 24 V,
-which a wrong encoder sign causes). So both motors go to zero at once. V depends on no angle,
-because wrong encoders may be why the flight ends. Comparison with other laws:
-`make bench TOPIC=ramp_down`.
+V_last: last voltages sent; V_o: hover voltage of each motor; v_max: the amplifier's limit. From
+voltages near the hover voltage, a ramp sets the arm down. From other voltages, a ramp would drive
+the arm into the table or throw it (by up to 100° from 24 V, which a wrong encoder sign causes). So
+both motors go to zero at once. V depends on no angle, because wrong encoders may be why the flight
+ends. Comparison with other laws: `make bench TOPIC=ramp_down`.
 
 * Periods that the host misses or the connection loses are skipped, so the ramp takes no longer.
 * If the device does not answer, or a second Ctrl-C arrives, the loop stops the device at once.

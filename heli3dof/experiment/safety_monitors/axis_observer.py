@@ -1,8 +1,9 @@
 """Computes each axis's expected acceleration α, and observes its motion with a filter.
 
 α follows from the rigid body, one axis at a time (paper, eqs (10) and (11), but not linearised).
-V_f, V_b: front and back motor's voltages (V); roll r, pitch p in rad; accelerations in rad/s².
-`heli3dof.rig.profile` explains the other symbols::
+V_f, V_b: front and back motor's voltages (V); r, p: roll and pitch (rad); α in rad/s²; L_a: yaw
+axis to body (m); L_h: pitch axis to motor (m); K_f: thrust per volt (N/V); V_o: hover voltage (V);
+T_g: gravity torque (N·m); J: inertias (kg·m²)::
 
     α_roll  = (L_a K_f cos p (V_f + V_b) − T_g cos r) / J_roll       T_g = 2 L_a K_f V_o
     α_pitch =  L_h K_f (V_f − V_b) / J_pitch

@@ -8,9 +8,9 @@ the model::
     ω̇ = α + b − f sgn(ω)      at rest while |α + b| ≤ f       f = F + 0.25 |α + b|      (rad/s²)
 
 ω: the model's rate; α: the expected acceleration under the voltages at the motors; b: the mean of
-the unmodelled acceleration that the observer estimates; f: dry friction, with the part F below.
-The part 0.25 |α + b| covers an error of thrust or inertia by a quarter. The encoder is reported as
-frozen when the model has turned further than the clearance C.
+the unmodelled acceleration that the observer estimates; f: dry friction; F: its part estimated
+below. The part 0.25 |α + b| covers an error of thrust or inertia by a quarter. The encoder is
+reported as frozen when the model has turned further than the clearance C.
 
 F starts at the largest value of known rigs, C at 1.2°, more than their backlash. Both are then
 estimated from the axis's own motion:
@@ -152,7 +152,7 @@ class FrozenEncoder(SafetyMonitor):
         return None
 
     def must_still_fall(self) -> bool:
-        """Return True if the arm is above the table, and roll's count constant for `LIVE_S`."""
+        """Return True if the arm is above the table and roll's count constant for `LIVE_S`."""
         return self._airborne and self._axes[0].still_s > LIVE_S
 
     def _report(self, i: int, now: Period) -> Trip | None:
@@ -215,7 +215,7 @@ class _Axis:
         self._begin_standstill()
 
     def settle(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Advance only the observer by ``h`` (s); do not judge the axis. Arguments as in `step`."""
+        """Update the observer by a sample; do not judge the axis. Arguments as in `step`."""
         self._observer.step(h, alpha, angle)
         self.count = self._extreme = count
         self._begin_standstill()
@@ -232,10 +232,10 @@ class _Axis:
         self._held = self._friction
 
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
-        """Advance the roll axis by ``h`` (s) while the arm is near its rest angle on the table.
+        """Update roll by a sample, taken while the arm is near its rest angle on the table.
 
-        ``angle``: the encoder's angle in rad. ``lift``: acceleration (rad/s²) by the part of the
-        thrust above the thrust that lifts every known rig.
+        ``h``: s since the last sample; ``angle``: the encoder's angle in rad. ``lift`` (rad/s²):
+        acceleration by the part of the thrust above the thrust that lifts every known rig.
         """
         if count != self.count:
             self.restart(count, angle)
@@ -245,9 +245,10 @@ class _Axis:
         self.moved += self._rate * h
 
     def step(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Advance an axis in the air by ``h`` (s).
+        """Update an axis by a sample taken while the arm is in the air.
 
-        ``alpha``: expected acceleration α (rad/s²); ``angle``: the encoder's angle in rad.
+        ``h``: s since the last sample; ``alpha``: expected acceleration α (rad/s²); ``angle``: the
+        encoder's angle in rad.
         """
         observer = self._observer
         observer.step(h, alpha, angle)
@@ -318,9 +319,9 @@ class _Axis:
         self._begin_standstill()
 
     def _turn(self, count: int) -> None:
-        """Update friction F and clearance C after the axis turned back by two counts.
+        """Update friction F and clearance C after the axis turned back by two counts, to ``count``.
 
-        One count would not be enough, because it may be a limit cycle.
+        Turning back by one count would prove nothing, because it may be a limit cycle.
         """
         if self._way and self._high >= self._low:
             change = self._high - self._low

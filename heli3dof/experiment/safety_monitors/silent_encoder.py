@@ -1,8 +1,8 @@
 """Detects an encoder whose count changed often in calm flight, but not in the ramp to zero.
 
-A calm axis still wanders by a count or two. Its standstills end at random, at a rate λ, so the
-longest of N standstills is about L = (ln N)/λ. The probability that one of N standstills lasts
-longer than T is about N exp(−λ T). This probability is below ε if
+A calm axis still wanders by a count or two. Its standstills (the count is constant) end at random,
+at a rate λ, so the longest of N standstills is about L = (ln N)/λ. The probability that one of N
+standstills lasts longer than T is about N exp(−λ T). This probability is below ε if
 
     T > L (1 + ln(1/ε) / ln N)
 

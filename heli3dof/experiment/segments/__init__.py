@@ -68,8 +68,9 @@ class BaseSegment(Section):
     def opened(self, clock: Clock) -> np.ndarray:
         """Return the mode (n, 3) of each axis's control loop in each of n control periods.
 
-        The modes are closed, learning and open (`heli3dof.model.control.loop_opening`). By default
-        all loops are closed. ``clock``: the segment's control periods.
+        The modes are 0 closed, 1 learning (closed; the mean voltages are measured) and 2 open (the
+        mean voltages stay applied). By default all loops are closed. ``clock``: the segment's
+        control periods.
         """
         return np.zeros((clock.n, 3), dtype=np.int8)
 

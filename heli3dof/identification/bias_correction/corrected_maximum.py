@@ -2,9 +2,9 @@
 
 At the true parameters, the derivatives of the filter's log-likelihood ℓ should have zero mean. But
 ∂ℓ/∂θ has the mean ḡ, ∂ℓ/∂ln a the mean s̄ (`bias_correction.correction`). θ are the base model's
-parameters, a the noise intensities. Null simulations give b, the mean of ∂ℓ/∂φ, where φ are the
-parameters of a candidate (an effect added to the base model). Index 0 marks the values of the
-simulated flights. To first order, the derivatives of ℓ_c have zero mean:
+parameters, a the noise intensities. φ are the parameters of a candidate, an effect added to the
+base model. ∂ℓ/∂φ has the mean b in null simulations, flights of the base model. Index 0 marks the
+values of the simulated flights. To first order, the derivatives of ℓ_c have zero mean:
 
     ℓ_c(θ, φ, a) = ℓ(θ, φ, a) − ḡ·(θ − θ_0) − b·(φ − φ_0) − s̄·(ln a − ln a_0) + ln prior
 

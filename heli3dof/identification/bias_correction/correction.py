@@ -70,7 +70,7 @@ class CorrectedFit(Estimate):
 
     @property
     def is_corrected(self) -> bool:
-        """Return True if flights of the fitted rig could be simulated to correct the bias."""
+        """Return True if the bias was corrected, by simulated flights of the fitted model."""
         return self.score_covariance is not None
 
     @cached_property
@@ -105,15 +105,16 @@ class CorrectedFit(Estimate):
 
     @cached_property
     def unexplained_scatter(self) -> float:
-        """Return the factor by which unmodelled motion increases the variances.
+        """Return the factor by which unmodelled motion increases the parameters' variances.
 
-        It is the mean of `coloured_noise_factor`; if no flights were simulated, it is `inflation`.
+        It is the mean of `coloured_noise_factor`; if no flights were simulated, it is the fit's
+        variance factor `inflation`.
         """
         return float(self.coloured_noise_factor.mean()) if self.is_corrected else self.inflation
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
-    """Return the model with the parameters ``theta`` (n,), ``noise`` (4,), and covariance NaN.
+    """Return the model with parameters ``theta`` (n,) and ``noise`` (4,); its covariance is NaN.
 
     ``noise``: process noise of 3 axes, jitter.
     """
@@ -255,7 +256,10 @@ def corrected_from(
 
 @dataclass(frozen=True, eq=False)
 class NoiseScoreBias:
-    """Mean derivatives of simulated flights' log-likelihoods by the axes' log process noise."""
+    """Derivatives of the log-likelihood by each axis's log process noise: means over flights.
+
+    The flights are simulated at the parameters ``theta`` and the ``noise``.
+    """
 
     slope: np.ndarray
     curvature: np.ndarray
@@ -267,7 +271,7 @@ class NoiseScoreBias:
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return True if these derivatives must be computed again for ``theta`` and ``noise``.
+        """Return True if the noise derivatives must be computed again for ``theta`` and ``noise``.
 
         They are valid up to the distances `REUSED_WITHIN` from the values of the simulated flights.
         """
@@ -320,9 +324,9 @@ class AndersonAcceleration:
 def scatter_of(g: np.ndarray, H: np.ndarray) -> np.ndarray:
     """Return C (n, n), a shrinkage estimate of the scores' covariance from few flights.
 
-    ``g`` (B, n): scores of B flights; ``H`` (n, n): the information. C has the correlations of H.
-    The ratio of each score's variance to H_jj is averaged with the mean ratio. The result is at
-    least 1, the ratio for an exact likelihood.
+    ``g`` (B, n): scores of B flights; ``H`` (n, n): the information. C has the correlations of H,
+    and the variances r_j H_jj. r_j is the mean of two ratios: score j's variance over H_jj, and the
+    average of this ratio over all scores. r_j is at least 1, its value for an exact likelihood.
     """
     ratio = np.sqrt(g.var(axis=0, ddof=1) / np.maximum(np.diag(H), 1e-300))
     ratio = np.maximum(np.sqrt(0.5 * ratio**2 + 0.5 * np.mean(ratio**2)), 1.0)

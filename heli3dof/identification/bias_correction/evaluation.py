@@ -107,7 +107,7 @@ def evaluate(
 
 
 def fixed_parameters(problem: Likelihood) -> np.ndarray:
-    """Return (n,) bool: the parameters that no search changes (`SCANNED`)."""
+    """Return (n,) bool: True for the parameters that no search changes (`SCANNED`)."""
     return np.array([f.name in SCANNED for f in problem.structure.free])
 
 

@@ -10,7 +10,8 @@ reading change by
 
 x_c is the state that the event reads, σ the reading's derivative by it, w the event's information.
 
-- `forcing`: computes δa from a change of parameters or effects, constant in chunks of `CHUNK_S`
+- `forcing`: computes δa, constant within chunks of `CHUNK_S`, from a change of parameters or
+  effects
 - `forward`: computes δc (E,) from δa
 - `backward`, the adjoint: computes L_b (3,) of each chunk b from weights q_e of the events. One
   pass then serves all changes:  Σ_e q_e δc_e = Σ_b L_b · δa_b
@@ -38,7 +39,7 @@ MOVES_THRUST = {_s.Stage.SETUP, _s.Stage.VOLTAGE}
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """The filter's states in C chunks of rows, with the accelerations and their derivatives."""
+    """The filter's states in C chunks of rows, and the model's accelerations at these states."""
 
     data: Data
     at: FilterRun
@@ -57,7 +58,7 @@ class Path:
 
     @property
     def t(self) -> np.ndarray:
-        """Return the time (C,) s of the middle of each chunk."""
+        """Return the time (C,) s of the middle of each chunk of rows."""
         return np.asarray(self.data.t[(self.chunk[:, 0] + self.chunk[:, 1]) // 2])
 
 
@@ -95,8 +96,9 @@ def forcing(
 ) -> np.ndarray:
     """Return the changes δa (J, C, 3) of the accelerations (rad/s²) in C chunks, for J sets.
 
-    ``sets``: values of the parameters of ``wide``; the changes are relative to the model of ``p``.
-    ``moves`` (J,): True if a set changes the thrusts.
+    ``wide``: the model's structure, which may have further effects. ``sets``: J sets of values of
+    its parameters; the changes are relative to the model of ``p``. ``moves`` (J,): True if a set
+    changes the thrusts.
     """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
@@ -115,8 +117,9 @@ def misreading(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return how other parameter values change the encoder readings (rad) at unchanged angles.
 
-    ``sets``: J + 1 sets of values for ``wide``; the changes are relative to the first set. They are
-    (J, E) at the filter's E updates, and (J, B, 3) at the start of each of B blocks of rows.
+    ``wide``: the model's structure, which may have further effects. ``sets``: J + 1 sets of values
+    of its parameters; the changes are relative to the first set. Returns the changes (J, E) at the
+    filter's E updates, and (J, B, 3) at the start of each of B blocks of rows.
     """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
@@ -151,8 +154,9 @@ def forward(
 def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the derivatives of Σ_e q_e δc_e, a weighted sum of the changes of predicted readings.
 
-    ``q`` (M, E): M sets of weights of the E readings. The derivatives are by the accelerations of C
-    chunks (M, C, 3), by the readings (M, E), and by the initial states of B blocks (M, B, 6).
+    ``q`` (M, E): M sets of weights of the E readings. The derivatives are those with
+    respect to the accelerations of C chunks (M, C, 3), the readings (M, E), and the initial states
+    of B blocks (M, B, 6).
     """
     L = np.zeros((len(q), len(p.chunk), 3))
     mu = np.zeros(q.shape)

@@ -1,17 +1,17 @@
 """Search a black box's order: fit each order at each sampling interval, and choose one fit.
 
-Order and interval decide how good a black box is in closed loop. At 2 ms the encoders' rounding
-dominates the innovations; over 40 to 80 ms the rig's own motion does, and the exact mean voltages
-are known. A candidate is the fit of one order at one interval. Its score is the mean fit (%) over
-the axes, on the *training* flights, of
+Order and interval decide how good a black box is in closed loop. At an interval of 2 ms the
+encoders' rounding dominates the innovations, at 40 to 80 ms the rig's own motion. A candidate is
+the fit of one order at one interval. Its score is the mean fit (%) over the axes, on the *training*
+flights, of
 
 * predictions 1 s ahead, and
 * the closed-loop replay, where the controller is known.
 
-No method minimises the errors of these two, so a larger order does not score better merely because
-it has more parameters. The replay rejects models that are good one step ahead and diverge in closed
-loop; the prediction rejects poor noise models. The smallest order within `TIE` of the best score is
-chosen.
+None of the methods minimises these two errors, so a larger order does not score better merely
+because it has more parameters. The replay rejects models that are good one step ahead and diverge
+in closed loop; the prediction rejects poor noise models. The smallest order within `TIE` of the
+best score is chosen.
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray
     """Return each segment's state estimates x̂ (N_i − p, n_max), and the states' singular values.
 
     ``fit`` is a VARX of order p, fitted to the segments ``data`` of N_i rows. The singular values
-    are those of Γ 𝒦 Z_p (module), divided by the root of its number of columns.
+    are those of Γ 𝒦 Z_p (module), divided by the square root of its number of columns.
     """
     p, l, w = fit.Xi.shape
     L = np.linalg.cholesky(np.linalg.inv(fit.S))

@@ -89,7 +89,8 @@ def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.
 def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[RowRange]) -> Innovations:
     """Return each run's prediction errors (rad), and voltages minus ``chosen.u_mean`` (V).
 
-    The errors are one-step; for ``oe``, simulation errors. The interval is that of ``chosen``.
+    The errors are one-step; for ``oe``, simulation errors. The data are decimated to the sampling
+    interval of ``chosen``.
     """
     ss = chosen.state_space
     if ss.K.any():
