@@ -133,8 +133,8 @@ def predictions(
 def _lead_in(prepared: Prepared, run: RowRange, most: int) -> int:
     """Return the number of rows, at most ``most``, in which the filter can settle before ``run``.
 
-    These rows end the run directly before ``run``. The result is 0 without such a run or after a
-    gap.
+    They are the last rows of a run that ends directly before ``run``. The result is 0 if there is
+    no such run, or a gap between the two.
     """
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:

@@ -121,9 +121,9 @@ def device(view: View) -> Iterable[Fault]:
 def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if too many rows repeat the angles and voltages of the row before.
 
-    The check tests only rows whose voltage is not zero, below its limit, and changing in the rows
-    around (`NEAR`). The excitation voltage must repeat, too, because at rest the motors' voltage
-    can be constant for a few rows.
+    The check tests only rows with a nonzero voltage below its limit that changes within the `NEAR`
+    rows around. Only rows that also repeat the excitation voltage count, because at rest the
+    motors' voltage can be constant for a few rows.
     """
     r = view.recording
     if len(r) < 2 * NEAR:

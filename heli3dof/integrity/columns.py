@@ -89,7 +89,7 @@ def _column(column: int) -> str:
 
 
 def is_consistent(x: Response) -> bool:
-    """Return True if the response has a plausible size, is certain and explains the motion."""
+    """Return True if the response has a plausible size, is significant and explains the motion."""
     return _gain_in_range(x) and abs(x.t) > SURE and x.explained > EXPLAINED
 
 
@@ -153,7 +153,7 @@ def _by_motion(view: View) -> tuple[int, int, str] | None:
 
 
 def block_means(r: Recording) -> Recording:
-    """Return the means over blocks of `STEP_S` s: as accurate for `response`, but faster to use."""
+    """Return means over blocks of `STEP_S` s, with which `response` is as accurate, but faster."""
     m = max(1, round(STEP_S / r.dt)) if len(r) > 1 else 1
     n = len(r) // m
 

@@ -38,7 +38,7 @@ BEYOND_REACH = np.radians(60.0)
 
 
 def sign(response: Response | None) -> int:
-    """Return the sign of an axis' response to the voltages; 0 if it is too small or uncertain."""
+    """Return the sign (±1) of an axis' response to the voltages; 0 if small or uncertain."""
     if response is None or response.explained < EXPLAINED or response.drive < DRIVE:
         return 0
     return int(np.sign(response.t)) if abs(response.t) > SURE else 0

@@ -43,9 +43,10 @@ BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
 
 @dataclass(frozen=True, eq=False)
 class ProfileLikelihood(Likelihood):
-    """The likelihood with the profile's ``tolerance`` as prior std of the inertias' logarithms.
+    """The likelihood with a prior of the inertias that follows from the profile's ``tolerance``.
 
-    The weaker prior of `Likelihood` would allow implausible inertias in a short recording.
+    The prior std of an inertia's logarithm is ``doubt`` · ``tolerance``. The weaker prior of
+    `Likelihood` would allow implausible inertias in a short recording.
     """
 
     doubt: float = 1.0

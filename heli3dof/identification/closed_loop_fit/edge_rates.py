@@ -6,7 +6,7 @@ For y = (θ, ln a), with n scaled parameters θ and three noise intensities a, t
 
     m = (g, ∂ℓ/∂ln a, r)         g = ∂ℓ/∂θ: score, ℓ: the filter's log-likelihood (`evaluation`)
     r_i                          edge rate: share of samples at which encoder i's count changes
-    G = ∂ mean m_b/∂y            derivative by the y of the simulated rig; the filter's y is fixed
+    G = ∂ mean m_b/∂y            derivative with respect to the simulated rig's y; filter's y fixed
 
 m are the moments of the recordings, m_b those of flight b of B flights simulated at y. The estimate
 solves (Hansen 1982; simulated moments: Gallant and Tauchen 1996)
@@ -16,10 +16,10 @@ solves (Hansen 1982; simulated moments: Gallant and Tauchen 1996)
     cov y = A⁻¹ (Gᵀ W (1 + 1/B) C W G + Λ) A⁻¹,          C = cov m_b
 
 Each axis has three moments: the score of its inertia, its ∂ℓ/∂ln a and its edge rate. W inverts
-C's block of these three moments; elsewhere W inverts C's diagonal. G's derivatives of the three
-moments by the axis' inertia and noise come from the first rounds, in which a two-level design
-varies the flights' inertias and noises. The scores' other derivatives by θ are the information H.
-The rest of G is zero.
+C's block of these three moments; elsewhere W inverts C's diagonal. G contains the derivatives of
+the three moments with respect to the axis' inertia and noise. They come from the first rounds, in
+which a two-level design varies the flights' inertias and noises. The scores' other derivatives with
+respect to θ are the information H. The rest of G is zero.
 """
 
 from __future__ import annotations
@@ -61,7 +61,8 @@ INERTIAS = np.arange(1, 4)  # indices in θ
 class Round:
     """One iteration: the moments of the recordings and of B flights simulated at y = (θ, ln a).
 
-    y: scaled parameters, log noise. Moments: the log-likelihood's derivatives by y; edge rates.
+    θ are the scaled parameters, a the noise intensities. The moments are the log-likelihood's
+    derivatives with respect to y, and the edge rates (how often the encoder counts change).
     """
 
     difference: np.ndarray
@@ -131,9 +132,10 @@ def simulated_round(
 ) -> Round:  # fmt: skip
     """Return the moments of the recordings and of ``flights`` flights simulated at ``y``.
 
-    Moments are the log-likelihood's derivatives by y, and the edge rates. ``y`` (n + 3,) is
-    (θ, ln a): parameters and log noise. If ``designed``, the two-level `design` varies the flights'
-    inertias and noises. ``jitter`` (1,): sampling jitter in s.
+    Moments are the log-likelihood's derivatives with respect to y, and the edge rates (how often
+    counts change). ``y`` (n + 3,) is (θ, ln a): scaled parameters and log noise. If ``designed``,
+    the two-level `design` varies the flights' inertias and noises. ``jitter`` (1,): sampling jitter
+    in s. ``number`` is the round's number, for progress messages.
     """
     n = len(y) - 3
     theta, noise = y[:n], np.append(np.exp(y[n:]), jitter)
@@ -180,11 +182,11 @@ def design(flights: int) -> np.ndarray:
 
 
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
-    """Return G (n + 6, n + 3), the moments' derivatives by the parameters θ (n,) and 3 log noises.
+    """Return the moments' derivatives G (n + 6, n + 3): columns are parameters, then 3 log noises.
 
-    ``effects`` (6, n + 6): the moments' derivatives by three log inertias and log noises, used for
-    each axis' own moments. The scores' other derivatives by θ are the information H (n, n). The
-    rest of G is zero.
+    ``effects`` (6, n + 6) are the moments' derivatives with respect to 3 log inertias, then 3 log
+    noises. G takes from them each axis' moments, with respect to its own inertia and noise. The
+    scores' other derivatives are the information H (n, n). The rest of G is zero.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))
@@ -216,6 +218,7 @@ def weights(C: np.ndarray) -> np.ndarray:
 def moments_of_axis(i: int, n: int) -> list[int]:
     """Return the indices of axis i's moments: score of its inertia, ∂ℓ/∂ln a, edge rate.
 
-    ``n``: number of parameters; ℓ: log-likelihood, a: the axis' process noise.
+    ``n``: number of parameters; ℓ: log-likelihood; a: the axis' process noise; edge rate: how often
+    its encoder count changes.
     """
     return [1 + i, n + i, n + 3 + i]

@@ -68,8 +68,8 @@ class LeastSquares:
     def step(self, z: np.ndarray, g: np.ndarray, H: np.ndarray, damping: float) -> np.ndarray:
         """Return z (dim,) after a Levenberg–Marquardt step with gradient g and Hessian H.
 
-        The step adds ``damping`` times the diagonal of H to H. An unknown at a bound stays there,
-        and the step of the other unknowns is computed again.
+        The step adds ``damping`` times the diagonal of H to H. An unknown that reaches a bound
+        stays on it, and the step of the other unknowns is computed again.
         """
         A = H + damping * np.diag(np.diag(H))
         stopped = ((z <= self.low) & (g > 0)) | ((z >= self.high) & (g < 0))

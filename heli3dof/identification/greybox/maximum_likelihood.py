@@ -180,7 +180,7 @@ def better_noise(
 def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return the noise ``a`` (4,) with a new jitter (s): 0, or one of `JITTERS`.
 
-    The search goes upwards from 0 while each value raises the log-likelihood by `JITTER_WORTH`.
+    The search goes up from 0 while each value raises the log-likelihood by over `JITTER_WORTH`.
     """
     best, best_loglik = 0.0, -np.inf
     for jitter in (0.0, *JITTERS):

@@ -97,7 +97,7 @@ class MultiStep:
 
     @cached_property
     def own(self) -> np.ndarray:
-        """Return the indices (B,) of the B parameters that have one value for each recording."""
+        """Return the indices (B,) of the B parameters that vary by recording."""
         return np.array([self.structure.names.index(v) for v in self.varying], dtype=int)
 
     @property

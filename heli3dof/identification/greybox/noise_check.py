@@ -65,7 +65,7 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return the RMSE (3,) in degrees, `HORIZON_S` ahead, that white process noise causes."""
+        """Return the RMSE (3,) in ° of predictions `HORIZON_S` ahead, if the noise were white."""
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property

@@ -53,11 +53,11 @@ RANK_TOLERANCE = 1e-10
 
 @lru_cache(maxsize=4)
 def identified_controller(recording: Recording) -> LinearController | None:
-    """Return the linear controller that explains the recording's voltages; None without one.
+    """Return the linear controller that explains the recording's voltages, or None.
 
     The recording must have all angles in every row, a reference, and a row for every control
-    period. Without references, an integral would not be identifiable: the input w would contain its
-    voltage, and with it the effect of every slow torque.
+    period. Without references, an integral of the control error would not be identifiable. Only the
+    first `MAX_ROWS` rows are used.
     """
     r = under_control(recording)
     if len(r.axes) < len(AXES) or not np.isfinite(r.angle).all() or decimation(r) != 1:
@@ -77,7 +77,7 @@ def identified_controller(recording: Recording) -> LinearController | None:
 
 
 def law_of_order(r: Recording, n: int) -> LinearController | None:
-    """Return the best law of order ``n`` for the recording; None if it has too few rows."""
+    """Return the linear controller of order ``n`` that fits best; None if rows are too few."""
     u, y = r.voltage - np.nan_to_num(r.voltage_extra), r.angle - r.angle[0]
     limited = (np.abs(r.voltage) >= AT_LIMIT * r.profile.motor.v_max).any(axis=1)
     near_limit = np.convolve(limited, np.ones(n + 1))[: len(r)] > 0
@@ -99,9 +99,10 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
 
 
 def block_shares(t: np.ndarray, e: np.ndarray, change: np.ndarray) -> list[float]:
-    """Return the shares of the blocks: what ``e`` is of ``change``, both (N, 2) in V; t (N,) in s.
+    """Return std(``e``)/std(``change``) for each block of time: the larger of both motors' ratios.
 
-    Blocks with too few rows, or with a constant voltage, are left out.
+    ``e`` (N, 2) V: residuals, with their std by median absolute value; ``change`` (N, 2) V: changes
+    of the voltages; t (N,) s. Blocks with too few rows or a constant ``change`` are left out.
     """
     block = (t - t[0]) // BLOCK_S
     shares = []

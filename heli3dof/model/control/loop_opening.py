@@ -73,7 +73,7 @@ def free_within(limits: Limits) -> list[float]:
 
 
 def opening(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return arrays (mode, room, z) that a compiled simulation of ``task`` passes to `before_law`.
+    """Return the arrays (mode, room, z) with which `before_law` opens loops in a simulated task.
 
     ``mode``: the axes' modes in the N control periods (N, 3), or (0, 3) if the task opens no loop.
     ``room``: the bounds of `free_within`. ``z``: the initial state, `N_OPENING` zeros.
@@ -192,7 +192,10 @@ class OpenedController(Controller):
 
     @classmethod
     def of(cls, profile: Any) -> OpenedController:
-        """Return a `Profile`'s controller. It closes open loops at `SHARE` of the safety limits."""
+        """Return a `Profile`'s controller.
+
+        It closes all loops when an angle or rate exceeds `SHARE` of the safety limits.
+        """
         made = super().of(profile)
         assert isinstance(made, cls)
         made._room = free_within(profile.limits)
