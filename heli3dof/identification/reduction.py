@@ -69,7 +69,7 @@ def factored(
 
 
 class _Channel:
-    """The fitted frequency response G from one input (sum, difference) to one angle.
+    """The fitted frequency response G from the voltages' sum or difference to an angle.
 
     G and its uncertainty are computed at ``s`` = jω (F,) rad/s. ``limit`` (F,) is the largest
     |H − G| of an accepted simplification H.

@@ -1,8 +1,6 @@
 """Check that angles are in radians and on the grid of the profile's encoder.
 
 The grid has steps of 2π/N rad, with N counts per revolution.
-
-An import tests its log in the same way (`heli3dof.recording.logs.angle_units`).
 """
 
 from __future__ import annotations

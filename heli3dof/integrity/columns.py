@@ -112,10 +112,10 @@ def agreement(responses: dict[str, Response]) -> float:
 
 
 def axes_in_question(view: View, T: np.ndarray) -> set[str]:
-    """Return the axes whose motion swapped columns may explain: the `inconsistent` ones.
+    """Return the axes whose motion swapped columns may explain.
 
-    If a voltage is constant, these are all driven axes. ``T``: table (N, 8) of angles, voltages and
-    references (`_table`).
+    These are the `inconsistent` axes; if a voltage is constant, all driven axes. ``T``: table (N,
+    8) of angles, voltages and references (`_table`).
     """
     V = np.nan_to_num(T[:, VOLTAGE])
     if (np.ptp(V, axis=0) == 0).any():
@@ -168,7 +168,7 @@ def block_means(r: Recording) -> Recording:
 
 
 def _pairs(T: np.ndarray, bad: set[str]) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of columns of T whose swap may explain the inconsistent axes ``bad``."""
+    """Yield pairs of columns of table T whose swap may explain the inconsistent axes ``bad``."""
     present = [c for c in range(T.shape[1]) if np.isfinite(T[:, c]).any()]
     for a, b in combinations(present, 2):
         moves = np.nanmax(T[:, b]) > np.nanmin(T[:, b]) or b not in REFERENCE

@@ -28,7 +28,7 @@ HOVER_STATES = ("r", "p", "psi", "r_rate", "p_rate", "psi_rate")
 
 
 class Sampled(Protocol):
-    """Protocol of a discrete model x[k+1] = A x + B ũ, ỹ = C x; ũ, ỹ are deviations from a trim."""
+    """Interface of a discrete model x[k+1] = A x + B ũ, ỹ = C x; ũ, ỹ: deviations from a trim."""
 
     @property
     def name(self) -> str: ...
@@ -86,7 +86,7 @@ def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np
 def continuous(model: Sampled) -> Continuous:
     """Convert a model to continuous time, by the inverse zero-order hold if it exists.
 
-    Otherwise use the bilinear rule z = (1 + s dt/2)/(1 − s dt/2).
+    Otherwise use the bilinear rule (Tustin).
     """
     zoh = d2c_zoh(model.A, model.B, model.dt)
     if zoh is not None:
@@ -141,8 +141,7 @@ def to_control(
 def to_transfer_function(model: Sampled) -> control.TransferFunction:
     """Return the continuous-time transfer functions, rad per V, as a 3 × 2 python-control object.
 
-    Common powers of s are cancelled. `numerators` does not cancel them: all its transfer functions
-    have the same denominator, as in the paper's eq (17).
+    Common powers of s are cancelled, unlike in `numerators`.
     """
     import control
 

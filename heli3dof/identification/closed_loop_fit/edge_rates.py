@@ -53,7 +53,7 @@ DESIGN_STEP_J = (0.02, 0.15)
 DESIGN_STEP_NOISE = 0.4  # of ln a, chosen
 MAX_STEP_J, MAX_STEP_NOISE = 0.3, 0.7  # of ln J and ln a in one round, chosen
 RIDGE = 0.1
-"""Share of a moment's variance that is added to it in W, as C is from few flights. Chosen."""
+"""Share of a moment's variance that is added to it in W, as C is of few flights. Chosen."""
 INERTIAS = np.arange(1, 4)  # indices in θ
 
 
@@ -66,13 +66,13 @@ class Round:
     """
 
     difference: np.ndarray
-    """(n + 6,) m − mean m_b"""
+    """(n + 6,) the recordings' moments minus the flights' mean moments"""
     C: np.ndarray
-    """(n + 6, n + 6) covariance of m_b, without the effects of the design"""
+    """(n + 6, n + 6) covariance of the flights' moments, without the effects of the design"""
     H: np.ndarray
-    """(n, n) information"""
+    """(n, n) information of the scaled parameters"""
     effects: np.ndarray | None
-    """(6, n + 6) derivatives of mean m_b by ln J (3,) and ln a (3,); None: no design"""
+    """(6, n + 6) derivatives of the mean moments by 3 log inertias, 3 log noises; or None"""
     scores: np.ndarray
     slopes: np.ndarray
     """(B, n) scores of the flights, (3,) mean of their ∂ℓ/∂ln a"""
@@ -135,7 +135,7 @@ def simulated_round(
     Moments are the log-likelihood's derivatives with respect to y, and the edge rates (how often
     counts change). ``y`` (n + 3,) is (θ, ln a): scaled parameters and log noise. If ``designed``,
     the two-level `design` varies the flights' inertias and noises. ``jitter`` (1,): sampling jitter
-    in s. ``number`` is the round's number, for progress messages.
+    in s; ``number``: the round's.
     """
     n = len(y) - 3
     theta, noise = y[:n], np.append(np.exp(y[n:]), jitter)
@@ -201,7 +201,7 @@ def weights(C: np.ndarray) -> np.ndarray:
     """Return the weights W (n + 6, n + 6) of moments with the covariance C.
 
     W inverts C within the three moments of each axis, and C's diagonal elsewhere. Before that, each
-    variance is increased by the share `RIDGE`.
+    variance is increased by the fraction `RIDGE`.
 
     >>> bool(np.allclose(weights(4 * np.eye(10)), np.eye(10) / 4.4))
     True

@@ -71,7 +71,7 @@ class Optimum:
     """(n, n) information of the likelihood without the prior, of the scaled parameters"""
     at: FilterRun
     tangents: np.ndarray
-    """(n, E) derivatives of the E predicted readings by the scaled parameters"""
+    """(n, E) derivatives of the E predicted readings with respect to the scaled parameters"""
     at_bound: np.ndarray
     """(n,) bool: the parameters that are at their lowest or highest value"""
     rounds: int

@@ -44,7 +44,7 @@ from heli3dof.recording.recording import Recording
 HORIZON_S = 1.0
 TIMES = 5.0
 OVER = 1.5
-"""Factors in the two conditions above. Chosen; not derived."""
+"""Factors in the two conditions at the head of this file. Chosen; not derived."""
 FAR = np.pi
 """rad: larger prediction errors are replaced by this value."""
 CLOCK = (
@@ -65,7 +65,7 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return the RMSE (3,) in ° of predictions `HORIZON_S` ahead, if the noise were white."""
+        """Return the RMSE (3,) in ° of predictions `HORIZON_S` ahead under white process noise."""
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property

@@ -30,8 +30,8 @@ from heli3dof.recording.recording import Recording
 ORDERS = (1, 2, 3, 4)
 """Orders n, lowest first. An integral has order 1, a rate filter 2, a delay of one period 1."""
 MAX_SHARE = 0.002
-"""Largest share of a controller. Chosen: in the logs of two laboratories it was 0.001 with the
-controller's order, and over 0.02 with a lower order."""
+"""Largest unexplained share of an accepted controller. Chosen: in the logs of two laboratories it
+was 0.001 with the controller's order, and over 0.02 with a lower order."""
 ALIKE = 0.001
 """Difference of shares that does not justify a higher order. Chosen."""
 BLOCK_S, LEAST_ROWS, LEAST_BLOCKS = 2.0, 20, 3
@@ -46,7 +46,7 @@ AT_LIMIT = 0.98
 """Voltage that counts as limited, as a share of v_max. Chosen."""
 ITERATIONS, SMALLEST_V, SETTLED_V = 50, 1e-5, 1e-7
 """Of `absolute_regression`: most iterations; V, errors below which weights are equal; V, RMS change
-of X θ that is the last. Chosen."""
+of X θ that ends the search. Chosen."""
 RANK_TOLERANCE = 1e-10
 """Singular values below this share of the largest one count as zero. Chosen."""
 

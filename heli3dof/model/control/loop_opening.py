@@ -73,7 +73,7 @@ def free_within(limits: Limits) -> list[float]:
 
 
 def opening(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the arrays (mode, room, z) with which `before_law` opens loops in a simulated task.
+    """Return the arrays (mode, room, z) with which `before_law` opens loops in simulating ``task``.
 
     ``mode``: the axes' modes in the N control periods (N, 3), or (0, 3) if the task opens no loop.
     ``room``: the bounds of `free_within`. ``z``: the initial state, `N_OPENING` zeros.
