@@ -56,7 +56,7 @@ def identify(
     name: str | None = None,
     progress: Progress = lambda sentence: None,
 ) -> Identification:
-    """Identify a model from recordings of one rig.
+    """Return a model identified from recordings of one rig.
 
     Args:
         recordings: one or several with the same sample interval; all are fitted together. Black-box

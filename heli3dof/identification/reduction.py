@@ -1,6 +1,6 @@
 """Simplify fitted transfer functions until every remaining factor is significant.
 
-A simplification H of the fitted transfer function G is accepted if on all frequencies ω of a grid
+A simplification H of the fitted transfer function G is accepted if at all frequencies ω of a grid
 
     |H(jω) − G(jω)| ≤ 2 σ(ω),        σ² = var Re G + var Im G
 

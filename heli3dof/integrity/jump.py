@@ -1,7 +1,7 @@
 """Report a change of many counts within one sample, faster than any arm can move.
 
 With angles q_k and sample numbers n_k (lost samples included), let Δ_k = n_k − n_{k−1} and
-d_k = (q_k − q_{k−1})/Δ_k. d̄_k is the mean of d_{k−1} and d_{k+1}. A jump is where
+d_k = (q_k − q_{k−1})/Δ_k. d̄_k is the mean of d_{k−1} and d_{k+1}. Step k is a jump if
 
     min(|d_k − d̄_k|, |d_k|) Δ_k > max(`COUNTS` counts, `ANGLE`, `RATE` Δ_k dt)
 

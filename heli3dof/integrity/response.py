@@ -1,7 +1,8 @@
 """Estimate an axis's response to the voltages as a multiple g of the profile's, in weak form.
 
-With roll r, pitch p, yaw ψ, S = V_f + V_b, D = V_f − V_b (V), arm lengths L (m), thrust gain K_f
-(N/V) and inertias at hover J (kg·m²), the profile predicts the accelerations (rad/s²)
+With roll r, pitch p, yaw ψ, S = V_f + V_b, D = V_f − V_b (front, back; V), arm lengths L (m),
+thrust gain K_f (N/V) and inertias at hover J (kg·m²), the profile predicts the accelerations
+(rad/s²)
 
     u_r = L_a K_f cos p S / J_r    u_p = L_h K_f D / J_p    u_ψ = −L_a K_f cos r sin p S / J_ψ
 

@@ -84,9 +84,9 @@ def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np
 
 
 def continuous(model: Sampled) -> Continuous:
-    """Convert a model to continuous time, by the inverse zero-order hold if it exists.
+    """Return a model converted to continuous time, by the inverse zero-order hold if it exists.
 
-    Otherwise use the bilinear rule (Tustin).
+    Otherwise the conversion uses the bilinear rule (Tustin).
     """
     zoh = d2c_zoh(model.A, model.B, model.dt)
     if zoh is not None:
@@ -123,8 +123,8 @@ def to_control(
     """Return a python-control ``StateSpace`` about the trim: from u − u0 (V) to y − y0 (rad).
 
     u are the motor voltages, y the angles; u0, y0: trim. The result is discrete at the model's
-    sample interval, or in continuous time (see `continuous`). ``states`` are the states' names. A
-    bilinear conversion mixes the states. So it ignores these names and uses x[0], x[1], …
+    sample interval, or in continuous time (see `continuous`). ``states`` are the states' names;
+    a bilinear conversion mixes the states, so it names them x[0], x[1], …
     """
     import control
 

@@ -5,8 +5,9 @@ bias-corrected (`bias_correction.correction`). There are two special cases:
 
 - Limit cycle: the likelihood hardly distinguishes a smaller inertia with more noise from the true
   rig. So the search starts at the noise that reproduces the recorded limit cycle
-  (`closed_loop_fit.limit_cycle`). If this search diverges, it starts at the likelihood's maximum.
-  A second fit also matches how often the encoder counts change (`closed_loop_fit.edge_rates`).
+  (`closed_loop_fit.limit_cycle`). If the search diverges, it is repeated from the likelihood's
+  maximum. A second fit also matches how often the encoder counts change
+  (`closed_loop_fit.edge_rates`).
 - Implausible inertia: the fit is repeated with a narrow prior of the inertias.
 """
 
@@ -43,7 +44,7 @@ BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
 
 @dataclass(frozen=True, eq=False)
 class ProfileLikelihood(Likelihood):
-    """The likelihood with a prior of the inertias that follows from the profile's ``tolerance``.
+    """The likelihood with a prior of the inertias from the profile's ``tolerance``.
 
     The prior std of an inertia's logarithm is ``doubt`` · ``tolerance``. The weaker prior of
     `Likelihood` would allow implausible inertias in a short recording.

@@ -96,7 +96,7 @@ def maximise(
     *,
     rounds: int = ROUNDS,
 ) -> Optimum:
-    """Maximise likelihood times prior in at most ``rounds`` Gauss–Newton rounds.
+    """Return the maximum of likelihood times prior, after ``rounds`` Gauss–Newton rounds at most.
 
     ``problem`` is the likelihood, a function of n scaled parameters. The search starts at the
     scaled parameters ``start`` (n,), by default the prior mean. ``noise`` (4,) is the initial

@@ -2,8 +2,8 @@
 
 The method is for logs with sampling jitter or unmodelled fast motion. If a sample was taken at
 another time than its time stamp states, a one-step prediction has an error in proportion to the
-rate. This error pulls every parameter that acts through accelerations towards zero. Over a second
-or more the error is negligible.
+angular rate. This error pulls every parameter that acts through accelerations towards zero. Over a
+second or more the error is negligible.
 
 Predictions run freely from the filter's states (`heli3dof.model.estimation.ekf_jitter`) at S starts
 k, to M horizons h_j; i is the axis, e the error in rad. The fit minimises

@@ -5,14 +5,15 @@ y (rad) and the references r (rad):
 
     u[k] = Σ_{j=1…n} A_j u[k−j] + Σ_{j=0…n} (B_j y[k−j] + R_j r[k−j]) + c + e[k]
 
-A log without noise obeys the law of its controller exactly. e differs from zero only in rows in
-which the controller is not linear: a rate limiter, clamped integrals. Such rows hardly affect the
-minimum of Σ|e|, which gives A, B, R and c. Rows within n periods of the voltage limit are left out.
+A log without noise obeys the law of its controller exactly. The residual e differs from zero only
+in rows in which the controller is not linear: a rate limiter, clamped integrals. Such rows hardly
+affect the minimum of Σ|e|, which gives A, B, R and c. Rows within n periods of the voltage limit
+are left out.
 
 The **share** of a block of `BLOCK_S` is σ_e/std(Δu), with Δu[k] = u[k] − u[k−1] and σ_e the
 standard deviation of e by its median absolute value; of both motors the larger one. A law's share
-is the upper quartile of its blocks. The result is the law of lowest order whose share exceeds the
-least of all orders by at most `ALIKE`, if the least is at most `MAX_SHARE`.
+is the upper quartile of its blocks' shares. The result is the law of lowest order whose share
+exceeds the least of all orders by at most `ALIKE`, if the least is at most `MAX_SHARE`.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ Each axis has a mode in each control period:
             (the next LEARN of this axis in the flight replaces it)
     OPEN    c_im is replaced by c̄_im, so the voltage does not depend on the axis
 
-The replacement is implemented as an extra voltage, extra_m += Σ_i (c̄_im − c_im) over the open axes.
+For each motor m, the replacement is an extra voltage Σ_i (c̄_im − c_im) over the open axes.
 The reference of an open axis is its own angle, so its integral does not grow. When the loop closes,
 the reference returns to the flight plan's reference at the rate `RETURN`, without a jump. A
 recording contains the references and extra voltages as changed here. So V = law(angle, reference) +
