@@ -159,7 +159,7 @@ class _Channel:
         """Return H with its gain fitted to the response G, and the largest |H − G|/`limit`.
 
         `limit` (F,) is the largest accepted |H − G|. The gain is fitted by least squares with the
-        weights 1/`limit`². H is accepted if the largest ratio is at most 1.
+        weights 1/`limit`².
         """
         shape = replace(H, gain=1.0).at(self.s, self._values)
         w = 1 / self.limit**2

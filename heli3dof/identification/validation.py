@@ -194,7 +194,7 @@ def _first_usable(prepared: Prepared, source: int, otherwise: int) -> int:
 
 
 def metrics(model: Model, prepared: Prepared, runs: Sequence[RowRange]) -> Metrics:
-    """Return all scores of a model over ``runs``, usually ``prepared.held_out``."""
+    """Return all scores of a model over row ranges ``runs``, usually ``prepared.held_out``."""
     prediction = {h: score(predictions(model, prepared, runs, h)) for h in (0.0, *HORIZONS_S)}
     note = replay_obstacle(prepared, sorted({r.source for r in runs}))
     replay = NO_SCORE if note else score(replays(model, prepared, runs))

@@ -156,8 +156,8 @@ def _roll_divided(view: View, k: float) -> View:
 def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
     """Return the encoder factor (reading over angle) of ``axis`` and its standard deviation.
 
-    The factor is the axis' response divided by the geometric mean of the others (for pitch, without
-    yaw). For roll, it is multiplied by k, because `_roll_divided` has divided roll by k.
+    The factor is the axis' response divided by the geometric mean of the other axes' (for pitch,
+    without yaw). For roll, it is multiplied by k, because `_roll_divided` has divided roll by k.
     """
     others = [
         np.log(x.gain) for a, x in responses.items() if a != axis and (axis, a) != ("pitch", "yaw")

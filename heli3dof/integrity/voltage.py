@@ -124,7 +124,7 @@ def clipped(view: View) -> Iterable[Fault]:
 
 
 def commanded(view: View) -> Iterable[Fault]:
-    """Yield a fault if voltages below the amplifier's limit differ from the commanded ones."""
+    """Yield a fault if recorded voltages below the limit differ from the commanded ones."""
     r = view.recording
     cmd, v = r.voltage_cmd, r.voltage
     phase = r.channels.get("phase")

@@ -67,7 +67,10 @@ def c2d_zoh(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.nda
 
 
 def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the (A, B) whose zero-order hold over dt (s) is (A_d, B_d); None if none exists."""
+    """Return the continuous-time (A, B) whose zero-order hold over dt (s) is (A_d, B_d).
+
+    The result is None if none exists.
+    """
     z: np.ndarray = np.linalg.eigvals(A_d)
     if np.any((z.real <= 0) & (abs(z.imag) <= 1e-9 * np.maximum(1, abs(z)))):
         return None

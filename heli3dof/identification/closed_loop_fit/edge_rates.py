@@ -182,11 +182,12 @@ def design(flights: int) -> np.ndarray:
 
 
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
-    """Return the moments' derivatives G (n + 6, n + 3): columns are parameters, then 3 log noises.
+    """Return G (n + 6, n + 3): the moments' derivatives; columns: n parameters, then 3 log noises.
 
     ``effects`` (6, n + 6) are the moments' derivatives with respect to 3 log inertias, then 3 log
-    noises. G takes from them each axis' moments, with respect to its own inertia and noise. The
-    scores' other derivatives are the information H (n, n). The rest of G is zero.
+    noises. G takes from them each axis' moments with respect to that axis' inertia and noise. The
+    scores' derivatives with respect to other parameters are the information H (n, n). The rest of G
+    is zero.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))

@@ -71,8 +71,9 @@ def _corrected(fit: Estimate, recordings: Sequence[Recording]) -> CorrectedFit:
 def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:
     """Return a bias-corrected fit like ``found``, with the process noise of `fit_base`.
 
-    Axes on a limit cycle keep the noise of that fit of the base simulation. The search starts at
-    its gravity torque and inertias, and at the prior means of the other parameters.
+    `fit_base` fits the base simulation, to which a diagnosis adds effects. Its noise is used on the
+    axes on a limit cycle. The search starts at its gravity torque and inertias, and at the prior
+    means of the other parameters.
     """
     base = fit_base(setup)
     problem = replace(found.problem, known_noise=base.problem.known_noise)

@@ -157,7 +157,7 @@ def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
 
 
 def block_numbers(data: Data, block_s: float) -> np.ndarray:
-    """Return each row's block number (N,). Blocks last ``block_s`` s and end where a run ends."""
+    """Return each row's block number (N,). A block lasts ``block_s`` s, or less at a run's end."""
     which = np.zeros(len(data.t), dtype=np.int64)
     at = 0
     for _, start, stop in data.blocks:

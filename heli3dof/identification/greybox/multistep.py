@@ -274,7 +274,7 @@ def robust(u: np.ndarray) -> np.ndarray:
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """Return the RMS (M, 3) rad of prediction errors e (S, M, 3) rad: S starts, M horizons.
+    """Return the RMS (M, 3) rad over S starts of prediction errors e (S, M, 3) rad at M horizons.
 
     Errors above 1 rad count as 1 rad; errors that are exactly 0 (axes not measured) do not count.
     The result is at least 0.1°.

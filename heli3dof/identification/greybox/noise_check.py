@@ -65,7 +65,10 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return the RMSE (3,) in ° of predictions `HORIZON_S` ahead under white process noise."""
+        """Return the RMSE (3,) in degrees that the estimated process noise, if white, would cause.
+
+        It is the RMSE of predictions `HORIZON_S` ahead.
+        """
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property

@@ -78,7 +78,7 @@ def identified_controller(recording: Recording) -> LinearController | None:
 
 
 def law_of_order(r: Recording, n: int) -> LinearController | None:
-    """Return the linear controller of order ``n`` that fits best; None if rows are too few."""
+    """Return the linear controller of order ``n`` that fits ``r`` best; None for too few rows."""
     u, y = r.voltage - np.nan_to_num(r.voltage_extra), r.angle - r.angle[0]
     limited = (np.abs(r.voltage) >= AT_LIMIT * r.profile.motor.v_max).any(axis=1)
     near_limit = np.convolve(limited, np.ones(n + 1))[: len(r)] > 0

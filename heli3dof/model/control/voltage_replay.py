@@ -19,7 +19,7 @@ If the share exceeds `REPRODUCED`, d shows the cause:
 
 `with_known_controller` prepares a recording for simulated flights (bias correction, null
 simulations). If the profile's controller did not fly the recording, it is identified from the log
-(`model.control.controller_identification`). The check `heli3dof.integrity.controller` reports this.
+(`model.control.controller_identification`).
 """
 
 from __future__ import annotations
