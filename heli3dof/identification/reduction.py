@@ -215,7 +215,7 @@ class _Channel:
 def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> FactoredTransferFunction:
     """Return H with the standard deviations of ``poles`` in its denominator's factors.
 
-    These are smaller than those from H alone, because the poles are common to all transfer
+    These values are smaller than those from H alone, because the poles are common to all transfer
     functions. For a pair α ± jβ, b = −2α and c = α² + β²; the covariance of α and β counts as zero.
     """
     if not poles:

@@ -21,7 +21,8 @@ from heli3dof.integrity.view import View
 from heli3dof.recording.logs.log_validation import check_sampling_times, long_enough
 
 OFF, REPORTED_OFF = 0.02, 0.002
-"""Limits of |m − 1| for bad data and for a note. Chosen, as are all constants below."""
+"""Limits of |m − 1| (m: period over the profile's) for bad data and for a note. Chosen, as are all
+constants below."""
 DEVICE_OFF = 0.005
 REPEATED = 0.02
 """Largest share of repeated rows"""

@@ -30,7 +30,7 @@ from heli3dof.integrity.view import View
 from heli3dof.model.physics.table import ON_TABLE_BELOW
 
 SURE, EXPLAINED, DRIVE = 6.0, 0.5, 0.02
-"""Chosen, as are all constants below; `DRIVE` in rad/s²."""
+"""Least values for a known sign of g. Chosen, as are all constants below; `DRIVE` in rad/s²."""
 SINKS = np.radians(2.5)
 """rad: roll this far below its start would be in the table."""
 BEYOND_REACH = np.radians(60.0)

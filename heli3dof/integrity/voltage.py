@@ -22,7 +22,7 @@ BEYOND = 1.02
 """Largest ratio of a voltage to v_max. Chosen, as are all constants below."""
 ANOTHER_UNIT = 0.15
 OPPOSED = 0.4
-"""Half the difference of the motors' mean voltages over V_o, above which one sign is wrong"""
+"""Half the difference of the motors' mean voltages, divided by V_o: above it, one sign is wrong"""
 CLIPPED = 0.02
 """Share of the flight at the limit above which a note reports it"""
 FLAT = 0.005

@@ -34,7 +34,7 @@ from heli3dof.model.physics.parametrisation import Structure
 MAX_INERTIA_RATIO = 2.5
 """Largest plausible ratio of an inertia to nominal, or its inverse. Chosen; not derived."""
 TIGHT_PRIOR = 0.1
-"""Prior standard deviation of ln J in units of the tolerance, until a cause is found. Chosen."""
+"""Prior std of an inertia's logarithm in units of the tolerance, until a cause is found. Chosen."""
 HELD_STD = 1e-4
 """Prior standard deviation of a scaled parameter that keeps its value. Far below any estimate's."""
 

@@ -37,7 +37,8 @@ from heli3dof.recording.recording import Recording
 
 WINDOW_S = 0.5  # chosen
 CYCLES = 0.2
-"""Threshold of c: flights of plan `rich` have up to 0.05, steps on a limit cycle 0.24 to 0.66."""
+"""Threshold of the share c of windows: flights of plan `rich` have up to 0.05, steps on a limit
+cycle 0.24 to 0.66."""
 FLIGHTS = 2  # simulated at each noise intensity
 SPREAD = np.array([0.04, 0.05])
 """Standard deviations of c and ln r. c: √(c (1 − c)/n) for c = 0.3 and the n = 120 windows of a

@@ -73,7 +73,7 @@ class NoiseCheck:
 
     @property
     def overstated(self) -> np.ndarray:
-        """Return (3,) bool: axes whose process noise is too large for the small errors observed."""
+        """Return (3,) bool: axes whose process noise is too large for the prediction errors."""
         loud = self.noise > TIMES * NOISE
         return np.asarray(loud & (self.expected_deg > OVER * self.rmse_deg))
 

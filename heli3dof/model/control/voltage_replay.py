@@ -50,9 +50,9 @@ LEAST_ROWS = 20
 LEAST_BLOCKS = 3
 """Fewest blocks of a recording. Chosen."""
 REPRODUCED = 0.1
-"""Largest share of a controller that reproduces the voltages. Chosen: on 22 flights of drawn rigs
-the share was below 0.03 for the profile's controller, also with half a count of offset or other
-initial integrals. It was above 0.2 for other gains, another filter, one period's delay or an
+"""Largest share, std(d)/std(v_logged), of the controller that flew. Chosen: on 22 flights of drawn
+rigs the share was below 0.03 for the profile's controller, also with half a count of offset or
+other initial integrals. It was above 0.2 for other gains, another filter, one period's delay or an
 excitation."""
 EXPLAINED = 0.5
 """Share of d's variance that the controller's signals explain, above which d is not an excitation.
