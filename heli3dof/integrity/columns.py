@@ -44,7 +44,7 @@ from heli3dof.recording.logs.angle_units import on_grid
 from heli3dof.recording.recording import Recording
 
 RANGE, SURE = (0.3, 3.3), 4.0
-"""Of a consistent axis: range of |g|, and least |g| in standard deviations. All limits are chosen."""
+"""Of a consistent axis: range of |g|, least |g| in standard deviations. All limits are chosen."""
 EXPLAINED, UNEXPLAINED = 0.5, 0.4
 USUAL, BETTER = 0.5, 0.3
 STEP_S = 0.008
