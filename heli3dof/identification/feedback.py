@@ -43,7 +43,7 @@ class Feedback:
 
 
 def feedback_test(data: Sequence[Pair], *, p: int = 10, h: int = 5) -> Feedback:
-    """Test whether the voltages respond to the angles.
+    """Return the result of the test whether the voltages respond to the angles.
 
     ``data`` has a pair per segment without gaps: voltages (N, 2) V, angles (N, 3) rad. p is the
     order of the autoregressions that whiten both signals, h the number of lags in the test.

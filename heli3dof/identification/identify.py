@@ -56,7 +56,7 @@ def identify(
     name: str | None = None,
     progress: Progress = lambda sentence: None,
 ) -> Identification:
-    """Identify a model from recordings of one rig.
+    """Return a model identified from recordings of one rig.
 
     Args:
         recordings: one or several with the same sample interval; all are fitted together. Black-box
@@ -189,7 +189,7 @@ def extrapolation_warnings(prepared: Prepared) -> list[str]:
 
 
 def rms_motion_deg(prepared: Prepared, runs: Sequence[RowRange]) -> np.ndarray:
-    """Return the standard deviation (3,) of the angles in the runs, in degrees."""
+    """Return the standard deviation (3,) of the angles in ranges ``runs`` of rows, in degrees."""
     parts = [prepared.recordings[r.source].angle[r.start : r.stop] for r in runs]
     return np.asarray(np.rad2deg(np.vstack([p - p.mean(axis=0) for p in parts]).std(axis=0)))
 

@@ -1,4 +1,4 @@
-"""`Method`: the record that makes an identification method available as ``--method NAME``."""
+"""`Method`: the class that makes an identification method available as ``--method NAME``."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Simplify fitted transfer functions until every remaining factor is significant.
 
-A simplification H of the fitted transfer function G is accepted if on all frequencies ω of a grid
+A simplification H of the fitted transfer function G is accepted if at all frequencies ω of a grid
 
     |H(jω) − G(jω)| ≤ 2 σ(ω),        σ² = var Re G + var Im G
 
@@ -69,7 +69,7 @@ def factored(
 
 
 class _Channel:
-    """The fitted frequency response G from one input (sum, difference) to one angle.
+    """The fitted frequency response G from the voltages' sum or difference to an angle.
 
     G and its uncertainty are computed at ``s`` = jω (F,) rad/s. ``limit`` (F,) is the largest
     |H − G| of an accepted simplification H.
@@ -150,7 +150,7 @@ class _Channel:
         return tuple(_factor(r) for r in roots if np.imag(r) >= 0)
 
     def _values(self, f: Factor) -> np.ndarray:
-        """Return a factor's values at the F frequencies, from a cache: candidates share factors."""
+        """Return a factor's values (F,) at the frequencies; cached, as candidates share factors."""
         if f.coefficients not in self._factors:
             self._factors[f.coefficients] = f.at(self.s)
         return self._factors[f.coefficients]
@@ -158,8 +158,8 @@ class _Channel:
     def refitted(self, H: FactoredTransferFunction) -> tuple[FactoredTransferFunction, float]:
         """Return H with its gain fitted to the response G, and the largest |H − G|/`limit`.
 
-        The fit is by least squares with the weights 1/`limit`². H is accepted if the largest ratio
-        is at most 1.
+        `limit` (F,) is the largest accepted |H − G|. The gain is fitted by least squares with the
+        weights 1/`limit`².
         """
         shape = replace(H, gain=1.0).at(self.s, self._values)
         w = 1 / self.limit**2
@@ -172,7 +172,7 @@ class _Channel:
     ) -> FactoredTransferFunction | None:
         """Return the candidate nearest to the fitted response G, with refitted gain.
 
-        The result is None if every candidate deviates from G by more than `limit`.
+        The result is None if each candidate deviates from G by more than `limit` somewhere.
         """
         best, least = None, 1.0
         for H, deviation in map(self.refitted, candidates):
@@ -215,7 +215,7 @@ class _Channel:
 def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> FactoredTransferFunction:
     """Return H with the standard deviations of ``poles`` in its denominator's factors.
 
-    These are smaller than those from H alone, because the poles are common to all transfer
+    These values are smaller than those from H alone, because the poles are common to all transfer
     functions. For a pair α ± jβ, b = −2α and c = α² + β²; the covariance of α and β counts as zero.
     """
     if not poles:
@@ -237,8 +237,8 @@ def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> Factor
 def _shorter(H: FactoredTransferFunction, highest: float) -> Iterator[FactoredTransferFunction]:
     """Yield the transfer functions with fewer factors that may replace H.
 
-    These lack a numerator factor; or a numerator and a denominator factor of the same order (1 or
-    2); or a real pole beyond ``highest`` (rad/s).
+    Each lacks a numerator factor, or a numerator and a denominator factor of the same order (1 or
+    2), or a real pole beyond ``highest`` (rad/s).
     """
     excess = _degree(H.denominator) - _degree(H.numerator)
     for j, pole in enumerate(H.denominator):
@@ -257,9 +257,10 @@ def _degree(factors: Sequence[Factor]) -> int:
 
 
 def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
-    """Yield H with one factor's roots moved to 0, for each factor near s or s².
+    """For each factor of H near s or s², yield H with this factor's roots moved to 0.
 
-    A factor is near if its lower coefficients are within `SIGMAS` standard deviations of 0.
+    A factor s + a or s² + b s + c is near if a, or b and c, are within `SIGMAS` standard deviations
+    of 0.
     """
     zero = Factor((0.0,), (0.0,))
     for factors in (H.numerator, H.denominator):

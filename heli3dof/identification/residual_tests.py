@@ -12,8 +12,8 @@ the covariance of e, S_explained that of the regression's prediction:
     LM = N tr(S_e⁻¹ S_explained)  ~  χ²(l m h)
 
 The χ² distribution of LM holds for coloured u, as long as e is white. Under feedback only *past*
-inputs can be tested, because present and future ones respond to e. On held-out data no parameter
-was fitted, so no degrees of freedom are subtracted.
+inputs can be tested, because present and future ones respond to e. No parameter was fitted to
+held-out data, so no degrees of freedom are subtracted.
 
 Both statistics grow with the length of the record: over minutes of flight they detect harmless
 nonlinearity. So each test also gives the share of variance that the past explains.

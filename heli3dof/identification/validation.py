@@ -133,8 +133,8 @@ def predictions(
 def _lead_in(prepared: Prepared, run: RowRange, most: int) -> int:
     """Return the number of rows, at most ``most``, in which the filter can settle before ``run``.
 
-    These rows end the run directly before ``run``. The result is 0 without such a run or after a
-    gap.
+    They are the last rows of a run that ends directly before ``run``. The result is 0 if there is
+    no such run, or a gap between the two.
     """
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:
@@ -194,7 +194,7 @@ def _first_usable(prepared: Prepared, source: int, otherwise: int) -> int:
 
 
 def metrics(model: Model, prepared: Prepared, runs: Sequence[RowRange]) -> Metrics:
-    """Return all scores of a model over ``runs``, usually ``prepared.held_out``."""
+    """Return all scores of a model over row ranges ``runs``, usually ``prepared.held_out``."""
     prediction = {h: score(predictions(model, prepared, runs, h)) for h in (0.0, *HORIZONS_S)}
     note = replay_obstacle(prepared, sorted({r.source for r in runs}))
     replay = NO_SCORE if note else score(replays(model, prepared, runs))

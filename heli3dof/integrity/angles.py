@@ -1,8 +1,6 @@
 """Check that angles are in radians and on the grid of the profile's encoder.
 
 The grid has steps of 2π/N rad, with N counts per revolution.
-
-An import tests its log in the same way (`heli3dof.recording.logs.angle_units`).
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ def angles(view: View) -> Iterable[Fault]:
 
 
 def unit(view: View, i: int) -> Iterable[Fault]:
-    """Yield a fault if axis number i is in degrees, in counts, or too small by a factor π/180."""
+    """Yield a fault if angle number i is in degrees, in counts, or too small by a factor π/180."""
     r, rows = view.recording, view.read
     axis, q = AXES[i], r.angle[rows, i]
     if np.abs(q).max() > 10 and angle_units.on_grid(q, 1.0, levels=10):
@@ -58,7 +56,7 @@ def unit(view: View, i: int) -> Iterable[Fault]:
 
 
 def grid(view: View, i: int) -> Iterable[Fault]:
-    """Yield a note if axis number i is on no encoder grid, or not on the profile's."""
+    """Yield a note if angle number i is on no encoder grid, or not on the profile's."""
     r, axis = view.recording, AXES[i]
     q = r.angle[view.read, i]
     counts = abs(int(getattr(r.profile.encoder, axis)))

@@ -78,7 +78,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Check:
-    """A check: ``run(view)`` returns one recording's faults, ``reports`` describes them."""
+    """A check: ``run(view)`` returns a recording's faults; the text ``reports`` describes them."""
 
     name: str
     stage: Stage

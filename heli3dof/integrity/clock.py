@@ -21,7 +21,8 @@ from heli3dof.integrity.view import View
 from heli3dof.recording.logs.log_validation import check_sampling_times, long_enough
 
 OFF, REPORTED_OFF = 0.02, 0.002
-"""Limits of |m − 1| for bad data and for a note. Chosen, as are all constants below."""
+"""Limits of |m − 1| (m: period over the profile's) for bad data and for a note. Chosen, as are all
+constants below."""
 DEVICE_OFF = 0.005
 REPEATED = 0.02
 """Largest share of repeated rows"""
@@ -121,9 +122,9 @@ def device(view: View) -> Iterable[Fault]:
 def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if too many rows repeat the angles and voltages of the row before.
 
-    The check tests only rows whose voltage is not zero, below its limit, and changing in the rows
-    around (`NEAR`). The excitation voltage must repeat, too, because at rest the motors' voltage
-    can be constant for a few rows.
+    The check tests only rows with a nonzero voltage below its limit that changes within the `NEAR`
+    rows around. Only rows that also repeat the excitation voltage count, because at rest the
+    motors' voltage can be constant for a few rows.
     """
     r = view.recording
     if len(r) < 2 * NEAR:

@@ -44,7 +44,7 @@ from heli3dof.recording.logs.angle_units import on_grid
 from heli3dof.recording.recording import Recording
 
 RANGE, SURE = (0.3, 3.3), 4.0
-"""Range of |g|, and standard deviations from 0, of a consistent axis. All constants are chosen."""
+"""Of a consistent axis: range of |g|, least |g| in standard deviations. All limits are chosen."""
 EXPLAINED, UNEXPLAINED = 0.5, 0.4
 USUAL, BETTER = 0.5, 0.3
 STEP_S = 0.008
@@ -89,7 +89,7 @@ def _column(column: int) -> str:
 
 
 def is_consistent(x: Response) -> bool:
-    """Return True if the response has a plausible size, is certain and explains the motion."""
+    """Return True if the response has a plausible size, is significant and explains the motion."""
     return _gain_in_range(x) and abs(x.t) > SURE and x.explained > EXPLAINED
 
 
@@ -112,10 +112,10 @@ def agreement(responses: dict[str, Response]) -> float:
 
 
 def axes_in_question(view: View, T: np.ndarray) -> set[str]:
-    """Return the axes whose motion swapped columns may explain: the `inconsistent` ones.
+    """Return the axes whose motion swapped columns may explain.
 
-    If a voltage is constant, these are all driven axes. ``T``: table (N, 8) of angles, voltages and
-    references (`_table`).
+    These are the `inconsistent` axes; if a voltage is constant, all driven axes. ``T``: table (N,
+    8) of angles, voltages and references (`_table`).
     """
     V = np.nan_to_num(T[:, VOLTAGE])
     if (np.ptp(V, axis=0) == 0).any():
@@ -153,7 +153,7 @@ def _by_motion(view: View) -> tuple[int, int, str] | None:
 
 
 def block_means(r: Recording) -> Recording:
-    """Return the means over blocks of `STEP_S` s: as accurate for `response`, but faster to use."""
+    """Return means over blocks of `STEP_S` s, with which `response` is as accurate, but faster."""
     m = max(1, round(STEP_S / r.dt)) if len(r) > 1 else 1
     n = len(r) // m
 
@@ -168,7 +168,7 @@ def block_means(r: Recording) -> Recording:
 
 
 def _pairs(T: np.ndarray, bad: set[str]) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of columns of T whose swap may explain the inconsistent axes ``bad``."""
+    """Yield pairs of columns of table T whose swap may explain the inconsistent axes ``bad``."""
     present = [c for c in range(T.shape[1]) if np.isfinite(T[:, c]).any()]
     for a, b in combinations(present, 2):
         moves = np.nanmax(T[:, b]) > np.nanmin(T[:, b]) or b not in REFERENCE

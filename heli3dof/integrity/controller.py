@@ -1,9 +1,8 @@
 """Check that a known controller reproduces the recorded voltages.
 
 `heli3dof.model.control.voltage_replay` compares the profile's controller with the log. The
-diagnosis needs the controller to simulate flights (for its null distributions and its bias
-correction). If the profile has none, or another one flew the recording, it is identified from the
-log (`heli3dof.model.control.controller_identification`).
+diagnosis needs the controller to simulate flights. If the profile has none, or another one flew the
+recording, it is identified from the log (`heli3dof.model.control.controller_identification`).
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ from heli3dof.integrity.view import View
 from heli3dof.model.physics.table import ON_TABLE_BELOW
 
 SURE, EXPLAINED, DRIVE = 6.0, 0.5, 0.02
-"""Chosen, as are all constants below; `DRIVE` in rad/s²."""
+"""Least values for a known sign of g. Chosen, as are all constants below; `DRIVE` in rad/s²."""
 SINKS = np.radians(2.5)
 """rad: roll this far below its start would be in the table."""
 BEYOND_REACH = np.radians(60.0)
@@ -38,7 +38,7 @@ BEYOND_REACH = np.radians(60.0)
 
 
 def sign(response: Response | None) -> int:
-    """Return the sign of an axis' response to the voltages; 0 if it is too small or uncertain."""
+    """Return the sign (±1) of an axis' response to the voltages; 0 if small or uncertain."""
     if response is None or response.explained < EXPLAINED or response.drive < DRIVE:
         return 0
     return int(np.sign(response.t)) if abs(response.t) > SURE else 0

@@ -24,7 +24,7 @@ from heli3dof.integrity.view import View
 from heli3dof.model.physics.table import ON_TABLE_BELOW
 
 LEAST_S = 2.5
-"""Chosen, as are all constants below."""
+"""s: least time on one count. Chosen, as are all constants below."""
 SMOOTH_S = 0.5
 HOLDS_NM = np.array([0.4, 0.04, 0.2])
 """N·m that friction may hold, by axis. A real rig's roll stuck for 1.3 s against ±0.25 N·m."""

@@ -1,7 +1,7 @@
 """Report a change of many counts within one sample, faster than any arm can move.
 
 With angles q_k and sample numbers n_k (lost samples included), let Δ_k = n_k − n_{k−1} and
-d_k = (q_k − q_{k−1})/Δ_k. d̄_k is the mean of d_{k−1} and d_{k+1}. A jump is where
+d_k = (q_k − q_{k−1})/Δ_k. d̄_k is the mean of d_{k−1} and d_{k+1}. Step k is a jump if
 
     min(|d_k − d̄_k|, |d_k|) Δ_k > max(`COUNTS` counts, `ANGLE`, `RATE` Δ_k dt)
 
@@ -31,10 +31,10 @@ STOOD_S = 0.4
 
 
 def deviations(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far each step of axis number ``i`` deviates from its neighbours, and the jumps.
+    """Return how far each step deviates from its neighbours, and which steps are jumps.
 
-    The deviations (N − 1,) are in rad, computed as at the head of this file. The jumps are indices
-    of steps.
+    A step is the change of axis number ``i`` between two rows. The deviations (N − 1,) rad are
+    computed as at the head of this file. The jumps are indices of steps.
     """
     r = view.recording
     change = np.diff(r.angle[:, i])

@@ -25,7 +25,7 @@ COUNTS = 3
 LEAST_S = 1.0
 """s: a shorter recording is a fragment."""
 LIFTED, MOVES = np.radians(1.0), np.radians(2.0)
-"""rad, see condition 3. Chosen, as are all limits here."""
+"""rad: least rise of roll, least motion of another axis. Chosen, as are all limits here."""
 
 
 def nothing(view: View) -> Iterable[Fault]:

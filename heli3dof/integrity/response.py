@@ -1,7 +1,8 @@
 """Estimate an axis's response to the voltages as a multiple g of the profile's, in weak form.
 
-With roll r, pitch p, yaw ψ, S = V_f + V_b, D = V_f − V_b (V), arm lengths L (m), thrust gain K_f
-(N/V) and inertias at hover J (kg·m²), the profile predicts the accelerations (rad/s²)
+With roll r, pitch p, yaw ψ, S = V_f + V_b, D = V_f − V_b (front, back; V), arm lengths L (m),
+thrust gain K_f (N/V) and inertias at hover J (kg·m²), the profile predicts the accelerations
+(rad/s²)
 
     u_r = L_a K_f cos p S / J_r    u_p = L_h K_f D / J_p    u_ψ = −L_a K_f cos r sin p S / J_ψ
 
@@ -46,7 +47,7 @@ PRIOR_LAG_S, PRIOR_SPRING, PRIOR_DAMPING = 0.15, 4.0, 1.5
 
 @dataclass(frozen=True)
 class Response:
-    """The ratio g of one axis' response to the voltages to the response that the profile gives."""
+    """The response of an axis to the voltages, as a multiple g of that on the profile's rig."""
 
     gain: float
     std: float
@@ -170,10 +171,10 @@ class _Windows:
 
 
 def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the regressors X (W, n) of z (W,); a significant step of the trim torque is appended.
+    """Return regressors X (W, n) of z (W,), with a step of the trim torque if it is significant.
 
     The best step must explain more than the share `STEP` of the residual sum of squares.
-    W counts the windows. ``trim`` (W,): the trim torque's regressor; ``t`` (W,): the windows'
+    W is the number of windows. ``trim`` (W,): the trim torque's regressor; ``t`` (W,): the windows'
     middles, s.
     """
     times = np.arange(t[0] + STEP_INSIDE_S, t[-1] - STEP_INSIDE_S, STEP_EVERY_S)
@@ -191,9 +192,10 @@ def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> 
 
 
 def _fit(X: np.ndarray, z: np.ndarray) -> Response | None:
-    """Return the ridge estimate of the response g, the first coefficient in X c = z.
+    """Return the response g, the first coefficient in X c = z, estimated by ridge regression.
 
-    The result is None if no voltage drives the axis, or if the axis rests.
+    X (W, n) are the regressors of z (W,) in W time windows. The result is None if no voltage drives
+    the axis, or if the axis rests.
     """
     drive = float(np.std(X[:, 0]))
     spread = float(np.std(z))

@@ -57,7 +57,7 @@ SWITCH = 0.25
 
 
 def reliable(responses: dict[str, Response]) -> dict[str, Response]:
-    """Return the responses whose ratio g is positive and precise and explains the axis' motion."""
+    """Return the responses that are positive and precise and explain a driven axis' motion."""
     return {
         a: x
         for a, x in responses.items()
@@ -69,10 +69,11 @@ def reliable(responses: dict[str, Response]) -> dict[str, Response]:
 
 
 def misfit(log_g: dict[str, float], log_k: dict[str, float], h: float | None = None) -> float:
-    """Return χ² (head of this file) of the responses g, for encoder factors k.
+    """Return χ² (head of this file): how badly encoder factors k explain the responses g.
 
-    ``log_g``, ``log_k``: {axis: ln g}, {axis: ln k}. ``h``: ratio of the hover voltage to the
-    profile's, None if unknown.
+    k: encoder reading over true angle; g: response as a multiple of the profile's. ``log_g``,
+    ``log_k``: {axis: ln g}, {axis: ln k}. ``h``: ratio of the hover voltage to the profile's, None
+    if unknown.
     """
     expected = {a: log_k.get(a, 0.0) for a in log_g}
     if "yaw" in expected:
@@ -153,10 +154,10 @@ def _roll_divided(view: View, k: float) -> View:
 
 
 def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
-    """Return the estimated encoder factor of ``axis`` and its standard deviation.
+    """Return the encoder factor (reading over angle) of ``axis`` and its standard deviation.
 
-    The factor is the axis' response divided by the geometric mean of the others. For roll, it is
-    multiplied by k, because `_roll_divided` has divided roll by k.
+    The factor is the axis' response divided by the geometric mean of the other axes' (for pitch,
+    without yaw). For roll, it is multiplied by k, because `_roll_divided` has divided roll by k.
     """
     others = [
         np.log(x.gain) for a, x in responses.items() if a != axis and (axis, a) != ("pitch", "yaw")

@@ -22,7 +22,7 @@ BEYOND = 1.02
 """Largest ratio of a voltage to v_max. Chosen, as are all constants below."""
 ANOTHER_UNIT = 0.15
 OPPOSED = 0.4
-"""Half the difference of the motors' mean voltages over V_o, above which one sign is wrong"""
+"""Half the difference of the motors' mean voltages, divided by V_o: above it, one sign is wrong"""
 CLIPPED = 0.02
 """Share of the flight at the limit above which a note reports it"""
 FLAT = 0.005
@@ -124,7 +124,7 @@ def clipped(view: View) -> Iterable[Fault]:
 
 
 def commanded(view: View) -> Iterable[Fault]:
-    """Yield a fault if recorded voltages below the amplifier's limit differ from the commands."""
+    """Yield a fault if recorded voltages below the limit differ from the commanded ones."""
     r = view.recording
     cmd, v = r.voltage_cmd, r.voltage
     phase = r.channels.get("phase")

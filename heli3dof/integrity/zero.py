@@ -24,7 +24,7 @@ from heli3dof.model.physics.table import ON_TABLE_BELOW
 NEAR = np.radians(3.0)
 """rad; also the standard deviation of the reported angle"""
 SHARE = 0.6
-"""Chosen, like `NEAR`; not derived."""
+"""Least median rise, as a share of |r_0|. Chosen, like `NEAR`; not derived."""
 
 
 def zero(view: View) -> Iterable[Fault]:

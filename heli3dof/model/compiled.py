@@ -31,8 +31,8 @@ def compiled(function: Callable[..., Any], *, leaf: bool = False, **options: Any
     ``leaf``: the function creates no array and calls only leaf functions. It is then inlined into
     its callers and compiled without reference counting of arrays, which makes it faster.
 
-    ``options`` go to numba; with ``error_model="numpy"`` a division by zero gives inf or NaN and
-    does not raise. Floating point is strict (no fastmath), so results are those of plain Python.
+    ``options`` go to numba; with ``error_model="numpy"`` a division by zero gives inf or NaN.
+    Floating point is strict (no fastmath), so results are those of plain Python.
     """
     import numba
 

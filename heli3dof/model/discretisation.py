@@ -28,7 +28,7 @@ HOVER_STATES = ("r", "p", "psi", "r_rate", "p_rate", "psi_rate")
 
 
 class Sampled(Protocol):
-    """Protocol of a discrete model x[k+1] = A x + B ũ, ỹ = C x; ũ, ỹ are deviations from a trim."""
+    """Interface of a discrete model x[k+1] = A x + B ũ, ỹ = C x; ũ, ỹ: deviations from a trim."""
 
     @property
     def name(self) -> str: ...
@@ -67,9 +67,9 @@ def c2d_zoh(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.nda
 
 
 def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the continuous-time (A, B) whose zero-order hold at dt (s) is (A_d, B_d), or None.
+    """Return the continuous-time (A, B) whose zero-order hold over dt (s) is (A_d, B_d).
 
-    The result is None if no such (A, B) exists.
+    The result is None if none exists.
     """
     z: np.ndarray = np.linalg.eigvals(A_d)
     if np.any((z.real <= 0) & (abs(z.imag) <= 1e-9 * np.maximum(1, abs(z)))):
@@ -87,9 +87,9 @@ def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np
 
 
 def continuous(model: Sampled) -> Continuous:
-    """Convert a model to continuous time, by the inverse zero-order hold if it exists.
+    """Return a model converted to continuous time, by the inverse zero-order hold if it exists.
 
-    Otherwise use the bilinear rule z = (1 + s dt/2)/(1 − s dt/2).
+    Otherwise the conversion uses the bilinear rule (Tustin).
     """
     zoh = d2c_zoh(model.A, model.B, model.dt)
     if zoh is not None:
@@ -126,8 +126,8 @@ def to_control(
     """Return a python-control ``StateSpace`` about the trim: from u − u0 (V) to y − y0 (rad).
 
     u are the motor voltages, y the angles; u0, y0: trim. The result is discrete at the model's
-    sample interval, or in continuous time (see `continuous`). ``states`` are the states' names. A
-    bilinear conversion mixes the states. So it ignores these names and uses x[0], x[1], …
+    sample interval, or in continuous time (see `continuous`). ``states`` are the states' names;
+    a bilinear conversion mixes the states, so it names them x[0], x[1], …
     """
     import control
 
@@ -144,8 +144,7 @@ def to_control(
 def to_transfer_function(model: Sampled) -> control.TransferFunction:
     """Return the continuous-time transfer functions, rad per V, as a 3 × 2 python-control object.
 
-    Common powers of s are cancelled. `numerators` does not cancel them: all its transfer functions
-    have the same denominator, as in the paper's eq (17).
+    Common powers of s are cancelled, unlike in `numerators`.
     """
     import control
 

@@ -1,9 +1,9 @@
 """Compute standard deviations of poles, transfer functions and frequency responses (delta method).
 
 A fit has p parameters θ with covariance P (p, p). The one-step predictor has the matrices Ã, B, K,
-C, with Ã = A − K C. Θ = ``PemFit.tangent`` holds the derivatives of their entries with respect
-to θ. A smooth function f (q,) of the model, for instance its poles, has to first order the
-covariance
+C, with Ã = A − K C and the Kalman gain K. Θ = ``PemFit.tangent`` holds the derivatives of their
+entries with respect to θ. A smooth function f (q,) of the model, for instance its poles, has to
+first order the covariance
 
     cov f = F P Fᵀ,      F = ∂f/∂θ = ∂f/∂(Ã, B, K, C) · Θ      (q, p)
 
@@ -30,7 +30,8 @@ from heli3dof.model.discretisation import Continuous, numerators
 def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
     """Return ``model`` with the vector ``delta`` added to the entries of its matrices.
 
-    ``delta`` lists the changes of [Ã B K], Ã = A − K C, and then of C, both row by row.
+    ``delta`` lists the changes of [Ã B K], then of C, both row by row. Ã = A − K C, with the
+    Kalman gain K.
     """
     n, m, l = model.order, model.B.shape[1], len(model.C)
     dW = delta[: n * (n + m + l)].reshape(n, n + m + l)
@@ -40,10 +41,10 @@ def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
 
 
 def poles(fit: PemFit, T: float) -> list[Pole]:
-    """Return continuous-time poles log(λ)/T (rad/s) and standard deviations; λ: A's eigenvalues.
+    """Return the continuous-time poles log(λ)/T (rad/s) of a fit, with standard deviations.
 
-    T (s) is the sampling interval of ``fit``. A real λ ≤ 0 has no real logarithm; its pole is
-    log|λ|/T.
+    λ are the eigenvalues of its discrete-time state matrix, T (s) is its sampling interval. A real
+    λ ≤ 0 has no real logarithm; its pole is log|λ|/T.
     """
     model = fit.model
     n, m, l = model.order, model.B.shape[1], len(model.C)
@@ -68,7 +69,7 @@ def poles(fit: PemFit, T: float) -> list[Pole]:
 
 
 def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:
-    """Return the covariance (q, q) of the vector f(model), from the covariance of ``fit``."""
+    """Return the covariance (q, q) of f(model) (q,), from that of the parameters of ``fit``."""
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
     columns = []
     for j, s in enumerate(std):

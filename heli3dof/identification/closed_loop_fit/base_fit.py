@@ -5,8 +5,9 @@ bias-corrected (`bias_correction.correction`). There are two special cases:
 
 - Limit cycle: the likelihood hardly distinguishes a smaller inertia with more noise from the true
   rig. So the search starts at the noise that reproduces the recorded limit cycle
-  (`closed_loop_fit.limit_cycle`). If this search diverges, it starts at the likelihood's maximum.
-  A second fit also matches how often the encoder counts change (`closed_loop_fit.edge_rates`).
+  (`closed_loop_fit.limit_cycle`). If the search diverges, it is repeated from the likelihood's
+  maximum. A second fit also matches how often the encoder counts change
+  (`closed_loop_fit.edge_rates`).
 - Implausible inertia: the fit is repeated with a narrow prior of the inertias.
 """
 
@@ -33,7 +34,7 @@ from heli3dof.model.physics.parametrisation import Structure
 MAX_INERTIA_RATIO = 2.5
 """Largest plausible ratio of an inertia to nominal, or its inverse. Chosen; not derived."""
 TIGHT_PRIOR = 0.1
-"""Prior standard deviation of ln J in units of the tolerance, until a cause is found. Chosen."""
+"""Prior std of an inertia's logarithm in units of the tolerance, until a cause is found. Chosen."""
 HELD_STD = 1e-4
 """Prior standard deviation of a scaled parameter that keeps its value. Far below any estimate's."""
 
@@ -43,9 +44,10 @@ BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
 
 @dataclass(frozen=True, eq=False)
 class ProfileLikelihood(Likelihood):
-    """The likelihood with the profile's ``tolerance`` as prior std of the inertias' logarithms.
+    """The likelihood with a prior of the inertias from the profile's ``tolerance``.
 
-    The weaker prior of `Likelihood` would allow implausible inertias in a short recording.
+    The prior std of an inertia's logarithm is ``doubt`` · ``tolerance``. The weaker prior of
+    `Likelihood` would allow implausible inertias in a short recording.
     """
 
     doubt: float = 1.0

@@ -6,7 +6,7 @@ For y = (θ, ln a), with n scaled parameters θ and three noise intensities a, t
 
     m = (g, ∂ℓ/∂ln a, r)         g = ∂ℓ/∂θ: score, ℓ: the filter's log-likelihood (`evaluation`)
     r_i                          edge rate: share of samples at which encoder i's count changes
-    G = ∂ mean m_b/∂y            derivative by the y of the simulated rig; the filter's y is fixed
+    G = ∂ mean m_b/∂y            derivative with respect to the simulated rig's y; filter's y fixed
 
 m are the moments of the recordings, m_b those of flight b of B flights simulated at y. The estimate
 solves (Hansen 1982; simulated moments: Gallant and Tauchen 1996)
@@ -16,10 +16,10 @@ solves (Hansen 1982; simulated moments: Gallant and Tauchen 1996)
     cov y = A⁻¹ (Gᵀ W (1 + 1/B) C W G + Λ) A⁻¹,          C = cov m_b
 
 Each axis has three moments: the score of its inertia, its ∂ℓ/∂ln a and its edge rate. W inverts
-C's block of these three moments; elsewhere W inverts C's diagonal. G's derivatives of the three
-moments by the axis' inertia and noise come from the first rounds, in which a two-level design
-varies the flights' inertias and noises. The scores' other derivatives by θ are the information H.
-The rest of G is zero.
+C's block of these three moments; elsewhere W inverts C's diagonal. G contains the derivatives of
+the three moments with respect to the axis' inertia and noise. They come from the first rounds, in
+which a two-level design varies the flights' inertias and noises. The scores' other derivatives with
+respect to θ are the information H. The rest of G is zero.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ DESIGN_STEP_J = (0.02, 0.15)
 DESIGN_STEP_NOISE = 0.4  # of ln a, chosen
 MAX_STEP_J, MAX_STEP_NOISE = 0.3, 0.7  # of ln J and ln a in one round, chosen
 RIDGE = 0.1
-"""Share of a moment's variance that is added to it in W, as C is from few flights. Chosen."""
+"""Share of a moment's variance that is added to it in W, as C is of few flights. Chosen."""
 INERTIAS = np.arange(1, 4)  # indices in θ
 
 
@@ -61,17 +61,18 @@ INERTIAS = np.arange(1, 4)  # indices in θ
 class Round:
     """One iteration: the moments of the recordings and of B flights simulated at y = (θ, ln a).
 
-    y: scaled parameters, log noise. Moments: the log-likelihood's derivatives by y; edge rates.
+    θ are the scaled parameters, a the noise intensities. The moments are the log-likelihood's
+    derivatives with respect to y, and the edge rates (how often the encoder counts change).
     """
 
     difference: np.ndarray
-    """(n + 6,) m − mean m_b"""
+    """(n + 6,) the recordings' moments minus the flights' mean moments"""
     C: np.ndarray
-    """(n + 6, n + 6) covariance of m_b, without the effects of the design"""
+    """(n + 6, n + 6) covariance of the flights' moments, without the effects of the design"""
     H: np.ndarray
-    """(n, n) information"""
+    """(n, n) information of the scaled parameters"""
     effects: np.ndarray | None
-    """(6, n + 6) derivatives of mean m_b by ln J (3,) and ln a (3,); None: no design"""
+    """(6, n + 6) derivatives of the mean moments by 3 log inertias, 3 log noises; or None"""
     scores: np.ndarray
     slopes: np.ndarray
     """(B, n) scores of the flights, (3,) mean of their ∂ℓ/∂ln a"""
@@ -131,9 +132,10 @@ def simulated_round(
 ) -> Round:  # fmt: skip
     """Return the moments of the recordings and of ``flights`` flights simulated at ``y``.
 
-    Moments are the log-likelihood's derivatives by y, and the edge rates. ``y`` (n + 3,) is
-    (θ, ln a): parameters and log noise. If ``designed``, the two-level `design` varies the flights'
-    inertias and noises. ``jitter`` (1,): sampling jitter in s.
+    Moments are the log-likelihood's derivatives with respect to y, and the edge rates (how often
+    counts change). ``y`` (n + 3,) is (θ, ln a): scaled parameters and log noise. If ``designed``,
+    the two-level `design` varies the flights' inertias and noises. ``jitter`` (1,): sampling jitter
+    in s; ``number``: the round's.
     """
     n = len(y) - 3
     theta, noise = y[:n], np.append(np.exp(y[n:]), jitter)
@@ -180,11 +182,12 @@ def design(flights: int) -> np.ndarray:
 
 
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
-    """Return G (n + 6, n + 3), the moments' derivatives by the parameters θ (n,) and 3 log noises.
+    """Return G (n + 6, n + 3): the moments' derivatives; columns: n parameters, then 3 log noises.
 
-    ``effects`` (6, n + 6): the moments' derivatives by three log inertias and log noises, used for
-    each axis' own moments. The scores' other derivatives by θ are the information H (n, n). The
-    rest of G is zero.
+    ``effects`` (6, n + 6) are the moments' derivatives with respect to 3 log inertias, then 3 log
+    noises. G takes from them each axis' moments with respect to that axis' inertia and noise. The
+    scores' derivatives with respect to other parameters are the information H (n, n). The rest of G
+    is zero.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))
@@ -199,7 +202,7 @@ def weights(C: np.ndarray) -> np.ndarray:
     """Return the weights W (n + 6, n + 6) of moments with the covariance C.
 
     W inverts C within the three moments of each axis, and C's diagonal elsewhere. Before that, each
-    variance is increased by the share `RIDGE`.
+    variance is increased by the fraction `RIDGE`.
 
     >>> bool(np.allclose(weights(4 * np.eye(10)), np.eye(10) / 4.4))
     True
@@ -216,6 +219,7 @@ def weights(C: np.ndarray) -> np.ndarray:
 def moments_of_axis(i: int, n: int) -> list[int]:
     """Return the indices of axis i's moments: score of its inertia, ∂ℓ/∂ln a, edge rate.
 
-    ``n``: number of parameters; ℓ: log-likelihood, a: the axis' process noise.
+    ``n``: number of parameters; ℓ: log-likelihood; a: the axis' process noise; edge rate: how often
+    its encoder count changes.
     """
     return [1 + i, n + i, n + 3 + i]

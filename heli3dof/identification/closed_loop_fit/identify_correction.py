@@ -3,7 +3,7 @@
 At rest a controller keeps the encoders on a limit cycle of a count or two. There the maximum of the
 likelihood is biased: on 10° steps of 24 rigs, no 95 % interval of the roll or pitch inertia
 contained the true value (`make bench TOPIC=greybox`). The scores (gradients of the log-likelihood)
-then have κ times the variance of the noise model, with κ > `MAX_INFLATION`
+then have κ times the variance that the noise model expects, with κ > `MAX_INFLATION`
 (`heli3dof.identification.greybox.estimate`). `without_bias` corrects every fit with such a κ, even
 if unmodelled motion causes it. The correction simulates flights of the fitted rig
 (`bias_correction.correction`), so the controller must be known.
@@ -69,10 +69,11 @@ def _corrected(fit: Estimate, recordings: Sequence[Recording]) -> CorrectedFit:
 
 
 def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:
-    """Return a fit like ``found``, with the process noise of `fit_base` on limit-cycling axes.
+    """Return a bias-corrected fit like ``found``, with the process noise of `fit_base`.
 
-    The arm's gravity torque and the inertias start at the values of `fit_base`, the other
-    parameters at their prior means.
+    `fit_base` fits the base simulation, to which a diagnosis adds effects. Its noise is used on the
+    axes on a limit cycle. The search starts at its gravity torque and inertias, and at the prior
+    means of the other parameters.
     """
     base = fit_base(setup)
     problem = replace(found.problem, known_noise=base.problem.known_noise)

@@ -1,9 +1,9 @@
 """Detect limit cycles on encoder edges, and estimate the process noise of a rig that has them.
 
-A controller with a large derivative gain drives an axis across one encoder edge again and again: a
-limit cycle. There the maximum of the filter's likelihood may have a process noise several times too
-large and an inertia several times too small. Flights simulated with such a fit differ from the
-recording in two statistics of each axis i:
+A controller with a large derivative gain drives an axis across one encoder edge (the angle at which
+the count changes) again and again: a limit cycle. There the maximum of the filter's likelihood may
+have a process noise several times too large and an inertia several times too small. Flights
+simulated with such a fit differ from the recording in two statistics of each axis i:
 
     c_i   share of the windows of `WINDOW_S` with three or more changes of count i, all between two
           neighbouring values
@@ -37,7 +37,8 @@ from heli3dof.recording.recording import Recording
 
 WINDOW_S = 0.5  # chosen
 CYCLES = 0.2
-"""Threshold of c: flights of plan `rich` have up to 0.05, steps on a limit cycle 0.24 to 0.66."""
+"""Threshold of the share c of windows: flights of plan `rich` have up to 0.05, steps on a limit
+cycle 0.24 to 0.66."""
 FLIGHTS = 2  # simulated at each noise intensity
 SPREAD = np.array([0.04, 0.05])
 """Standard deviations of c and ln r. c: √(c (1 − c)/n) for c = 0.3 and the n = 120 windows of a
@@ -91,9 +92,9 @@ def matched_noise(
 ) -> np.ndarray:  # fmt: skip
     """Return the process noise ``noise`` (4,), re-estimated on the limit-cycling ``axes``.
 
-    Each of these axes gets its noise times the factor of `NOISE_STEPS` with which simulated flights
-    come nearest to the recordings' `limit_cycle_statistics`. ``theta`` (n,): scaled parameters of
-    the flights; ``axes``: (3,) bool.
+    The noise of each of these axes is multiplied by one of the factors `NOISE_STEPS`: the one with
+    which simulated flights have nearly the recordings' `limit_cycle_statistics`. ``theta`` (n,):
+    scaled parameters of the flights; ``axes``: (3,) bool.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):

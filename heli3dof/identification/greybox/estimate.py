@@ -75,9 +75,10 @@ class Estimate(PhysicalFit):
 
     @property
     def unexplained_scatter(self) -> float:
-        """Return the scores' variance, divided by the one that the noise model expects.
+        """Return the scores' variance, divided by the variance that the noise model expects.
 
-        For a bias-corrected fit, the divisor is the scores' variance in simulated flights.
+        Scores are the log-likelihood's gradients. For a bias-corrected fit, the divisor is their
+        variance in simulated flights.
         """
         return self.inflation
 
@@ -156,7 +157,7 @@ def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
 
 
 def block_numbers(data: Data, block_s: float) -> np.ndarray:
-    """Return the block number (N,) of each row; no block crosses from one run to the next."""
+    """Return each row's block number (N,). A block lasts ``block_s`` s, or less at a run's end."""
     which = np.zeros(len(data.t), dtype=np.int64)
     at = 0
     for _, start, stop in data.blocks:

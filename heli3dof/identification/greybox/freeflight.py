@@ -202,8 +202,8 @@ def flight_of(recording: Recording) -> Flight:
 def free_rows(recording: Recording) -> np.ndarray:
     """Return (N,) bool: True for the rows to which the rigid-body model can be fitted.
 
-    After take-off, rows are True from the end of the climb on, seconds earlier than for a linear
-    model (`heli3dof.identification.row_selection`).
+    After take-off, these are the rows from the end of the climb on. For a linear model, rows are
+    usable only seconds later (`heli3dof.identification.row_selection`).
     """
     masks = unusable(recording)
     bad = np.logical_or.reduce([m for reason, m in masks.items() if reason != "take_off"])
@@ -251,7 +251,7 @@ def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) ->
 
 
 def parameters(found: MultiStepFit) -> dict[str, Parameter]:
-    """Return {name: parameter}: value, standard deviation, nominal value, and whether reliable."""
+    """Return {name: parameter}: value, standard deviation, nominal value, any warning."""
     out = {}
     std, prior = found.std, found.prior_std
     for f, v, s, p in zip(found.structure.free, found.values, std, prior, strict=True):

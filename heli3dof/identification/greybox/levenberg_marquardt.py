@@ -68,8 +68,8 @@ class LeastSquares:
     def step(self, z: np.ndarray, g: np.ndarray, H: np.ndarray, damping: float) -> np.ndarray:
         """Return z (dim,) after a Levenberg–Marquardt step with gradient g and Hessian H.
 
-        The step adds ``damping`` times the diagonal of H to H. An unknown at a bound stays there,
-        and the step of the other unknowns is computed again.
+        The step adds ``damping`` times the diagonal of H to H. An unknown that reaches a bound
+        stays on it, and the step of the other unknowns is computed again.
         """
         A = H + damping * np.diag(np.diag(H))
         stopped = ((z <= self.low) & (g > 0)) | ((z >= self.high) & (g < 0))
@@ -105,10 +105,10 @@ def descend(
     v: LeastSquares, z: np.ndarray, *, rounds: int, settled: float,
     progress: Callable[[int, float, float], None] | None = None,
 ) -> Descent:  # fmt: skip
-    """Minimise problem v's cost from ``z`` until an iteration lowers it by less than ``settled``.
+    """Return the minimum of problem v's cost, searched from ``z``.
 
-    The search ends after ``rounds`` iterations at the latest. After each iteration it calls
-    ``progress(iteration, cost at the start, cost now)``.
+    The search ends when an iteration lowers the cost by less than ``settled``, or after ``rounds``
+    iterations. After each iteration it calls ``progress(iteration, cost at the start, cost now)``.
     """
     r = v.residuals(z)
     here = begun = v.cost(r, z)
@@ -138,7 +138,7 @@ def follow_on(
     v: LeastSquares, z: np.ndarray, tangents: np.ndarray | None, *, settled: float,
     share: float = 0.0, enough: int = ENOUGH, fresh: int = FRESH,
 ) -> Descent:  # fmt: skip
-    """Minimise the cost of the problem v from ``z``, with updates of the derivatives ``tangents``.
+    """Return the minimum of problem v's cost, searched from ``z`` with updated derivatives.
 
     ``tangents`` (dim, R) are the derivatives of a similar problem's residuals. Rows of NaN are
     first computed by differences, all rows if ``tangents`` is None. Later the derivatives are

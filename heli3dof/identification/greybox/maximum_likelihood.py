@@ -71,7 +71,7 @@ class Optimum:
     """(n, n) information of the likelihood without the prior, of the scaled parameters"""
     at: FilterRun
     tangents: np.ndarray
-    """(n, E) derivatives of the E predicted readings by the scaled parameters"""
+    """(n, E) derivatives of the E predicted readings with respect to the scaled parameters"""
     at_bound: np.ndarray
     """(n,) bool: the parameters that are at their lowest or highest value"""
     rounds: int
@@ -96,7 +96,7 @@ def maximise(
     *,
     rounds: int = ROUNDS,
 ) -> Optimum:
-    """Maximise likelihood times prior in at most ``rounds`` Gauss–Newton rounds.
+    """Return the maximum of likelihood times prior, after ``rounds`` Gauss–Newton rounds at most.
 
     ``problem`` is the likelihood, a function of n scaled parameters. The search starts at the
     scaled parameters ``start`` (n,), by default the prior mean. ``noise`` (4,) is the initial
@@ -180,7 +180,7 @@ def better_noise(
 def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return the noise ``a`` (4,) with a new jitter (s): 0, or one of `JITTERS`.
 
-    The search goes upwards from 0 while each value raises the log-likelihood by `JITTER_WORTH`.
+    The search goes up from 0 while each value raises the log-likelihood by over `JITTER_WORTH`.
     """
     best, best_loglik = 0.0, -np.inf
     for jitter in (0.0, *JITTERS):

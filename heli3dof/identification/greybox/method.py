@@ -116,7 +116,7 @@ def fit_greybox(
 
     `model_of` makes a model of the result. A recording may hold a single angle (the other axes
     count as fixed) and needs no known controller. `heli3dof.identification.row_selection` selects
-    the rows. Unlike ``identify``, the function does not correct the bias of a limit cycle
+    the rows. Unlike ``identify``, the function does not correct the bias on a limit cycle
     (`closed_loop_fit.identify_correction`) and does not simplify the equations.
 
     Args:
@@ -156,7 +156,7 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
 
 
 def parameters(found: Estimate) -> dict[str, Parameter]:
-    """Return {name: parameter}: value, standard deviation, Cramér–Rao bound, reliability."""
+    """Return {name: parameter}: value, standard deviation, Cramér–Rao bound, any warning."""
     return {
         f.name: Parameter(
             float(v), float(s), f.unit, float(b), f.start if f.term is None else f.null, w

@@ -2,8 +2,8 @@
 
 The method is for logs with sampling jitter or unmodelled fast motion. If a sample was taken at
 another time than its time stamp states, a one-step prediction has an error in proportion to the
-rate. This error pulls every parameter that acts through accelerations towards zero. Over a second
-or more the error is negligible.
+angular rate. This error pulls every parameter that acts through accelerations towards zero. Over a
+second or more the error is negligible.
 
 Predictions run freely from the filter's states (`heli3dof.model.estimation.ekf_jitter`) at S starts
 k, to M horizons h_j; i is the axis, e the error in rad. The fit minimises
@@ -97,7 +97,7 @@ class MultiStep:
 
     @cached_property
     def own(self) -> np.ndarray:
-        """Return the indices (B,) of the B parameters that have one value for each recording."""
+        """Return the indices (B,) of the B parameters that vary by recording."""
         return np.array([self.structure.names.index(v) for v in self.varying], dtype=int)
 
     @property
@@ -217,7 +217,7 @@ class MultiStepFit(PhysicalFit):
     the last stage"""
     cost: float
     tangents: np.ndarray
-    """(dim, R) derivatives of the R weighted residuals by the scaled parameters"""
+    """(dim, R) derivatives of the R weighted residuals with respect to the scaled parameters"""
     rounds: int
     converged: bool
 
@@ -274,7 +274,7 @@ def robust(u: np.ndarray) -> np.ndarray:
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """Return the RMS (M, 3) rad over S starts of the prediction errors e (S, M, 3) rad.
+    """Return the RMS (M, 3) rad over S starts of prediction errors e (S, M, 3) rad at M horizons.
 
     Errors above 1 rad count as 1 rad; errors that are exactly 0 (axes not measured) do not count.
     The result is at least 0.1°.

@@ -44,7 +44,7 @@ from heli3dof.recording.recording import Recording
 HORIZON_S = 1.0
 TIMES = 5.0
 OVER = 1.5
-"""Factors in the two conditions above. Chosen; not derived."""
+"""Factors in the two conditions at the head of this file. Chosen; not derived."""
 FAR = np.pi
 """rad: larger prediction errors are replaced by this value."""
 CLOCK = (
@@ -65,12 +65,15 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return the RMSE (3,) in degrees, `HORIZON_S` ahead, that white process noise causes."""
+        """Return the RMSE (3,) in degrees that the estimated process noise, if white, would cause.
+
+        It is the RMSE of predictions `HORIZON_S` ahead.
+        """
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
     def overstated(self) -> np.ndarray:
-        """Return (3,) bool: axes whose process noise is too large for the small errors observed."""
+        """Return (3,) bool: axes whose process noise is too large for the prediction errors."""
         loud = self.noise > TIMES * NOISE
         return np.asarray(loud & (self.expected_deg > OVER * self.rmse_deg))
 

@@ -9,8 +9,8 @@ with ν = `DEGREES_OF_FREEDOM`:
 
     p(ln k) ∝ t_ν(ln k/s) Π_i t_ν(ln(x_i k/X_i,nominal)/√(s² + σ_i²)),    σ_i: relative std of x_i
 
-If all four ratios x_i/X_i,nominal deviate by one factor, k is its inverse. If only one deviates, k
-stays near 1. The mean of ln k converts torques and inertias to SI.
+If all four ratios x_i/X_i,nominal deviate by the same factor, k is its inverse. If only one
+deviates, k stays near 1. The mean of ln k converts torques and inertias to SI.
 
 Let ε be the profile's ``tolerance``, and e = ln(1 + ε) for ln k > 0, else ln(1 − ε). A warning
 reports a deviation of K_f if
@@ -57,9 +57,9 @@ class ThrustScale:
 
 
 def edge(x: float, tolerance: float) -> float:
-    """Return the bound that ``tolerance`` sets to x, the logarithm of a ratio to nominal.
+    """Return the limit of x, the logarithm of a ratio to nominal, for a relative ``tolerance``.
 
-    It is ln(1 + tolerance) for x > 0, else ln(1 − tolerance).
+    The limit is ln(1 + tolerance) for x > 0, else ln(1 − tolerance).
 
     >>> round(edge(0.3, 0.15), 4), round(edge(-0.3, 0.15), 4)
     (0.1398, -0.1625)

@@ -157,10 +157,10 @@ def span(free: np.ndarray, dt: float, width_s: float) -> Span:
 def residuals(
     problem: MultiStep, logs: Sequence[SmoothedFlight], z: np.ndarray
 ) -> list[np.ndarray]:
-    """Return the errors (n, 3) rad/s² of the weak form, an array for each length in `SPANS_S`.
+    """Return the weak form's errors: an array (n, 3) rad/s² for each length in `SPANS_S`.
 
-    z (dim,) are the scaled parameters. n counts the positions of the test function in the flights
-    ``logs``.
+    z (dim,) are the scaled parameters. n is the number of positions of the test function of this
+    length in the flights ``logs``.
     """
     found: list[list[np.ndarray]] = [[] for _ in SPANS_S]
     for i, log in enumerate(logs):

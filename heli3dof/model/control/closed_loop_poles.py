@@ -9,8 +9,8 @@ paper's model lacks (erratum E6)::
 y = (r, p, ψ) is roll, pitch, yaw (rad), y_ref their references, u the voltages (V) from the trim.
 
 Sampled loop, as on the rig: the rates are derivatives by the Tustin-discretised filter of
-`controller`. Each integral advances by dt × error after the voltage is computed. The poles omit an
-integral whose column of K is zero or whose axis is not modelled.
+`controller`. Each integral advances by dt × error after the voltage is computed. An integral adds
+no pole if its column of K is zero or its axis is not modelled.
 """
 
 from __future__ import annotations

@@ -5,14 +5,15 @@ y (rad) and the references r (rad):
 
     u[k] = Σ_{j=1…n} A_j u[k−j] + Σ_{j=0…n} (B_j y[k−j] + R_j r[k−j]) + c + e[k]
 
-A log without noise obeys the law of its controller exactly. e differs from zero only in rows in
-which the controller is not linear: a rate limiter, clamped integrals. Such rows hardly affect the
-minimum of Σ|e|, which gives A, B, R and c. Rows within n periods of the voltage limit are left out.
+A log without noise obeys the law of its controller exactly. The residual e differs from zero only
+in rows in which the controller is not linear: a rate limiter, clamped integrals. Such rows hardly
+affect the minimum of Σ|e|, which gives A, B, R and c. Rows within n periods of the voltage limit
+are left out.
 
 The **share** of a block of `BLOCK_S` is σ_e/std(Δu), with Δu[k] = u[k] − u[k−1] and σ_e the
 standard deviation of e by its median absolute value; of both motors the larger one. A law's share
-is the upper quartile of its blocks. The result is the law of lowest order whose share exceeds the
-least of all orders by at most `ALIKE`, if the least is at most `MAX_SHARE`.
+is the upper quartile of its blocks' shares. The result is the law of lowest order whose share
+exceeds the least of all orders by at most `ALIKE`, if the least is at most `MAX_SHARE`.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ from heli3dof.recording.recording import Recording
 ORDERS = (1, 2, 3, 4)
 """Orders n, lowest first. An integral has order 1, a rate filter 2, a delay of one period 1."""
 MAX_SHARE = 0.002
-"""Largest share of a controller. Chosen: in the logs of two laboratories it was 0.001 with the
-controller's order, and over 0.02 with a lower order."""
+"""Largest unexplained share of an accepted controller. Chosen: in the logs of two laboratories it
+was 0.001 with the controller's order, and over 0.02 with a lower order."""
 ALIKE = 0.001
 """Difference of shares that does not justify a higher order. Chosen."""
 BLOCK_S, LEAST_ROWS, LEAST_BLOCKS = 2.0, 20, 3
@@ -46,18 +47,18 @@ AT_LIMIT = 0.98
 """Voltage that counts as limited, as a share of v_max. Chosen."""
 ITERATIONS, SMALLEST_V, SETTLED_V = 50, 1e-5, 1e-7
 """Of `absolute_regression`: most iterations; V, errors below which weights are equal; V, RMS change
-of X θ that is the last. Chosen."""
+of X θ that ends the search. Chosen."""
 RANK_TOLERANCE = 1e-10
 """Singular values below this share of the largest one count as zero. Chosen."""
 
 
 @lru_cache(maxsize=4)
 def identified_controller(recording: Recording) -> LinearController | None:
-    """Return the linear controller that explains the recording's voltages; None without one.
+    """Return the linear controller that explains the recording's voltages, or None.
 
     The recording must have all angles in every row, a reference, and a row for every control
-    period. Without references, an integral would not be identifiable: the input w would contain its
-    voltage, and with it the effect of every slow torque.
+    period. Without references, an integral of the control error would not be identifiable. Only the
+    first `MAX_ROWS` rows are used.
     """
     r = under_control(recording)
     if len(r.axes) < len(AXES) or not np.isfinite(r.angle).all() or decimation(r) != 1:
@@ -77,7 +78,7 @@ def identified_controller(recording: Recording) -> LinearController | None:
 
 
 def law_of_order(r: Recording, n: int) -> LinearController | None:
-    """Return the best law of order ``n`` for the recording; None if it has too few rows."""
+    """Return the linear controller of order ``n`` that fits ``r`` best; None for too few rows."""
     u, y = r.voltage - np.nan_to_num(r.voltage_extra), r.angle - r.angle[0]
     limited = (np.abs(r.voltage) >= AT_LIMIT * r.profile.motor.v_max).any(axis=1)
     near_limit = np.convolve(limited, np.ones(n + 1))[: len(r)] > 0
@@ -99,9 +100,10 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
 
 
 def block_shares(t: np.ndarray, e: np.ndarray, change: np.ndarray) -> list[float]:
-    """Return the shares of the blocks: what ``e`` is of ``change``, both (N, 2) in V; t (N,) in s.
+    """Return std(``e``)/std(``change``) for each block of time: the larger of both motors' ratios.
 
-    Blocks with too few rows, or with a constant voltage, are left out.
+    ``e`` (N, 2) V: residuals, with their std by median absolute value; ``change`` (N, 2) V: changes
+    of the voltages; t (N,) s. Blocks with too few rows or a constant ``change`` are left out.
     """
     block = (t - t[0]) // BLOCK_S
     shares = []

@@ -14,7 +14,7 @@ Each axis has a mode in each control period:
             (the next LEARN of this axis in the flight replaces it)
     OPEN    c_im is replaced by c̄_im, so the voltage does not depend on the axis
 
-The replacement is implemented as an extra voltage, extra_m += Σ_i (c̄_im − c_im) over the open axes.
+For each motor m, the replacement is an extra voltage Σ_i (c̄_im − c_im) over the open axes.
 The reference of an open axis is its own angle, so its integral does not grow. When the loop closes,
 the reference returns to the flight plan's reference at the rate `RETURN`, without a jump. A
 recording contains the references and extra voltages as changed here. So V = law(angle, reference) +
@@ -73,7 +73,7 @@ def free_within(limits: Limits) -> list[float]:
 
 
 def opening(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return arrays (mode, room, z) that a compiled simulation of ``task`` passes to `before_law`.
+    """Return the arrays (mode, room, z) with which `before_law` opens loops in simulating ``task``.
 
     ``mode``: the axes' modes in the N control periods (N, 3), or (0, 3) if the task opens no loop.
     ``room``: the bounds of `free_within`. ``z``: the initial state, `N_OPENING` zeros.
@@ -192,7 +192,10 @@ class OpenedController(Controller):
 
     @classmethod
     def of(cls, profile: Any) -> OpenedController:
-        """Return a `Profile`'s controller. It closes open loops at `SHARE` of the safety limits."""
+        """Return a `Profile`'s controller.
+
+        It closes all loops when an angle or rate exceeds `SHARE` of the safety limits.
+        """
         made = super().of(profile)
         assert isinstance(made, cls)
         made._room = free_within(profile.limits)

@@ -1,4 +1,4 @@
-"""Convert a recording to a closed-loop task, so that a model can replay the flight.
+"""Convert a recording to the input of a closed-loop simulation (a task), to replay the flight.
 
 A replay needs a known controller, references and all three angles; `why_not_replayed` states which
 of them a recording lacks.
@@ -26,7 +26,7 @@ def why_not_replayed(recording: Recording) -> str | None:
 
 
 def loop_task(recording: Recording) -> LoopTask:
-    """Return the closed-loop simulation task that replays a recorded flight.
+    """Return the task (the input of a closed-loop simulation) that replays a recorded flight.
 
     The task has the recorded references, extra voltages, start angles and controller. Its rows are
     the profile's control periods; a lost sample gets the last reference and extra voltage. The

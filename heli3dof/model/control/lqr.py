@@ -33,8 +33,9 @@ DIGITS = 5
 def lqr_gain(profile: Profile) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the gain K (2 × 8) for a rig; its rows are for the front and back motor.
 
-    The columns are those of the profile's key K in ``[controller]``. Raises CheckFailed if no gain
-    exists: at hover voltage V_o = 0 the thrust cannot turn the rig in yaw.
+    The columns multiply the errors, negative rates and error integrals, as K in the profile's
+    ``[controller]``. Raises CheckFailed if no gain exists: at hover voltage V_o = 0 the thrust
+    cannot turn the rig in yaw.
     """
     import control
 

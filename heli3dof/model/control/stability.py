@@ -1,7 +1,6 @@
 """Check before a flight that the controller gain stabilises the chosen model of the rig.
 
-If the gain does not stabilise the model, the functions raise UnstableLoop, which the command line
-turns into exit code 6.
+If it does not, the functions raise UnstableLoop (exit code 6).
 """
 
 from __future__ import annotations

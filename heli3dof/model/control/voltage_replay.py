@@ -2,12 +2,12 @@
 
     d[k] = clip(v_logged[k], ±v_max) − control_law(angle[0 … k], reference[0 … k], extra[k])
 
-d is zero if the profile's controller flew the recording. If the controller adds a constant to the
-angles (half a count), or if its integrals do not start at zero, d gets a constant and a slope; both
-are removed from each block of `BLOCK_S`. The **share** of a block is std(d)/std(v_logged), the
-larger of the two motors' ratios. The recording's share is the upper quartile of the blocks, because
-a landing, a lost sample or a voltage limit makes single blocks differ. Rows at ±v_max or without an
-angle are left out.
+extra is the logged excitation. d is zero if the profile's controller flew the recording. If the
+controller adds a constant to the angles (half a count), or if its integrals do not start at zero, d
+gets a constant and a slope; both are removed from each block of `BLOCK_S`. The **share** of a block
+is std(d)/std(v_logged), the larger of the two motors' ratios. The recording's share is the upper
+quartile of the blocks, because a landing, a lost sample or a voltage limit makes single blocks
+differ. Rows at ±v_max or without an angle are left out.
 
 If the share exceeds `REPRODUCED`, d shows the cause:
 
@@ -19,7 +19,7 @@ If the share exceeds `REPRODUCED`, d shows the cause:
 
 `with_known_controller` prepares a recording for simulated flights (bias correction, null
 simulations). If the profile's controller did not fly the recording, it is identified from the log
-(`model.control.controller_identification`). The check `heli3dof.integrity.controller` reports both.
+(`model.control.controller_identification`).
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ LEAST_ROWS = 20
 LEAST_BLOCKS = 3
 """Fewest blocks of a recording. Chosen."""
 REPRODUCED = 0.1
-"""Largest share of a controller that reproduces the voltages. Chosen: on 22 flights of drawn rigs
-the share was below 0.03 for the profile's controller, also with half a count of offset or other
-initial integrals. It was above 0.2 for other gains, another filter, one period's delay or an
+"""Largest share, std(d)/std(v_logged), of the controller that flew. Chosen: on 22 flights of drawn
+rigs the share was below 0.03 for the profile's controller, also with half a count of offset or
+other initial integrals. It was above 0.2 for other gains, another filter, one period's delay or an
 excitation."""
 EXPLAINED = 0.5
 """Share of d's variance that the controller's signals explain, above which d is not an excitation.
@@ -65,11 +65,11 @@ DELAY_KEY = "controller_delay_periods"
 
 
 class Match(enum.Enum):
-    """How the profile's controller relates to the voltages of a recording."""
+    """Results of `voltage_replay`: how a profile's controller relates to a log's voltages."""
 
     REPRODUCED = "reproduced"
     LATE = "late"
-    """It is one period late."""
+    """The controller is one period late."""
     EXCITED = "excited"
     """An extra voltage was added that the log does not contain."""
     OTHER = "other"
@@ -148,7 +148,7 @@ def with_known_controller(recording: Recording) -> Recording:
 def controller_is_known(recordings: Sequence[Recording]) -> bool:
     """Return True if every recording has three axes and a known controller.
 
-    It is the profile's controller with a logged reference, or an identified one.
+    A controller is known if it was identified, or if the profile has it and a reference was logged.
     """
     return all(
         len(r.axes) == 3
