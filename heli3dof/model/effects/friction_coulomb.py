@@ -1,5 +1,7 @@
 """Dry (Coulomb) friction τ = −τ_c sgn(q̇); it holds a joint at rest against torques up to τ_c.
 
+τ, τ_c are in N·m; q̇ (rad/s) is the joint's rate.
+
 A simulation step does not smooth this torque, so a joint that sticks does not creep. The step's
 equations, and those for the uncertain rate in a Kalman filter, are in
 `heli3dof.model.physics.dry_friction`.

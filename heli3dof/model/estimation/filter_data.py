@@ -1,8 +1,8 @@
 """Convert recordings to arrays for the Kalman filters.
 
 A run is an interval of usable rows. The lead-in, up to `LEAD_S` seconds of earlier rows, is added
-before it, so that the voltages there determine the thrusts at its start. The filters treat an axis
-that was not measured as fixed.
+before it, so that the voltages there determine the thrusts at its start. For the filters, an
+unmeasured axis does not move.
 """
 
 from __future__ import annotations
@@ -176,7 +176,7 @@ def hold_last(
 
 
 def _lead(recording: Recording, start: int) -> int:
-    """Return the first row of the lead-in of a run that begins in row ``start``.
+    """Return the first row of the lead-in, the rows before a run that begins in row ``start``.
 
     The lead-in contains no gap and no lost voltage.
     """
