@@ -57,8 +57,8 @@ def quiescent_voltage(profile: Profile) -> float:
 def hover(profile: Profile, *, printed: bool = False) -> Hover:
     """Return the paper's hover model, matrices (10)–(13), for a rig.
 
-    ``printed``: with the paper's errata, and V_o from its eq (6). Otherwise the errata are
-    corrected, and V_o is the profile's. See the head of this file.
+    ``printed``: with the paper's errata, and hover voltage V_o from its eq (6). Otherwise the
+    errata are corrected, and V_o is the profile's. See the head of this file.
     """
     if printed:
         return _as_printed(profile)
@@ -94,7 +94,7 @@ def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = N
     """Return the hover model, sampled at the control rate (or every ``dt`` s) with zero-order hold.
 
     ``printed``: with the paper's errata. States: roll, pitch, yaw (rad) and their rates (rad/s);
-    trim u0 = V_o per motor, y0 = 0. Kalman gain K zero and noise covariance S NaN, because the
+    trim u0 = hover voltage V_o, y0 = 0. Kalman gain K zero and noise covariance S NaN, because the
     paper gives no noise.
     """
     from heli3dof.model.discretisation import c2d_zoh

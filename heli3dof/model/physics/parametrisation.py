@@ -120,7 +120,7 @@ class Structure:
         return tuple(f.name for f in self.free)
 
     def with_terms(self, *terms: Term) -> Structure:
-        """Return the structure with effects ``terms`` added; in `free` their parameters are last."""
+        """Return the structure with further effects; in `free`, their parameters are last."""
         return Structure(self.profile, (*self.terms, *terms))
 
     @property

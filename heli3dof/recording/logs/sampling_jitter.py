@@ -98,7 +98,7 @@ def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -
 
 
 def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return residuals and slopes at the middle of parabolas fitted to 2 ``half`` + 1 samples.
+    """Fit parabolas to 2 ``half`` + 1 samples each; return residuals and slopes in their middles.
 
     ``t``: times (N,) in s; ``y``: the angle of one axis (N,) in rad.
     """
