@@ -155,7 +155,7 @@ class Effect:
 
     @property
     def of_base(self) -> bool:
-        """Return True if the effect only changes the rigid body's equations, which is no defect.
+        """Return True if the effect is another form of the equations, so it is no defect.
 
         Such effects replace equations by another form (`formal`), or restore what a simpler form
         omits (`within`), as `geometry` does in the hover model. A diagnosis adds no BIC penalty for

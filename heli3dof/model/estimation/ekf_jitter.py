@@ -9,13 +9,13 @@ m_i is the ideal reading in state x_k, ṁ_i its rate. δ_k is common to the axe
 correlated. The filter adds δ_k as a state without memory and processes the three readings one after
 the other. This is the exact update with the joint covariance diag(Δ²/12) + σ_t² ṁ ṁᵀ. In contrast,
 `heli3dof.model.estimation.ekf_quantised` uses encoder edges (angles at which a reading changes) and
-treats the axes' jitter as independent. It is more accurate if the clock is accurate.
+treats the axes' jitter as independent. `ekf_quantised` is more accurate if the clock is accurate.
 
 b are effect parameters that are constant within a recording and differ between recordings, such as
 the angle at which an encoder was switched on. They are states too, x = (q, q̇, b), with angles q
 and ḃ = 0. At the start of each run (interval of usable rows) their distribution is N(b_0, σ_b²).
-The covariance P of x advances as in `heli3dof.model.estimation.ekf_quantised`, with ∂q̈/∂(q, q̇,
-b). x advances by the midpoint rule. The rule's error per sample interval h is h³ q⃛/24, a
+The covariance P of x advances as in `heli3dof.model.estimation.ekf_quantised`, with
+∂q̈/∂(q, q̇, b). x advances by the midpoint rule. The rule's error per sample interval h is h³ q⃛/24, a
 thousandth of an encoder step.
 """
 

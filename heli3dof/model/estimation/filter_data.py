@@ -47,7 +47,7 @@ class RowRange:
 class Data:
     """The input arrays of a Kalman filter: N rows of recordings in B blocks.
 
-    A block is a lead-in of up to `LEAD_S` seconds, then a run of usable rows.
+    A block is a run of usable rows, after up to `LEAD_S` seconds of earlier rows (lead-in).
     """
 
     t: np.ndarray
@@ -80,7 +80,7 @@ class Data:
 
 
 def data_of(recordings: Sequence[Recording], runs: Sequence[RowRange]) -> Data:
-    """Return the ``runs`` of usable rows of ``recordings``, with lead-ins, as arrays.
+    """Return the ``runs`` of usable rows as arrays, each with a lead-in (the rows before it).
 
     Raises RecordingError if there are no runs.
     """

@@ -35,7 +35,7 @@ class GreyBoxModel(GreyBoxParameters):
         )
 
     def fly(self, task: LoopTask) -> LoopResult:
-        """Return the closed-loop flight of ``task``, simulated with this model."""
+        """Return the closed-loop flight that ``task`` describes, simulated with this model."""
         from heli3dof.model.greybox.closed_loop import fly
 
         return fly(self, task)

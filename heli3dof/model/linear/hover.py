@@ -50,7 +50,7 @@ class Hover:
 
 
 def quiescent_voltage(profile: Profile) -> float:
-    """Return a motor's hover voltage (V) by the paper's eq (6); unreliable sign (erratum E2)."""
+    """Return a motor's hover voltage (V), paper's eq (6); its sign is unreliable (erratum E2)."""
     return profile.gravity_torque / (2 * profile.geometry.L_a * profile.motor.K_f)
 
 
@@ -94,8 +94,8 @@ def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = N
     """Return the hover model, sampled at the control rate (or every ``dt`` s) with zero-order hold.
 
     ``printed``: with the paper's errata. States: roll, pitch, yaw (rad) and their rates (rad/s);
-    trim u0 = hover voltage V_o, y0 = 0. Kalman gain K zero and noise covariance S NaN, because the
-    paper gives no noise.
+    trim u0 = hover voltage V_o of each motor, y0 = 0. Kalman gain K zero and noise covariance S
+    NaN, because the paper gives no noise.
     """
     from heli3dof.model.discretisation import c2d_zoh
 

@@ -41,7 +41,7 @@ class LinearModel(LinearParameters):
         return rest_state(self, angle0)
 
     def fly(self, task: LoopTask) -> LoopResult:
-        """Return the closed-loop flight of ``task``, simulated with this model."""
+        """Return the closed-loop flight that ``task`` describes, simulated with this model."""
         from heli3dof.model.linear.closed_loop import fly
 
         return fly(self, task)

@@ -228,8 +228,8 @@ def newton(
     """Compare an angle's second difference with the integrated torque by Newton's law.
 
     ``angle`` (N,) rad is that of ``axis``; ``columns`` has the voltages, ``profile`` the rig's
-    parameters. Returns the ratio of their standard deviations (difference to torque), about 1 in
-    the right unit, and their correlation, positive with the right sign. Returns None for yaw, for
+    parameters. Returns the ratio of standard deviations, difference to torque, about 1 in the right
+    unit; and the correlation of both, positive with the right sign. Returns None for yaw, for
     fewer than eight windows, if the torque explains less than about one count of motion, or if the
     angle is constant.
     """

@@ -27,7 +27,7 @@ LISTED = 12
 def _restricted(name: str, arguments: int = 1) -> Callable[..., Any]:
     """Return numpy's function ``name``, restricted to ``arguments`` arguments.
 
-    Further arguments of the function could change arrays.
+    Further arguments, such as ``out``, could change arrays.
     """
 
     def call(*values: Any) -> Any:

@@ -130,7 +130,7 @@ def scan(data: bytes) -> Scan:
 
 
 def our_layouts(found: Scan) -> list[Layout] | None:
-    """Return the fields (`Layout`) of each message type in a file of heli3dof; None for others."""
+    """Return the fields (`Layout`) of each message type of a heli3dof file; None for others."""
     by_topic = {c.topic: c for c in found.channels.values()}
     layouts = [SAMPLE, COMMAND]
     if CHANNELS_TOPIC in by_topic:
