@@ -106,7 +106,7 @@ def report_count(what: str, done: int, of: int) -> None:
 
 @contextmanager
 def distribute(distributor: Distributor | None) -> Iterator[None]:
-    """Context manager: inside it, `replicate` gives its calls to ``distributor``."""
+    """Context manager in which ``distributor`` computes `replicate`'s calls (None: threads do)."""
     token = _distributor.set(distributor)
     try:
         yield

@@ -16,7 +16,7 @@ from typing import Any
 
 
 def modules_of(package: str) -> Iterator[ModuleType]:
-    """Import the modules of the package called ``package`` one by one, and yield them by name."""
+    """Import the modules of the package called ``package``; yield each one, sorted by name."""
     for found in pkgutil.iter_modules(importlib.import_module(package).__path__):
         yield importlib.import_module(f"{package}.{found.name}")
 

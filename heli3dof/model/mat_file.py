@@ -2,9 +2,9 @@
 
     x[k+1] = A x[k] + B (V[k] − u0_V)        y[k] = C x[k] + D (V[k] − u0_V) + y0_rad
 
-V are the voltages in V (front, back), y the angles in rad of the model's axes. The sample interval
-is Ts s. The variables Ac, Bc, Cc, Dc are the same model in continuous time. A nonlinear model is
-linearised at level hover.
+V are the voltages in V (front, back), y the angles in rad of the model's axes. D is zero. The
+sample interval is Ts s. The variables Ac, Bc, Cc, Dc are the same model in continuous time. A
+nonlinear model is linearised at level hover.
 """
 
 from __future__ import annotations

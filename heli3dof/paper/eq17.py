@@ -40,7 +40,7 @@ T11_CORRECTED = 2.52
 def numerators_deg(*, corrected: bool = False) -> np.ndarray:
     """Return the numerators of eq (17) in °/V, (2, 3, 4): motor, angle, powers s³ to s⁰.
 
-    T_11 is as printed, or ``corrected``.
+    T_11, from front motor to roll, is as printed or ``corrected``.
     """
     num = np.array(NUMERATORS_PRINTED)
     if corrected:
@@ -51,8 +51,8 @@ def numerators_deg(*, corrected: bool = False) -> np.ndarray:
 def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return eq (17) in state space: A (8, 8), B (8, 2), C (3, 8), in rad and V.
 
-    T_11 is as printed, or ``corrected``. Each motor has a controllable canonical form with four
-    states.
+    T_11, from front motor to roll, is as printed or ``corrected``. Each motor has a controllable
+    canonical form with four states.
     """
     num = np.deg2rad(numerators_deg(corrected=corrected))
     companion = np.zeros((4, 4))

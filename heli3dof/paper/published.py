@@ -92,7 +92,10 @@ CAVEATS: tuple[str, ...] = (
 
 
 def published(axis: str, subject: Subject, quantity: Quantity) -> Published | None:
-    """Return the paper's number for ``axis``, ``quantity`` and ``subject``; None if not printed."""
+    """Return the number that the paper prints; None if it prints none.
+
+    ``subject``: the experiment or a model; ``quantity``: for example the peak of the angle.
+    """
     for number in (*TEXT, *TABLE_II):
         if (number.axis, number.subject, number.quantity) == (axis, subject, quantity):
             return number

@@ -39,7 +39,7 @@ class Reproduced:
 
 
 def paper_step(profile: Profile | None = None) -> LoopTask:
-    """Return the simulation task of the paper: a 10° roll step from level hover.
+    """Return the input of the paper's simulation: a 10° roll step from level hover.
 
     ``profile``: the rig's profile, by default that of Table I's rig.
     """

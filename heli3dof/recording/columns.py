@@ -1,4 +1,4 @@
-"""The columns (N,) of a recording by name with unit, as exports and data frames have them."""
+"""Return a recording's columns (N,), named with their units, for exports and data frames."""
 
 from __future__ import annotations
 

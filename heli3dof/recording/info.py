@@ -134,7 +134,7 @@ def _range(values: np.ndarray) -> tuple[float | None, float | None]:
 
 
 def lateness(recording: Recording) -> dict[str, Any] | None:
-    """Return statistics of the samples' lateness: the time in s from deadline to arrival.
+    """Return statistics of the samples' lateness: the time in s from due time to arrival.
 
     The result is None if the lateness was not logged. It is also None for a virtual clock, which
     waits for every sample.

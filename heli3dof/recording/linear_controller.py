@@ -2,9 +2,9 @@
 
     v[k] = clip(Σ_{j=1…n} A_j v[k−j] + Σ_{j=0…n} B_j y[k−j] + w[k], ±v_max)
 
-v (2,) V are the motor voltages after the limiter, y (3,) rad the angles. The input w (2,) V
-contains what does not depend on the angles: references, excitations, constants. Before the first
-row, v and y have the values of the first row.
+v (2,) V are the motor voltages after the limiter, y (3,) rad the angles; A_j (2, 2) and B_j (2, 3)
+are the gains. The input w (2,) V contains what does not depend on the angles: references,
+excitations, constants. Before the first row, v and y have the values of the first row.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""A rotor that moves along its axis thrusts less: F → F − k F_h |F/F_h|ⁿ v_n.
+"""A rotor that moves in its thrust's direction thrusts less: F → F − k F_h |F/F_h|ⁿ v_n.
 
 F is a rotor's thrust (N), F_h its thrust at hover. k (s/m) and n are the parameters of the effect.
-v_n (m/s) is the rotor's speed along the body's normal:
+v_n (m/s) is the rotor's speed along the body's normal, the direction of positive thrust:
 
     v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇)         (+ front rotor, − back rotor)
 

@@ -110,9 +110,10 @@ class Effect:
             A diagnosis may use it but never reports it as a finding.
         candidate: true if a diagnosis may propose it.
         probes: values of the parameters at which a diagnosis evaluates the score, simplest first;
-            omitted parameters are at null. Default: `SMALL` of the first parameter's typical size.
-            Several are needed if the shape of the predicted change depends on the value.
-        probe_quantiles: for a limit of the voltage V: its ``probes`` as quantiles of |V|.
+            omitted parameters are at null. Default: `SMALL` times the first parameter's typical
+            value. Several are needed if the shape of the predicted change depends on the value.
+        probe_quantiles: for a voltage limit, instead of ``probes``: a diagnosis evaluates the score
+            at these quantiles of the recorded |voltage|.
         scan: ``frequency`` or ``instant`` if the second parameter is a frequency or an instant. A
             diagnosis then evaluates the score at all its values
             (`heli3dof.diagnosis.screening.scans`).
@@ -154,7 +155,7 @@ class Effect:
 
     @property
     def of_base(self) -> bool:
-        """Return True if the effect belongs to the rigid body's equations, so it is no defect.
+        """Return True if the effect is another form of the equations, so it is no defect.
 
         Such effects replace equations by another form (`formal`), or restore what a simpler form
         omits (`within`), as `geometry` does in the hover model. A diagnosis adds no BIC penalty for

@@ -1,7 +1,7 @@
 """A constant torque: from an unbalanced body on pitch, a tilted base or a draught on yaw.
 
-τ = τ_b in N·m, positive in the direction of the growing angle. On roll the estimated gravity torque
-T_g of the arm contains it.
+τ = τ_b in N·m, positive in the direction of the growing angle. This effect does not exist on roll:
+there the estimated gravity torque T_g of the arm includes a constant torque.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A periodic torque τ_0 sin(2π f t + φ) in N·m; f in Hz, t in s from the recording's start."""
+"""A torque τ_0 sin(2π f t + φ) in N·m; f in Hz, φ in rad, t in s from the recording's start."""
 
 from __future__ import annotations
 

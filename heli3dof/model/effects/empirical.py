@@ -3,12 +3,13 @@
     τ = c · x y                      name ``empirical.x*y.AXIS``
     τ = Σ_k τ_k φ_k(x y)             name ``empirical.spline(x*y:low:high).AXIS``
 
-x and y are quantities of `QUANTITIES`; y may be omitted. c is in N·m per unit of the product. The
-hat function φ_k falls linearly from 1 at knot k to 0 at its neighbours; `KNOTS` knots divide the
-range from low to high (SI units) evenly. Outside this range τ is constant.
+x and y are quantities of `QUANTITIES`; y may be omitted. The constant c is in N·m per unit of the
+product. τ_k (N·m) is the torque at knot k. The hat function φ_k falls linearly from 1 at knot k to
+0 at its neighbours. `KNOTS` knots divide the range from low to high (SI units) evenly. Outside this
+range τ is constant.
 
-A diagnosis adds such a term for a torque that no effect of the catalogue explains. The name defines
-the term completely, so a model file needs nothing else.
+A diagnosis adds such a torque if no effect of the catalogue explains the data. The name defines the
+torque completely, so a model file needs nothing else.
 """
 
 from __future__ import annotations

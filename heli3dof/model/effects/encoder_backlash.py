@@ -1,7 +1,7 @@
-"""Backlash between an axis and its encoder, of full width w (rad).
+"""Backlash between an axis and its encoder, of full width w (the parameter, in degrees).
 
-At the angle q the encoder reads q − w/2 while the angle rises and q + w/2 while it falls. In
-between the encoder keeps its reading e: e ← min(q + w/2, max(q − w/2, e)).
+At the angle q the encoder reads q − w/2 while the angle rises and q + w/2 while it falls. After a
+reversal the encoder keeps its reading e until q has moved by w: e ← min(q + w/2, max(q − w/2, e)).
 
 A simulation keeps e in the effect's memory ``mem``. A filter needs no memory: when the reading
 changes, the direction of the change shows whether it is q − w/2 or q + w/2. While the reading is

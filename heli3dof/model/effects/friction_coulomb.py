@@ -1,8 +1,8 @@
 """Dry (Coulomb) friction τ = −τ_c sgn(q̇); it holds a joint at rest against torques up to τ_c.
 
-A simulation step does not smooth this torque, so a joint that sticks does not creep. The step's
-equations, and those for the uncertain rate in a Kalman filter, are in
-`heli3dof.model.physics.dry_friction`.
+τ and τ_c are in N·m; q̇ (rad/s) is the joint's rate. A simulation step does not smooth τ, so a joint
+that sticks does not creep. The step's equations, and those for the uncertain rate in a Kalman
+filter, are in `heli3dof.model.physics.dry_friction`.
 
 For an acceleration that is computed without a simulation step, the torque is a smooth function of
 the state: −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J, with the axis' inertia J. A small

@@ -1,7 +1,7 @@
 """Part of the thrust grows with the square of the voltage: V acts as (1 − s) V + s V |V| / V_o.
 
-At the profile's hover voltage V_o the thrust is that of the linear law for every s. s = 1 is a
-propeller's F ∝ V |V|, with the thrust F.
+s = 0 is the linear law, s = 1 a propeller's F ∝ V |V|, with the thrust F. At the profile's hover
+voltage V_o the thrust is the same for every s.
 """
 
 from __future__ import annotations

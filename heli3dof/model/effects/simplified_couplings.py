@@ -1,7 +1,7 @@
 """Equations without inertia couplings of the axes: q̈ = (1 − κ) q̈_rigid + κ q̈_alone.
 
 Equations of this rig are often written for each axis alone. Their accelerations q̈_alone lack the
-inertia couplings by the bar that carries the motors. The complete rigid body's q̈_rigid contain them
+couplings by the inertia of the bar with the motors. The complete rigid body's q̈_rigid contain them
 (`heli3dof.model.physics.rigid_body`). The largest omitted torque is −J_p sin r ψ̈ on pitch, up to
 0.01 N·m, with roll r, yaw ψ and the pitch inertia J_p. The parameter κ (0 … 1) scales the omission.
 A simulated rig with such equations has no defect, so a diagnosis may use κ but does not report it

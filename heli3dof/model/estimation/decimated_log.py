@@ -23,7 +23,7 @@ NEAR = 0.02
 
 
 def decimation(recording: Recording) -> int:
-    """Return the number of control periods between log rows; 1 if it is not nearly an integer."""
+    """Return the log's sample interval in control periods; 1 if it is not nearly a whole number."""
     if len(recording) < 2:
         return 1
     ratio = recording.dt / recording.profile.dt

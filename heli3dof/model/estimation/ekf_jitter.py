@@ -8,14 +8,15 @@ of axis i with the encoder step Δ_i is
 m_i is the ideal reading in state x_k, ṁ_i its rate. δ_k is common to the axes, so their errors are
 correlated. The filter adds δ_k as a state without memory and processes the three readings one after
 the other. This is the exact update with the joint covariance diag(Δ²/12) + σ_t² ṁ ṁᵀ. In contrast,
-`heli3dof.model.estimation.ekf_quantised` uses encoder edges and treats the axes' jitter as
-independent. `ekf_quantised` is more accurate if the clock is accurate.
+`heli3dof.model.estimation.ekf_quantised` uses encoder edges (angles at which a reading changes) and
+treats the axes' jitter as independent. `ekf_quantised` is more accurate if the clock is accurate.
 
 b are effect parameters that are constant within a recording and differ between recordings, such as
-the angle at which an encoder was switched on. They are states too, x = (q, q̇, b), with ḃ = 0. At
-the start of each run (interval of usable rows) their distribution is N(b_0, σ_b²). The covariance P
-of x advances as in `heli3dof.model.estimation.ekf_quantised`, with ∂q̈/∂(q, q̇, b). x advances by the
-midpoint rule; its error over one sample h, h³ q⃛/24, is a thousandth of an encoder step.
+the angle at which an encoder was switched on. They are states too, x = (q, q̇, b), with angles q
+and ḃ = 0. At the start of each run (interval of usable rows) their distribution is N(b_0, σ_b²).
+The covariance P of x advances as in `heli3dof.model.estimation.ekf_quantised`, with
+∂q̈/∂(q, q̇, b). x advances by the midpoint rule. The rule's error per sample interval h is h³ q⃛/24, a
+thousandth of an encoder step.
 """
 
 from __future__ import annotations
@@ -264,7 +265,8 @@ def filter_jittered(
 
     ``values`` (n,) are the parameters of ``structure``, ``noise`` (3,) rad/s²/√Hz the process
     noise, ``jitter_s`` (s) the standard deviation of sampling instants. ``varying``: name → prior
-    standard deviation of the B parameters that the filter re-estimates in each run.
+    standard deviation of the B parameters that the filter re-estimates in each run (interval of
+    usable rows).
     """
     varying = varying or {}
     hooks = structure.hooks

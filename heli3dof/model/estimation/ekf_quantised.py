@@ -1,8 +1,9 @@
 """Extended Kalman filter for quantised encoders: a reading is an interval of the angle.
 
-The state is x = (r, p, ψ, ṙ, ṗ, ψ̇) with the covariance P. The rotors' thrusts follow from the
-voltages without noise and are computed beforehand. The process noise is white angular acceleration
-of intensity a_i² ((rad/s²)²/Hz) on each axis, so over a step h (s) P becomes
+The state is x = (q, q̇) with the angles q = (roll, pitch, yaw) and the covariance P. The rotors'
+thrusts follow from the voltages without noise and are computed beforehand. The process noise is
+white angular acceleration of intensity a_i² ((rad/s²)²/Hz) on each axis, so over a step h (s) P
+becomes
 
     P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ]
 
@@ -100,7 +101,7 @@ grow = compiled(_grow, leaf=True, error_model="numpy")
 
 
 def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
-    """Write the derivatives (3, 6) of the accelerations by the state x (angles, rates) to A.
+    """Write the derivatives ∂q̈/∂x (3, 6) of the accelerations q̈ to A; x: angles and rates (6,).
 
     F (2,) N are the thrusts, w is work space. For the other arguments see
     `heli3dof.model.physics.integrator`.
@@ -275,9 +276,9 @@ filter_blocks = compiled(_filter, error_model="numpy", nogil=True)
 def _follow(  # type: ignore[no-untyped-def]
     s0, first, address, pars, mem0, blocks, free, t, h, V, y, row, state, C, G, W, K, D
 ):  # fmt: skip
-    """Predict the E events of `_filter` with J parameter sets; write the changes δc to D (J, E).
+    """Predict the E measurement updates (events) of `_filter` with J parameter sets; fill D (J, E).
 
-    δc is the predicted angle or rate minus that of `_filter`, whose gains are kept. ``s0`` and
+    D is the predicted angle or rate minus that of `_filter`, whose gains are kept. ``s0`` and
     ``pars`` contain the J sets, each from `Structure.arrays`. row, state, C, G, W, K are the events
     that `_filter` stored; the other arguments are those of `_filter`. The integration is coarser
     than the filter's. Therefore, pass the filter's own parameters as the first set, and subtract

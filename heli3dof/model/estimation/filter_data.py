@@ -1,8 +1,8 @@
 """Convert recordings to arrays for the Kalman filters.
 
 A run is an interval of usable rows. The lead-in, up to `LEAD_S` seconds of earlier rows, is added
-before it, so that the voltages there determine the thrusts at its start. The filters treat an axis
-that was not measured as fixed.
+before it, so that the voltages there determine the thrusts at its start. For the filters, an
+unmeasured axis does not move.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class RowRange:
 class Data:
     """The input arrays of a Kalman filter: N rows of recordings in B blocks.
 
-    A block is a lead-in of up to `LEAD_S` seconds, then a run of usable rows.
+    A block is a run of usable rows, after up to `LEAD_S` seconds of earlier rows (lead-in).
     """
 
     t: np.ndarray
@@ -80,7 +80,7 @@ class Data:
 
 
 def data_of(recordings: Sequence[Recording], runs: Sequence[RowRange]) -> Data:
-    """Return the ``runs`` of usable rows of ``recordings``, with lead-ins, as arrays.
+    """Return the ``runs`` of usable rows as arrays, each with a lead-in (the rows before it).
 
     Raises RecordingError if there are no runs.
     """
@@ -176,7 +176,7 @@ def hold_last(
 
 
 def _lead(recording: Recording, start: int) -> int:
-    """Return the first row of the lead-in of a run that begins in row ``start``.
+    """Return the first row of the lead-in, the rows before a run that begins in row ``start``.
 
     The lead-in contains no gap and no lost voltage.
     """

@@ -1,9 +1,9 @@
 """Simulate the closed loop of the sampled controller with a grey-box model (compiled).
 
-In each control period the encoders read the angles, rounded to encoder steps if the task states
-them. Then the control law computes the voltage, and the rig moves under it. With an initial roll
-below `ON_TABLE_BELOW` the rig is at rest on the table, with rotors at standstill. Otherwise the
-initial thrusts balance roll and pitch.
+In each control period the encoders read the angles, rounded to encoder steps if the `LoopTask`
+contains them. Then the control law computes the voltage, and the rig moves under it. With an
+initial roll below `ON_TABLE_BELOW` the rig is at rest on the table, with rotors at standstill.
+Otherwise the initial thrusts balance roll and pitch.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _fly_compiled = compiled(_fly, error_model="numpy", nogil=True)
 
 
 def fly(model: GreyBoxParameters, task: LoopTask) -> LoopResult:
-    """Return the simulated flight of the task with the model, starting at rest at ``task.angle0``.
+    """Return the closed-loop flight that ``task`` describes, simulated from rest at ``angle0``.
 
     A NaN in angle0 counts as zero. A diverging loop gives inf and NaN.
     """

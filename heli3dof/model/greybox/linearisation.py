@@ -89,7 +89,7 @@ def true_angles(model: GreyBoxParameters, read: np.ndarray) -> np.ndarray:
 def balance(model: GreyBoxParameters, q: np.ndarray) -> np.ndarray:
     """Return the thrusts (2,) N that balance roll and pitch at rest at the angles q (3,) rad.
 
-    If Newton's method diverges, no thrusts balance the model; the last finite thrusts are returned.
+    If Newton's method diverges, returns its last finite thrusts, which do not balance the model.
     """
     plant = _Plant(model)
     F = np.full(2, 0.5 * plant.s[state_layout.T_G] / plant.s[state_layout.L_A])

@@ -35,7 +35,7 @@ class GreyBoxModel(GreyBoxParameters):
         )
 
     def fly(self, task: LoopTask) -> LoopResult:
-        """Return the simulated closed loop; see `heli3dof.model.greybox.closed_loop`."""
+        """Return the closed-loop flight that ``task`` describes, simulated with this model."""
         from heli3dof.model.greybox.closed_loop import fly
 
         return fly(self, task)

@@ -63,7 +63,7 @@ _fly_compiled = compiled(_fly)
 
 
 def fly(model: LinearParameters, task: LoopTask) -> LoopResult:
-    """Return the simulated flight of the task with the model, starting at rest at ``task.angle0``.
+    """Return the closed-loop flight that ``task`` describes, simulated from rest at ``angle0``.
 
     The start need not be an equilibrium, because the model omits the table on which a real rig
     rests. Quantised readings are angle0 plus whole encoder steps. A diverging loop gives inf and

@@ -50,15 +50,15 @@ class Hover:
 
 
 def quiescent_voltage(profile: Profile) -> float:
-    """Return a motor's hover voltage (V) by the paper's eq (6). Its sign is unreliable (E2)."""
+    """Return a motor's hover voltage (V), paper's eq (6); its sign is unreliable (erratum E2)."""
     return profile.gravity_torque / (2 * profile.geometry.L_a * profile.motor.K_f)
 
 
 def hover(profile: Profile, *, printed: bool = False) -> Hover:
     """Return the paper's hover model, matrices (10)–(13), for a rig.
 
-    ``printed``: with the paper's errata, and V_o from its eq (6). Otherwise the errata are
-    corrected, and V_o is the profile's. See the head of this file.
+    ``printed``: with the paper's errata, and hover voltage V_o from its eq (6). Otherwise the
+    errata are corrected, and V_o is the profile's. See the head of this file.
     """
     if printed:
         return _as_printed(profile)
@@ -93,8 +93,9 @@ def _as_printed(profile: Profile) -> Hover:
 def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = None) -> LinearModel:
     """Return the hover model, sampled at the control rate (or every ``dt`` s) with zero-order hold.
 
-    ``printed``: with the paper's errata. States (rad, rad/s) as in (8); trim u0 = V_o per motor, y0
-    = 0. Kalman gain K zero and noise covariance S NaN, because the paper gives no noise.
+    ``printed``: with the paper's errata. States: roll, pitch, yaw (rad) and their rates (rad/s);
+    trim u0 = hover voltage V_o of each motor, y0 = 0. Kalman gain K zero and noise covariance S
+    NaN, because the paper gives no noise.
     """
     from heli3dof.model.discretisation import c2d_zoh
 

@@ -41,7 +41,7 @@ class LinearModel(LinearParameters):
         return rest_state(self, angle0)
 
     def fly(self, task: LoopTask) -> LoopResult:
-        """Return the simulated closed loop; see `heli3dof.model.linear.closed_loop`."""
+        """Return the closed-loop flight that ``task`` describes, simulated with this model."""
         from heli3dof.model.linear.closed_loop import fly
 
         return fly(self, task)
@@ -74,8 +74,8 @@ class LinearModel(LinearParameters):
     def to_control(self, *, in_continuous_time: bool = False) -> control.StateSpace:
         """Return a python-control ``StateSpace`` from motor voltages (V) to angles (rad).
 
-        Both are differences from the trim. The states of the hover model are r, p, psi and their
-        rates; the states of other models are x[0], x[1], …
+        Inputs and outputs are differences from the trim. The states of the hover model are r, p,
+        psi and their rates; the states of other models are x[0], x[1], …
         """
         from heli3dof.model.discretisation import HOVER_STATES, to_control
 

@@ -156,7 +156,10 @@ def noise(
 
 
 def _forced(A: np.ndarray, B: np.ndarray, C: np.ndarray, u: np.ndarray, h: int) -> np.ndarray:
-    """Return the forced response (N, 3) to u (N, 2): row k is Σ_{i=0}^{h−2} C Aⁱ B u[k−1−i]."""
+    """Return the part of the h-sample predictions (N, 3) that the latest inputs u (N, 2) cause.
+
+    Row k is Σ_{i=0}^{h−2} C Aⁱ B u[k−1−i].
+    """
     taps = np.empty((h - 1, 3, 2))
     AB = B
     for i in range(h - 1):

@@ -51,7 +51,7 @@ class FreeParameter:
     """The name of its term (effect on an axis); None for a base parameter."""
 
     def scaled(self, value: float) -> float:
-        """Return the scaled parameter θ, which a fit estimates: value/typical, or ln(value)."""
+        """Return θ, the scaled parameter of a fit: value/``typical``, or ln(value) if ``log``."""
         return math.log(value) if self.log else value / self.typical
 
     def unscaled(self, theta: float) -> float:
@@ -120,7 +120,7 @@ class Structure:
         return tuple(f.name for f in self.free)
 
     def with_terms(self, *terms: Term) -> Structure:
-        """Return the structure with further ``terms``; their parameters are the last of `free`."""
+        """Return the structure with further effects; in `free`, their parameters are last."""
         return Structure(self.profile, (*self.terms, *terms))
 
     @property
@@ -191,8 +191,8 @@ def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
     """Return an estimate of the ratio of the profile's thrust per volt K_f to the true K_f.
 
     ``values`` start with the gravity torque T_g and the three inertias, estimated with the
-    profile's K_f. A wrong K_f multiplies all four by this ratio. The result is the median of the
-    ratios to the nominal values: if only one of the four deviates, K_f is not the cause.
+    profile's K_f. A wrong K_f multiplies all four by this ratio. The result is the median of their
+    ratios to the nominal values, so a deviation of only one of the four has little influence.
     """
     nominal = (profile.trim_torque, *profile.inertias)
     ratio = sorted(v / n for v, n in zip(values[:4], nominal, strict=True) if n and v / n > 0)

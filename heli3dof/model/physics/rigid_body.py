@@ -209,7 +209,7 @@ def _advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w):  # type: i
     """Advance angles and rates x (6,) by h s with the thrusts F0, Fm, F1 (2,) N.
 
     F0, Fm, F1 are the exact thrusts at start, middle and end. Method: Runge–Kutta–Nyström with
-    Simpson's weights; the thrusts contribute an error of order h⁵. w (≥ 5, 3) is work space.
+    Simpson's weights; the thrusts cause an error of order h⁵. w (≥ 5, 3) is work space.
     """
     force, torque, a0, am, a1 = w[0], w[1], w[2], w[3], w[4]
     for i in range(6):

@@ -62,7 +62,9 @@ def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
 def check_angles(source: str, columns: Mapping[str, np.ndarray], profile: Profile) -> list[str]:
     """Raise RecordingError if an angle's unit is not the one in its name; return warnings.
 
-    ``source`` is the log's name for messages. ``columns`` are those of docs/reference/recording.md.
+    Warnings: an angle that is constant, moves against its voltages, is off the encoder's grid, or
+    may have another unit. ``source`` is the log's name for messages. ``columns`` are those of
+    docs/reference/recording.md.
     """
     warnings: list[str] = []
     for axis in AXES:
@@ -226,9 +228,10 @@ def newton(
     """Compare an angle's second difference with the integrated torque by Newton's law.
 
     ``angle`` (N,) rad is that of ``axis``; ``columns`` has the voltages, ``profile`` the rig's
-    parameters. Returns the ratio of the two standard deviations, about 1 in the right unit, and the
-    correlation, positive with the right sign. Returns None for yaw, for fewer than eight windows,
-    if the torque explains less than about one count of motion, or if the angle is constant.
+    parameters. Returns the ratio of standard deviations, difference to torque, about 1 in the right
+    unit; and the correlation of both, positive with the right sign. Returns None for yaw, for
+    fewer than eight windows, if the torque explains less than about one count of motion, or if the
+    angle is constant.
     """
     dt = float(np.median(np.diff(columns["t_s"])))
     n = max(1, round(NEWTON_WINDOW_S / dt))

@@ -27,7 +27,7 @@ LISTED = 12
 def _restricted(name: str, arguments: int = 1) -> Callable[..., Any]:
     """Return numpy's function ``name``, restricted to ``arguments`` arguments.
 
-    Further arguments of the function could change arrays.
+    Further arguments, such as ``out``, could change arrays.
     """
 
     def call(*values: Any) -> Any:
@@ -88,12 +88,12 @@ def _check_target(name: str) -> None:
 
 
 def mapped(table: Table, given: Mapping[str, str], profile: Mapping[str, str]) -> Table:
-    """Return ``table`` with the columns of the mapping added or replaced.
+    """Return ``table`` with the columns that the mappings compute, added or replaced.
 
     ``given``: column → expression from the command line. ``profile``: column → expression from the
-    profile's ``[log]``; for the same column, ``given`` has priority. If a name in an expression of
-    ``profile`` is unknown, but the log has the column itself, the log's column is used. Columns of
-    the log that an expression uses are dropped, unless docs/reference/recording.md names them.
+    profile's ``[log]``; for the same column, ``given`` has priority. An expression of ``profile``
+    with an unknown name is ignored if the log already has the column that it would compute. Columns
+    of the log that an expression uses are dropped, unless docs/reference/recording.md names them.
     Raises UsageError for a faulty expression in ``given``, RecordingError for one in ``profile``.
     """
     for name in given:

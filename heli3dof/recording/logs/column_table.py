@@ -1,6 +1,7 @@
 """Check a log's table of named columns and convert it to a `Recording`.
 
-Columns with unknown names are kept as channels. Angles in ``_deg`` are converted to radians.
+Columns with unknown names become the recording's channels. Angles in ``_deg`` are converted to
+radians.
 """
 
 from __future__ import annotations

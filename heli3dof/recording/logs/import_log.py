@@ -26,7 +26,7 @@ from heli3dof.rig.profile import Profile
 
 
 def is_log(path: str | Path) -> bool:
-    """Return True if heli3dof reads ``path`` as a log without profile, such as CSV or MAT.
+    """Return True if ``path`` is a log whose format contains no rig's profile, such as CSV or MAT.
 
     The file need not exist: usually the ending of its name decides.
     """

@@ -49,8 +49,8 @@ def join(tables: Sequence[Table]) -> Table:
     """Return one table with the columns of all tables, at the instants that all clocks contain.
 
     A column name that occurs in several tables gets its file's name as a prefix: ``input.u``. A
-    table without a clock must have as many samples as the first table with a clock, otherwise this
-    raises RecordingError. So do clocks with different rates or instants, or without overlap.
+    table without a clock must have as many samples as the first table with a clock. Raises
+    RecordingError otherwise, and for clocks with different rates or instants, or without overlap.
     """
     tables = [with_clock(table) for table in tables]
     if len(tables) == 1:

@@ -7,12 +7,12 @@ time. A phase-locked loop follows the clock,
     n_k = n_{k−1} + round((t_k − ĝ_{k−1}) / T̂),    e_k = t_k − ĝ_{k−1} − (n_k − n_{k−1}) T̂
     ĝ_k = t_k − e_k + α e_k,    T̂ ← T̂ + β e_k
 
-T̂ is the estimated period and ĝ_k the time of sample k on the estimated, evenly spaced clock; α and
-β are small. So the count n_k is right while |ε| stays below half a period, and the loop follows a
-clock that drifts. T̂ and ĝ start at the values that fit the first time stamps best. No loop is
-needed if every interval is within a quarter of a period of a multiple of T̂: each interval then
-determines its own count. ε is the residual of straight lines t_k over n_k, fitted to groups of
-`STRETCH` samples.
+T̂ is the estimated period, ĝ_k the time of sample k on the estimated, evenly spaced clock, and e_k
+the stamp's deviation from the prediction; α and β are small. So the count n_k is right while |ε|
+stays below half a period, and the loop follows a clock that drifts. T̂ and ĝ start at the values
+that fit the first time stamps best. No loop is needed if every interval is within a quarter of a
+period of a multiple of T̂: each interval then determines its own count. ε is the residual of
+straight lines t_k over n_k, fitted to groups of `STRETCH` samples.
 
 A large ε has one of two causes:
 

@@ -14,9 +14,10 @@ e_i e_j, summed over samples and pairs of axes i < j:
 
 with the encoder's step q and τ = `SCALE_S`. For a single axis, σ_t² is the slope of e² over ẏ².
 
-The standard deviation of σ_t² is estimated by a jackknife over blocks of `BLOCK_S`. Divided by it,
-σ_t² follows Student's t with ν = 1/Σ b² − 1 degrees of freedom; b is a block's fraction of the
-denominator. If delays last longer than the window, the true jitter is larger than the estimate.
+The standard deviation of σ_t² is estimated by a jackknife over blocks of `BLOCK_S`. Without jitter,
+σ_t² divided by it follows Student's t with ν = 1/Σ b² − 1 degrees of freedom; b is a block's
+fraction of the denominator. If delays last longer than the window, the true jitter is larger than
+the estimate.
 """
 
 from __future__ import annotations
@@ -97,7 +98,7 @@ def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -
 
 
 def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return residuals and slopes at the middle of parabolas fitted to 2 ``half`` + 1 samples.
+    """Fit parabolas to 2 ``half`` + 1 samples each; return residuals and slopes in their middles.
 
     ``t``: times (N,) in s; ``y``: the angle of one axis (N,) in rad.
     """
@@ -120,7 +121,7 @@ def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.n
 
 
 def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
-    """Return the variance (N,) rad² of an axis's angle by quantisation and a jitter `SCALE_S`.
+    """Return the error variance (N,) rad² of an angle: quantisation, and a jitter of `SCALE_S`.
 
     ``rate`` (N,): in rad/s; ``step``: the encoder's step in rad.
     """
@@ -130,8 +131,8 @@ def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
 def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJitter:
     """Return the jitter σ_t (s), estimated from one axis by least squares: e² = const + σ_t² ẏ².
 
-    ``e``: residuals of `_residual` in rad; ``rate``: ẏ in rad/s; ``blocks``: each sample's block
-    number.
+    ``e``: residuals of `_residual` in rad; ``rate``: ẏ in rad/s; ``blocks``: number of each
+    sample's block for `_jackknife`.
     """
     there = np.isfinite(e)
     if there.sum() < 100:

@@ -35,7 +35,7 @@ BATCH = 256
 def chunk_indexes(
     stream: BinaryIO, span: tuple[int, int], count: int, rows: RowFormat
 ) -> Iterator[ChunkIndex]:
-    """Yield the index entry of each chunk in a part of a file, which contains ``count`` chunks.
+    """Yield the index entry of each of the ``count`` chunks in a part of a file.
 
     ``span``: byte offsets of the part's start and end; ``rows``: byte format of the chunks' rows.
     At each yield the stream is at its end, so that the caller can append the entry. Raises OSError

@@ -130,7 +130,7 @@ def scan(data: bytes) -> Scan:
 
 
 def our_layouts(found: Scan) -> list[Layout] | None:
-    """Return the layout of each message type in a file of heli3dof; None for other files."""
+    """Return the fields (`Layout`) of each message type of a heli3dof file; None for others."""
     by_topic = {c.topic: c for c in found.channels.values()}
     layouts = [SAMPLE, COMMAND]
     if CHANNELS_TOPIC in by_topic:
@@ -144,9 +144,10 @@ def our_layouts(found: Scan) -> list[Layout] | None:
 
 
 def channel_names(found: Scan) -> list[str]:
-    """Return the names of a recording's columns that have no standard field (`channels_layout`).
+    """Return the names of a recording's further columns, such as unknown columns of a log.
 
-    ``found``: the file's records. Raises Damaged if the names are unreadable.
+    heli3dof's own messages have no fields for them. ``found``: the file's records. Raises Damaged
+    if the names are unreadable.
     """
     for channel in found.channels.values():
         if channel.topic == CHANNELS_TOPIC:
@@ -178,7 +179,7 @@ def records_in(data: bytes, at: int = 0) -> tuple[list[tuple[int, int, int]], in
 
 
 def decode_chunk(content: bytes) -> bytes:
-    """Return the uncompressed bytes of an MCAP chunk with this content. Raises Damaged."""
+    """Return the uncompressed bytes of an MCAP chunk; raise Damaged if it cannot be read."""
     try:
         _, _, size, crc, name_length = _CHUNK.unpack_from(content)
         codec = content[32 : 32 + name_length].decode()

@@ -48,8 +48,8 @@ class McapFile:
 
     If the stream can be read, `finish` adds an index of the chunks; a pipe cannot be read, so its
     output has no index. ``good`` is the byte offset after the last complete record. After a failed
-    write, the caller may truncate the file at this offset. ``names``: names of the columns without
-    a standard field; the MCAP channel of their message lists them (`channels_layout`).
+    write, the caller may truncate the file at this offset. ``names``: names of the columns that
+    heli3dof's own messages do not contain; they have a message of their own (`channels_layout`).
     """
 
     def __init__(self, stream: BinaryIO, rows: RowFormat, names: Sequence[str] = ()) -> None:
@@ -184,9 +184,10 @@ def write_rows(
     names: Sequence[str],
     metadata: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Write a complete file: ``metadata`` without its record `OUTCOME`, the rows, then `OUTCOME`.
+    """Write a complete file: metadata, rows, then the metadata record `OUTCOME`.
 
-    ``form``: the rows' format; ``names``: see `McapFile`.
+    ``metadata``: all records by name, also `OUTCOME` (how the flight ended); ``form``: the rows'
+    format; ``names``: see `McapFile`.
     """
     file = McapFile(stream, form, names)
     file.start({name: data for name, data in metadata.items() if name != OUTCOME})
