@@ -167,11 +167,11 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
 
 
 def _clearest(flight: LinearisedRun, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
-    """Return the variable and the axis on which the cause explains most of the residual torque.
+    """Return the variable and the axis index on which the cause explains most residual torque.
 
-    The residual torque is averaged in bins of the variable. The measure is the decrease of this
-    mean's weighted variance over the bins when the torque of ``cause`` is subtracted. A later
-    variable of ``names`` must reach `MIN_CLARITY_RATIO` times the best measure so far.
+    ``cause`` (N, 3): the cause's torque. It is subtracted from the residual torque; both are means
+    in bins of the variable. The measure is how much the weighted variance over the bins decreases.
+    Each further variable of ``names`` must exceed `MIN_CLARITY_RATIO` times the best measure.
     """
     best = (names[0], 0, 0.0)
     for name in dict.fromkeys(names):
