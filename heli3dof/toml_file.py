@@ -253,7 +253,7 @@ def _wrong_value(e: ErrorDetails, source: str) -> Problem:
 
 
 def _required(model: type[BaseModel], path: Sequence[str]) -> list[str]:
-    """Return ``path`` as a dotted key; for a section, the dotted keys that it requires."""
+    """Return the dotted key at ``path``; for a section, the keys that it requires."""
     field = _section_at(model, path[:-1])[0].model_fields.get(path[-1])
     inner = None if field is None else section_of(field)
     if inner is None:

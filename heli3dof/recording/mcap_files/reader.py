@@ -73,7 +73,7 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
 def open_mcap(path: Path) -> Scan:
     """Return the records of an MCAP file, even if its end is missing.
 
-    Raises RecordingError for other files.
+    Raises RecordingError for a file that is not an MCAP file.
     """
     data = read_bytes(path)
     if not data.startswith(MAGIC):

@@ -201,8 +201,8 @@ def _binned(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the means of z and torque, and the torque's standard error, in bins of z.
 
-    The bins are of equal width, between the quantiles 0.002 and 0.998 of the variable z. Bins of
-    less than `MIN_TIME_S` are omitted. ``h`` (N,): sampling intervals in s.
+    The bins are of equal width, between the quantiles 0.002 and 0.998 of the variable z. Bins
+    with data of less than `MIN_TIME_S` s are omitted. ``h`` (N,): sampling intervals in s.
     """
     low, high = np.quantile(z, [0.002, 0.998])
     which = np.clip(((z - low) / max(high - low, 1e-12) * bins).astype(int), 0, bins - 1)

@@ -14,7 +14,7 @@ from heli3dof.report.text.table import Grid
 
 @dataclass(frozen=True)
 class Column:
-    """A table column: a pattern of quantities' names, a title, a factor to the title's unit."""
+    """A table column: a pattern for the quantity's name, a title, a factor to the title's unit."""
 
     pattern: str
     title: str
