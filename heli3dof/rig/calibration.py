@@ -73,7 +73,7 @@ class RestCounts:
     known_from: str
     """``zero``: measured; ``power-up``: the device is assumed to have started at rest"""
     note: str = ""
-    """What the user should know; empty if nothing"""
+    """What the user should know about the counts; empty if nothing"""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as a dict for a recording's metadata; an empty note is left out."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 MOST_SAMPLES = 2000
 """Largest number of samples per curve in the page; bounds a curve to about 30 kB (a convention)"""
 DIGITS = 6
-"""Significant digits of a sample: a millisecond in an hour, a hundredth of an encoder count"""
+"""Significant digits of a sample, to resolve 1 ms in an hour, a hundredth of an encoder count"""
 THEME = {
     "ink": (style.INK, "#e6edf3"),
     "faint": (style.SOFT, "#8d96a0"),
