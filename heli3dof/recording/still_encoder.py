@@ -2,7 +2,8 @@
 
 Either dry friction held the axis, or its encoder is frozen; the recording cannot distinguish the
 two. Dry friction of 0.05 N·m holds the emulated rig's yaw axis for 16 s of a flight with a roll
-step. A safety monitor ends a flight only if, by its model, the axis must have turned.
+step. A safety monitor ends a flight with a constant count only if, by its model, the axis must have
+turned.
 """
 
 from __future__ import annotations

@@ -172,7 +172,7 @@ def _label_exit(axes: Axes, c: Curve) -> None:
 
 
 def spread(places: np.ndarray, gap: float) -> np.ndarray:
-    """Return the sorted label heights ``places`` (0…1), moved just enough to be ``gap`` apart.
+    """Return the sorted label heights ``places`` (0…1), moved ``gap`` apart where they are closer.
 
     >>> spread(np.array([0.5, 0.5]), 0.1).tolist()
     [0.45, 0.55]

@@ -93,7 +93,7 @@ class TorqueCurve:
 
 
 def variable_of(effect: Effect, axis: str | None) -> str | None:
-    """Return the variable on the horizontal axis of an effect's figure; None without a figure."""
+    """Return the variable on the horizontal axis of an effect's figure; None if it has none."""
     if not effect.hooks or effect.name == BACKLASH:
         return None
     variable = (
@@ -167,11 +167,11 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
 
 
 def _clearest(flight: LinearisedRun, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
-    """Return the variable and the axis index on which the cause explains most residual torque.
+    """Return the variable and the axis (0 to 2) for which the cause explains most of the torque.
 
-    ``cause`` (N, 3): the cause's torque. It is subtracted from the residual torque; both are means
+    ``cause`` (N, 3): the cause's torque. It is subtracted from the residual torque, both averaged
     in bins of the variable. The measure is how much the weighted variance over the bins decreases.
-    Each further variable of ``names`` must exceed `MIN_CLARITY_RATIO` times the best measure.
+    A later variable of ``names`` must exceed `MIN_CLARITY_RATIO` times the best measure so far.
     """
     best = (names[0], 0, 0.0)
     for name in dict.fromkeys(names):

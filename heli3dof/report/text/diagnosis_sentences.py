@@ -128,8 +128,8 @@ def calibration_change(document: Document) -> Iterator[str]:
     """Yield sentences on refitting the profile: RMSE before and after, changed parameter ratios.
 
     A ratio of parameters is named if it changed by more than two standard deviations. Yields
-    nothing unless the refit explains the error (`refit_explains`), or the diagnosis found nothing
-    and the noise floor is unknown.
+    sentences only if the refit explains the error (`refit_explains`), or if the diagnosis found
+    nothing and the noise floor is unknown.
     """
     unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
     if not (unknown or refit_explains(document)):
@@ -187,7 +187,11 @@ def faults(document: Document) -> Iterator[str]:
 
 
 def limits(document: Document) -> Iterator[str]:
-    """Yield sentences on recordings not fitted, and on simulation errors missing or below noise."""
+    """Yield sentences on what limits the diagnosis.
+
+    They name recordings that were not fitted, a simulation error that was not measured, and axes
+    whose fitted noise exceeds this error.
+    """
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:
         yield (

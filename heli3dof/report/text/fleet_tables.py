@@ -72,7 +72,7 @@ def main_quantities(fleet: Fleet) -> list[tuple[FleetQuantity, Column]]:
 
 
 def quantity_table(q: FleetQuantity) -> Grid:
-    """Return one quantity's table: each rig's estimate, interval, scatter between flights."""
+    """Return one quantity's table: each rig's estimate, 95 % interval, scatter between flights."""
     rows = [(r.track.rig, *_numbers(r.estimate), _marks(r)) for r in q.rigs]
     if q.fleet is not None and len(q.rigs) > 1:
         rows.append(("all rigs", *_numbers(q.fleet), ""))

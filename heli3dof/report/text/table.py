@@ -101,7 +101,7 @@ class _FittingTable:
         return head.rsplit(" ", 1) if self.grid.is_number(column) else [head]
 
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
-        """Return the widths of ``columns``: the least, the left ones widened to fill ``width``."""
+        """Return the least widths of ``columns``; spare ``width`` widens the left columns first."""
         from rich.cells import cell_len
 
         widths = [self._least_width(i) for i in columns]

@@ -87,8 +87,8 @@ def _await(question: Request, start: float) -> Stopped | None:
     """Wait for a session's answer to a stop request, and return the result.
 
     Without an answer, the driver stops a real rig directly. An emulated rig exists only in the
-    session's process. If that has ended without an answer, the result is None: nothing is left.
-    ``start``: when the stop began, in s (monotonic).
+    session's process. If that has ended without an answer, the result is None: nothing is left to
+    stop. ``start``: when the stop began, in s (monotonic).
     """
     session = question.session
     who = f"pid {session.pid} (`{session.doing}`)"
