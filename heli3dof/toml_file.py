@@ -129,8 +129,8 @@ M = TypeVar("M", bound=BaseModel)
 def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
     """Return the content of the TOML file ``path`` as nested dicts.
 
-    Raises an exception of the class ``error`` if the file cannot be read. ``what`` names the kind
-    of file in its message ("profile").
+    Raises an exception of the class ``error`` if the file cannot be read; ``what``, for example
+    "profile", is the kind of file that the message names.
     """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))

@@ -167,7 +167,7 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
 
 
 def _clearest(flight: LinearisedRun, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
-    """Return the variable and the axis (0 to 2) for which the cause explains most of the torque.
+    """Return the variable and axis (0 to 2) for which the cause explains most residual torque.
 
     ``cause`` (N, 3): the cause's torque. It is subtracted from the residual torque, both averaged
     in bins of the variable. The measure is how much the weighted variance over the bins decreases.
