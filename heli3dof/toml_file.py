@@ -129,8 +129,8 @@ M = TypeVar("M", bound=BaseModel)
 def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
     """Return the content of the TOML file ``path`` as nested dicts.
 
-    Raises an exception of the class ``error`` if the file cannot be read. ``what`` names the kind
-    of file in its message ("profile").
+    Raises an exception of the class ``error`` if the file cannot be read; ``what``, for example
+    "profile", is the kind of file that the message names.
     """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
@@ -253,7 +253,7 @@ def _wrong_value(e: ErrorDetails, source: str) -> Problem:
 
 
 def _required(model: type[BaseModel], path: Sequence[str]) -> list[str]:
-    """Return ``path`` as a dotted key; for a section, the dotted keys that it requires."""
+    """Return the dotted key at ``path``; for a section, the keys that it requires."""
     field = _section_at(model, path[:-1])[0].model_fields.get(path[-1])
     inner = None if field is None else section_of(field)
     if inner is None:

@@ -30,8 +30,8 @@ class MemoryRecorder:
 def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, Any]) -> Recording:
     """Return a recording made of rows, one for each control period.
 
-    ``Recording.voltage`` is the output voltage that the device reports, or the sent voltage if it
-    reports none in any row (`output_voltage`). ``meta`` becomes ``Recording.meta``.
+    ``Recording.voltage`` is the output voltage that the device reports. If the device never reports
+    it, the voltage sent is used (`output_voltage`). ``meta`` becomes ``Recording.meta``.
     """
     n = len(rows)
 

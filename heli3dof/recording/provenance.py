@@ -70,7 +70,7 @@ def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
 
 @cache
 def versions() -> Mapping[str, str]:
-    """Return {name: version} of Python and the `PACKAGES`; ``system``: the operating system."""
+    """Return {name: version} of Python and `PACKAGES`, and {"system": operating system}."""
     found = {"python": platform.python_version(), "system": platform.system()}
     for name in PACKAGES:
         try:

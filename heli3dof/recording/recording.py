@@ -34,8 +34,8 @@ LISTED = 8
 class Recording(Result):
     """A flight: arrays over N samples, the rig's profile and the provenance.
 
-    Columns that were not logged are NaN throughout: ``axes``, ``has_reference`` and ``has_cmd``
-    state which were logged.
+    Columns that were not logged contain only NaN. ``axes``, ``has_reference`` and ``has_cmd``
+    (voltage before the limiter) state which were logged.
     """
 
     t: FloatArray

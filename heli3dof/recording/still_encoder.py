@@ -1,8 +1,9 @@
 """Warns of an encoder whose count did not change at the end of a flight.
 
 Either dry friction held the axis, or its encoder is frozen; the recording cannot distinguish the
-two. Dry friction of 0.05 N·m holds the emulated rig's yaw axis for 16 s of a roll step. A safety
-monitor ends the flight only if the torque must have turned the axis and the count did not change.
+two. Dry friction of 0.05 N·m holds the emulated rig's yaw axis for 16 s of a flight with a roll
+step. A safety monitor ends a flight with a constant count only if, by its model, the axis must have
+turned.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ in 12 emulated flights with a third to three times the default torque noise."""
 
 
 def still_encoder_warnings(recording: Recording) -> list[str]:
-    """Return a warning for each axis whose count was constant for the last `STILL_S` s or more.
+    """Return a warning for each axis whose count was constant at the end for over `STILL_S` s.
 
     Only the time under closed-loop control counts. The list is empty for a flight that did not
     complete; its outcome then states the reason.

@@ -19,7 +19,7 @@ stored calibration, compared with the device           counts_at_rest
 none                                                   0: the device is assumed to have started
                                                        at rest
 unreadable, or other counts per revolution             0, with a note
-another boot number, or only one side has a number     0, with a note
+another boot number, or one of the two is missing      0, with a note
 both start instants known, and too far apart           0, with a note
 no boot number, and a start instant unknown            as stored, with a note of the date
 any other                                              as stored
@@ -73,7 +73,7 @@ class RestCounts:
     known_from: str
     """``zero``: measured; ``power-up``: the device is assumed to have started at rest"""
     note: str = ""
-    """What the user should know; empty if nothing"""
+    """What the user should know about the counts; empty if nothing"""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as a dict for a recording's metadata; an empty note is left out."""

@@ -3,8 +3,8 @@
     bin(t) = ⌈ln(t / SHORTEST_S) / ln(1 + RATIO)⌉     bin 0: up to SHORTEST_S; the last: from 85 s
 
 t is a time in s. A quantile is reported as the upper edge of its bin, at most 1 % too long. A
-quantile in bin 0 is reported as 0, a quantile in the last bin as the longest time, which is stored
-exactly.
+quantile in bin 0 is reported as 0, a quantile in the last bin as the longest time added, which is
+stored exactly.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The motor voltages of one control period. The next sample repeats its number ``sequence``."""
+    """The motor voltages of one control period, and their number, which the next sample repeats."""
 
     sequence: int
     v_front: float
@@ -146,7 +146,7 @@ class Rig(Protocol):
         ...
 
     def estop(self, reason: str) -> None:
-        """Set zero volts until `arm`, in any state; ``reason`` explains the stop. Idempotent."""
+        """In any state, set zero volts until the next `arm`; ``reason``: why. Idempotent."""
         ...
 
     def close(self) -> None:
@@ -229,7 +229,7 @@ class Driver(Protocol):
         ...
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """Check the port before it is opened (permission, holder, latency); return the results."""
+        """Check an unopened port (permission, process using it, latency); return the results."""
         ...
 
 

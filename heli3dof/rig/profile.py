@@ -451,7 +451,8 @@ class Profile(Section):
 def load_profile(path: str | Path) -> Profile:
     """Read a profile from a TOML file and return it.
 
-    Raises ProfileError naming the key, the file and the nearest known key.
+    Raises ProfileError for a wrong key or value. The error names the file, the key and, for an
+    unknown key, the nearest known one.
     """
     path = Path(path)
     return profile_from_dict(read_toml(path, "profile", ProfileError), source=str(path))

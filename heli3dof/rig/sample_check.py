@@ -17,7 +17,7 @@ from heli3dof.rig.interface import Sample
 from heli3dof.rig.trip import Trip
 
 LARGEST_COUNT = 1 << 62
-"""counts: the range of a signed 64-bit integer, with room for a difference"""
+"""counts: half the range of a signed 64-bit integer, so that no difference overflows"""
 _CAUSE = "a mistake in the driver, or a reading that failed and was passed on."
 _FIX = "python -m heli3dof.rig.conformance URL, which examines a driver"
 

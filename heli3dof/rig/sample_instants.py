@@ -5,9 +5,9 @@ sample's time d on the device's clock determines i:
 
     t_0 + i·dt ≤ d < t_0 + (i + BUSY)·dt        t_0: time of instant 0, estimated
 
-An instant without a sample was skipped. dt is the control period in s; BUSY and CREEP are shares of
-it. The estimate of t_0 is the smallest d − i·dt so far. It may rise by up to CREEP·dt per sample,
-since the device's period may be longer than dt.
+An instant without a sample was skipped. dt is the control period in s; BUSY and CREEP are fractions
+of it. The estimate of t_0 is the smallest d − i·dt so far. It may rise by up to CREEP·dt per
+sample, since the device's period may be longer than dt.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Instants:
         self._base, self._k = first_s, 0
 
     def skipped(self, device_s: float) -> int:
-        """Add a sample taken at ``device_s`` (s); return the number of instants skipped before."""
+        """Add a sample taken at ``device_s`` s; return the number of instants skipped before it."""
         dt = self._dt
         behind = (device_s - self._base) / dt - (self._k + 1)
         skipped = max(0, int(behind + 1 - self._busy))

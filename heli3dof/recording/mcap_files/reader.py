@@ -1,8 +1,8 @@
 """`read_recording`: reads an MCAP file as a `Recording`.
 
-Chunks that heli3dof wrote are packed rows and are read as arrays (tens of milliseconds for 60 s at
-500 Hz). If another tool rewrote the file, the messages are read one by one. Files of other programs
-are imported (`heli3dof.recording.logs.import_log`).
+heli3dof writes chunks of packed rows, which are read as arrays (tens of milliseconds for 60 s at
+500 Hz). If a tool has changed this layout, the messages are read one by one. Recordings of other
+programs are imported (`heli3dof.recording.logs.import_log`).
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
 def open_mcap(path: Path) -> Scan:
     """Return the records of an MCAP file, even if its end is missing.
 
-    Raises RecordingError for other files.
+    Raises RecordingError for a file that is not an MCAP file.
     """
     data = read_bytes(path)
     if not data.startswith(MAGIC):

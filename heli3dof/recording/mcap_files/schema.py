@@ -133,11 +133,11 @@ MAX_CHANNELS = 2000
 
 
 def channels_layout(names: Sequence[str]) -> Layout:
-    """Return the layout of the message Channels: a log's columns without a standard field.
+    """Return the layout of the message Channels: the columns that Sample and Command lack.
 
-    Standard fields are those of the messages Sample and Command. In arrays, the fields of Channels
-    are called ``column1``, ``column2`` …. In the protobuf schema they have the columns' ``names``,
-    changed to names that protobuf allows. The MCAP channel's metadata lists the unchanged names.
+    In arrays, the fields are called ``column1``, ``column2`` …. In the protobuf schema they have
+    the columns' ``names``, changed to names that protobuf allows. The MCAP channel's metadata lists
+    the unchanged names.
     """
     columns: list[Column] = []
     taken: set[str] = set()
@@ -151,7 +151,7 @@ def channels_layout(names: Sequence[str]) -> Layout:
 
 
 def layouts_with(names: Sequence[str]) -> list[Layout]:
-    """Return the layouts of a recording's messages; ``names``: columns without a standard field."""
+    """Return a recording's message layouts; ``names``: columns that Sample and Command lack."""
     return [SAMPLE, COMMAND, *([channels_layout(names)] if names else [])]
 
 

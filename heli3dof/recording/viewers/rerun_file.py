@@ -1,8 +1,8 @@
 """An .rrd file for the viewer Rerun: every column as a curve, and the rig in three dimensions.
 
 Entities: ``/flight/NAME`` for each exported column NAME, with its unit, and ``/rig/base``,
-``/rig/arm``, ``/rig/arm/body`` for the frames of `heli3dof.recording.viewers.scene`. A part of the
-rig is an entity below its frame's, such as ``/rig/base/base``. The time line is ``t_s``, the
+``/rig/arm``, ``/rig/arm/body`` for the frames of `heli3dof.recording.viewers.scene`. Each part of
+the rig is an entity below that of its frame: ``/rig/base/base``. The time line is ``t_s``, the
 recording's time in s. The default view shows the rig, the angles with references, and the voltages.
 """
 

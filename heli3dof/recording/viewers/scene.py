@@ -7,12 +7,12 @@ Frames are right-handed, in m. With roll r, pitch p, yaw ψ (rad) and rotations 
     body   origin (L_a, 0, 0) in arm, rotation R_x(p); the front motor is at +L_h on its y axis,
            the thrusts act along its z axis
 
-L_a: distance from the yaw axis to the body; L_h: distance from the pitch axis to a motor.
+L_a: distance from the yaw axis to the body; L_h: distance from the pitch axis to a motor; h: height
+of the arm's pivot, such that the body at the rest angle is just above the table.
 
 So positive roll moves the body up, positive pitch the front motor up, and positive yaw the arm
 counter-clockwise seen from above. A positive pitch accelerates yaw in the negative direction, as
-the yaw torque Q_ψ of `heli3dof.model.physics.rigid_body` demands. h is the height at which the body
-is just above the table at the rest angle. Quaternions are (x, y, z, w).
+the yaw torque Q_ψ of `heli3dof.model.physics.rigid_body` demands. Quaternions are (x, y, z, w).
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 This module fits nothing. For each finding (reported cause) and each residual torque it runs the
 Kalman filter over the fitted recordings. It replays two fitted models in closed loop: "before"
-lacks the causes, "after" includes them. Their references are those of the held-out recordings, or
-of the fitted ones if none was held out.
+lacks the causes, "after" includes them. The replays follow the references of the held-out
+recordings, or of the fitted ones if none was held out.
 """
 
 from __future__ import annotations

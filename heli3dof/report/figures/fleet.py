@@ -2,8 +2,8 @@
 
 Points are flights with error bars of one standard deviation. A rig's mean uses only flights of one
 experiment plan; flights of other plans are hollow points. The line is the rig's mean since its last
-step, the grey band the 95 % interval of the fleet's mean. A vertical band marks a step: it lies
-between the flights before and after. A dashed line is a drift, a cross marks a deviating flight.
+step (sudden change), the grey band the 95 % interval of the fleet's mean. A vertical band between
+two flights marks a step. A dashed line is a drift, a cross marks a deviating flight.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def fleet_figure(fleet: Fleet, quantity: str = "") -> Figure:
 
 
 def quantity_figure(q: FleetQuantity) -> Figure:
-    """Draw one quantity: a panel for each rig, all with the same axes."""
+    """Draw one quantity: a panel for each rig, all with the same vertical axis."""
     import matplotlib
     from matplotlib.figure import Figure
 

@@ -76,7 +76,7 @@ def _panel_figure(
 ) -> Figure:
     """Draw panels (label, curves) below one another over one time axis.
 
-    ``ramp_from_s``: when the motors begin to ramp to zero, in s; the rest is shaded.
+    ``ramp_from_s``: when the motors begin to ramp to zero, in s; the time from then on is shaded.
     """
     import matplotlib
     from matplotlib.figure import Figure

@@ -172,7 +172,7 @@ def _label_exit(axes: Axes, c: Curve) -> None:
 
 
 def spread(places: np.ndarray, gap: float) -> np.ndarray:
-    """Return sorted label heights (0…1), moved apart to at least ``gap``, as little as possible.
+    """Return the sorted label heights ``places`` (0…1), moved ``gap`` apart where they are closer.
 
     >>> spread(np.array([0.5, 0.5]), 0.1).tolist()
     [0.45, 0.55]

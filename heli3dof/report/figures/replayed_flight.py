@@ -33,7 +33,7 @@ class Replayed:
     overshoot_deg: tuple[float, float, float]
     """In the experiment, with the model ``before``, with the model ``after``"""
     steady_error_deg: tuple[float, float, float]
-    """In the same order"""
+    """In the order of ``overshoot_deg``"""
 
 
 def replayed(

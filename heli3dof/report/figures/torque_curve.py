@@ -93,7 +93,7 @@ class TorqueCurve:
 
 
 def variable_of(effect: Effect, axis: str | None) -> str | None:
-    """Return the variable on the horizontal axis of an effect's figure; None without a figure."""
+    """Return the variable on the horizontal axis of an effect's figure; None if it has none."""
     if not effect.hooks or effect.name == BACKLASH:
         return None
     variable = (
@@ -167,11 +167,11 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
 
 
 def _clearest(flight: LinearisedRun, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
-    """Return the variable and the axis on which the cause explains most of the residual torque.
+    """Return the variable and axis (0 to 2) for which the cause explains most residual torque.
 
-    The residual torque is averaged in bins of the variable. The measure is the decrease of this
-    mean's weighted variance over the bins when the torque of ``cause`` is subtracted. A later
-    variable of ``names`` must reach `MIN_CLARITY_RATIO` times the best measure so far.
+    ``cause`` (N, 3): the cause's torque. It is subtracted from the residual torque, both averaged
+    in bins of the variable. The measure is how much the weighted variance over the bins decreases.
+    A later variable of ``names`` must exceed `MIN_CLARITY_RATIO` times the best measure so far.
     """
     best = (names[0], 0, 0.0)
     for name in dict.fromkeys(names):
@@ -201,8 +201,8 @@ def _binned(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the means of z and torque, and the torque's standard error, in bins of z.
 
-    The bins are of equal width, between the quantiles 0.002 and 0.998 of the variable z. Bins of
-    less than `MIN_TIME_S` are omitted. ``h`` (N,): sampling intervals in s.
+    The bins are of equal width, between the quantiles 0.002 and 0.998 of the variable z. Bins
+    with data of less than `MIN_TIME_S` s are omitted. ``h`` (N,): sampling intervals in s.
     """
     low, high = np.quantile(z, [0.002, 0.998])
     which = np.clip(((z - low) / max(high - low, 1e-12) * bins).astype(int), 0, bins - 1)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 MOST_SAMPLES = 2000
 """Largest number of samples per curve in the page; bounds a curve to about 30 kB (a convention)"""
 DIGITS = 6
-"""Significant digits of a sample: a millisecond in an hour, a hundredth of an encoder count"""
+"""Significant digits of a sample, to resolve 1 ms in an hour, a hundredth of an encoder count"""
 THEME = {
     "ink": (style.INK, "#e6edf3"),
     "faint": (style.SOFT, "#8d96a0"),
@@ -75,7 +75,7 @@ def live_data(figure: Figure) -> dict[str, Any]:
 def _panel(axes: Any, others: Sequence[Any]) -> dict[str, Any]:
     """Return one panel as JSON values: labels, ranges, curves, bands and shaded spans.
 
-    ``others``: the axes of all panels.
+    ``others``: the axes of all panels; some of them have the labels that panels share.
     """
     siblings = [a for a in others if a is axes or axes.get_shared_x_axes().joined(axes, a)]
     row = [axes, *(a for a in siblings if _in_one(a, axes, "row"))]

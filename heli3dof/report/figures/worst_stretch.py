@@ -1,4 +1,4 @@
-"""Draw predictions of the models "before" and "after" over the stretch with the largest error.
+"""Draw predictions of the models "before" and "after" over the stretch where "before" is worst.
 
 "Before" is the refitted model without the causes, "after" the model with the causes. The held-out
 data are divided into stretches of `CELL_S` seconds (`heli3dof.diagnosis.validation.gain`). E is the
@@ -62,7 +62,7 @@ def worst_stretch(before: HeldOut, after: HeldOut) -> Stretch | None:
 
 
 def stretch_figure(before: HeldOut, after: HeldOut, worst: Stretch, recording: str = "") -> Figure:
-    """Draw 1 s predictions without and with the causes over the stretch ``worst``.
+    """Draw predictions 1 s ahead over the stretch ``worst``, and the measured angle.
 
     ``before``, ``after``: predictions of the model without and with the causes. ``recording``: the
     recording's name, for the title.

@@ -1,4 +1,4 @@
-"""Write the first screen of the report: its questions, each with one sentence and one picture.
+"""Write the first screen of the report: questions, answered by a sentence and a picture each.
 
 A diagnosis answers how wrong the simulation was, what the cause is, what the extended model gains,
 and what to do next. Without a diagnosis, a comparison answers how wrong the simulation was and
@@ -90,7 +90,8 @@ def _gain(document: Document) -> Answer:
 def _next(document: Document, dt: float) -> Answer | None:
     """Return the first recommended action as an answer; None if there is none.
 
-    Its picture is the plan that the action's command names, if any; ``dt``: control period in s.
+    Its picture shows the references of the plan that the action's command names, if any. ``dt``:
+    control period in s.
     """
     for sentence in words.next_steps(document):
         command = PLAN_COMMAND.search(sentence)
@@ -120,7 +121,7 @@ def comparison_answers(comparison: Comparison) -> list[Answer]:
 
 
 def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
-    """Return the axis of the model's largest RMSE in the replay, or else in predictions.
+    """Return the axis with the model's largest RMSE in the replay; if not replayed, in predictions.
 
     Without either RMSE, return the first measured axis.
     """

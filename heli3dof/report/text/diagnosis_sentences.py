@@ -106,7 +106,7 @@ def before_and_after(gain: Document) -> str:
 
 
 def refit_explains(document: Document) -> bool:
-    """Return True if refitting the profile removes most of the mean square error of some axis.
+    """Return True if refitting the profile removes most of the mean square error of an axis.
 
     The decrease must be significant (`heli3dof.diagnosis.validation.gain.removes_most`). With the
     verdict ``off_calibration`` the result is True without this test.
@@ -125,11 +125,11 @@ def refit_explains(document: Document) -> bool:
 
 
 def calibration_change(document: Document) -> Iterator[str]:
-    """Yield sentences on refitting the profile: RMSE before and after, and changed ratios.
+    """Yield sentences on refitting the profile: RMSE before and after, changed parameter ratios.
 
-    A ratio of parameters counts as changed by more than two standard deviations. Yields sentences
-    only if the refit explains the error (`refit_explains`), or if nothing was found and the noise
-    floor is unknown.
+    A ratio of parameters is named if it changed by more than two standard deviations. Yields
+    sentences only if the refit explains the error (`refit_explains`), or if the diagnosis found
+    nothing and the noise floor is unknown.
     """
     unknown = document["verdict"] == "nothing_found" and noise_is_unknown(document)
     if not (unknown or refit_explains(document)):
@@ -187,7 +187,11 @@ def faults(document: Document) -> Iterator[str]:
 
 
 def limits(document: Document) -> Iterator[str]:
-    """Yield sentences on recordings not fitted, and on a missing or doubtful simulation error."""
+    """Yield sentences on what limits the diagnosis.
+
+    They name recordings that were not fitted, a simulation error that was not measured, and axes
+    whose fitted noise exceeds this error.
+    """
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:
         yield (
@@ -366,7 +370,7 @@ def _torque_term(rest: Document, where: str) -> str:
 
 
 def not_adopted(document: Document) -> Iterator[str]:
-    """Yield sentences on candidate effects not added to the model, and on unidentifiable ones."""
+    """Yield sentences on effects not added to the model, and on effects not identifiable."""
     for x in document.get("dropped", ()):
         span = x["gain"].get("holdout_log_likelihood_interval", (None, None))
         if span is None:  # compared by multi-step predictions
@@ -397,7 +401,7 @@ def not_adopted(document: Document) -> Iterator[str]:
 
 
 def equation_changes(document: Document) -> Iterator[str]:
-    """Yield a sentence for each simplification in the extended model's equations of motion."""
+    """Yield a sentence on each simplified equation of motion in the extended model."""
     yield from map(str, document.get("about", {}).get("written", ()))
 
 

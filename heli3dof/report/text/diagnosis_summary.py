@@ -84,7 +84,7 @@ def _weaker(document: Document) -> list[str]:
 
 
 def gain(document: Document) -> Iterator[str]:
-    """Yield a line with the RMSE without and with the causes; nothing if the model has none."""
+    """Yield a line with the RMSE without and with the causes; nothing without causes."""
     if not words.adopted(document):
         return
     where, falls = words.measured_on(document), words.before_and_after(document["gain"])

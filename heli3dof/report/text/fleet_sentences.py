@@ -99,7 +99,9 @@ def remark_sentences(fleet: Fleet) -> Iterator[str]:
 
 
 def _kinds_of_reason(bad: BadRecording) -> list[str]:
-    """Return the failed integrity checks, or the error with "it" instead of the recording's name.
+    """Return why a recording is bad: its failed integrity checks, or else its error message.
+
+    In the message, "it" replaces the recording's name.
 
     >>> _kinds_of_reason(BadRecording("term/a.mcap", "r", "exit code 5: a holds pitch only."))
     ['exit code 5: it holds pitch only']
@@ -115,7 +117,7 @@ def _kinds_of_reason(bad: BadRecording) -> list[str]:
 
 
 def moment(track: Track, flight: int) -> str:
-    """Return the name of the flight with this index in the ``track``, with its date if known."""
+    """Return the name of a rig's flight number ``flight`` (from 0), with its date if known."""
     name = track.flights[flight]
     if not track.dated:
         return name
@@ -158,7 +160,7 @@ def _chance(p: float) -> str:
 
 
 def _level(track: Track, change: Change) -> float:
-    """Return the median of the track's quantity over all flights before a change."""
+    """Return the median of a rig's quantity over all its flights before a change."""
     return float(np.median(track.y[: change.first]))
 
 

@@ -14,7 +14,7 @@ from heli3dof.report.text.table import Grid
 
 @dataclass(frozen=True)
 class Column:
-    """A table column: a pattern of quantities' names, a title, a factor to the title's unit."""
+    """A table column: a pattern for the quantity's name, a title, a factor to the title's unit."""
 
     pattern: str
     title: str
@@ -72,7 +72,7 @@ def main_quantities(fleet: Fleet) -> list[tuple[FleetQuantity, Column]]:
 
 
 def quantity_table(q: FleetQuantity) -> Grid:
-    """Return one quantity's table: each rig's estimate, interval, scatter between flights."""
+    """Return one quantity's table: each rig's estimate, 95 % interval, scatter between flights."""
     rows = [(r.track.rig, *_numbers(r.estimate), _marks(r)) for r in q.rigs]
     if q.fleet is not None and len(q.rigs) > 1:
         rows.append(("all rigs", *_numbers(q.fleet), ""))

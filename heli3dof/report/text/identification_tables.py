@@ -147,7 +147,7 @@ def _short(name: str) -> str:
 
 
 def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
-    """Return a sentence per pair of ``names`` whose estimates are correlated above `MIXED`."""
+    """Return a sentence per pair of ``names`` whose estimates' |correlation| exceeds `MIXED`."""
     if correlation is None:
         return []
     return [

@@ -67,9 +67,9 @@ class _FittingTable:
             yield self._table(columns, options.max_width)
 
     def _parts(self, width: int) -> list[list[int]]:
-        """Return the column indices of each part: all text columns, and as many others as fit.
+        """Return the column indices of each part of a table that is wider than the terminal.
 
-        ``width``: the terminal's width in characters.
+        A part has all text columns, and as many others as fit in ``width`` characters.
         """
         least = [self._least_width(i) + GAP for i in range(len(self.grid.columns))]
         always = list(range(self.grid.text_columns))
@@ -101,7 +101,7 @@ class _FittingTable:
         return head.rsplit(" ", 1) if self.grid.is_number(column) else [head]
 
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
-        """Return the least column widths, widened from the left as far as ``width`` permits."""
+        """Return the least widths of ``columns``; spare ``width`` widens the left columns first."""
         from rich.cells import cell_len
 
         widths = [self._least_width(i) for i in columns]

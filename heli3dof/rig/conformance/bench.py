@@ -91,7 +91,7 @@ class Bench:
         self._rigs.close()
 
     def open_to_move(self) -> Host:
-        """Open the rig to move its motors. Raises `MovesRealRig` if they must not move."""
+        """Open the rig; return its `Host`. Raises `MovesRealRig` if the motors must not turn."""
         host = self.open()
         moves = host.rig.identity.emulated if self.moves is None else self.moves
         if not moves:
@@ -103,7 +103,7 @@ class Bench:
 class Case:
     """A conformance case: a requirement on a driver, with its test ``check``.
 
-    ``at_rest``: True if the rig must not have moved before the test.
+    ``at_rest``: True if the case needs a rig that no other case has moved before.
     """
 
     name: str

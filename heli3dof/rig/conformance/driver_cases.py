@@ -21,7 +21,7 @@ TRIES = 3
 
 
 def _timed(call: Callable[[], Iterable[T]]) -> tuple[list[T], float]:
-    """Call ``call`` until it takes less than `QUICK_S`; return its result and its time in s.
+    """Repeat ``call`` until it takes less than `QUICK_S` s; return its result and its time in s.
 
     A busy computer may delay some calls, so there are up to `TRIES` calls; the last call counts.
     """

@@ -111,7 +111,7 @@ def a_sample_echoes_the_commands_sequence_and_voltages(bench: Bench) -> None:
 
 
 def _echoed_at_once(host: Host, sent: dict[int, tuple[float, float]]) -> int:
-    """Send `ECHOES` commands; return the number whose echo came with the next sample.
+    """Send `ECHOES` commands; return how many were echoed by the next sample taken.
 
     ``sent``: sequence number → voltages (V) of the commands sent so far; new ones are added.
     """

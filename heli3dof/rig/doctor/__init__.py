@@ -13,9 +13,10 @@ group determines the argument of these checks:
 =============  =======================================  ===========================================
 
 To add a check, add a file with ``GROUP`` and ``CHECKS``, or a function to a file's ``CHECKS``.
-Before the port is opened, the driver checks the port's permission, holder and latency timer
-(`heli3dof.rig.interface.Driver.examine`). `heli3dof.experiment.control_loop.realtime_priority`
-checks which real-time settings the operating system permits.
+Before the port is opened, the driver checks its permission and latency timer, and which process
+uses it (`heli3dof.rig.interface.Driver.examine`).
+`heli3dof.experiment.control_loop.realtime_priority` checks which real-time settings the operating
+system permits.
 """
 
 from __future__ import annotations

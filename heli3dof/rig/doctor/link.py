@@ -164,10 +164,11 @@ def state(opened: Opened) -> Check:
 
 
 def rest_angles(opened: Opened) -> Check:
-    """Check that the present angles are near the rest angles and within the profile's limits.
+    """Check that roll and pitch are near their rest angles, and all angles within the limits.
 
-    The angles follow from the counts and the stored calibration. An angle outside the limits would
-    end any flight at once. An angle more than `ONE_TURN` outside shows a faulty counter.
+    The angles follow from the counts and the stored calibration. An angle outside the profile's
+    limits would end any flight at once. An angle more than `ONE_TURN` outside shows a faulty
+    counter.
     """
     rest, profile = opened.rig.rest, opened.profile
     counts = opened.samples[-1].counts

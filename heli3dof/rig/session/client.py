@@ -42,7 +42,7 @@ class Running:
 
 
 def listed(device: str | None = None) -> list[Running]:
-    """Return the sessions whose lock has a holder file, including those of killed processes.
+    """Return the sessions that holder files of locks describe, also those of killed processes.
 
     ``device``: URL of the rig that the sessions use; None: any rig.
     """

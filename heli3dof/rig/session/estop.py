@@ -87,8 +87,8 @@ def _await(question: Request, start: float) -> Stopped | None:
     """Wait for a session's answer to a stop request, and return the result.
 
     Without an answer, the driver stops a real rig directly. An emulated rig exists only in the
-    session's process: if this process has ended, nothing is left to stop, and the result is None.
-    ``start``: when the stop began, in s (monotonic).
+    session's process. If that has ended without an answer, the result is None: nothing is left to
+    stop. ``start``: when the stop began, in s (monotonic).
     """
     session = question.session
     who = f"pid {session.pid} (`{session.doing}`)"
@@ -157,8 +157,8 @@ class EstopResult:
     def raise_if_not_stopped(self, device: str | None = None) -> None:
         """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
 
-        ``device``: the URL that was to stop; None: all. With None, missing confirmations of
-        devices without a session (they may be no rigs) are ignored if any rig was stopped.
+        ``device``: URL of the rig to stop; None: all. With None, if any rig was stopped, devices
+        without a session need not confirm: they may be no rigs.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:
