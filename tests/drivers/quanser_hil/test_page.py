@@ -37,6 +37,8 @@ def test_the_models_table_has_the_defaults_of_the_page() -> None:
     assert {name: default for name, default, _ in wiring.Wiring.rows()} == table()
 
 
-def test_the_example_is_valid() -> None:
-    (example,) = re.findall(r"For example `(.*?)`", PAGE)
-    wiring.Wiring.of(parse_url(example))
+def test_the_examples_are_valid() -> None:
+    examples = re.findall(r"`(quanser://\S+\?\S+)`", PAGE)
+    assert examples
+    for example in examples:
+        wiring.Wiring.of(parse_url(example))
