@@ -111,9 +111,9 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
 
 def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the terms with a possible size α in a given range, and a Z that such a size causes.
+    """Return the terms whose size α may lie in a given range, according to their measured Z.
 
-    These are the module's conditions 1 and 2. ``amounts``: (index i of a probe, least α, most α),
+    They meet the module's conditions 1 and 2. ``amounts``: (index i of a probe, least α, most α),
     with α in units of the probe.
     """
     screen, Z = step.screen, step.Z

@@ -11,9 +11,9 @@ of these hold:
 - Without it, held-out blocks are predicted worse, or its prior already excludes that it has no
   effect (a term known beforehand, `free_run.elimination`).
 - P ≥ `LEVEL`, and σ ≤ `PRIOR_SHARE` σ_prior.
-- Each flight is cut into blocks; the two halves of the data are every other block. The estimates
-  from both halves agree, and each is significant (`free_run.halves`). For a term known beforehand
-  it is enough that they agree.
+- The estimates from both halves of the data agree, and each is significant (`free_run.halves`). A
+  half is every other block of each flight. For a term known beforehand it is enough that they
+  agree.
 
 All other terms stay in the model with their priors: a term set to zero predicts new motion worse
 than a term of likely size.
@@ -45,7 +45,7 @@ MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly th
 
 
 def probability_nonzero(fit: MultiStepFit, name: str) -> float:
-    """Return P of the module's head for a term; 1 if it has no null value or no σ."""
+    """Return the confidence level P (see the module) of a term; 1 without a null value or a σ."""
     distance = null_distance(fit, name)
     return 1.0 if distance is None else math.erf(abs(distance[0]) / math.sqrt(2))
 
