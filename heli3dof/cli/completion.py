@@ -39,7 +39,7 @@ def recordings_and_models(incomplete: str) -> list[str]:
 
 
 def terms(incomplete: str) -> list[str]:
-    """Complete the last effect of a list with commas, as in ``+friction.viscous.roll,+aero``."""
+    """Complete the last effect in a comma-separated list: ``+friction.viscous.roll,+aero``."""
     from heli3dof.model.effects import all_names
 
     before, comma, _ = incomplete.rpartition(",")

@@ -1,4 +1,4 @@
-"""Marks the answers of a class of students: the files in a folder and its subfolders."""
+"""Mark the answers of a class of students: the files in a folder and its subfolders."""
 
 from __future__ import annotations
 

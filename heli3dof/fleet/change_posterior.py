@@ -105,8 +105,8 @@ class ChangePosterior:
     """Posterior probability and size δ of each possible change in n flights.
 
     Each possible change is a model: a step, two steps, a drift through all flights, or a deviating
-    flight (n models). A step is before flight 2 … n − 2, counted from 0, so at least two flights
-    are on each side.
+    flight. A step is before flight 2 … n − 2, counted from 0, so at least two flights are on each
+    side.
     """
 
     places: Places

@@ -130,7 +130,8 @@ def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ..
 def _in_order(rows: Sequence[Row]) -> tuple[list[Row], list[float] | None]:
     """Return the rows in order of time, and their starts in days since 1970-01-01 UTC.
 
-    If a start is missing, or if all are equal, the rows are ordered by name, without starts (None).
+    If a start is missing, or if several rows all have the same start, the rows are ordered by name,
+    without starts (None).
     """
     named = sorted(rows, key=_name)
     starts = {id(row): _start(row.get("started_utc")) for row in named}

@@ -57,10 +57,11 @@ def factored(
 ) -> tuple[FactoredTransferFunction, ...]:
     """Return the six simplified transfer functions from the voltages to the angles, in factors.
 
-    The inputs are the sum and the difference of the voltages. The order of the result is roll,
-    pitch, yaw, and for each angle sum, difference. ``interval_s``: the sampling interval of the
-    fit, which limits the frequencies on which the simplified and the fitted response must agree.
-    ``poles``: the poles of ``transfer``, whose standard deviations the factors get.
+    The inputs are the sum and the difference of the voltages. The result is sorted by angle (roll,
+    pitch, yaw), then by input (sum, difference). ``interval_s``: the sampling interval of the fit,
+    which limits the frequencies at which the simplified and the fitted response must agree. If it
+    is None, the limit is `HIGHEST`. ``poles``: the poles of ``transfer`` with their standard
+    deviations, which are copied to the factors.
     """
     highest = HIGHEST if interval_s is None else min(HIGHEST, NYQUIST_SHARE * np.pi / interval_s)
     s = 1j * np.geomspace(LOWEST, highest, POINTS)

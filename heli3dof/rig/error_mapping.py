@@ -1,4 +1,4 @@
-"""Turns the errors of a port or a vendor's library into DeviceError."""
+"""Turn the errors of a port or a vendor's library into DeviceError."""
 
 from __future__ import annotations
 

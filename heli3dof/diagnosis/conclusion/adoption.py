@@ -1,23 +1,27 @@
 """Adopt the causes that improve the prediction of held-out data, and drop the others.
 
-Each cause is removed in turn and the fit repeated. The gain Δℓ is the increase in log-likelihood of
-held-out data by the cause (`validation.gain`). A cause is adopted if one of these conditions holds:
+Backward elimination: each cause is left out once, and the others are fitted again. The gain Δℓ is
+the increase in log-likelihood of held-out data by the cause (`validation.gain`). A cause is adopted
+if one of these conditions holds:
 
 1. The 95 % interval of Δℓ lies above zero.
-2. Δℓ > `MIN_GAIN`, and either the cause is the first or its score is at least `SUFFICIENT`.
+2. Δℓ > `MIN_GAIN`, and either the cause is the first or its score (a BIC, `selection.select`) is
+   at least `SUFFICIENT`.
 3. Δℓ > `LARGE_GAIN`, and the prediction error of an axis decreases significantly.
 
 Condition 2 is for short flights, whose intervals are wide. The first cause has already passed the
-score test. A further cause below `SUFFICIENT` (`selection.select`) may only compensate for the
-first one's model error.
+score test. A further cause with a score below `SUFFICIENT` possibly just compensates for the model
+error of the first.
 Condition 3 is for effects that act briefly, such as a dead zone, so that the interval is wide.
 
-If no flights could be simulated, predictions must also confirm the cause, and the likelihood of its
-axis must not be biased (`conclusion.unknown_controller`). Whatever its gain, a cause is dropped
-if ρ > 1 and Z²/ρ is below the score test's threshold (`screening.nulls`). Z is the cause's
-standardised score and ρ the factor by which coloured noise increases its variance
-(`bias_correction.coloured_noise`). A cause is also dropped if an encoder error of at most one count
-explains the data as well (`within_a_count`).
+If no flights could be simulated, two more conditions apply (`conclusion.unknown_controller`). The
+cause must decrease the prediction error of an axis significantly, and by more than the encoder's
+rounding. And the inertia of the cause's axis must be plausible in the fit without causes.
+
+Whatever its gain, a cause is dropped if ρ > 1 and Z²/ρ is below the threshold of Z²
+(`screening.nulls`). Z is the cause's standardised score in the score test, ρ the factor by which
+coloured noise increases its variance (`bias_correction.coloured_noise`). A cause is also dropped if
+an encoder error of at most one count explains the data as well (`within_a_count`).
 
 Causes that coloured noise or an encoder error explains are dropped first, then those with the
 smallest Δℓ. After each, the Δℓ of the remaining causes are computed again. Adopted causes are not

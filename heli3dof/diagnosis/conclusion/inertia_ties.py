@@ -111,9 +111,10 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
 
 
 def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
-    """Return the terms with a plausible size α in a given range, and a measured Z to match it.
+    """Return the terms whose size α may lie in a given range, according to their measured Z.
 
-    ``amounts``: (index i of a probe, least α, most α), with α in units of the probe.
+    They meet the module's conditions 1 and 2. ``amounts``: (index i of a probe, least α, most α),
+    with α in units of the probe.
     """
     screen, Z = step.screen, step.Z
 

@@ -1,18 +1,19 @@
 """Decide which terms of the fitted model are causes, and which are only kept in the model.
 
 Let θ̂ ± σ be the estimate of a term's first parameter and θ_0 its null value, at which the term has
-no effect. The probability that the parameter differs from θ_0 is
+no effect. The confidence level (two-sided) at which the parameter differs from θ_0 is
 
     P = erf(|θ̂ − θ_0| / (σ √2))
 
 For a parameter that varies by recording, P follows from χ² of its values. A term is a cause if all
 of these hold:
 
-- Without it, held-out blocks are predicted worse, or it is known beforehand
-  (`free_run.elimination`).
+- Without it, held-out blocks are predicted worse, or its prior already excludes that it has no
+  effect (a term known beforehand, `free_run.elimination`).
 - P ≥ `LEVEL`, and σ ≤ `PRIOR_SHARE` σ_prior.
-- The estimates from both halves of the flights agree, and each is significant (`free_run.halves`).
-  For a term known beforehand it is enough that they agree.
+- The estimates from both halves of the data agree, and each is significant (`free_run.halves`). A
+  half is every other block of each flight. For a term known beforehand it is enough that they
+  agree.
 
 All other terms stay in the model with their priors: a term set to zero predicts new motion worse
 than a term of likely size.
@@ -44,7 +45,7 @@ MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly th
 
 
 def probability_nonzero(fit: MultiStepFit, name: str) -> float:
-    """Return P, the probability that a term has an effect; 1 without a null value or a σ."""
+    """Return the confidence level P (see the module) of a term; 1 without a null value or a σ."""
     distance = null_distance(fit, name)
     return 1.0 if distance is None else math.erf(abs(distance[0]) / math.sqrt(2))
 

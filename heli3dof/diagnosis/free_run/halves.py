@@ -99,7 +99,10 @@ def chi_squared(fit: MultiStepFit, j: int) -> tuple[float, int]:
 
 
 def equivalent_deviation(chi2: float, freedom: int) -> float:
-    """Return the normal deviate as improbable as ``chi2`` with ``freedom`` degrees of freedom."""
+    """Return the standard normal deviate with the two-sided p-value of ``chi2``.
+
+    ``freedom``: degrees of freedom of ``chi2``.
+    """
     from scipy.stats import chi2 as law
     from scipy.stats import norm
 

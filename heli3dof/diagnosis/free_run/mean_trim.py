@@ -21,7 +21,7 @@ from heli3dof.model.physics.parametrisation import Structure
 
 @dataclass(frozen=True, eq=False)
 class MeanTrimFit(PhysicalFit):
-    """A fit whose T_g includes the mean torque of the recordings."""
+    """A fit whose trim torque T_g includes the mean of the torques that differ by recording."""
 
     fit: MultiStepFit
 

@@ -173,9 +173,11 @@ def _why(best: PlanForecast, names: Sequence[str]) -> str:
 
 
 def _flights_needed(margin: float) -> str:
-    """Return, as text, how many flights decide between two causes with `MIN_CERTAINTY`.
+    """Return, as text, how many flights are needed to decide between two causes.
 
-    ``margin``: twice the expected log-likelihood ratio of one flight; those of several flights add.
+    After this number of flights, a decision has at least the probability `MIN_CERTAINTY`
+    (`_probability_decided`). ``margin``: twice the expected log-likelihood ratio of one flight;
+    those of several flights add.
 
     >>> _flights_needed(2.0)
     '3 such flights decide with a probability of 50 %'

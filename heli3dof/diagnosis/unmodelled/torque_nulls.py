@@ -24,7 +24,10 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Scores by J hat functions and n parameters (see the module) in B flights, or B blocks."""
+    """Scores of the coefficients of J hat (triangular) functions, and of n parameters.
+
+    They are from B simulated flights, or from B blocks of a recorded flight (see the module).
+    """
 
     u: np.ndarray
     """(B, J) scores of the hat functions"""

@@ -245,10 +245,10 @@ class _Axis:
         self.moved += self._rate * h
 
     def step(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """Update an axis by a sample taken while the arm is in the air.
+        """Update this axis' state by a sample taken while the arm is in the air.
 
-        ``h``: s since the last sample; ``alpha``: expected acceleration α (rad/s²); ``angle``: the
-        encoder's angle in rad.
+        ``h``: s since the last sample; ``alpha``: expected acceleration α (rad/s²); ``count``,
+        ``angle``: the encoder's count, and its angle in rad.
         """
         observer = self._observer
         observer.step(h, alpha, angle)

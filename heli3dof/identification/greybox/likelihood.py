@@ -2,11 +2,12 @@
 
     ℓ(θ, a) = Σ_k Σ_i ln Z_ik            a fit maximises ℓ + ln prior(θ)
 
-Z_ik is the probability of reading k of axis i given all earlier readings, by the filter of
-`heli3dof.model.estimation.ekf_quantised`. θ (n,) are the scaled parameters: logarithms, or
-multiples of a typical size (`FreeParameter.scaled`). a (4,) is the noise: process noise on roll,
-pitch, yaw (rad/s²/√Hz), then sampling jitter (s). The prior N(start, spread²) of each parameter is
-weak. It only fixes parameters about which the recordings carry no information.
+Z_ik is the probability of reading k of axis i, by the filter of
+`heli3dof.model.estimation.ekf_quantised`. It is conditional on all earlier readings, and on reading
+k of the axes before i. θ (n,) are the scaled parameters: logarithms, or multiples of a typical size
+(`FreeParameter.scaled`). a (4,) is the noise: process noise on roll, pitch, yaw (rad/s²/√Hz), then
+sampling jitter (s). The prior N(start, spread²) of each parameter is weak. It only fixes parameters
+about which the recordings carry no information.
 
 Far from the true parameters a simulation may diverge between two readings. Then ℓ = −∞, so a search
 rejects the point. If the derivatives with respect to one parameter diverge, they count as zero, so

@@ -192,7 +192,10 @@ def impulse(
 
 
 def table_of(recording: Recording) -> tuple[float, np.ndarray]:
-    """Return the roll on the table (rad; −∞ without a table), and a mask (N,) of the rows on it."""
+    """Return the roll at which the rig rests on the table, and a mask (N,) of the samples there.
+
+    The roll is in rad, and −∞ if the rig never rests on a table.
+    """
     roll = recording.angle[:, 0]
     if np.isnan(roll).all() or not np.nanmin(roll) < ON_TABLE_BELOW:
         return -math.inf, np.zeros(len(roll), dtype=bool)

@@ -50,8 +50,9 @@ class LinearModel(LinearParameters):
         """Return the closed-loop poles (rad/s, rightmost first) with the controller's gain.
 
         For the hover model, the loop is continuous, with ideal rates and two integrals, as in the
-        paper. For other models, it is sampled every ``dt`` s and has the derivative filter; a pole
-        z is returned as s = log(z)/dt. See `heli3dof.model.control.closed_loop_poles`.
+        paper. For other models, it is sampled every ``dt`` s and has the derivative filter. Then a
+        pole z is returned as s = log(z)/dt, and z = 0 (a pure delay) is omitted. See
+        `heli3dof.model.control.closed_loop_poles`.
         """
         from heli3dof.model.control.closed_loop_poles import ideal_loop_poles, sampled_loop_poles
 

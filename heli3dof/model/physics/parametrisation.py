@@ -152,8 +152,9 @@ class Structure:
     def arrays(self, values: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the arrays (s, par) for compiled functions, from the parameter values (n,).
 
-        s (SIZE,) holds the rig's parameters and state, par (H + 1, PARAMETERS) those of the
-        effects' H functions (`state_layout`). ``values`` are in the units of `free`.
+        s (SIZE,) holds the rig's parameters and state. The effects have H functions; row i of par
+        (H + 1, PARAMETERS) holds the parameters of function i (`state_layout`). The last row of par
+        is unused. ``values`` are in the units of `free`.
         """
         s = context(self.profile)
         s[_s.T_G] = values[0]

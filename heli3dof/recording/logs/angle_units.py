@@ -2,9 +2,10 @@
 
 1. The encoder's grid: angles are multiples of 360/N degrees or 2π/N radians for N counts per
    revolution. Values on the grid of one unit are not on the other grid.
-2. Size: roll and pitch cannot exceed half a revolution.
-3. Newton's law: over windows of length T, the second difference of an angle q is the torque M over
-   the inertia J, integrated twice:
+2. Size: roll and pitch cannot exceed half a revolution, angles in radians not the profile's
+   ``limits.yaw_max_deg``.
+3. Newton's law, for roll and pitch: over windows of length T, the second difference of an angle q
+   is the torque M over the inertia J, integrated twice:
 
        q(t+T) − 2 q(t) + q(t−T) = ∫ w(τ) M(t+τ)/J dτ,   w a triangle of height T and width 2T
 

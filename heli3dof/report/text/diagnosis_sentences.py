@@ -1,6 +1,7 @@
 """Write the sentences of a diagnosis from the JSON document of ``diagnose --json``.
 
-Each function's argument ``document`` is that document; some take a part of it, such as ``gain``.
+An argument ``document`` is the whole document; some functions take only a part of it, such as
+``gain``.
 `verdict` and the functions that yield strings write whole sentences. The sentences of `faults` and
 `next_steps` name an action. docs/reference/contract.md defines the document's keys.
 """
@@ -189,8 +190,9 @@ def faults(document: Document) -> Iterator[str]:
 def limits(document: Document) -> Iterator[str]:
     """Yield sentences on what limits the diagnosis.
 
-    They name recordings that were not fitted, a simulation error that was not measured, and axes
-    whose fitted noise exceeds this error.
+    They name the recordings that were not fitted, and the axes whose fitted noise exceeds the
+    simulation error. This is the error of predictions with the profile's numbers. If no recording
+    is long enough to measure it, a sentence states that.
     """
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:
