@@ -1,4 +1,4 @@
-"""``chirp``: a sine with rising frequency, added to the motors' voltages.
+"""``chirp``: a sine with rising frequency, added to the voltages.
 
     s(t) = sin φ(t),  φ(t) = 2π f_1 (k^(t/T) − 1) T / ln k,  k = f_2/f_1    (exponential sweep)
     V_front += (common_V + difference_V) s,   V_back += (common_V − difference_V) s

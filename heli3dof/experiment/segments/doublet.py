@@ -1,4 +1,4 @@
-"""``doublet``: a pulse up and one down, added to the motors' common voltage, difference or both.
+"""``doublet``: a pulse up and one down on the common voltage, the difference or both.
 
     c(t) = +common_V for 0 ≤ t < T_p,  −common_V for T_p ≤ t < 2 T_p,  then 0
     d(t) the same with difference_V;   V_front += c + d,  V_back += c − d

@@ -1,4 +1,4 @@
-"""``multisine``: sums of cosines, added to the motors' common voltage and difference.
+"""``multisine``: sums of cosines on the common voltage and the difference.
 
     c(t) = A_c Σ_odd  f_k^−tilt cos(2π f_k t + φ_k) / σ_c,     V_front += c + d
     d(t) = A_d Σ_even f_k^−tilt cos(2π f_k t + φ_k) / σ_d,     V_back  += c − d

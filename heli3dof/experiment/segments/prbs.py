@@ -1,4 +1,4 @@
-"""``prbs``: pseudo-random binary signals, added to the motors' common voltage and difference.
+"""``prbs``: pseudo-random binary signals on the common voltage and the difference.
 
     c(t) = ± common_V,  d(t) = ± difference_V,  each switching at most every ``bit_s``
     V_front += c + d,   V_back += c − d
