@@ -15,7 +15,7 @@ from heli3dof.axes import MOTORS
 from heli3dof.errors import RecordingError
 from heli3dof.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
 from heli3dof.integrity.view import View
-from heli3dof.model.control.voltage_replay import AT_LIMIT
+from heli3dof.model.control.unexplained_share import AT_LIMIT
 from heli3dof.recording.logs import log_validation
 
 BEYOND = 1.02

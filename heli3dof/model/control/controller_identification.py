@@ -10,20 +10,19 @@ in rows in which the controller is not linear: a rate limiter, clamped integrals
 affect the minimum of Σ|e|, which gives A, B, R and c. Rows within n periods of the voltage limit
 are left out.
 
-The **share** of a block of `BLOCK_S` is σ_e/std(Δu), with Δu[k] = u[k] − u[k−1] and σ_e the
-standard deviation of e by its median absolute value; of both motors the larger one. A law's share
-is the upper quartile of its blocks' shares. The result is the law of lowest order whose share
-exceeds the least of all orders by at most `ALIKE`, if the least is at most `MAX_SHARE`.
+The **share** that a law does not explain (`model.control.unexplained_share`) is σ_e/std(Δu), with
+Δu[k] = u[k] − u[k−1] and σ_e the standard deviation of e by its median absolute value. The result
+is the law of lowest order whose share exceeds the least of all orders by at most `ALIKE`, if the
+least is at most `MAX_SHARE`.
 """
 
 from __future__ import annotations
-
-from functools import lru_cache
 
 import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.model.control.loop_task import under_control
+from heli3dof.model.control.unexplained_share import AT_LIMIT, unexplained_share
 from heli3dof.model.estimation.decimated_log import decimation
 from heli3dof.recording.linear_controller import LinearController
 from heli3dof.recording.recording import Recording
@@ -35,16 +34,12 @@ MAX_SHARE = 0.002
 was 0.001 with the controller's order, and over 0.02 with a lower order."""
 ALIKE = 0.001
 """Difference of shares that does not justify a higher order. Chosen."""
-BLOCK_S, LEAST_ROWS, LEAST_BLOCKS = 2.0, 20, 3
-"""s, length of a block; fewest rows of a block; fewest blocks. Chosen."""
 MAX_ROWS = 50_000
 """Largest number of rows used, the first ones: a hundred seconds at 500 Hz. Chosen."""
 MAD_TO_STD = 1.4826
 """Standard deviation of a normal distribution, relative to its median absolute deviation"""
 ROWS_PER_PARAMETER = 10
 """Fewest rows for each parameter of a motor's law. Chosen."""
-AT_LIMIT = 0.98
-"""Voltage that counts as limited, as a share of v_max. Chosen."""
 ITERATIONS, SMALLEST_V, SETTLED_V = 50, 1e-5, 1e-7
 """Of `absolute_regression`: most iterations; V, errors below which weights are equal; V, RMS change
 of X θ that ends the search. Chosen."""
@@ -52,7 +47,6 @@ RANK_TOLERANCE = 1e-10
 """Singular values below this share of the largest one count as zero. Chosen."""
 
 
-@lru_cache(maxsize=4)
 def identified_controller(recording: Recording) -> LinearController | None:
     """Return the linear controller that explains the recording's voltages, or None.
 
@@ -91,27 +85,18 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
     if len(k) < ROWS_PER_PARAMETER * X.shape[1]:
         return None
     theta = absolute_regression(X, u[k])
-    shares = block_shares(r.t[k], u[k] - X @ theta, u[k] - u[k - 1])
-    if len(shares) < LEAST_BLOCKS:
+    t = r.t[k] - r.t[k[0]]
+    share = unexplained_share(t, u[k] - X @ theta, u[k] - u[k - 1], _usual_size)
+    if share is None:
         return None
     A = np.array([theta[2 * j : 2 * j + 2].T for j in range(n)])
     B = np.array([theta[2 * n + 3 * j : 2 * n + 3 * j + 3].T for j in range(n + 1)])
-    return LinearController(A, B, float(np.quantile(shares, 0.75)))
+    return LinearController(A, B, share)
 
 
-def block_shares(t: np.ndarray, e: np.ndarray, change: np.ndarray) -> list[float]:
-    """Return std(``e``)/std(``change``) for each block of time: the larger of both motors' ratios.
-
-    ``e`` (N, 2) V: residuals, with their std by median absolute value; ``change`` (N, 2) V: changes
-    of the voltages; t (N,) s. Blocks with too few rows or a constant ``change`` are left out.
-    """
-    block = (t - t[0]) // BLOCK_S
-    shares = []
-    for own in (block == b for b in np.unique(block)):
-        scale = change[own].std(axis=0)
-        if own.sum() >= LEAST_ROWS and (scale > 0).all():
-            shares.append(float((MAD_TO_STD * np.median(np.abs(e[own]), axis=0) / scale).max()))
-    return shares
+def _usual_size(t: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Return the standard deviation (2,) of e (n, 2), estimated by its median absolute value."""
+    return np.asarray(MAD_TO_STD * np.median(np.abs(e), axis=0))
 
 
 def absolute_regression(X: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -4,10 +4,9 @@
 
 extra is the logged excitation. d is zero if the profile's controller flew the recording. If the
 controller adds a constant to the angles (half a count), or if its integrals do not start at zero, d
-gets a constant and a slope; both are removed from each block of `BLOCK_S`. The **share** of a block
-is std(d)/std(v_logged), the larger of the two motors' ratios. The recording's share is the upper
-quartile of the blocks, because a landing, a lost sample or a voltage limit makes single blocks
-differ. Rows at ±v_max or without an angle are left out.
+gets a constant and a slope; both are removed from each block of time. The **share** of the voltages
+that the controller does not explain is std(d)/std(v_logged) (`model.control.unexplained_share`).
+Rows at ±v_max or without an angle are left out.
 
 If the share exceeds `REPRODUCED`, d shows the cause:
 
@@ -27,6 +26,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -40,15 +40,10 @@ from heli3dof.model.control.controller import (
 )
 from heli3dof.model.control.controller_identification import identified_controller
 from heli3dof.model.control.loop_task import under_control, why_not_replayed
+from heli3dof.model.control.unexplained_share import AT_LIMIT, unexplained_share
 from heli3dof.model.estimation.decimated_log import decimation
 from heli3dof.recording.recording import Recording
 
-BLOCK_S = 2.0
-"""s, length of a block. Chosen: a flight has several, and a landing fills one or two."""
-LEAST_ROWS = 20
-"""Fewest rows of a block. Chosen."""
-LEAST_BLOCKS = 3
-"""Fewest blocks of a recording. Chosen."""
 REPRODUCED = 0.1
 """Largest share, std(d)/std(v_logged), of the controller that flew. Chosen: on 22 flights of drawn
 rigs the share was below 0.03 for the profile's controller, also with half a count of offset or
@@ -57,9 +52,6 @@ excitation."""
 EXPLAINED = 0.5
 """Share of d's variance that the controller's signals explain, above which d is not an excitation.
 Chosen: it was below 0.15 for excitations and above 0.65 for other gains."""
-AT_LIMIT = 0.98
-"""Share of v_max from which a voltage counts as limited. Chosen."""
-
 DELAY_KEY = "controller_delay_periods"
 """Key of `Recording.meta`: periods by which the controller is late"""
 
@@ -93,7 +85,7 @@ def voltage_replay(recording: Recording) -> VoltageReplay | None:
     """Return the comparison of the profile's controller with the voltages, or None if impossible.
 
     The comparison needs a known controller, references, three axes, a row for every control period,
-    and at least `LEAST_BLOCKS` blocks of usable rows.
+    and enough usable rows (`model.control.unexplained_share`).
     """
     if why_not_replayed(recording) is not None or decimation(recording) != 1:
         return None
@@ -106,13 +98,13 @@ def voltage_replay(recording: Recording) -> VoltageReplay | None:
     below = [(np.abs(v) < AT_LIMIT * v_max).all(axis=1) for v in (logged, voltage, late)]
     rows = np.logical_and.reduce([*below, np.isfinite(r.angle).all(axis=1)])
     d = logged - voltage
-    shares = _shares(r, rows, d, logged)
-    if len(shares) < LEAST_BLOCKS:
+    t = (r.t - r.t[0])[rows]
+    share = unexplained_share(t, d[rows], logged[rows], _size_without_line)
+    if share is None:
         return None
-    share = _quartile(shares)
     if share <= REPRODUCED:
         match = Match.REPRODUCED
-    elif _quartile(_shares(r, rows, logged - late, logged)) <= REPRODUCED:
+    elif _is_explained(t, (logged - late)[rows], logged[rows]):
         match = Match.LATE
     elif np.isnan(recording.voltage_extra).all() and not _is_feedback(r, rows, d):
         match = Match.EXCITED
@@ -124,6 +116,7 @@ def voltage_replay(recording: Recording) -> VoltageReplay | None:
     return VoltageReplay(match, share, share * float(logged[rows].std(axis=0).max()), difference)
 
 
+@lru_cache(maxsize=4)  # the integrity checks and the diagnosis need the same
 def with_known_controller(recording: Recording) -> Recording:
     """Return the recording with a controller that reproduces its voltages, if there is one.
 
@@ -187,24 +180,15 @@ _law = compiled(control_law, leaf=True)
 _replay_compiled = compiled(_replay)
 
 
-def _shares(r: Recording, rows: np.ndarray, d: np.ndarray, logged: np.ndarray) -> list[float]:
-    """Return, for each block of time, std(d)/std(``logged``) of the motor with the larger ratio.
-
-    ``d`` (N, 2) V: logged minus computed voltages; its constant and slope are removed from each
-    block. ``logged`` (N, 2) V. ``rows`` (N,) bool: the rows to compare.
-    """
-    counted = np.flatnonzero(rows)
-    block = (r.t[counted] - r.t[0]) // BLOCK_S
-    shares = []
-    for own in np.split(counted, np.flatnonzero(np.diff(block)) + 1):
-        scale = logged[own].std(axis=0) if len(own) >= LEAST_ROWS else np.zeros(2)
-        if (scale > 0).all():
-            shares.append(float((_residual(_line(r.t[own]), d[own]).std(axis=0) / scale).max()))
-    return shares
+def _is_explained(t: np.ndarray, d: np.ndarray, logged: np.ndarray) -> bool:
+    """Return True if at most the share `REPRODUCED` of ``logged`` is in d, both (n, 2) in V."""
+    share = unexplained_share(t, d, logged, _size_without_line)
+    return share is not None and share <= REPRODUCED
 
 
-def _quartile(shares: list[float]) -> float:
-    return float(np.quantile(shares, 0.75))
+def _size_without_line(t: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return the standard deviation (2,) of d (n, 2) without its constant and slope in time."""
+    return np.asarray(_residual(_line(t), d).std(axis=0))
 
 
 def _line(t: np.ndarray) -> np.ndarray:

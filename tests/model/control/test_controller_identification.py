@@ -10,6 +10,8 @@ import pytest
 
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.model.control import controller_identification as module
+from heli3dof.model.control import unexplained_share
+from heli3dof.model.control.controller import derivative_filter
 from heli3dof.model.control.controller_identification import identified_controller
 from heli3dof.model.control.voltage_replay import controller_is_known, with_known_controller
 from heli3dof.model.greybox.model import nominal
@@ -32,13 +34,12 @@ def steps() -> Recording:
 
 def test_the_doctests_pass() -> None:
     assert doctest.testmod(module).failed == 0
+    assert doctest.testmod(unexplained_share).failed == 0
     assert doctest.testmod(linear_controller).failed == 0
 
 
 def test_the_gains_on_the_angles_are_those_of_the_controller(steps: Recording) -> None:
     """The rates' filter passes b0 of each angle at once: B_0 = −(K_angle + b0 K_rate)."""
-    from heli3dof.model.control.controller import derivative_filter
-
     spec = steps.profile.controller
     assert spec is not None
     b0, *_ = derivative_filter(spec, steps.profile.dt)

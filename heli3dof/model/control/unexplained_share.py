@@ -1,0 +1,46 @@
+"""Measure which share of a recording's voltages a controller's law does not explain.
+
+In a block of `BLOCK_S`, the share is the size of the law's error over the standard deviation of a
+signal; of both motors the larger one. The recording's share is the upper quartile of its blocks,
+because a landing, a lost sample or a voltage limit makes single blocks differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+BLOCK_S = 2.0
+"""s, length of a block. Chosen: a flight has several, and a landing fills one or two."""
+LEAST_ROWS = 20
+"""Fewest rows of a block. Chosen."""
+LEAST_BLOCKS = 3
+"""Fewest blocks of a recording. Chosen."""
+AT_LIMIT = 0.98
+"""Share of v_max from which a voltage counts as limited. Chosen."""
+
+
+def unexplained_share(
+    t: np.ndarray,
+    e: np.ndarray,
+    signal: np.ndarray,
+    size: Callable[[np.ndarray, np.ndarray], np.ndarray],
+) -> float | None:
+    """Return the recording's share; None if it has fewer than `LEAST_BLOCKS` blocks.
+
+    ``t`` (N,): s since the start of the first block. ``e``, ``signal`` (N, 2): errors and signal of
+    both motors, V. ``size``: function of t and e of one block that returns the errors' size (2,).
+    Blocks with too few rows, or in which the signal is constant, are left out.
+
+    >>> t, e = np.arange(300) * 0.02, np.full((300, 2), 0.5)
+    >>> signal = np.where(np.arange(300) % 2, 1.0, -1.0)[:, None] * [1.0, 2.0]  # std 1 and 2
+    >>> unexplained_share(t, e, signal, lambda t, e: np.abs(e).max(axis=0))
+    0.5
+    """
+    shares = []
+    for own in np.split(np.arange(len(t)), np.flatnonzero(np.diff(t // BLOCK_S)) + 1):
+        scale = signal[own].std(axis=0) if len(own) >= LEAST_ROWS else np.zeros(2)
+        if (scale > 0).all():
+            shares.append(float((size(t[own], e[own]) / scale).max()))
+    return float(np.quantile(shares, 0.75)) if len(shares) >= LEAST_BLOCKS else None
