@@ -37,7 +37,7 @@ from heli3dof.comparison.result import (
 )
 from heli3dof.errors import Heli3dofError
 from heli3dof.model.base import Model
-from heli3dof.recording.logs.sampling_clock import sampling_times
+from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.recording import Recording
 
 __all__ = ["Comparison", "FlightComparison", "compare", "compare_flight"]
@@ -71,7 +71,7 @@ def compare_flight(
 
     ``horizons_s``: prediction horizons in s. Horizons as long as the flight or longer are left out.
     """
-    flown = sampling_times(under_control(recording))
+    flown = corrected(under_control(recording))
     why = why_not_replayed(flown)
     fits = tuple(h for h in horizons_s if h < flown.duration)
     steps = STEPS_DRAWN if why else STEPS_AVERAGED  # with a replay, no prediction is drawn

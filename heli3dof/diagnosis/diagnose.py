@@ -49,7 +49,7 @@ from heli3dof.integrity import Kind, integrity
 from heli3dof.model.control.voltage_replay import with_known_controller
 from heli3dof.model.effects import term
 from heli3dof.parallel import report_progress
-from heli3dof.recording.logs.sampling_clock import sampling_times
+from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.recording import Recording
 from heli3dof.stage_clock import Progress, StageClock
 
@@ -105,7 +105,7 @@ def _diagnosed(
     for stops in (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE):
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
-    train, held = ([with_known_controller(sampling_times(r)) for r in x] for x in (train, held))
+    train, held = ([with_known_controller(corrected(r)) for r in x] for x in (train, held))
     if why := no_likelihood(train):
         return diagnose_without_likelihood(
             train, held, faults, why=why, base=base, quick=quick, seed=seed, progress=clock.progress

@@ -22,7 +22,7 @@ from heli3dof.model.base import Model
 from heli3dof.model.estimation.filter_data import RowRange
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.parallel import one_blas_thread, report_progress
-from heli3dof.recording.logs.sampling_clock import sampling_times
+from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.recording import Recording
 from heli3dof.stage_clock import Progress, StageClock
 
@@ -257,4 +257,4 @@ def _several(recordings: Recording | Sequence[Recording] | None) -> list[Recordi
     if recordings is None:
         return []
     several = [recordings] if isinstance(recordings, Recording) else recordings
-    return [sampling_times(r) for r in several]
+    return [corrected(r) for r in several]

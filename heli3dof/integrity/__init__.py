@@ -19,6 +19,7 @@ from functools import cache
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
 from heli3dof.plugins import modules_of
+from heli3dof.recording.logs.corrections import limited
 from heli3dof.recording.recording import Recording
 
 __all__ = ["Check", "Fault", "Kind", "Stage", "checks", "integrity"]
@@ -44,6 +45,8 @@ def _of_one(recording: Recording) -> list[Fault]:
     view = View(recording)
     faults: list[Fault] = []
     for stage in Stage:
+        if stage is Stage.MOTION:
+            view = View(limited(recording))  # no voltage beyond the limit was found to be applied
         for check in checks():
             if check.stage is stage:
                 faults += check.run(view)

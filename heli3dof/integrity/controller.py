@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
 from heli3dof.model.control.voltage_replay import Match, voltage_replay, with_known_controller
-from heli3dof.recording.logs.sampling_clock import sampling_times
+from heli3dof.recording.logs.corrections import corrected
 
 KIND = {Match.LATE: Kind.NOTE, Match.EXCITED: Kind.NOTE, Match.OTHER: Kind.FINDING}
 CONSEQUENCE = {
@@ -37,7 +37,7 @@ FIX = {
 def controller(view: View) -> Iterable[Fault]:
     """Yield a finding or a note if the controller's voltages differ from the logged ones."""
     r = view.recording
-    result = voltage_replay(sampling_times(r))
+    result = voltage_replay(corrected(r))
     if result is None or result.match is Match.REPRODUCED:
         return
     m = result.match
@@ -52,7 +52,7 @@ def controller(view: View) -> Iterable[Fault]:
 
 def identified(view: View) -> Iterable[Fault]:
     """Yield a note on the linear controller that was identified in place of the profile's."""
-    law = with_known_controller(sampling_times(view.recording)).identified_controller
+    law = with_known_controller(corrected(view.recording)).identified_controller
     if law is not None:
         name = view.recording.name
         yield Fault(

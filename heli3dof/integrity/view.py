@@ -81,7 +81,11 @@ class View:
 
         The axes are the measured ones that the voltages drive.
         """
-        return responses(self.recording, self.airborne, self.ticks.number, self.ticks.period_s)
+        return self.responses_to(self.recording)
+
+    def responses_to(self, recording: Recording) -> dict[str, Response]:
+        """Return `responses` for the voltages of ``recording``, a copy with other voltages."""
+        return responses(recording, self.airborne, self.ticks.number, self.ticks.period_s)
 
 
 def _finite(r: Recording) -> Recording:

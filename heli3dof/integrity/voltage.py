@@ -1,5 +1,10 @@
 """Check voltages: unit, sign, the amplifier's limit, and agreement with the commanded voltages.
 
+Voltages beyond the amplifier's limit ±v_max did not reach the motors if the log contains the
+controller's output before the limiter. Then `heli3dof.recording.logs.corrections` limits them. They
+did reach the motors if v_max in the profile is wrong. `_motors_got` tells these cases apart by the
+motion.
+
 The ratio h of the hover voltage to the profile's (`View.hover_ratio`) is 0.5 … 2 even on rigs that
 differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, or one of
 them has the wrong sign.
@@ -17,6 +22,7 @@ from heli3dof.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
 from heli3dof.integrity.view import View
 from heli3dof.model.control.unexplained_share import AT_LIMIT
 from heli3dof.recording.logs import log_validation
+from heli3dof.recording.logs.corrections import limited
 
 BEYOND = 1.02
 """Largest ratio of a voltage to v_max. Chosen, as are all constants below."""
@@ -48,21 +54,43 @@ def limit(view: View) -> Iterable[Fault]:
     except RecordingError as error:
         yield bad_data_fault("voltage.limit", view, error)
         return
-    top = float(np.nanmax(np.abs(v)))
-    if top > BEYOND * v_max:
-        beyond = float((np.abs(v) > BEYOND * v_max).any(axis=1).mean())
-        h = view.hover_ratio
-        percent = top < 100.5 and h is not None and 0.8 < h * v_max / 100 < 1.25
+    rows = (np.abs(v) > BEYOND * v_max).any(axis=1)
+    if not rows.any():
+        return
+    top, h = float(np.nanmax(np.abs(v))), view.hover_ratio
+    exceeds = (
+        f"{r.name}: the voltage reaches {top:.4g} V and exceeds the profile's ±{v_max:.4g} V in "
+        f"{100 * rows.mean():.2g} % of the rows"
+    )
+    if top < 100.5 and h is not None and 0.8 < h * v_max / 100 < 1.25:
+        yield Fault(
+            "voltage.limit", Kind.BAD_DATA, r.name, f"{exceeds}.",
+            "per cent of the limit instead of volts.", f"multiply by {v_max / 100:.4g}",
+        )  # fmt: skip
+    elif rows.mean() > DIFFERS and _motors_got(view):
         yield Fault(
             "voltage.limit", Kind.BAD_DATA, r.name,
-            f"{r.name}: the voltage reaches {top:.4g} V and exceeds the profile's ±{v_max:.4g} V "
-            f"in {100 * beyond:.2g} % of the rows.",
-            "per cent of the limit instead of volts." if percent else
-            "the command was logged instead of the limiter's output, or motor.v_max belongs to "
-            "another amplifier.",
-            f"multiply by {v_max / 100:.4g}" if percent else
-            "rename commands to v_front_cmd_V, v_back_cmd_V; or correct motor.v_max",
+            f"{exceeds}, and the motion shows that the motors got it.",
+            "motor.v_max belongs to another amplifier, or the voltages have another unit.",
+            "correct motor.v_max in the profile, or convert the voltages to volts",
         )  # fmt: skip
+    else:
+        yield Fault(
+            "voltage.limit", Kind.NOTE, r.name,
+            f"{exceeds}. The diagnosis limits it to ±{v_max:.4g} V.",
+            "the log contains the controller's output before the limiter.",
+            "nothing to do; if the amplifier's limit is higher, correct motor.v_max",
+        )  # fmt: skip
+
+
+def _motors_got(view: View) -> bool:
+    """Return True if voltages beyond the limit explain the motion better than limited ones.
+
+    The better ones leave the smaller product of the axes' unexplained variances 1 − R².
+    """
+    with_limit = view.responses_to(limited(view.recording))
+    ratios = [(1 - view.responses[a].explained) / (1 - x.explained) for a, x in with_limit.items()]
+    return float(np.prod(ratios)) < 1
 
 
 def unit(view: View) -> Iterable[Fault]:

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from heli3dof.axes import MOTORS
-from heli3dof.integrity import Kind
+from heli3dof.integrity import Kind, integrity
+from heli3dof.recording.logs.corrections import corrected
+from heli3dof.recording.recording import Recording
 from tests.integrity.flights import flight, names, only, with_voltage
 
 PLANS = ("rich", "steps", "run-step")
@@ -35,13 +37,24 @@ def test_another_unit_is_named(factor: float, word: str) -> None:
     assert word in fault.cause
 
 
-def test_commanded_in_place_of_applied_voltages_are_detected() -> None:
-    r = flight()
-    cmd = r.voltage_cmd.copy()
-    cmd[100:110] = 60.0  # the take-off of a real log: far beyond the limiter
-    fault = only(replace(r, voltage=cmd))
-    assert fault.check == "voltage.limit"
-    assert "v_front_cmd_V" in fault.fix
+def with_limit(r: Recording, v_max: float) -> Recording:
+    motor = r.profile.motor.model_copy(update={"v_max": v_max})
+    return replace(r, profile=r.profile.model_copy(update={"motor": motor}))
+
+
+def test_voltages_before_the_limiter_are_only_a_note() -> None:
+    r = with_limit(flight("large", "motor.saturation:9"), 9.0)
+    faults = [f for f in integrity(r) if f.check == "voltage.limit"]
+    assert [f.kind for f in faults] == [Kind.NOTE]
+    assert np.abs(corrected(r).voltage).max() == 9.0
+
+
+def test_voltages_that_a_stronger_amplifier_applied_are_bad_data() -> None:
+    r = flight("large")
+    limit = float(np.quantile(np.abs(r.voltage).max(axis=1), 0.97))
+    fault = only(with_limit(r, limit))
+    assert (fault.check, fault.kind) == ("voltage.limit", Kind.BAD_DATA)
+    assert "motor.v_max" in fault.fix
 
 
 def test_a_gain_between_the_two_voltages_is_detected() -> None:

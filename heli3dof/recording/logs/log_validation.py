@@ -184,9 +184,8 @@ def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> 
         if top > 1.001 * v_max:
             warnings.append(
                 f"{name} reaches {top:.4g} V, beyond the profile's limit of ±{v_max:.4g} V: "
-                "another rig's profile, or the command before the limiter. If it is the command, "
-                f"map it to {command} and add "
-                f"--map '{name}=clip({command},{-v_max:.4g},{v_max:.4g})'."
+                "another rig's profile, or the command before the limiter. Identification, "
+                "diagnosis and comparison limit it to this value."
             )
     if np.ptp(front) == 0 and np.ptp(back) == 0:
         warnings.append(
