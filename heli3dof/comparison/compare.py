@@ -37,6 +37,7 @@ from heli3dof.comparison.result import (
 )
 from heli3dof.errors import Heli3dofError
 from heli3dof.model.base import Model
+from heli3dof.model.control.voltage_replay import with_known_controller
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.recording import Recording
 
@@ -72,6 +73,8 @@ def compare_flight(
     ``horizons_s``: prediction horizons in s. Horizons as long as the flight or longer are left out.
     """
     flown = corrected(under_control(recording))
+    if flown.profile.controller is None:
+        flown = with_known_controller(flown)  # identified from the log, if possible
     why = why_not_replayed(flown)
     fits = tuple(h for h in horizons_s if h < flown.duration)
     steps = STEPS_DRAWN if why else STEPS_AVERAGED  # with a replay, no prediction is drawn

@@ -6,8 +6,8 @@ This is eq (7) of the paper, with errata E5 and E6 corrected. V_o is the hover v
 controller's gain matrix, x the state, x_ref its reference, V_extra the plan's excitation, v_max the
 voltage limit. The model starts at rest at the flight's initial angles; later angles are not used.
 An open-loop simulation would drift, because the plant integrates twice: 0.05 V of bias gives 25°
-after 10 s. In closed loop, model and rig follow the same references. The flight's controller must
-be known.
+after 10 s. In closed loop, model and rig follow the same references. If the profile has no
+controller, one may be identified from the log (`heli3dof.model.control.voltage_replay`).
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from heli3dof.model.control.loop_task import (
     why_not_replayed,
 )
 from heli3dof.recording.recording import Recording
+from heli3dof.rig.profile import ControllerSpec
 
 __all__ = ["Replay", "loop_task", "replay", "under_control", "why_not_replayed"]
 
@@ -45,7 +46,8 @@ class Replay:
     diverged_at_s: float | None
     """s on the recording's clock when the model diverged; None if it did not"""
     unstable_poles: tuple[complex, ...]
-    """rad/s: the poles of the linear closed loop that are in the right half plane"""
+    """rad/s: the poles of the linear closed loop that are in the right half plane; none are
+    computed for a controller identified from the log"""
 
 
 def replay(model: Model, recording: Recording) -> Replay:
@@ -69,7 +71,9 @@ def replay(model: Model, recording: Recording) -> Replay:
         diverged_at_s = float(grid[int(np.argmax(lost))])
         gone = flown.t >= diverged_at_s - task.dt
         angle[gone], voltage[gone] = np.nan, np.nan
-    poles = np.atleast_1d(model.loop_poles(task.controller, task.dt))
+    poles = np.empty(0, dtype=complex)
+    if isinstance(task.controller, ControllerSpec):
+        poles = np.atleast_1d(model.loop_poles(task.controller, task.dt))
     unstable = poles[poles.real > 1e-6]
     order = np.argsort(-unstable.real)
     return Replay(

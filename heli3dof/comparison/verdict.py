@@ -38,7 +38,9 @@ def verdict(comparison: Comparison) -> tuple[str, ...]:
     if horizon in ahead:
         sentences += _best(ahead[horizon], f"predictions {horizon:g} s ahead")
         sentences += _against_constant_angles(ahead, horizon)
-    sentences += _best(replay_errors(comparison), "closed-loop replay")
+    identified = any(f.flown.identified_controller is not None for f in comparison.flights)
+    which = ", controller identified from the log" if identified else ""
+    sentences += _best(replay_errors(comparison), f"closed-loop replay{which}")
     return tuple(sentences) or ("No model could be compared; the warnings state why.",)
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from heli3dof.arrays import ComplexArray, FloatArray
+from heli3dof.recording.linear_controller import LinearController
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import ControllerSpec, Limits
 
@@ -24,10 +25,12 @@ class LoopTask:
     reference: FloatArray
     """(N, 3) rad, references before their rate limiter; NaN counts as zero."""
     extra: FloatArray
-    """(N, 2) V, excitation added to the controller's output; NaN counts as zero."""
+    """(N, 2) V, excitation added to the controller's output, or the input w of a linear
+    controller (`recording.linear_controller`); NaN counts as zero."""
     angle0: FloatArray
     """(3,) rad, the angles at the start, where the rig is at rest."""
-    controller: ControllerSpec
+    controller: ControllerSpec | LinearController
+    """The profile's, or one identified from a log."""
     V_o: float
     """V, the hover voltage that the controller adds; the profile's, not the model's."""
     v_max: float

@@ -4,7 +4,7 @@
 
 v (2,) V are the motor voltages after the limiter, y (3,) rad the angles; A_j (2, 2) and B_j (2, 3)
 are the gains. The input w (2,) V contains what does not depend on the angles: references,
-excitations, constants. Before the first row, v and y have the values of the first row.
+excitations, constants. Before the first row, v and y are zero.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ class LinearController:
 
         >>> law = LinearController(np.ones((1, 2, 2)), np.ones((2, 2, 3)))
         >>> law.input_of(np.array([[1.0, 1], [4, 3]]), np.zeros((2, 3))).tolist()
-        [[-1.0, -1.0], [2.0, 1.0]]
+        [[1.0, 1.0], [2.0, 1.0]]
         """
         n, N = len(self.A), len(v)
-        v_before, y_before = (np.vstack([np.repeat(x[:1], n, axis=0), x]) for x in (v, y))
+        v_before, y_before = (np.vstack([np.zeros((n, x.shape[1])), x]) for x in (v, y))
         w = v - sum(v_before[n - j : n - j + N] @ self.A[j - 1].T for j in range(1, n + 1))
         w -= sum(y_before[n - j : n - j + N] @ self.B[j].T for j in range(n + 1))
         return np.asarray(w)

@@ -10,20 +10,30 @@ from heli3dof.axes import AXES
 from heli3dof.comparison.compare import compare
 from heli3dof.comparison.document import comparison_document
 from heli3dof.comparison.metrics import METRICS
+from heli3dof.comparison.verdict import verdict
 from heli3dof.experiment.plan import step_plan
 from heli3dof.experiment.simulate import simulate
+from heli3dof.identification.greybox.freeflight import fit_freeflight, model_of
+from heli3dof.model.greybox.model import nominal
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.paper.reproduction import reproduce
 from heli3dof.recording.load import load
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import default_profile, load_profile
 from tests.comparison.fakes import FakeHover, WrongRate, flight
+from tests.flown import flown
 from tests.paths import REAL_DATA, needs_real_data
 
 
-def unknown_controller(recording: Recording) -> Recording:
+def without_controller(recording: Recording) -> Recording:
     profile = default_profile().model_copy(update={"controller": None})
     return replace(recording, profile=profile)
+
+
+def unknown_controller(recording: Recording) -> Recording:
+    """Without references the controller cannot be identified either."""
+    none = np.full_like(recording.reference, np.nan)
+    return replace(without_controller(recording), reference=none)
 
 
 def test_the_true_model_differs_from_the_experiment_by_nothing() -> None:
@@ -62,6 +72,30 @@ def test_an_unknown_controller_gives_predictions_and_no_replay() -> None:
     assert model.trace is not None
     assert model.trace.kind == "prediction"
     assert any("controller is unknown" in w for w in result.warnings)
+
+
+def test_a_controller_identified_from_the_log_replays_as_the_true_one_does() -> None:
+    recording = flown("steps", 45.0, device="mock:?speed=max&start=level", seed=3)
+    model = nominal(recording.profile, ())
+    known, identified = (compare([r], [model]) for r in (recording, without_controller(recording)))
+    (one,), (two,) = (c.flights[0].models for c in (known, identified))
+    assert one.replay_rmse_deg is not None
+    assert two.replay_rmse_deg == pytest.approx(one.replay_rmse_deg, abs=0.05)
+    assert any("controller identified from the log" in s for s in verdict(identified))
+
+
+@needs_real_data
+def test_a_laboratory_s_flight_without_its_controller_is_replayed() -> None:
+    """The grey box, fitted to another flight, has less than half of the hover model's error."""
+    folder = REAL_DATA / "rig-a"
+    profile = load_profile(folder / "profile.toml")
+    other, recording = (load(folder / f"closed-{n}.csv", profile) for n in ("1a", "2a"))
+    fitted = model_of(fit_freeflight([other]), [other], "grey box")
+    (only,) = compare([recording], [hover_model(profile), fitted]).flights
+    hover, grey_box = (m.replay_rmse_deg for m in only.models)
+    assert hover is not None
+    assert grey_box is not None
+    assert (grey_box < hover / 2).all()
 
 
 def test_a_model_that_cannot_be_compared_does_not_stop_the_others() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,8 @@ def model(name: str, error: PredictionError | None, replay: list[float] | None) 
 
 def flight(still: PredictionError, *models: ModelComparison) -> FlightComparison:
     nothing: Any = None
-    return FlightComparison(nothing, nothing, {}, "replayed", None, still, models)
+    flown: Any = SimpleNamespace(identified_controller=None)
+    return FlightComparison(nothing, flown, {}, "replayed", None, still, models)
 
 
 STILL = ahead([1.0, 0.1, 1.0], [2.0, 0.2, 2.0])

@@ -17,7 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.model.compiled import compiled
-from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
+from heli3dof.model.control.controller import N_OUT
+from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
 from heli3dof.model.control.voltage_replay import is_late
 from heli3dof.model.estimation.decimated_log import with_loop_rows
 from heli3dof.model.greybox.linearisation import balance, true_angles
@@ -28,28 +29,9 @@ from heli3dof.model.physics.table import ON_TABLE_BELOW
 from heli3dof.recording.recording import Recording
 
 
-def _linear_law(A, B, input, v_max, k, angle, voltage, out):  # type: ignore[no-untyped-def]
-    """Write the voltages that the linear controller sends in row k to ``out[2:]``.
-
-    ``angle``, ``voltage``: rows up to k. Other arguments: `recording.linear_controller`.
-    """
-    for m in range(2):
-        v = input[k, m]
-        for j in range(len(B)):
-            i = max(k - j, 0)
-            v += B[j, m, 0] * angle[i, 0] + B[j, m, 1] * angle[i, 1] + B[j, m, 2] * angle[i, 2]
-            if j > 0:
-                v += A[j - 1, m, 0] * voltage[i, 0] + A[j - 1, m, 1] * voltage[i, 1]
-        out[2 + m] = min(max(v, -v_max), v_max)
-
-
-_law = compiled(control_law, leaf=True)
-_linear_law_compiled = compiled(_linear_law, leaf=True)
-
-
 def _fly(  # type: ignore[no-untyped-def]
-    s, first, address, par, mem, free, x, F, low, p, c, reference, extra, late, A, B, input, v_max,
-    grid0, grid, t, h, kick, angle, voltage,
+    s, first, address, par, mem, free, x, F, low, p, c, reference, extra, late, grid0, grid,
+    t, h, kick, angle, voltage,
 ):  # fmt: skip
     """Simulate the closed loop; write the results ``angle`` (N, 3) rad and ``voltage`` (N, 2) V.
 
@@ -68,10 +50,7 @@ def _fly(  # type: ignore[no-untyped-def]
             if grid[i] > 0.0:
                 y[i] = grid0[i] + np.rint((y[i] - grid0[i]) / grid[i]) * grid[i]
             angle[k, i] = y[i]
-        if len(A):
-            _linear_law_compiled(A, B, input, v_max, k, angle, voltage, out)
-        else:
-            _law(p, c, y, reference[k], extra[k], out)
+        simulated_law(p, c, y, reference[k], extra[k], out)
         if k == 0:
             voltage[0, 0], voltage[0, 1] = out[2], out[3]
         if k + late < N:
@@ -96,7 +75,8 @@ def simulated_flight(
     """
     profile = recording.profile
     linear = recording.identified_controller
-    if (linear is None and profile.controller is None) or len(recording.axes) < 3:
+    controller = linear or profile.controller
+    if controller is None or len(recording.axes) < 3:
         raise ValueError("the controller of this recording is unknown, or an angle is missing")
     n = len(recording) if rows is None else min(rows, len(recording))
     logged = recording.rows(slice(0, n))
@@ -115,22 +95,15 @@ def simulated_flight(
     F = np.zeros((max(n, 1), 2))
     if not on_table:
         F[0] = balance(model, x[:3])
-    p, c = [0.0], [0.0]
-    A, B, w = np.empty((0, 2, 2)), np.empty((0, 2, 3)), np.empty((0, 2))
+    p, c = controller_arrays(controller, profile.motor.V_o, profile.motor.v_max, profile.dt, read0)
+    extra = part.voltage_extra if linear is None else linear.input_of(part.voltage, part.angle)
     angle, voltage = np.empty((n, 3)), np.empty((n, 2))
-    if linear is not None:
-        A, B, w = linear.A, linear.B, linear.input_of(part.voltage, part.angle)
-        voltage[0] = part.voltage[0]  # also that before the first row
-    elif profile.controller is not None:
-        p = parameters(profile.controller, profile.motor.V_o, profile.motor.v_max, profile.dt)
-        c = state_at_rest(p, [float(a) for a in read0])
     kick = rng.standard_normal((n, 3)) * model.noise * np.sqrt(h)[:, None]
     _fly_compiled(
         s, hooks.first, hooks.address, par, model.structure.memory, np.ones(3, dtype=bool), x, F,
-        x[0] if on_table else -np.inf, np.array(p), np.array(c),
+        x[0] if on_table else -np.inf, p, c,
         np.ascontiguousarray(np.nan_to_num(part.reference, nan=0.0)),
-        np.ascontiguousarray(np.nan_to_num(part.voltage_extra, nan=0.0)),
-        int(is_late(recording)), A, B, w, profile.motor.v_max, read0, grid, t, h, kick, angle,
-        voltage,
+        np.ascontiguousarray(np.nan_to_num(extra, nan=0.0)),
+        int(is_late(recording)), read0, grid, t, h, kick, angle, voltage,
     )  # fmt: skip
     return replace(logged, angle=angle[at], voltage=voltage[at])

@@ -1,7 +1,7 @@
 """Convert a recording to the input of a closed-loop simulation (a task), to replay the flight.
 
-A replay needs a known controller, references and all three angles; `why_not_replayed` states which
-of them a recording lacks.
+A replay needs references, all three angles and a controller: the profile's, or one identified from
+the log (`voltage_replay.with_known_controller`). `why_not_replayed` states which a recording lacks.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from heli3dof.recording.row import CLOSED_LOOP
 
 def why_not_replayed(recording: Recording) -> str | None:
     """Return the reason why a closed loop cannot replay the recording, as text; None if it can."""
-    if recording.profile.controller is None:
+    if (recording.identified_controller or recording.profile.controller) is None:
         return "the controller is unknown, because the profile has no [controller]"
     if not any(recording.has_reference(axis) for axis in AXES):
         return "no reference was recorded, so there is nothing to replay"
@@ -39,12 +39,17 @@ def loop_task(recording: Recording) -> LoopTask:
     grid = control_instants(t, profile.dt)
     # A sample up to half a period late counts for its own period.
     held = np.searchsorted(t, grid + 0.5 * profile.dt, side="right") - 1
-    assert profile.controller is not None
+    linear = recording.identified_controller
+    controller = linear or profile.controller
+    assert controller is not None
+    extra = recording.voltage_extra
+    if linear is not None:
+        extra = linear.input_of(recording.voltage, recording.angle)
     return LoopTask(
         reference=recording.reference[held],
-        extra=np.nan_to_num(recording.voltage_extra[held]),
+        extra=np.nan_to_num(extra[held]),
         angle0=recording.angle[0],
-        controller=profile.controller,
+        controller=controller,
         V_o=profile.motor.V_o,
         v_max=profile.motor.v_max,
         dt=profile.dt,

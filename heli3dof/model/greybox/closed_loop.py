@@ -12,15 +12,15 @@ import numpy as np
 
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
-from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
+from heli3dof.model.control.controller import N_OUT
 from heli3dof.model.control.loop_opening import after_law, before_law, opening
+from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
 from heli3dof.model.greybox.linearisation import balance, true_angles
 from heli3dof.model.greybox.parameters import GreyBoxParameters
 from heli3dof.model.physics.integrator import fly_row, readings, setup, stop_at_table
 from heli3dof.model.physics.state_layout import FLANK
 from heli3dof.model.physics.table import ON_TABLE_BELOW
 
-_law = compiled(control_law, leaf=True)
 _before, _after = compiled(before_law, leaf=True), compiled(after_law, leaf=True)
 
 
@@ -42,7 +42,7 @@ def _fly(  # type: ignore[no-untyped-def]
                 y[i] = grid0[i] + np.rint((y[i] - grid0[i]) / grid[i]) * grid[i]
         if opened.shape[0] > 0:
             _before(p, c, room, z, opened[k], y, reference[k], extra[k])
-        _law(p, c, y, reference[k], extra[k], out)
+        simulated_law(p, c, y, reference[k], extra[k], out)
         if opened.shape[0] > 0:
             _after(p, c, z, opened[k], extra[k], out)
         for i in range(2):
@@ -71,7 +71,7 @@ def fly(model: GreyBoxParameters, task: LoopTask) -> LoopResult:
     if not on_table:
         F[0] = balance(model, x[:3])
     grid = np.zeros(3) if task.rad_per_count is None else np.abs(task.rad_per_count)
-    p = parameters(task.controller, task.V_o, task.v_max, task.dt)
+    p, c = controller_arrays(task.controller, task.V_o, task.v_max, task.dt, read0)
     angle, voltage, cmd = np.empty((N, 3)), np.empty((N, 2)), np.empty((N, 2))
     t = task.dt * np.arange(N, dtype=float)
     reference = np.ascontiguousarray(np.nan_to_num(task.reference, nan=0.0))
@@ -79,8 +79,7 @@ def fly(model: GreyBoxParameters, task: LoopTask) -> LoopResult:
     _fly_compiled(
         s, hooks.first, hooks.address, par, mem, np.ones(3, dtype=bool), x, F,
         x[0] if on_table else -np.inf,
-        np.array(p),
-        np.array(state_at_rest(p, [float(a) for a in read0])),
+        p, c,
         *opening(task),
         reference, extra,
         read0, np.ascontiguousarray(grid, dtype=float), t, np.full(N, task.dt),

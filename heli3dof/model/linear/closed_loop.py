@@ -7,7 +7,7 @@ In control period k, with the trim u0 (V), y0 (rad) and the model's state x::
     x[k+1] = A x[k] + B (v[k] − u0)
 
 ref are the reference angles, extra (V) voltages added to the controller's. The law is
-`heli3dof.model.control.controller.control_law`, which also runs on the real rig.
+`heli3dof.model.control.simulated_controller.simulated_law`.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ import numpy as np
 
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
-from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
+from heli3dof.model.control.controller import N_OUT
 from heli3dof.model.control.loop_opening import after_law, before_law, opening
+from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
 from heli3dof.model.linear.initial_state import rest_state
 from heli3dof.model.linear.parameters import LinearParameters
 
-_law, _before, _after = compiled(control_law), compiled(before_law), compiled(after_law)
+_before, _after = compiled(before_law), compiled(after_law)
 
 
 def _fly(  # type: ignore[no-untyped-def]
@@ -42,7 +43,7 @@ def _fly(  # type: ignore[no-untyped-def]
             y[i] = acc
         if opened.shape[0] > 0:
             _before(p, s, room, z, opened[k], y, reference[k], extra[k])
-        _law(p, s, y, reference[k], extra[k], out)
+        simulated_law(p, s, y, reference[k], extra[k], out)
         if opened.shape[0] > 0:
             _after(p, s, z, opened[k], extra[k], out)
         u_f = out[2] - u0[0]
@@ -76,7 +77,7 @@ def fly(model: LinearParameters, task: LoopTask) -> LoopResult:
     there = model.modelled
     C = np.where(there[:, None], model.C, 0.0)
     grid = np.zeros(3) if task.rad_per_count is None else np.abs(task.rad_per_count)
-    p = parameters(task.controller, task.V_o, task.v_max, task.dt)
+    p, s = controller_arrays(task.controller, task.V_o, task.v_max, task.dt, angle0)
     angle, voltage, cmd = np.empty((N, 3)), np.empty((N, 2)), np.empty((N, 2))
     reference = np.nan_to_num(_floats(task.reference), nan=0.0)
     extra = np.nan_to_num(_floats(task.extra), nan=0.0)
@@ -87,8 +88,8 @@ def fly(model: LinearParameters, task: LoopTask) -> LoopResult:
         _floats(model.u0),
         np.where(there, model.y0, angle0).astype(float),
         _floats(rest_state(model, angle0)).copy(),
-        np.array(p),
-        np.array(state_at_rest(p, [float(a) for a in angle0])),
+        p,
+        s,
         *opening(task),
         reference,
         extra,

@@ -193,7 +193,7 @@ def test_a_missing_reference_counts_as_zero_and_missing_extra_as_none() -> None:
 def test_flight_and_simulation_compute_the_same_numbers(
     seed: int, rate_hz: float, size: float, limits: tuple[float, float]
 ) -> None:
-    from heli3dof.model.linear.closed_loop import _law
+    from heli3dof.model.control.simulated_controller import simulated_law
 
     rng = np.random.default_rng(seed)
     spec = ControllerSpec(
@@ -211,7 +211,7 @@ def test_flight_and_simulation_compute_the_same_numbers(
         reference, extra = rng.normal(size=3), rng.normal(size=2)
         reading = np.where(rng.random(3) < 0.02, np.nan, angle)
         command, voltage = flight.step(reading, reference, extra)
-        _law(np.array(p), s, reading, reference, extra, out)
+        simulated_law(np.array(p), s, reading, reference, extra, out)
         assert [*command, *voltage] == out.tolist(), k
 
 

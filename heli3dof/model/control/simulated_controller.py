@@ -1,0 +1,79 @@
+"""The controller in simulated flights: that of the profile, or one identified from a log.
+
+The profile's is `controller.control_law`; the identified one is `LinearController`, which gets its
+input w (V) as extra voltage. Both are parameters p and a state s for one compiled function,
+`simulated_law`. For a linear controller of order n:
+
+    p = [−n, v_max, A_1 … A_n, B_0 … B_n]        s = [v[k−1] … v[k−n], y[k−1] … y[k−n]]
+
+A positive p[0] marks the profile's controller: it is the control period.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from heli3dof.arrays import FloatArray
+from heli3dof.model.compiled import compiled
+from heli3dof.model.control.controller import control_law, parameters, state_at_rest
+from heli3dof.recording.linear_controller import LinearController
+from heli3dof.rig.profile import ControllerSpec
+
+
+def controller_arrays(
+    controller: ControllerSpec | LinearController, V_o: float, v_max: float, dt: float,
+    angle0: FloatArray,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Return the parameters p and the initial state s of a controller, for `simulated_law`.
+
+    ``V_o``: hover voltage (V); ``v_max``: voltage limit (V); ``dt``: control period (s);
+    ``angle0`` (3,) rad: angles at which the rig rests before the flight.
+    """
+    if isinstance(controller, LinearController):
+        n = len(controller.A)
+        p = np.concatenate([[-n, v_max], controller.A.ravel(), controller.B.ravel()])
+        return p, np.zeros(5 * n)
+    spec = parameters(controller, V_o, v_max, dt)
+    return np.array(spec), np.array(state_at_rest(spec, [float(a) for a in angle0]))
+
+
+def _linear_law(p, s, angle, extra, out):  # type: ignore[no-untyped-def]
+    """Do what `control_law` does, for a linear controller."""
+    n = int(-p[0])
+    B = 2 + 4 * n
+    for m in range(2):
+        v = extra[m]
+        for i in range(3):
+            v += p[B + 3 * m + i] * angle[i]
+        for j in range(n):
+            for i in range(2):
+                v += p[2 + 4 * j + 2 * m + i] * s[2 * j + i]
+            for i in range(3):
+                v += p[B + 6 * (j + 1) + 3 * m + i] * s[2 * n + 3 * j + i]
+        out[m] = v
+        if v - v != 0.0:  # NaN or infinite
+            v = 0.0
+        out[2 + m] = min(max(v, -p[1]), p[1])
+    for j in range(n - 1, 0, -1):
+        for i in range(2):
+            s[2 * j + i] = s[2 * (j - 1) + i]
+        for i in range(3):
+            s[2 * n + 3 * j + i] = s[2 * n + 3 * (j - 1) + i]
+    for i in range(2):
+        s[i] = out[2 + i]
+    for i in range(3):
+        s[2 * n + i] = angle[i]
+
+
+_linear, _of_profile = compiled(_linear_law, leaf=True), compiled(control_law, leaf=True)
+
+
+def _law(p, s, angle, reference, extra, out):  # type: ignore[no-untyped-def]
+    if p[0] < 0.0:
+        _linear(p, s, angle, extra, out)
+    else:
+        _of_profile(p, s, angle, reference, extra, out)
+
+
+simulated_law = compiled(_law, leaf=True)
+"""Compute one control period of either controller; the arguments are those of `control_law`."""
