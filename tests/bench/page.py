@@ -181,6 +181,16 @@ def errors_table(rig: str) -> str:
     return "\n".join(rows)
 
 
+def replays_table(rig: str) -> str:
+    """Returns a table of the closed-loop replay errors of a rig's models."""
+    rows = ["| flight and model | roll / pitch / yaw |", "|---|---|"]
+    for f in load()["real"]["figures"]:
+        flight, found, _ = f["what"].partition(", closed-loop replay")
+        if found and flight.startswith(rig):
+            rows.append(f"| {flight.removeprefix(rig + ', ')} | {f['value']} |")
+    return "\n".join(rows)
+
+
 def _csv(rows: list[list[Any]]) -> str:
     out = io.StringIO()
     csv.writer(out, lineterminator="\n").writerows(rows)
@@ -202,8 +212,14 @@ def write(store: Store) -> None:
 
 
 STUDIES = [
-    Page(f"docs/results/{rig}.md", {"errors": partial(errors_table, rig)})
-    for rig in ("rig-a", "rig-b")
+    Page(
+        "docs/results/rig-a.md",
+        {
+            "errors": partial(errors_table, "rig-a"),
+            "replays": partial(replays_table, "rig-a"),
+        },
+    ),
+    Page("docs/results/rig-b.md", {"errors": partial(errors_table, "rig-b")}),
 ]
 """The case studies, whose tables of errors come from the figures of topic `real`"""
 
