@@ -39,6 +39,7 @@ from heli3dof.diagnosis.selection.steps import (
     base_with_forms,
     fit_with_cause,
     screening_step,
+    with_rivals_that_remain,
 )
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.errors import UsageError, did_you_mean
@@ -151,8 +152,9 @@ def _diagnosed(
         "written": [t.effect.summary for t in settled.fit.structure.formal],
     }  # fmt: skip
     without_verdict = Diagnosis(
-        *names, "", faults, result, settled.findings, off, settled.dropped,
-        residual_torques=settled.residual_torques, torque_terms=extended.terms,
+        *names, "", faults, result, settled.findings, off,
+        (*settled.dropped, *extended.dropped),
+        residual_torques=extended.torques, torque_terms=extended.terms,
         slow_noise=settled.slow_noise, about=about,
         not_identifiable=tuple(n for n in first.not_identifiable if not term(n).effect.formal),
     )  # fmt: skip
@@ -181,20 +183,23 @@ def forward_selection(
         clock.start(f"screen {len(steps) + 1}", f"Screening {nulls} …")
         step = screening_step(setup, fit, n)
         clock.start(f"fits {len(steps) + 1}", "Fitting what may be the cause …")
-        step = step.chosen(setup, score)
+        step, refuted = step.chosen(setup, score), list[str]()
+        wider = fit
+        while step.choice is not None:
+            wider = fit_with_cause(setup, fit, step.choice)
+            if wider.is_corrected or not fit.is_corrected or setup.touches_stops:
+                break
+            # Flights simulated with this cause diverge from the recorded one: it is refuted.
+            refuted.append(step.choice.term.name)
+            step = step.next_choice(refuted, score)
         steps.append(step)
         if step.choice is None:
             break
         choice = step.choice
-        wider = fit_with_cause(setup, fit, choice)
-        if not wider.is_corrected and fit.is_corrected and not setup.touches_stops:
-            # Flights simulated with this cause diverge from the recorded one: it is refuted.
-            steps[-1] = replace(step, choice=None)
-            break
         clock.progress(f"Found {choice.term.name}.")
         fit = wider
         if not choice.term.effect.of_base:  # a part of the body's equations is no defect
             remaining -= 1
             if choice.candidates[0].probe is not None:  # a grid trial has no probe
                 score = choice.score if score is None else max(score, choice.score)
-    return steps, fit
+    return with_rivals_that_remain(steps), fit

@@ -163,12 +163,13 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
 def pays_enough(choice: Choice, g: Gain, *, first: bool) -> bool:
     """Return whether a gain on held-out data suffices (one of the module's conditions 1 to 3)."""
     strong = first or choice.score >= SUFFICIENT
+    return convinces(g) or (strong and log_likelihood_gain(g) > MIN_GAIN)
+
+
+def convinces(g: Gain) -> bool:
+    """Return whether a gain suffices without the score of a cause: condition 1 or 3."""
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
-    return (
-        pays(g)
-        or (strong and log_likelihood_gain(g) > MIN_GAIN)
-        or (lower_error and log_likelihood_gain(g) > LARGE_GAIN)
-    )
+    return pays(g) or (lower_error and log_likelihood_gain(g) > LARGE_GAIN)
 
 
 def fitted(

@@ -1,8 +1,9 @@
 """Put unmodelled torques into the extended model if they improve predictions of held-out data.
 
 For each torque in turn, the model is extended by a proposal, a formula or a curve
-(`unmodelled.torque_formula`), fitted in full and bias-corrected. The first proposal that makes
-held-out data significantly more likely is adopted; without one, the torque is left out.
+(`unmodelled.torque_formula`), fitted in full and bias-corrected. The first proposal whose gain on
+held-out data would suffice for a cause is adopted (`adoption.convinces`). Without one, the torque
+is dropped, as a cause would be.
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.diagnosis.base_parameters import in_SI
-from heli3dof.diagnosis.result import TorqueTerm
+from heli3dof.diagnosis.conclusion.adoption import convinces, log_likelihood_gain
+from heli3dof.diagnosis.result import Dropped, TorqueTerm
 from heli3dof.diagnosis.screening.grid_trials import widened
 from heli3dof.diagnosis.selection.steps import bias_corrected
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal, proposals
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import held_out
-from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
+from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -34,8 +36,12 @@ class Extended:
 
     fit: CorrectedFit
     after: HeldOut
+    torques: tuple[ResidualTorque, ...]
+    """The torques that are not dropped"""
     terms: tuple[TorqueTerm | None, ...]
-    """One per torque; None if no term for it makes held-out data more likely"""
+    """One for each of ``torques``; None if no term for it could be fitted"""
+    dropped: tuple[Dropped, ...]
+    """For each dropped torque, the proposal with the largest gain"""
 
 
 def with_torques(
@@ -46,21 +52,29 @@ def with_torques(
 
     ``after``: results of ``fit`` on held-out data.
     """
-    adopted: list[tuple[Proposal, Gain] | None] = []
+    kept = list[tuple[ResidualTorque, tuple[Proposal, Gain] | None]]()
+    dropped = list[Dropped]()
     for torque in torques:
-        adopted.append(None)
+        failed = list[Dropped]()
         for proposal in proposals(fit, torque):
             wider = fit_with(setup, fit, proposal)
             if not np.isfinite(wider.optimum.loglik):
                 continue
             new = held_out(wider, holdout)
             g = gain(after, new, seed=setup.seed)
-            if pays(g):
-                fit, after, adopted[-1] = wider, new, (proposal, g)
+            if convinces(g):
+                fit, after = wider, new
+                kept.append((torque, (proposal, g)))
                 break
+            failed.append(Dropped(proposal.term, g))
+        else:
+            if failed:
+                dropped.append(max(failed, key=lambda d: log_likelihood_gain(d.gain)))
+            else:
+                kept.append((torque, None))
     scale = thrust_scale(fit)
-    terms = (None if a is None else _sized(fit, scale, *a) for a in adopted)
-    return Extended(fit, after, tuple(terms))
+    terms = (None if a is None else _sized(fit, scale, *a) for _, a in kept)
+    return Extended(fit, after, tuple(t for t, _ in kept), tuple(terms), tuple(dropped))
 
 
 def _sized(fit: CorrectedFit, scale: ThrustScale, proposal: Proposal, won: Gain) -> TorqueTerm:

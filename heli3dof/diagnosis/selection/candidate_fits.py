@@ -99,13 +99,13 @@ def fit_candidates(
         jagged = np.array([f.term in backlash for f in ext.structure.free])
         begin = np.append(level.theta, start[len(o.theta) :])
         fit = maximise_corrected(ext, begin, level.noise, score_bias, hold=jagged)
-        undetermined = fit.at_bound.copy()
-        undetermined[: len(o.theta) + 1] = False
-        if undetermined.any():
+        held = fit.at_bound.copy()
+        held[: len(o.theta) + 1] = False
+        if fit.at_bound[len(o.theta)]:  # so far from a solution, the others mislead its size
+            held[len(o.theta) + 1 :] = True
+        if held.any():
             # The recordings do not determine these parameters: hold them at their start.
-            fit = maximise_corrected(
-                ext, begin, level.noise, score_bias, hold=jagged | undetermined
-            )
+            fit = maximise_corrected(ext, begin, level.noise, score_bias, hold=jagged | held)
         if not fit.loglik > level.loglik and not new[0].log:
             # Near zero the likelihood is that of the current fit, so an ascent from there gains.
             again, at = begin.copy(), len(o.theta)

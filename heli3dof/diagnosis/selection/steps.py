@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -27,7 +27,7 @@ from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, correction_starts
 from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia
 from heli3dof.diagnosis.selection.rivals import compared_by_simulation
-from heli3dof.diagnosis.selection.select import Choice, choose
+from heli3dof.diagnosis.selection.select import Choice, best_choice, choose
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
@@ -93,6 +93,43 @@ class Step(Screening):
                 flights_per_round=setup.flights_per_round,
             )
         return replace(self, choice=choice)
+
+    def next_choice(self, refuted: Sequence[str], earlier_score: float | None) -> Step:
+        """Return this step with the next best candidate chosen, or none.
+
+        ``refuted``: names of the better candidates, with which flights cannot be simulated. They
+        are reported as confounded with the next one. ``earlier_score``: as in `chosen`.
+        """
+        assert self.choice is not None
+        rest = [c for c in self.choice.candidates if c.term.name not in refuted]
+        choice = best_choice(self, rest, earlier_score)
+        if choice is not None:
+            choice = replace(choice, tied_with=(*refuted, *choice.tied_with))
+        return replace(self, choice=choice)
+
+
+def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
+    """Return the steps; causes are also confounded with rivals that they explain only in part.
+
+    A rival is another candidate of the cause's step. In the last step, which found no cause, its Z²
+    still exceeds its threshold, though the causes have reduced it to less than half.
+    """
+    last = steps[-1]
+    if last.choice is not None:
+        return list(steps)
+    Z2 = {t.name: Z2 for t, Z2, _ in last.ranked if last.nulls.threshold_of(t) <= Z2}
+    return [replace(s, choice=_with_rivals(s.choice, Z2)) for s in steps]
+
+
+def _with_rivals(choice: Choice | None, Z2: Mapping[str, float]) -> Choice | None:
+    if choice is None:
+        return None
+    remain = [
+        c.term.name
+        for c in choice.candidates[1:]
+        if c.term.name not in choice.tied_with and 2 * Z2.get(c.term.name, np.inf) < c.Z2
+    ]
+    return replace(choice, tied_with=(*choice.tied_with, *remain))
 
 
 def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:

@@ -51,6 +51,9 @@ runs per flight. Chosen."""
 DIVERGED, DIVERGED_AFTER = 30.0, 3
 """A step of θ longer than this many standard deviations ends the search from this round on: the
 controller may not stabilise the fitted rig. Chosen."""
+MAX_SCATTER = 1e4
+"""Largest variance of the flights' scores, relative to the information. Above it, the estimates'
+standard deviations are a hundred times those of the likelihood: some flights have diverged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,6 +251,8 @@ def corrected_from(
     optimum = optimum_at(problem, theta, noise, count, converged)
     scores = np.array([f.g for f in flights])
     C = scatter_of(scores, optimum.information)
+    if (np.diag(C) > MAX_SCATTER * np.diag(optimum.information)).any():
+        return None
     assert noise_bias is not None
     return CorrectedFit(
         problem, optimum, C, scores.mean(axis=0), noise_bias.slope, flights_per_round
