@@ -111,8 +111,8 @@ class Step(Screening):
 def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
     """Return the steps; causes are also confounded with rivals that they explain only in part.
 
-    A rival is another candidate of the cause's step. In the last step, which found no cause, its Z²
-    still exceeds its threshold, though the causes have reduced it to less than half.
+    A rival is another candidate of the cause's step. In the last step, in which nothing was chosen,
+    its Z² still exceeds its threshold, though the causes have reduced it to less than half.
     """
     last = steps[-1]
     if last.choice is not None:

@@ -1,13 +1,19 @@
-"""The bias-corrected fit with a cause: its noise on a limit cycle, and its second start."""
+"""The fit with a cause on a limit cycle, its second start, refuted candidates, partial rivals."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.screening.grid_trials import widened
-from heli3dof.diagnosis.selection.steps import bias_corrected
+from heli3dof.diagnosis.selection import select
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
+from heli3dof.diagnosis.selection.select import TIE, Choice
+from heli3dof.diagnosis.selection.steps import Step, bias_corrected, with_rivals_that_remain
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
@@ -17,7 +23,12 @@ from heli3dof.model.effects import term
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile
 from tests.flown import flown
+from tests.hidden.rig_cases import draw_on_other_rig
 
+NONE = cast(Any, None)
+NULLS: Any = SimpleNamespace(
+    threshold=20.6, threshold_of=lambda t: 20.6, confidence=lambda Z2: 1.0
+)  # fmt: skip
 RIG = "mock:?speed=max&spread=0.07&seed=104167411&hide=stiffness.pendulum.roll:0.4"
 
 
@@ -47,3 +58,53 @@ def test_a_delay_is_found_although_its_full_fit_cannot_be_simulated() -> None:
     assert cause.term.name == "motor.delay"
     delay_s, std = cause.values["delay_s"]
     assert abs(delay_s - 0.05) < 3 * std
+
+
+def step_of(*candidates: tuple[str, float, float], remaining: dict[str, float]) -> Step:
+    """A step whose candidates (name, score, Z²) are given, the chosen one first, and all Z²."""
+    fits = tuple(CandidateFit(term(n), NONE, NONE, score, Z2, 0) for n, score, Z2 in candidates)
+    best = fits[0] if fits else None
+    choice = best and Choice(best.term, best.score, best.Z2, 1.0, (), fits, NULLS.threshold)
+    step = Step(NONE, NONE, NONE, NULLS, NONE, choice)
+    vars(step)["ranked"] = [(term(n), Z2, 0) for n, Z2 in remaining.items()]
+    return step
+
+
+def test_a_candidate_that_cannot_be_simulated_is_confounded_with_the_next_best(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(select, "tie_margin", lambda *a: TIE)
+    pitch, roll = "friction.coulomb.pitch", "friction.coulomb.roll"
+    step = step_of((pitch, 3982.0, 773.0), (roll, 1985.0, 193.0), remaining={})
+    following = step.next_choice([pitch], None).choice
+    assert following is not None
+    assert (following.term.name, following.tied_with) == (roll, (pitch,))
+    assert step.next_choice([pitch, roll], None).choice is None
+
+
+def test_a_rival_that_its_cause_explains_only_in_part_is_confounded_with_it() -> None:
+    """Numbers of rigs-single 3156: quadratic drag is hidden; the periodic torque is a vibration."""
+    first = step_of(
+        ("friction.viscous.roll", 252.6, 102.9), ("drag.quadratic.roll", 219.9, 110.1),
+        ("disturbance.periodic.pitch", 20.3, 28.7), remaining={},
+    )  # fmt: skip
+    rest = {"drag.quadratic.roll": 33.4, "disturbance.periodic.pitch": 29.1}
+    (step, _) = with_rivals_that_remain([first, step_of(remaining=rest)])
+    assert step.choice is not None
+    assert step.choice.tied_with == ("drag.quadratic.roll",)
+    explained = {"drag.quadratic.roll": 3.0}
+    (step, _) = with_rivals_that_remain([first, step_of(remaining=explained)])
+    assert step.choice is not None
+    assert step.choice.tied_with == ()
+
+
+@pytest.mark.accuracy
+@pytest.mark.parametrize("seed", [3103, 3112])
+def test_both_causes_are_found_though_one_conceals_the_other(seed: int) -> None:
+    """3103: friction drives a ground effect's share to its bound. 3112: with only one of two
+    frictions in the model, simulated flights diverge."""
+    case = draw_on_other_rig("rigs-pair", seed)
+    flight = case.fly()
+    assert not isinstance(flight, str)
+    found = {f.term.name for f in diagnose(flight).findings}
+    assert found == {h.name for h in case.hidden}

@@ -10,6 +10,7 @@ import pytest
 from heli3dof.diagnosis.selection.steps import fit_with_cause, screening_step
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
+from heli3dof.identification.bias_correction import correction
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import scatter_of
 from heli3dof.identification.bias_correction.perturbation import path
@@ -108,6 +109,20 @@ def test_the_scatter_of_few_flights_is_at_least_that_of_exact_scores(
     # Two scores of ± size √(H_jj/2): their variance is size² H_jj.
     flights = np.array([[1.0], [-1.0]]) * size / np.sqrt(2) * np.sqrt(np.diag(H))
     assert scatter_of(flights, H) == pytest.approx(expected * H)
+
+
+def test_a_fit_whose_simulated_flights_diverge_is_not_corrected(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    flight = steps(12.0)
+    problem = ProfileLikelihood(
+        data_of([flight], usable_runs(flight, 0)), Structure(flight.profile, ())
+    )
+    start = (problem.prior_mean, np.array([0.004, 0.012, 0.003, 0.0]))
+    for factor, corrected in ((1.0, True), (2 * correction.MAX_SCATTER, False)):
+        monkeypatch.setattr(correction, "scatter_of", lambda g, H, f=factor: f * H)
+        fit = correction.correct(problem, [start], [flight], seed=0, flights_per_round=2, rounds=1)
+        assert fit.is_corrected is corrected
 
 
 SLUGGISH = (
