@@ -170,7 +170,7 @@ def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> 
 
     ``front``, ``back``: the motors' voltages (N,) in V; ``source``: the log's name.
     """
-    warnings: list[str] = []
+    warnings, beyond = list[str](), list[str]()
     for name, v in (("v_front_V", front), ("v_back_V", back)):
         top = float(np.abs(v).max())
         command = f"{name[:-2]}_cmd_V"
@@ -182,11 +182,13 @@ def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> 
                 fix=f"convert it to volts: --map {name}={name}/1000; rename a command to {command}",
             )
         if top > 1.001 * v_max:
-            warnings.append(
-                f"{name} reaches {top:.4g} V, beyond the profile's limit of ±{v_max:.4g} V: "
-                "another rig's profile, or the command before the limiter. Identification, "
-                "diagnosis and comparison limit it to this value."
-            )
+            beyond.append(f"{name} reaches {top:.4g} V")
+    if beyond:
+        warnings.append(
+            f"{' and '.join(beyond)}, beyond the profile's limit of ±{v_max:.4g} V: another rig's "
+            "profile, or the command before the limiter. Identification, diagnosis and comparison "
+            "limit the voltages to ±v_max."
+        )
     if np.ptp(front) == 0 and np.ptp(back) == 0:
         warnings.append(
             f"The input is constant ({front[0]:.4g} V and {back[0]:.4g} V throughout): "
