@@ -41,6 +41,13 @@ def compare(
         Path | None,
         typer.Option("-o", "--output", metavar="FOLDER", help="The folder of the figures."),
     ] = None,
+    identify_controller: Annotated[
+        bool,
+        typer.Option(
+            "--identify-controller",
+            help="Replay logs whose profile has no controller: identify it from them.",
+        ),
+    ] = False,
     paper: PaperNumbers = False,
     force: Force = False,
     as_json: AsJson = False,
@@ -86,7 +93,7 @@ def compare(
         return [*models_for(names, recording), *identified]
 
     with out.working("Comparing …"):
-        comparison = compare(recordings, models)
+        comparison = compare(recordings, models, identify_controller=identify_controller)
         figures = write_figures(comparison, folder, force=force)
     published = reproduce(hover_model(default_profile()))
     supplied = are_supplied(recordings)
@@ -94,10 +101,16 @@ def compare(
     show_comparison(out, comparison, shown, paper=paper or supplied, verbose=verbose)
     for warning in comparison.warnings:
         out.warn(warning)
+    if not identify_controller and any(_may_be_identified(r) for r in recordings):
+        out.note("To replay logs without [controller] in closed loop, add --identify-controller")
     out.note(f"Figures: {folder}")
     if not verbose:
         out.note("For step metrics and all horizons add --verbose")
     out.emit({**comparison_document(comparison, published), "figures": [str(f) for f in figures]})
+
+
+def _may_be_identified(r: Recording) -> bool:
+    return r.profile.controller is None and any(r.has_reference(a) for a in r.axes)
 
 
 def show_comparison(

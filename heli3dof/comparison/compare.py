@@ -50,31 +50,41 @@ Models = Sequence[Model] | Callable[[Recording], Sequence[Model]]
 
 
 def compare(
-    recordings: Sequence[Recording], models: Models, *, horizons_s: Sequence[float] = HORIZONS_S
-) -> Comparison:
+    recordings: Sequence[Recording], models: Models, *, horizons_s: Sequence[float] = HORIZONS_S,
+    identify_controller: bool = False,
+) -> Comparison:  # fmt: skip
     """Return the comparison of every model with every recording.
 
     ``models``: the models, or a function that makes the models for a recording. ``horizons_s``:
     prediction horizons in s; if it is empty, nothing is predicted. If a model cannot be compared,
     ``ModelComparison.cannot`` gives the reason, and the other models are compared.
+    ``identify_controller``: identify a linear controller from each recording whose profile has
+    none, and replay the recording with it.
     """
     flights = tuple(
-        compare_flight(r, models(r) if callable(models) else models, horizons_s=horizons_s)
+        compare_flight(
+            r,
+            models(r) if callable(models) else models,
+            horizons_s=horizons_s,
+            identify_controller=identify_controller,
+        )
         for r in recordings
     )
     return Comparison(flights, tuple(float(h) for h in horizons_s))
 
 
 def compare_flight(
-    recording: Recording, models: Sequence[Model], *, horizons_s: Sequence[float] = HORIZONS_S
-) -> FlightComparison:
+    recording: Recording, models: Sequence[Model], *, horizons_s: Sequence[float] = HORIZONS_S,
+    identify_controller: bool = False,
+) -> FlightComparison:  # fmt: skip
     """Return the comparison of several models with one recording.
 
     ``horizons_s``: prediction horizons in s. Horizons as long as the flight or longer are left out.
+    ``identify_controller``: as in `compare`.
     """
     flown = corrected(under_control(recording))
-    if flown.profile.controller is None:
-        flown = with_known_controller(flown)  # identified from the log, if possible
+    if identify_controller and flown.profile.controller is None:
+        flown = with_known_controller(flown)
     why = why_not_replayed(flown)
     fits = tuple(h for h in horizons_s if h < flown.duration)
     steps = STEPS_DRAWN if why else STEPS_AVERAGED  # with a replay, no prediction is drawn

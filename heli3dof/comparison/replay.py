@@ -3,11 +3,12 @@
     V[k] = V_o + K_g (x_ref − x)[k] + V_extra[k],   clipped to ±v_max
 
 This is eq (7) of the paper, with errata E5 and E6 corrected. V_o is the hover voltage, K_g the
-controller's gain matrix, x the state, x_ref its reference, V_extra the plan's excitation, v_max the
-voltage limit. The model starts at rest at the flight's initial angles; later angles are not used.
-An open-loop simulation would drift, because the plant integrates twice: 0.05 V of bias gives 25°
-after 10 s. In closed loop, model and rig follow the same references. If the profile has no
-controller, one may be identified from the log (`heli3dof.model.control.voltage_replay`).
+controller's gain matrix, x the state, x_ref its reference, V_extra the flight's excitation, v_max
+the voltage limit. The model starts at rest at the flight's initial angles; later angles are not
+used. An open-loop simulation would drift, because the plant integrates twice: 0.05 V of bias gives
+25° after 10 s. In closed loop, model and rig follow the same references. A linear controller that
+was identified from the log (`heli3dof.recording.linear_controller`) replaces the profile's; its
+input is computed from the logged voltages and angles.
 """
 
 from __future__ import annotations

@@ -183,15 +183,15 @@ def forward_selection(
         clock.start(f"screen {len(steps) + 1}", f"Screening {nulls} …")
         step = screening_step(setup, fit, n)
         clock.start(f"fits {len(steps) + 1}", "Fitting what may be the cause …")
-        step, refuted = step.chosen(setup, score), list[str]()
+        step, diverged = step.chosen(setup, score), list[str]()
         wider = fit
         while step.choice is not None:
             wider = fit_with_cause(setup, fit, step.choice)
             if wider.is_corrected or not fit.is_corrected or setup.touches_stops:
                 break
-            # Flights simulated with this cause diverge from the recorded one: it is refuted.
-            refuted.append(step.choice.term.name)
-            step = step.next_choice(refuted, score)
+            # Flights simulated with this cause diverge.
+            diverged.append(step.choice.term.name)
+            step = step.next_choice(diverged, score)
         steps.append(step)
         if step.choice is None:
             break

@@ -1,9 +1,13 @@
 """Check voltages: unit, sign, the amplifier's limit, and agreement with the commanded voltages.
 
-Voltages beyond the amplifier's limit ±v_max did not reach the motors if the log contains the
-controller's output before the limiter. Then `heli3dof.recording.logs.corrections` limits them. They
-did reach the motors if v_max in the profile is wrong. `_motors_got` tells these cases apart by the
-motion.
+Voltages beyond the amplifier's limit ±v_max have one of two causes:
+
+* The log contains the controller's output before the limiter, which
+  `heli3dof.recording.logs.corrections` limits.
+* v_max in the profile is too low, and the motors received these voltages.
+
+If more than the share `DIFFERS` of the rows is beyond the limit, the motion decides
+(`_reached_motors`). Otherwise the first cause is assumed.
 
 The ratio h of the hover voltage to the profile's (`View.hover_ratio`) is 0.5 … 2 even on rigs that
 differ from their profile. If |h| is below `ANOTHER_UNIT`, the voltages have another unit, or one of
@@ -34,16 +38,17 @@ CLIPPED = 0.02
 FLAT = 0.005
 """Share of rows at the largest voltage, above which this voltage counts as a limit"""
 DIFFERS_V, DIFFERS = 0.02, 0.01
-"""Largest difference of command and voltage (V), and largest share of rows that exceed it"""
+"""V: largest difference of command and voltage; largest share of rows beyond it, or beyond v_max"""
 
 
 def limit(view: View) -> Iterable[Fault]:
-    """Yield a fault if voltages are missing, in millivolts, or beyond the amplifier's limit."""
+    """Yield a fault if voltages are missing, in another unit, or beyond the amplifier's limit."""
     r = view.recording
     v, v_max = r.voltage, r.profile.motor.v_max
     if not np.isfinite(v).any(axis=0).all():
         yield Fault(
-            "voltage.limit", Kind.BAD_DATA, r.name, f"{r.name} has no voltage of one motor.",
+            "voltage.limit", Kind.BAD_DATA, r.name,
+            f"{r.name} has no voltage of at least one motor.",
             "the device does not report its output voltage, or the column was not logged.",
             "log v_front_V and v_back_V, the voltages at the amplifier",
         )  # fmt: skip
@@ -67,26 +72,26 @@ def limit(view: View) -> Iterable[Fault]:
             "voltage.limit", Kind.BAD_DATA, r.name, f"{exceeds}.",
             "per cent of the limit instead of volts.", f"multiply by {v_max / 100:.4g}",
         )  # fmt: skip
-    elif rows.mean() > DIFFERS and _motors_got(view):
+    elif rows.mean() > DIFFERS and _reached_motors(view):
         yield Fault(
             "voltage.limit", Kind.BAD_DATA, r.name,
-            f"{exceeds}, and the motion shows that the motors got it.",
+            f"{exceeds}, and the motion shows that it reached the motors.",
             "motor.v_max belongs to another amplifier, or the voltages have another unit.",
             "correct motor.v_max in the profile, or convert the voltages to volts",
         )  # fmt: skip
     else:
         yield Fault(
             "voltage.limit", Kind.NOTE, r.name,
-            f"{exceeds}. The diagnosis limits it to ±{v_max:.4g} V.",
+            f"{exceeds}. Identification and diagnosis limit it to ±{v_max:.4g} V.",
             "the log contains the controller's output before the limiter.",
             "nothing to do; if the amplifier's limit is higher, correct motor.v_max",
         )  # fmt: skip
 
 
-def _motors_got(view: View) -> bool:
+def _reached_motors(view: View) -> bool:
     """Return True if voltages beyond the limit explain the motion better than limited ones.
 
-    The better ones leave the smaller product of the axes' unexplained variances 1 − R².
+    The measure is the product of 1 − R² over the axes (R²: `Response.explained`).
     """
     with_limit = view.responses_to(limited(view.recording))
     ratios = [(1 - view.responses[a].explained) / (1 - x.explained) for a, x in with_limit.items()]

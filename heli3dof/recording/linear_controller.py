@@ -3,8 +3,8 @@
     v[k] = clip(Σ_{j=1…n} A_j v[k−j] + Σ_{j=0…n} B_j y[k−j] + w[k], ±v_max)
 
 v (2,) V are the motor voltages after the limiter, y (3,) rad the angles; A_j (2, 2) and B_j (2, 3)
-are the gains. The input w (2,) V contains what does not depend on the angles: references,
-excitations, constants. Before the first row, v and y are zero.
+are the gains of a controller of order n. The input w (2,) V is the rest: references, excitations,
+constants, and what the law does not explain. Before the first row, v and y are zero.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from heli3dof.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class LinearController:
-    """The law of order n."""
+    """The gains of the law of order n = len(A), and the share that it does not explain."""
 
     A: FloatArray
-    """(n, 2, 2) A_1 … A_n"""
+    """(n, 2, 2) A_1 … A_n, without unit"""
     B: FloatArray
     """(n + 1, 2, 3) V/rad, B_0 … B_n"""
     share: float = 0.0
-    """What the law does not explain: the usual error, relative to the changes v[k] − v[k−1]"""
+    """Unexplained share of the voltages' changes (`model.control.controller_identification`)"""
 
     def input_of(self, v: FloatArray, y: FloatArray) -> FloatArray:
-        """Return w (N, 2) in V, with which the law has the voltages v (N, 2) at angles y (N, 3).
+        """Return the input w (N, 2) V for which the law gives v (N, 2) V at angles y (N, 3) rad.
 
         >>> law = LinearController(np.ones((1, 2, 2)), np.ones((2, 2, 3)))
         >>> law.input_of(np.array([[1.0, 1], [4, 3]]), np.zeros((2, 3))).tolist()

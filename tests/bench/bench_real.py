@@ -238,7 +238,8 @@ def replays(trial: Trial, left: str, model: GreyBoxModel) -> list[Figure]:
     ``left``: the recording, which ``model`` was not fitted to.
     """
     models = [h3.hover_model(trial.profile), model]
-    (flight,) = h3.compare([trial.load(left)], models, horizons_s=()).flights
+    log = [trial.load(left)]
+    (flight,) = h3.compare(log, models, horizons_s=(), identify_controller=True).flights
     law = flight.flown.identified_controller
     assert law is not None
     return [

@@ -30,12 +30,6 @@ def without_controller(recording: Recording) -> Recording:
     return replace(recording, profile=profile)
 
 
-def unknown_controller(recording: Recording) -> Recording:
-    """Without references the controller cannot be identified either."""
-    none = np.full_like(recording.reference, np.nan)
-    return replace(without_controller(recording), reference=none)
-
-
 def test_the_true_model_differs_from_the_experiment_by_nothing() -> None:
     result = compare([flight()], [FakeHover()])
     (only,) = result.flights
@@ -62,7 +56,7 @@ def test_each_difference_is_the_model_s_minus_the_experiment_s() -> None:
 
 
 def test_an_unknown_controller_gives_predictions_and_no_replay() -> None:
-    result = compare([unknown_controller(flight(duration_s=12.0))], [FakeHover()])
+    result = compare([without_controller(flight(duration_s=12.0))], [FakeHover()])
     (only,) = result.flights
     (model,) = only.models
     assert only.loop == "not replayed"
@@ -77,7 +71,8 @@ def test_an_unknown_controller_gives_predictions_and_no_replay() -> None:
 def test_a_controller_identified_from_the_log_replays_as_the_true_one_does() -> None:
     recording = flown("steps", 45.0, device="mock:?speed=max&start=level", seed=3)
     model = nominal(recording.profile, ())
-    known, identified = (compare([r], [model]) for r in (recording, without_controller(recording)))
+    logs = (recording, without_controller(recording))
+    known, identified = (compare([r], [model], identify_controller=True) for r in logs)
     (one,), (two,) = (c.flights[0].models for c in (known, identified))
     assert one.replay_rmse_deg is not None
     assert two.replay_rmse_deg == pytest.approx(one.replay_rmse_deg, abs=0.05)
@@ -91,7 +86,8 @@ def test_a_laboratory_s_flight_without_its_controller_is_replayed() -> None:
     profile = load_profile(folder / "profile.toml")
     other, recording = (load(folder / f"closed-{n}.csv", profile) for n in ("1a", "2a"))
     fitted = model_of(fit_freeflight([other]), [other], "grey box")
-    (only,) = compare([recording], [hover_model(profile), fitted]).flights
+    models = [hover_model(profile), fitted]
+    (only,) = compare([recording], models, identify_controller=True).flights
     hover, grey_box = (m.replay_rmse_deg for m in only.models)
     assert hover is not None
     assert grey_box is not None

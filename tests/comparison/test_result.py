@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from heli3dof.comparison.compare import compare
@@ -16,9 +15,7 @@ from tests.comparison.fakes import FakeHover, flight
 @pytest.fixture(scope="module")
 def comparison() -> Comparison:
     unknown = default_profile().model_copy(update={"controller": None})
-    no_reference = np.full_like(flight().reference, np.nan)
-    two = replace(flight(), profile=unknown, meta={"name": "two"}, reference=no_reference)
-    flights = [flight(name="one"), two]
+    flights = [flight(name="one"), replace(flight(), profile=unknown, meta={"name": "two"})]
     return compare(flights, [FakeHover(), FakeHover(name="weak", thrust=0.8)])
 
 

@@ -10,9 +10,9 @@ if one of these conditions holds:
 3. Δℓ > `LARGE_GAIN`, and the prediction error of an axis decreases significantly.
 
 Condition 2 is for short flights, whose intervals are wide. The first cause has already passed the
-score test. A further cause with a score below `SUFFICIENT` possibly just compensates for the model
-error of the first.
-Condition 3 is for effects that act briefly, such as a dead zone, so that the interval is wide.
+score test. A further cause with a score below `SUFFICIENT` may only compensate for the model error
+of the first. Condition 3 is for effects that act only briefly, such as a dead zone: their intervals
+are wide.
 
 If no flights could be simulated, two more conditions apply (`conclusion.unknown_controller`). The
 cause must decrease the prediction error of an axis significantly, and by more than the encoder's
@@ -23,8 +23,9 @@ Whatever its gain, a cause is dropped if ρ > 1 and Z²/ρ is below the threshol
 coloured noise increases its variance (`bias_correction.coloured_noise`). A cause is also dropped if
 an encoder error of at most one count explains the data as well (`within_a_count`).
 
-Causes that coloured noise or an encoder error explains are dropped first, then those with the
-smallest Δℓ. After each, the Δℓ of the remaining causes are computed again. Adopted causes are not
+Of the causes that fail, those that coloured noise or an encoder error explains are dropped first,
+then that with the smallest Δℓ. After each removal, the Δℓ of the remaining causes are computed
+again. Adopted causes are not
 reported as confounded with each other.
 """
 
@@ -167,7 +168,7 @@ def pays_enough(choice: Choice, g: Gain, *, first: bool) -> bool:
 
 
 def convinces(g: Gain) -> bool:
-    """Return whether a gain suffices without the score of a cause: condition 1 or 3."""
+    """Return whether a gain suffices whatever the cause's score: condition 1 or 3."""
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
     return pays(g) or (lower_error and log_likelihood_gain(g) > LARGE_GAIN)
 

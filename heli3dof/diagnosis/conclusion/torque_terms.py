@@ -1,9 +1,9 @@
-"""Put unmodelled torques into the extended model if they improve predictions of held-out data.
+"""Extend the model by terms for residual torques that improve predictions of held-out data.
 
-For each torque in turn, the model is extended by a proposal, a formula or a curve
-(`unmodelled.torque_formula`), fitted in full and bias-corrected. The first proposal whose gain on
-held-out data would suffice for a cause is adopted (`adoption.convinces`). Without one, the torque
-is dropped, as a cause would be.
+For each torque, the proposals are a formula and a curve (`unmodelled.torque_formula`). Each is
+fitted in full and bias-corrected. The first one that meets condition 1 or 3 of `adoption` is
+adopted. If none does, the torque is dropped. If none can be fitted, the torque stays without a
+term.
 """
 
 from __future__ import annotations
@@ -36,19 +36,20 @@ class Extended:
 
     fit: CorrectedFit
     after: HeldOut
+    """Results of ``fit`` on held-out data"""
     torques: tuple[ResidualTorque, ...]
     """The torques that are not dropped"""
     terms: tuple[TorqueTerm | None, ...]
     """One for each of ``torques``; None if no term for it could be fitted"""
     dropped: tuple[Dropped, ...]
-    """For each dropped torque, the proposal with the largest gain"""
+    """For each dropped torque, the proposal with the largest log-likelihood gain"""
 
 
 def with_torques(
     setup: Setup, fit: CorrectedFit, after: HeldOut, torques: Sequence[ResidualTorque],
     holdout: Sequence[Recording],
 ) -> Extended:  # fmt: skip
-    """Return the fit, extended by a term for each torque that improves held-out predictions.
+    """Return the fit with terms for the torques, if these terms improve held-out predictions.
 
     ``after``: results of ``fit`` on held-out data.
     """

@@ -94,25 +94,26 @@ class Step(Screening):
             )
         return replace(self, choice=choice)
 
-    def next_choice(self, refuted: Sequence[str], earlier_score: float | None) -> Step:
-        """Return this step with the next best candidate chosen, or none.
+    def next_choice(self, diverged: Sequence[str], earlier_score: float | None) -> Step:
+        """Return this step with the next best candidate as its ``choice``, or None.
 
-        ``refuted``: names of the better candidates, with which flights cannot be simulated. They
-        are reported as confounded with the next one. ``earlier_score``: as in `chosen`.
+        ``diverged``: names of the candidates chosen before, with which simulated flights diverge.
+        They are reported as confounded with the new choice. ``earlier_score``: as in `chosen`.
         """
         assert self.choice is not None
-        rest = [c for c in self.choice.candidates if c.term.name not in refuted]
+        rest = [c for c in self.choice.candidates if c.term.name not in diverged]
         choice = best_choice(self, rest, earlier_score)
         if choice is not None:
-            choice = replace(choice, tied_with=(*refuted, *choice.tied_with))
+            choice = replace(choice, tied_with=(*diverged, *choice.tied_with))
         return replace(self, choice=choice)
 
 
 def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
-    """Return the steps; causes are also confounded with rivals that they explain only in part.
+    """Return the steps; each cause is also confounded with the rivals that remain significant.
 
-    A rival is another candidate of the cause's step. In the last step, in which nothing was chosen,
-    its Z² still exceeds its threshold, though the causes have reduced it to less than half.
+    A rival is another candidate of the cause's step. It remains significant if, in the last step,
+    its Z² still reaches its threshold, though it is less than half of that in the cause's step. If
+    the last step chose a cause, nothing is added.
     """
     last = steps[-1]
     if last.choice is not None:

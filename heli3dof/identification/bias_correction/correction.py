@@ -1,17 +1,19 @@
 """Correct the bias of a fit by simulated flights: the efficient method of moments.
 
 The filter's likelihood assumes Gaussian distributions, but encoders quantise. So the score (the
-log-likelihood's derivative) has a nonzero mean at the true parameters. The estimate is biased, most
-of all inertias on an encoder limit cycle. With a known controller, B flights of the fitted
-model are simulated (`bias_correction.simulated_flight`). Let g (n,) be the score of the recordings
-and g_b that of flight b, both at the parameters θ (n,). H (n, n) is the information; the step uses
-the mean of the recordings' and the flights' H. θ_0 and Λ are the prior's mean and information:
+log-likelihood's derivative) has a nonzero mean at the true parameters. So the estimate is biased,
+above all that of an inertia on an encoder limit cycle. If the controller is known, `correct`
+simulates B flights of the fitted model (`bias_correction.simulated_flight`). Let g (n,) be the
+score of the recordings and g_b that of flight b, both at the parameters θ (n,). H (n, n) is the
+information; the step uses the mean of the recordings' and the flights' H. θ_0 and Λ are the prior's
+mean and information:
 
     g(θ) − ḡ(θ) − Λ(θ − θ_0) = 0,      ḡ = mean g_b                     (estimating equation)
     θ ← θ + (H + Λ)⁻¹ (g − ḡ − Λ(θ − θ_0))
     cov θ = (H + Λ)⁻¹ ((1 + 1/B) C + Λ) (H + Λ)⁻¹,      C = cov g_b by `scatter_of`
 
-The derivative s by each axis' log noise intensity is corrected in the same way, by s̄ = mean s_b.
+The log-likelihood's derivative s by each axis' log noise intensity is corrected in the same way, by
+s̄ = mean s_b.
 Coloured noise multiplies element ij of cov θ by √(ρ_i ρ_j) (`bias_correction.coloured_noise`).
 Sources: Gallant and Tauchen (1996); Gouriéroux, Monfort and Renault (1993).
 """
@@ -52,8 +54,8 @@ DIVERGED, DIVERGED_AFTER = 30.0, 3
 """A step of θ longer than this many standard deviations ends the search from this round on: the
 controller may not stabilise the fitted rig. Chosen."""
 MAX_SCATTER = 1e4
-"""Largest variance of the flights' scores, relative to the information. Above it, the estimates'
-standard deviations are a hundred times those of the likelihood: some flights have diverged."""
+"""Largest C_jj/H_jj. Above it, standard deviations exceed a hundred times those of the likelihood:
+simulated flights have diverged, so the search has, too. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +187,7 @@ def corrected_from(
     problem: Likelihood, start: Start, recordings: Sequence[Recording], *,
     seed: int, flights_per_round: int, rounds: int,
 ) -> CorrectedFit | None:  # fmt: skip
-    """Return the result of `correct` from one start; None if the search diverges."""
+    """Return the result of `correct` from one start; None if it or its flights diverge."""
     theta, noise = start
     low, high = problem.bounds
     precision = problem.prior_precision

@@ -1,7 +1,7 @@
 """Convert a recording to the input of a closed-loop simulation (a task), to replay the flight.
 
 A replay needs references, all three angles and a controller: the profile's, or one identified from
-the log (`voltage_replay.with_known_controller`). `why_not_replayed` states which a recording lacks.
+the log (`voltage_replay.with_known_controller`). `why_not_replayed` states what a recording lacks.
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ def why_not_replayed(recording: Recording) -> str | None:
 def loop_task(recording: Recording) -> LoopTask:
     """Return the task (the input of a closed-loop simulation) that replays a recorded flight.
 
-    The task has the recorded references, extra voltages, start angles and controller. Its rows are
-    the profile's control periods; a lost sample gets the last reference and extra voltage. The
+    The task has the recorded references, extra voltages (of an identified controller: its input w),
+    start angles and controller. Its rows are the profile's control periods; a lost sample gets the
+    last reference and extra voltage. The
     recording must hold closed-loop rows only (`under_control`). Raises ValueError if
     `why_not_replayed` gives a reason.
     """

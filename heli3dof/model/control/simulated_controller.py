@@ -1,12 +1,12 @@
 """The controller in simulated flights: that of the profile, or one identified from a log.
 
-The profile's is `controller.control_law`; the identified one is `LinearController`, which gets its
-input w (V) as extra voltage. Both are parameters p and a state s for one compiled function,
-`simulated_law`. For a linear controller of order n:
+One compiled function, `simulated_law`, computes both from parameters p and a state s. For the
+profile's controller they are those of `controller.control_law`, and p[0] is the control period. For
+a linear controller of order n (symbols: `recording.linear_controller`), p[0] is negative:
 
     p = [−n, v_max, A_1 … A_n, B_0 … B_n]        s = [v[k−1] … v[k−n], y[k−1] … y[k−n]]
 
-A positive p[0] marks the profile's controller: it is the control period.
+Its input w (V) takes the place of the extra voltage.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ def controller_arrays(
     """Return the parameters p and the initial state s of a controller, for `simulated_law`.
 
     ``V_o``: hover voltage (V); ``v_max``: voltage limit (V); ``dt``: control period (s);
-    ``angle0`` (3,) rad: angles at which the rig rests before the flight.
+    ``angle0`` (3,) rad: angles at which the rig rests before the flight. A linear controller uses
+    only ``v_max``; its state starts at zero.
     """
     if isinstance(controller, LinearController):
         n = len(controller.A)
@@ -38,7 +39,7 @@ def controller_arrays(
 
 
 def _linear_law(p, s, angle, extra, out):  # type: ignore[no-untyped-def]
-    """Do what `control_law` does, for a linear controller."""
+    """Compute one control period of a linear controller; arguments as in `control_law`."""
     n = int(-p[0])
     B = 2 + 4 * n
     for m in range(2):
@@ -76,4 +77,5 @@ def _law(p, s, angle, reference, extra, out):  # type: ignore[no-untyped-def]
 
 
 simulated_law = compiled(_law, leaf=True)
-"""Compute one control period of either controller; the arguments are those of `control_law`."""
+"""Compute one control period of either controller; arguments as in `control_law`. A linear
+controller ignores ``reference``."""

@@ -1,12 +1,12 @@
-"""Correct a log's times and voltages, so that they are those of the motion.
+"""Correct a log's times and voltages: true sampling times, voltages at the motors.
 
-`sampling_clock.sampling_times` corrects the times. Some logs contain the controller's voltages
-instead of those that the amplifier applied to the motors, v (V):
+`sampling_clock.sampling_times` corrects the times. Some logs contain the controller's output before
+the limiter, v_log, instead of the voltages v (V) at the motors:
 
     v = clip(v_log, −v_max, v_max)
 
-v_max is the amplifier's limit in the profile. A log with voltages above it may also belong to
-another amplifier: the integrity check ``voltage.limit`` decides which.
+v_max is the amplifier's limit in the profile. If it is wrong, so is v: the integrity check
+``voltage.limit`` reports that.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from heli3dof.recording.recording import Recording
 
 
 def corrected(recording: Recording) -> Recording:
-    """Return the recording with the times of its samples and with limited voltages."""
+    """Return the recording with its true sampling times and with voltages limited to ±v_max."""
     return limited(sampling_times(recording))
 
 

@@ -185,9 +185,10 @@ def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> 
             beyond.append(f"{name} reaches {top:.4g} V")
     if beyond:
         warnings.append(
-            f"{' and '.join(beyond)}, beyond the profile's limit of ±{v_max:.4g} V: another rig's "
-            "profile, or the command before the limiter. Identification, diagnosis and comparison "
-            "limit the voltages to ±v_max."
+            f"{' and '.join(beyond)}, beyond the profile's limit of ±{v_max:.4g} V. Likely cause: "
+            "the log contains the controller's output before the limiter. Identification, "
+            "diagnosis and comparison limit the voltages. If the amplifier's limit is higher, "
+            "correct motor.v_max in the profile."
         )
     if np.ptp(front) == 0 and np.ptp(back) == 0:
         warnings.append(

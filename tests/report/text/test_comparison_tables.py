@@ -3,7 +3,6 @@ from __future__ import annotations
 import io
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from rich.console import Console
 
@@ -78,7 +77,6 @@ def test_the_published_table_gives_a_reason_for_every_number() -> None:
 def test_an_unknown_controller_has_no_table_ii_and_its_predictions_give_the_reason() -> None:
     profile = default_profile().model_copy(update={"controller": None})
     log = replace(flight(duration_s=8.0), profile=profile)
-    log = replace(log, reference=np.full_like(log.reference, np.nan))  # nor can it be identified
     only = compare([log], [FakeHover(), WrongRate()]).flights[0]
     assert table_ii(only) is None
     assert len(fit_table(compare([log], [FakeHover()])).columns) == 4  # no replay
