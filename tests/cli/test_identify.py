@@ -147,6 +147,21 @@ def test_compare_without_arguments_uses_the_supplied_recordings(
     assert len(list(tmp_path.glob("comparisons/*/*.svg"))) == 6
 
 
+def test_a_log_without_its_controller_is_replayed_on_request(tmp_path: Path) -> None:
+    log, profile = tmp_path / "log.csv", tmp_path / "rig.toml"
+    assert heli3dof("export", TEST[0], "-o", log).code == 0
+    known, _, _ = (
+        (TEST[0].parent / "rig.toml").read_text(encoding="utf-8").partition("[controller]")
+    )
+    profile.write_text(known, encoding="utf-8")
+    words = ("compare", log, "hover", "--profile", profile, "-o", tmp_path / "figures")
+    plain = heli3dof(*words)
+    assert "not replayed: the controller is unknown" in plain.err
+    assert "add --identify-controller" in plain.err
+    replayed = heli3dof(*words, "--identify-controller", "--force")
+    assert "closed-loop replay, controller identified from the log" in replayed.out
+
+
 def test_a_model_with_a_typing_error_is_no_missing_recording() -> None:
     result = heli3dof("compare", TEST[0], "hoover")
     assert result.code == 2
