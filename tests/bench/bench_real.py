@@ -219,7 +219,6 @@ def folds(trial: Trial) -> list[Figure]:
         z, _ = carried_over(result.fit, less)
         scarce = search(less, z, result.fit.noise, stages_s=(STAGE_S,), fixed=result.fit.scale)
         errors = [error_deg(model_of(f, train, ""), flown, 3.0) for f in (result.fit, scarce)]
-        out += replays(trial, left, model_of(full, train, "grey box"))
         out.append(
             Figure(
                 f"{trial.rig}: {left} held out, over 3 s, in flight: all terms",
@@ -230,28 +229,6 @@ def folds(trial: Trial) -> list[Figure]:
             )
         )
     return out
-
-
-def replays(trial: Trial, left: str, model: GreyBoxModel) -> list[Figure]:
-    """Returns the closed-loop replay errors of the hover model and of ``model`` on a recording.
-
-    ``left``: the recording, which ``model`` was not fitted to.
-    """
-    models = [h3.hover_model(trial.profile), model]
-    log = [trial.load(left)]
-    (flight,) = h3.compare(log, models, horizons_s=(), identify_controller=True).flights
-    law = flight.flown.identified_controller
-    assert law is not None
-    return [
-        Figure(
-            f"{trial.rig}, {left}: {m.name}, closed-loop replay",
-            _deg(np.array(m.replay_rmse_deg)),
-            how=f"roll / pitch / yaw, {flight.flown.duration:.0f} s from the table on; the "
-            f"controller, identified from the log, is of order {len(law.A)} and leaves "
-            f"{100 * law.share:.2g} % of the voltages' changes unexplained",
-        )
-        for m in flight.models
-    ]
 
 
 def open_loop(trial: Trial, model: GreyBoxModel) -> list[Figure]:
