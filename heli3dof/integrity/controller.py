@@ -12,7 +12,6 @@ from collections.abc import Iterable
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
 from heli3dof.model.control.voltage_replay import Match, voltage_replay, with_known_controller
-from heli3dof.recording.logs.corrections import corrected
 
 KIND = {Match.LATE: Kind.NOTE, Match.EXCITED: Kind.NOTE, Match.OTHER: Kind.FINDING}
 CONSEQUENCE = {
@@ -37,7 +36,7 @@ FIX = {
 def controller(view: View) -> Iterable[Fault]:
     """Yield a finding or a note if the controller's voltages differ from the logged ones."""
     r = view.recording
-    result = voltage_replay(corrected(r))
+    result = voltage_replay(view.corrected)
     if result is None or result.match is Match.REPRODUCED:
         return
     m = result.match
@@ -52,7 +51,7 @@ def controller(view: View) -> Iterable[Fault]:
 
 def identified(view: View) -> Iterable[Fault]:
     """Yield a note on the linear controller that was identified in place of the profile's."""
-    law = with_known_controller(corrected(view.recording)).identified_controller
+    law = with_known_controller(view.corrected).identified_controller
     if law is not None:
         name = view.recording.name
         yield Fault(

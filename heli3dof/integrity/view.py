@@ -10,6 +10,7 @@ import numpy as np
 from heli3dof.axes import AXES, ROLL
 from heli3dof.identification.row_selection import clipped, unusable
 from heli3dof.integrity.response import Response, responses
+from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.logs.sampling_clock import Ticks, ticks
 from heli3dof.recording.recording import Recording
 
@@ -35,6 +36,11 @@ class View:
         return np.asarray(
             np.isfinite(r.voltage).all(axis=1) & np.isfinite(r.angle[:, self.measured]).all(axis=1)
         )
+
+    @cached_property
+    def corrected(self) -> Recording:
+        """Return the recording with true sampling times and limited voltages."""
+        return corrected(self.recording)
 
     @cached_property
     def ticks(self) -> Ticks:

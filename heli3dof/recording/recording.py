@@ -20,7 +20,7 @@ from heli3dof.axes import AXES
 from heli3dof.recording.columns import contract_columns, unit_of
 from heli3dof.recording.linear_controller import LinearController
 from heli3dof.results import Result, optional
-from heli3dof.rig.profile import Profile
+from heli3dof.rig.profile import ControllerSpec, Profile
 
 if TYPE_CHECKING:
     import pandas
@@ -135,6 +135,18 @@ class Recording(Result):
 
     def has_reference(self, axis: str) -> bool:
         return not bool(np.isnan(self.reference[:, AXES.index(axis)]).all())
+
+    @property
+    def controller(self) -> ControllerSpec | LinearController | None:
+        """Return the identified controller, else the profile's; None if neither exists."""
+        return self.identified_controller or self.profile.controller
+
+    @property
+    def controller_input(self) -> FloatArray:
+        """Return (N, 2) V: the extra voltage, or the input w of an identified controller."""
+        if self.identified_controller is None:
+            return self.voltage_extra
+        return self.identified_controller.input_of(self.voltage, self.angle)
 
     @property
     def has_cmd(self) -> bool:

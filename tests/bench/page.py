@@ -184,7 +184,7 @@ def errors_table(rig: str) -> str:
 def replays_table(rig: str) -> str:
     """Returns a table of the closed-loop replay errors of a rig's models."""
     rows = ["| flight and model | roll / pitch / yaw |", "|---|---|"]
-    for f in load().get("replay", {"figures": ()})["figures"]:
+    for f in load()["replay"]["figures"]:
         flight, found, _ = f["what"].partition(", closed-loop replay")
         if found and flight.startswith(rig):
             rows.append(f"| {flight.removeprefix(rig + ', ')} | {f['value']} |")

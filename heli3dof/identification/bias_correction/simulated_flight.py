@@ -74,8 +74,7 @@ def simulated_flight(
     Raises ValueError if the profile has no controller or an axis was not measured.
     """
     profile = recording.profile
-    linear = recording.identified_controller
-    controller = linear or profile.controller
+    controller = recording.controller
     if controller is None or len(recording.axes) < 3:
         raise ValueError("the controller of this recording is unknown, or an angle is missing")
     n = len(recording) if rows is None else min(rows, len(recording))
@@ -96,14 +95,13 @@ def simulated_flight(
     if not on_table:
         F[0] = balance(model, x[:3])
     p, c = controller_arrays(controller, profile.motor.V_o, profile.motor.v_max, profile.dt, read0)
-    extra = part.voltage_extra if linear is None else linear.input_of(part.voltage, part.angle)
     angle, voltage = np.empty((n, 3)), np.empty((n, 2))
     kick = rng.standard_normal((n, 3)) * model.noise * np.sqrt(h)[:, None]
     _fly_compiled(
         s, hooks.first, hooks.address, par, model.structure.memory, np.ones(3, dtype=bool), x, F,
         x[0] if on_table else -np.inf, p, c,
         np.ascontiguousarray(np.nan_to_num(part.reference, nan=0.0)),
-        np.ascontiguousarray(np.nan_to_num(extra, nan=0.0)),
+        np.ascontiguousarray(np.nan_to_num(part.controller_input, nan=0.0)),
         int(is_late(recording)), read0, grid, t, h, kick, angle, voltage,
     )  # fmt: skip
     return replace(logged, angle=angle[at], voltage=voltage[at])

@@ -16,7 +16,7 @@ from heli3dof.recording.row import CLOSED_LOOP
 
 def why_not_replayed(recording: Recording) -> str | None:
     """Return the reason why a closed loop cannot replay the recording, as text; None if it can."""
-    if (recording.identified_controller or recording.profile.controller) is None:
+    if recording.controller is None:
         return "the controller is unknown, because the profile has no [controller]"
     if not any(recording.has_reference(axis) for axis in AXES):
         return "no reference was recorded, so there is nothing to replay"
@@ -40,17 +40,12 @@ def loop_task(recording: Recording) -> LoopTask:
     grid = control_instants(t, profile.dt)
     # A sample up to half a period late counts for its own period.
     held = np.searchsorted(t, grid + 0.5 * profile.dt, side="right") - 1
-    linear = recording.identified_controller
-    controller = linear or profile.controller
-    assert controller is not None
-    extra = recording.voltage_extra
-    if linear is not None:
-        extra = linear.input_of(recording.voltage, recording.angle)
+    assert recording.controller is not None
     return LoopTask(
         reference=recording.reference[held],
-        extra=np.nan_to_num(extra[held]),
+        extra=np.nan_to_num(recording.controller_input[held]),
         angle0=recording.angle[0],
-        controller=controller,
+        controller=recording.controller,
         V_o=profile.motor.V_o,
         v_max=profile.motor.v_max,
         dt=profile.dt,
