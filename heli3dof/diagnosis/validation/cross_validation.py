@@ -19,7 +19,9 @@ Without hold-out recordings, this is cross-validation: each block b of the train
    contains information on it.
 4. The process noise is re-estimated on the evaluated rows, for the model with added effects and
    for that without. So a rougher held-out flight favours neither model.
-5. The filter starts `SETTLE_S` before a block. With backlash it starts `BACKLASH_SETTLE_S` before,
+5. A phase or an instant (`effects.Parameter.per_recording`) of a hold-out recording is estimated on
+   that recording (`validation.own_values`).
+6. The filter starts `SETTLE_S` before a block. With backlash it starts `BACKLASH_SETTLE_S` before,
    because only encoder edges in both directions determine the position within the backlash.
 """
 
@@ -32,6 +34,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, HeldOut, Predictions
+from heli3dof.diagnosis.validation.own_values import rows_of_recordings, with_own_values
 from heli3dof.diagnosis.validation.prediction import prediction_errors, starts_of, with_blocks
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.evaluation import fixed_parameters
@@ -70,8 +73,13 @@ def on_holdout(
     problem = Likelihood(data_of(recordings, runs), fit.structure)
     optimum = fit.optimum
     theta = optimum.theta if theta is None else theta
-    results = _evaluate(problem, theta, optimum.noise, (0, len(problem.data.t)))
-    return _summed_over_cells(problem.data, "holdout", [results])
+
+    def evaluate_recording(rows: tuple[int, int]) -> RowResults:
+        own = with_own_values(problem, theta, optimum.noise, rows)
+        return _evaluate(problem, own, optimum.noise, rows)
+
+    results = [evaluate_recording(rows) for rows in rows_of_recordings(problem.data)]
+    return _summed_over_cells(problem.data, "holdout", results)
 
 
 def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:

@@ -37,6 +37,7 @@ class Parameter:
         prior_std: standard deviation of the weak prior about ``start``, in ``unit`` (of the
             logarithm if ``log``).
         start: the starting value of a fit; default ``null``, or ``typical`` if ``log``.
+        per_recording: if true, each recording has its own value, as a phase or an instant has.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Parameter:
     log: bool = False
     prior_std: float | None = None
     start: float | None = None
+    per_recording: bool = False
 
     def __post_init__(self) -> None:
         if not self.low < self.high:

@@ -20,7 +20,9 @@ EFFECT = Effect(
     parameters=(
         Parameter("torque_Nm", "N·m", 0.0, -1.0, 1.0, 0.02, "τ_0"),
         Parameter("frequency_Hz", "Hz", 1.0, 0.01, 50.0, 1.0, "f", prior_std=30.0),
-        Parameter("phase_rad", "rad", 0.0, -10.0, 10.0, 1.0, "φ", prior_std=10.0),
+        Parameter(
+            "phase_rad", "rad", 0.0, -10.0, 10.0, 1.0, "φ", prior_std=10.0, per_recording=True
+        ),
     ),
     hooks={Stage.TORQUE: torque},
     axes=AXES,

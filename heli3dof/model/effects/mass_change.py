@@ -28,7 +28,7 @@ EFFECT = Effect(
     summary="A mass is added to the body during the flight.",
     parameters=(
         Parameter("mass_kg", "kg", 0.0, -0.3, 1.0, 0.02, "the mass"),
-        Parameter("time_s", "s", 0.0, 0.0, 3600.0, 10.0, "when", prior_std=1e4),
+        Parameter("time_s", "s", 0.0, 0.0, 3600.0, 10.0, "when", prior_std=1e4, per_recording=True),
     ),
     hooks={Stage.TORQUE: torque},
     confused_with=("mass.imbalance",),

@@ -49,6 +49,8 @@ class FreeParameter:
     log: bool
     term: str | None = None
     """The name of its term (effect on an axis); None for a base parameter."""
+    per_recording: bool = False
+    """True if each recording has its own value (`effects.base.Parameter`)."""
 
     def scaled(self, value: float) -> float:
         """Return θ, the scaled parameter of a fit: value/``typical``, or ln(value) if ``log``."""
@@ -110,7 +112,7 @@ class Structure:
                 out.append(
                     FreeParameter(
                         f"{t.name}.{q.name}", q.unit, q.low, q.high, q.started, q.spread,
-                        q.typical, q.null, q.log, t.name,
+                        q.typical, q.null, q.log, t.name, q.per_recording,
                     )
                 )  # fmt: skip
         return tuple(out)

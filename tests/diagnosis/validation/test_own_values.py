@@ -1,0 +1,54 @@
+"""Phases and instants of held-out recordings. Seeds from 1900."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.validation.own_values import rows_of_recordings, with_own_values
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.model.effects import terms
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.recording.recording import Recording
+from tests.flown import flown
+
+NOISE = np.array([0.02, 0.1, 0.02, 0.0])
+"""Process noise of roll, pitch and yaw in rad/s²/√Hz; jitter in s"""
+TORQUE_NM, FREQUENCY_HZ = 0.1, 0.4
+MASS_KG, PUT_DOWN_S = 0.05, 11.0
+
+
+def own_value(effect: str, values: dict[str, float], recordings: list[Recording]) -> list[float]:
+    """Return the phase or instant of each recording, the last parameter of the ``effect``."""
+    structure = Structure(recordings[0].profile, terms([effect]))
+    runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
+    problem = Likelihood(data_of(recordings, runs), structure)
+    named = {f"{effect}.{name}": value for name, value in values.items()}
+    theta = problem.scaled(structure.values_of(named))
+    return [
+        float(problem.values(with_own_values(problem, theta, NOISE, rows))[-1])
+        for rows in rows_of_recordings(problem.data)
+    ]
+
+
+def test_a_part_of_a_flight_has_the_phase_of_its_first_row() -> None:
+    hide = f"disturbance.periodic.yaw:{TORQUE_NM}@{FREQUENCY_HZ}"
+    flight = flown("rich", 26.0, device=f"mock:?speed=max&start=level&hide={hide}", seed=1900)
+    parts = [flight.between(2.0, 12.0), flight.between(12.5, 26.0)]
+    values = {"torque_Nm": TORQUE_NM, "frequency_Hz": FREQUENCY_HZ}
+    first, second = own_value("disturbance.periodic.yaw", values, parts)
+    later = 2 * np.pi * FREQUENCY_HZ * (12.5 - 2.0)
+    assert np.angle(np.exp(1j * (second - first - later))) == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("start_s", "instant_s"), [(4.0, PUT_DOWN_S - 4.0), (12.0, -1.0)], ids=["within", "before"]
+)
+def test_a_mass_is_put_down_at_the_recording_s_own_time(start_s: float, instant_s: float) -> None:
+    hide = f"mass.change:{MASS_KG}@{PUT_DOWN_S}"
+    flight = flown("rich", 20.0, device=f"mock:?speed=max&start=level&hide={hide}", seed=1901)
+    part = flight.between(start_s, 20.0)
+    (found,) = own_value("mass.change", {"mass_kg": MASS_KG, "time_s": 0.0}, [part])
+    assert found <= 0.0 if instant_s < 0 else found == pytest.approx(instant_s, abs=0.3)
