@@ -16,7 +16,7 @@ are wide.
 
 If no flights could be simulated, two more conditions apply (`conclusion.unknown_controller`). The
 cause must decrease the prediction error of an axis significantly, and by more than the encoder's
-rounding. And the inertia of the cause's axis must be plausible in the fit without causes.
+rounding. Axes whose inertia is implausible in the fit do not count.
 
 Whatever its gain, a cause is dropped if ρ > 1 and Z²/ρ is below the threshold of Z²
 (`screening.nulls`). Z is the cause's standardised score in the score test, ρ the factor by which
@@ -36,10 +36,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import in_SI
 from heli3dof.diagnosis.conclusion.unknown_controller import (
     exceeds_rounding,
     is_biased,
+    unbiased_axes,
 )
 from heli3dof.diagnosis.result import (
     COLOURED,
@@ -110,10 +112,12 @@ def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, firs
     if not pays_enough(choice, g, first=first):
         return DOES_NOT_PAY
     if not fit.is_corrected:
-        if not choice.term.effect.of_base and is_biased(fit, choice.term.axis):
+        of_base, profile = choice.term.effect.of_base, fit.structure.profile
+        axes = AXES if of_base else unbiased_axes(fit)
+        if not of_base and is_biased(fit, choice.term.axis):
             return LIMIT_CYCLE
-        if not exceeds_rounding(g, fit.structure.profile):
-            return WITHIN_ROUNDING
+        if not exceeds_rounding(g, profile, axes=axes):
+            return LIMIT_CYCLE if exceeds_rounding(g, profile) else WITHIN_ROUNDING
     return ""
 
 

@@ -9,8 +9,9 @@ with the controller show this bias (`screening.nulls`). Without the controller, 
 encoder step, and Δ_i/√12 the standard deviation of rounding. A base parameter off nominal must meet
 the same condition. ΔRMSE is then the decrease by fitting it instead of keeping the profile's value.
 
-On an encoder limit cycle the bias may be so large that the base fit's inertia is implausible
-(`closed_loop_fit.base_fit`). Then no finding on that axis is reported (`is_biased`).
+On an encoder limit cycle the bias may be so large that an axis' inertia is implausible
+(`closed_loop_fit.base_fit.with_plausible_inertias`). Then no finding on this axis is reported
+(`is_biased`), and a finding without an axis must decrease the error of another axis.
 """
 
 from __future__ import annotations
@@ -31,19 +32,27 @@ from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
 
+TRIM = "mass.imbalance"
+"""The finding of the trim torque"""
+
 
 def is_biased(fit: CorrectedFit, axis: str | None) -> bool:
-    """Return whether the base fit's inertia of the ``axis`` is implausible; None: of any axis."""
-    axes = fit.problem.implausible if isinstance(fit.problem, ProfileLikelihood) else ()
-    return bool(axes) if axis is None else axis in axes
+    """Return whether the fit's inertia of the ``axis`` is implausible; None: False."""
+    return isinstance(fit.problem, ProfileLikelihood) and axis in fit.problem.implausible
 
 
-def exceeds_rounding(g: Gain, profile: Profile) -> bool:
-    """Return whether the RMSE of an axis decreases significantly and by more than the rounding."""
+def exceeds_rounding(g: Gain, profile: Profile, *, axes: Sequence[str] = AXES) -> bool:
+    """Return whether the RMSE of one of ``axes`` decreases significantly, by more than rounding."""
+    rounding = dict(zip(AXES, rounding_deg(profile), strict=True))
+    gained = {a: g.rmse_deg[a] for a in axes}
     return any(
-        won is not None and won.low > 0 and won.value > rounding
-        for won, rounding in zip((g.rmse_deg[a] for a in AXES), rounding_deg(profile), strict=True)
+        won is not None and won.low > 0 and won.value > rounding[a] for a, won in gained.items()
     )
+
+
+def unbiased_axes(fit: CorrectedFit) -> list[str]:
+    """Return the axes whose inertia is plausible in the fit."""
+    return [a for a in AXES if not is_biased(fit, a)]
 
 
 def rounding_deg(profile: Profile) -> np.ndarray:
@@ -75,8 +84,10 @@ def confirmed(
         return gain(held_out(CorrectedFit(problem, optimum), holdout), after, seed=seed)
 
     profile = fit.structure.profile
-    return tuple(
-        p
-        for p in parameters
-        if not is_biased(fit, p.term.axis) and exceeds_rounding(gained(p), profile)
-    )
+
+    def is_confirmed(p: OffNominal) -> bool:
+        # The mean voltage determines the trim torque, whatever the bias of an inertia.
+        axes = AXES if p.term.name == TRIM else unbiased_axes(fit)
+        return not is_biased(fit, p.term.axis) and exceeds_rounding(gained(p), profile, axes=axes)
+
+    return tuple(filter(is_confirmed, parameters))

@@ -36,7 +36,7 @@ from heli3dof.identification.bias_correction.correction import (
     simulate_again,
 )
 from heli3dof.identification.bias_correction.evaluation import evaluate
-from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
+from heli3dof.identification.closed_loop_fit.base_fit import with_plausible_inertias
 from heli3dof.identification.closed_loop_fit.edge_rates import fit_with_edge_rates
 from heli3dof.identification.closed_loop_fit.limit_cycle import scatters_on_limit_cycle
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -158,8 +158,6 @@ def fit_with_cause(setup: Setup, current: CorrectedFit, choice: Choice) -> Corre
     """
     best = choice.candidates[0]
     problem, optimum = best.problem, best.optimum
-    if isinstance(problem, ProfileLikelihood):
-        problem = replace(problem, doubt=1.0)
     if best.term.effect.formal:
         also = [c for c in choice.candidates[1:] if is_significant_form(c, choice)]
         problem, optimum = with_forms(problem, optimum, also)
@@ -194,9 +192,16 @@ def bias_corrected(
 
     ``current``: the fit without the optimum's new terms, for a second start (`correction_starts`).
     On a limit cycle, the fit also uses edge rates (how often encoder counts change), if its scores
-    then scatter less.
+    then scatter less. The inertias have a narrow prior if one is implausible without it.
     """
+    return with_plausible_inertias(problem, lambda p: _corrected(setup, p, optimum, current))
+
+
+def _corrected(
+    setup: Setup, problem: Likelihood, optimum: Optimum, current: CorrectedFit | None
+) -> CorrectedFit:
     if not setup.controller_is_known:
+        optimum = maximise_corrected(problem, optimum.theta, optimum.noise, None)
         return CorrectedFit(problem, optimum)
     fit = correct(
         problem,
@@ -225,6 +230,11 @@ def without(fit: CorrectedFit, name: str) -> CorrectedFit:
         fit.structure.profile, tuple(t for t in fit.structure.terms if t.name != name)
     )
     problem = replace(fit.problem, structure=structure)
+    return with_plausible_inertias(problem, lambda p: _refit(fit, keep, p))
+
+
+def _refit(fit: CorrectedFit, keep: np.ndarray, problem: Likelihood) -> CorrectedFit:
+    """Return the fit of ``problem``, which has the parameters ``keep`` ((n,) bool) of ``fit``."""
     theta, noise = fit.optimum.theta[keep], fit.optimum.noise
     bias = np.zeros(len(theta)) if fit.bias is None else fit.bias[keep]
     noise_bias = np.zeros(3) if fit.noise_bias is None else fit.noise_bias

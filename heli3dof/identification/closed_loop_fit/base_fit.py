@@ -8,11 +8,13 @@ bias-corrected (`bias_correction.correction`). There are two special cases:
   (`closed_loop_fit.limit_cycle`). If the search diverges, it is repeated from the likelihood's
   maximum. A second fit also matches how often the encoder counts change
   (`closed_loop_fit.edge_rates`).
-- Implausible inertia: the fit is repeated with a narrow prior of the inertias.
+- Implausible inertia: the fit is repeated with a narrow prior of the inertias. So is every later
+  fit with further effects (`with_plausible_inertias`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,7 +36,7 @@ from heli3dof.model.physics.parametrisation import Structure
 MAX_INERTIA_RATIO = 2.5
 """Largest plausible ratio of an inertia to nominal, or its inverse. Chosen; not derived."""
 TIGHT_PRIOR = 0.1
-"""Prior std of an inertia's logarithm in units of the tolerance, until a cause is found. Chosen."""
+"""Prior std of an inertia's logarithm in units of the tolerance, if one is implausible. Chosen."""
 HELD_STD = 1e-4
 """Prior standard deviation of a scaled parameter that keeps its value. Far below any estimate's."""
 
@@ -55,7 +57,7 @@ class ProfileLikelihood(Likelihood):
     at_nominal: tuple[int, ...] = ()
     """Indices of the parameters that keep the profile's value"""
     implausible: tuple[str, ...] = ()
-    """Axes whose inertia is implausible without a narrow prior: the likelihood is biased there"""
+    """Axes whose inertia is implausible without the narrow prior: the likelihood is biased there"""
 
     @cached_property
     def prior_precision(self) -> np.ndarray:
@@ -76,11 +78,22 @@ def fit_base(setup: Setup) -> CorrectedFit:
     structure = Structure(setup.recordings[0].profile, named(BASES[setup.base]))
     problem = ProfileLikelihood(data_of(setup.recordings, runs), structure)
     compile_first(problem)
-    fit = corrected_base(setup, problem)
-    axes = implausible_inertias(fit)
-    if not axes:
-        return fit
-    return corrected_base(setup, replace(problem, doubt=TIGHT_PRIOR, implausible=axes))
+    return with_plausible_inertias(problem, lambda p: corrected_base(setup, p))
+
+
+def with_plausible_inertias(
+    problem: Likelihood, fit: Callable[[Likelihood], CorrectedFit]
+) -> CorrectedFit:
+    """Return ``fit(problem)``; if an inertia is implausible, the fit with a narrow prior instead.
+
+    ``fit``: returns the fit of a likelihood.
+    """
+    if not isinstance(problem, ProfileLikelihood):
+        return fit(problem)
+    wide = replace(problem, doubt=1.0, implausible=())
+    result = fit(wide)
+    axes = implausible_inertias(result)
+    return fit(replace(wide, doubt=TIGHT_PRIOR, implausible=axes)) if axes else result
 
 
 def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
@@ -93,7 +106,7 @@ def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
     return tuple(axis for axis, is_far in zip(AXES, far, strict=True) if is_far)
 
 
-def corrected_base(setup: Setup, problem: ProfileLikelihood) -> CorrectedFit:
+def corrected_base(setup: Setup, problem: Likelihood) -> CorrectedFit:
     """Return the fitted base simulation; the fit is bias-corrected if the controller is known."""
     plain = estimate(problem)
     if not setup.controller_is_known:
