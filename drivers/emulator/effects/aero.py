@@ -5,8 +5,9 @@ of the front, F_b of the back; V_f, V_b are the motor voltages. L_a is the arm's
 distance of a rotor from the pitch axis. n is the body's normal and ω its angular velocity, with the
 components ω_a along the arm and ω_b along the body's bar (`lagrange`). a, h₀, k, κ are parameters.
 
-- Ground effect: near the table the thrust is F (1 + a exp(−h/h₀)); h = L_a (sin r − sin r_rest) is
-  the body's height above the table, on which it rests at roll r_rest.
+- Ground effect: near the table a rotor's thrust is F (1 + a exp(−h/h₀)). Its height above the
+  table is h = L_a (sin r − sin r_rest) ± L_h sin p cos r, + for the front, − for the back. On the
+  table, roll is r_rest.
 - Inflow: a rotor that moves along its axis at v_n (m/s) has the thrust F (1 − k v_n), with v_n =
   L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇), + for the front, − for the back. 1 − k v_n is
   limited to 0 … 2.
@@ -43,10 +44,11 @@ from .base import Effect, Parameter
 
 @kernel
 def ground_effect(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
-    height = body[L_A] * (math.sin(s[R]) - math.sin(body[REST]))
-    k = 1 + par[A] * math.exp(-max(0.0, height) / par[B])
-    out[0] *= k
-    out[1] *= k
+    middle = body[L_A] * (math.sin(s[R]) - math.sin(body[REST]))
+    for i in range(2):
+        side = 1.0 if i == 0 else -1.0
+        height = middle + side * body[L_H] * math.sin(s[P]) * math.cos(s[R])
+        out[i] *= 1 + par[A] * math.exp(-max(0.0, height) / par[B])
 
 
 @kernel

@@ -1,8 +1,11 @@
-"""More thrust near the table: F → F (1 + a exp(−h/h₀)), h the body's height (m) above the table.
+"""More thrust near the table: F → F (1 + a exp(−h/h₀)), h a rotor's height (m) above the table.
 
-h = L_a (sin r − sin r_rest) with arm length L_a (m), roll r, and roll r_rest at rest on the table.
-F is a rotor's thrust, a its relative increase at the table. h₀ is the height over which the
-increase falls to 1/e: 0.1 m unless estimated.
+    h = L_a (sin r − sin r_rest) ± L_h sin p cos r             (+ front rotor, − back rotor)
+
+r, p are roll and pitch, r_rest roll at rest on the table, L_a the distance from the yaw axis to the
+body, L_h from the body to a rotor (m). F is the rotor's thrust, a its relative increase at the
+table. h₀ is the height over which the increase falls to 1/e: 0.1 m unless estimated. The lower
+rotor of a tilted body thrusts more, so the effect also turns the body back to level.
 """
 
 from __future__ import annotations
@@ -11,16 +14,14 @@ import math
 from typing import Any
 
 from heli3dof.model.effects.base import SMALL, Effect, Parameter
-from heli3dof.model.physics.state_layout import L_A, REST, A, B, R, Stage
+from heli3dof.model.physics.state_layout import L_A, L_H, REST, A, B, P, R, Stage
 
 
 def thrust(s: Any, par: Any, mem: Any, out: Any) -> None:
-    height = s[L_A] * (math.sin(s[R]) - math.sin(s[REST]))
-    if height < 0.0:
-        height = 0.0
-    more = 1.0 + par[A] * math.exp(-height / par[B])
-    out[0] *= more
-    out[1] *= more
+    body = s[L_A] * (math.sin(s[R]) - math.sin(s[REST]))
+    tip = s[L_H] * math.sin(s[P]) * math.cos(s[R])
+    out[0] *= 1.0 + par[A] * math.exp(-max(body + tip, 0.0) / par[B])
+    out[1] *= 1.0 + par[A] * math.exp(-max(body - tip, 0.0) / par[B])
 
 
 EFFECT = Effect(
