@@ -31,7 +31,7 @@ from heli3dof.identification.greybox.maximum_likelihood import compile_first
 from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.effects import terms as named
 from heli3dof.model.estimation.filter_data import data_of
-from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.model.physics.parametrisation import Structure, unit_of
 
 MAX_INERTIA_RATIO = 2.5
 """Largest plausible ratio of an inertia to nominal, or its inverse. Chosen; not derived."""
@@ -56,8 +56,17 @@ class ProfileLikelihood(Likelihood):
     """Factor by which the tolerance is multiplied"""
     at_nominal: tuple[int, ...] = ()
     """Indices of the parameters that keep the profile's value"""
+    scale: float = 1.0
+    """Ratio of the inertias' prior means to the profile's values"""
     implausible: tuple[str, ...] = ()
     """Axes whose inertia is implausible without the narrow prior: the likelihood is biased there"""
+
+    @cached_property
+    def prior_mean(self) -> np.ndarray:
+        """Return the prior's mean (n,), scaled; the inertias are estimated as logarithms."""
+        mean = super().prior_mean.copy()
+        mean[[j for j in (1, 2, 3) if j not in self.at_nominal]] += np.log(self.scale)
+        return mean
 
     @cached_property
     def prior_precision(self) -> np.ndarray:
@@ -86,14 +95,18 @@ def with_plausible_inertias(
 ) -> CorrectedFit:
     """Return ``fit(problem)``; if an inertia is implausible, the fit with a narrow prior instead.
 
-    ``fit``: returns the fit of a likelihood.
+    A wrong thrust gain multiplies the trim torque and all inertias by one ratio (`unit_of`). The
+    narrow prior has this ratio to the profile's inertias. ``fit``: returns the fit of a likelihood.
     """
     if not isinstance(problem, ProfileLikelihood):
         return fit(problem)
-    wide = replace(problem, doubt=1.0, implausible=())
+    wide = replace(problem, doubt=1.0, scale=1.0, implausible=())
     result = fit(wide)
     axes = implausible_inertias(result)
-    return fit(replace(wide, doubt=TIGHT_PRIOR, implausible=axes)) if axes else result
+    if not axes:
+        return result
+    scale = unit_of(wide.structure.profile, result.values)
+    return fit(replace(wide, doubt=TIGHT_PRIOR, scale=scale, implausible=axes))
 
 
 def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
@@ -112,7 +125,9 @@ def corrected_base(setup: Setup, problem: Likelihood) -> CorrectedFit:
     if not setup.controller_is_known:
         return CorrectedFit(problem, plain.optimum)
     cycling = on_limit_cycle(problem.data)
-    starts = [start_on_limit_cycle(setup, plain, cycling)] if cycling.any() else []
+    starts = list[Start]()
+    if cycling.any():
+        starts = [start_on_limit_cycle(setup, plain, cycling, s) for s in start_scales(plain)]
     starts.append((plain.optimum.theta, plain.optimum.noise))
     fit = correct(
         problem,
@@ -129,15 +144,27 @@ def corrected_base(setup: Setup, problem: Likelihood) -> CorrectedFit:
     return replace(fit, problem=replace(problem, known_noise=(roll, pitch, yaw)))
 
 
-def start_on_limit_cycle(setup: Setup, plain: Estimate, cycling: np.ndarray) -> Start:
+def start_scales(plain: Estimate) -> list[float]:
+    """Return ratios of the inertias to nominal from which a search on a limit cycle starts.
+
+    A wrong thrust gain multiplies the trim torque and all inertias by one ratio. If the trim torque
+    of the fit ``plain`` is off nominal by more than the tolerance, its ratio is the second one.
+    """
+    profile = plain.structure.profile
+    ratio = float(plain.values[0]) / profile.trim_torque if profile.trim_torque else 1.0
+    likely = 1 / MAX_INERTIA_RATIO < ratio < MAX_INERTIA_RATIO
+    return [1.0, ratio] if likely and abs(ratio - 1) > profile.tolerance else [1.0]
+
+
+def start_on_limit_cycle(setup: Setup, plain: Estimate, cycling: np.ndarray, scale: float) -> Start:
     """Return the start of a bias correction on a limit cycle: parameters (n,) and noise (4,).
 
-    The parameters are those of the fit ``plain``, but with the profile's inertias. The noise, on
-    roll, pitch, yaw (rad/s²/√Hz) and jitter (s), gives simulated flights the recording's limit
-    cycle. ``cycling`` (3,) bool: the axes on a limit cycle.
+    The parameters are those of the fit ``plain``, but with the profile's inertias times ``scale``.
+    The noise, on roll, pitch, yaw (rad/s²/√Hz) and jitter (s), gives simulated flights the
+    recording's limit cycle. ``cycling`` (3,) bool: the axes on a limit cycle.
     """
     theta, noise = plain.theta.copy(), plain.optimum.noise
-    theta[1:4] = plain.problem.prior_mean[1:4]
+    theta[1:4] = plain.problem.prior_mean[1:4] + np.log(scale)
     return theta, matched_noise(
         plain.problem, theta, noise, cycling, setup.recordings, seed=setup.seed
     )
