@@ -9,7 +9,8 @@ sum over the axes, is the efficient score of a unit torque at time t.
     u(t_0) = Σ_{t ≥ t_0} λ(t)        of a torque that sets in at t_0
 
 The information v is computed at a few f or t_0 and interpolated. The result is the largest
-z² = |u|²/v.
+z² = |u|²/v. A periodic torque has another phase φ_r in each recording r, so |u| is then the sum of
+|u_r|. Shifting the clock of each recording by (φ_r − φ_1)/(2π f) gives all the phase φ_1.
 """
 
 from __future__ import annotations
@@ -33,6 +34,17 @@ Information = tuple[np.ndarray, np.ndarray]
 """(K,) knots in Hz or s, and (K,) v at the knots"""
 
 
+@dataclass(frozen=True)
+class Peak:
+    """The largest score of a scan, and the torque that has it."""
+
+    z: float
+    values: tuple[float, ...]
+    """The term's parameters"""
+    clocks: tuple[float, ...] = ()
+    """s to add to the time of each recording; () for none"""
+
+
 class Scan(Protocol):
     """A score test of one term at all values of its frequency or instant."""
 
@@ -48,8 +60,8 @@ class Scan(Protocol):
 
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
-    ) -> tuple[float, tuple[float, ...], float]:
-        """Return (largest z, the parameters' values there, estimated size of the first one).
+    ) -> Peak:
+        """Return the largest z; the first of its ``values`` is the estimated size.
 
         ``L`` (C, 3): derivative of the log-likelihood with respect to the acceleration in C
         chunks of time. ``unit`` (C, 3): acceleration in rad/s² by one unit of the first parameter.
@@ -86,26 +98,32 @@ class Frequencies:
 
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
-    ) -> tuple[float, tuple[float, ...], float]:
+    ) -> Peak:
         knots, v = information
-        t = evaluation.path.t
+        t, source = evaluation.path.t, evaluation.path.source
         bins = np.round((t - t.min()) / BIN_S).astype(np.int64)
-        score = np.bincount(bins, np.einsum("ci,ci->c", L, unit))
-        n = 1 << int(np.ceil(np.log2(4 * len(score))))
+        n = 1 << int(np.ceil(np.log2(4 * (bins.max() + 1))))
         f = np.fft.rfftfreq(n, BIN_S)
-        u = np.conj(np.fft.rfft(score, n)) * np.exp(2j * np.pi * f * t.min())
         inside = (f >= knots[0]) & (f <= knots[-1])
-        f, u = f[inside], u[inside]
+        f = f[inside]
         ok = np.isfinite(v)
         if not ok.any():
-            return 0.0, (0.0, 1.0, 0.0), 0.0
+            return Peak(0.0, (0.0, 1.0, 0.0))
         v_at_f = np.exp(np.interp(np.log(f), np.log(knots[ok]), np.log(v[ok])))
-        power = np.abs(u) ** 2 / v_at_f
-        k = int(np.argmax(power))
+        score = np.einsum("ci,ci->c", L, unit)
+        u = np.zeros((source.max() + 1, len(f)), dtype=complex)  # a row for each recording
+        for r in np.unique(source):
+            of_r = np.bincount(bins, np.where(source == r, score, 0.0))
+            u[r] = np.conj(np.fft.rfft(of_r, n)[inside]) * np.exp(2j * np.pi * f * t.min())
+        total = np.abs(u).sum(axis=0)
+        k = int(np.argmax(total**2 / v_at_f))
         # sin(2πft + φ) = cos φ · sine + sin φ · cosine; u = Σ λ (cos + i sin).
-        amount = float(np.abs(u[k]) / v_at_f[k])
-        phi = float(np.arctan2(u[k].real, u[k].imag))
-        return float(np.sqrt(power[k])), (amount, float(f[k]), phi), amount
+        phi = np.arctan2(u[:, k].real, u[:, k].imag)
+        phase = float(phi[source[0]])
+        ahead = (phi - phase) % (2 * np.pi) / (2 * np.pi * f[k])
+        clocks = tuple(map(float, ahead)) if len(np.unique(source)) > 1 else ()
+        values = (float(total[k] / v_at_f[k]), float(f[k]), phase)
+        return Peak(float(total[k] / np.sqrt(v_at_f[k])), values, clocks)
 
 
 @dataclass(frozen=True)
@@ -122,12 +140,12 @@ class Instants:
 
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
-    ) -> tuple[float, tuple[float, ...], float]:
+    ) -> Peak:
         when, v = information
         t = evaluation.path.t
         ok = np.isfinite(v)
         if not ok.any():
-            return 0.0, (0.0, 0.0), 0.0
+            return Peak(0.0, (0.0, 0.0))
         low, high = float(when[ok][0]), float(when[ok][-1])
         starts = np.arange(low, high, INSTANT_S)
         order = np.argsort(t, kind="stable")
@@ -138,4 +156,4 @@ class Instants:
         z2 = u**2 / v_at_start
         k = int(np.argmax(z2))
         amount = float(u[k] / v_at_start[k])
-        return float(np.sqrt(z2[k])), (amount, float(starts[k])), amount
+        return Peak(float(np.sqrt(z2[k])), (amount, float(starts[k])))

@@ -134,10 +134,10 @@ class Screen:
         probes = list(self.plain)
         for scan, information in zip(self.scans, self.scan_informations, strict=True):
             unit = self._unit(evaluation, scan.term)
-            peak, values, amount = scan.peak(evaluation, L[0], unit, information)
-            z.append(peak)
-            amplitude.append(amount)
-            probes.append(Probe(scan.term, values, amount))
+            peak = scan.peak(evaluation, L[0], unit, information)
+            z.append(peak.z)
+            amplitude.append(peak.values[0])
+            probes.append(Probe(scan.term, peak.values, peak.values[0], clocks=peak.clocks))
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:

@@ -5,7 +5,8 @@ the nulls' variance inflation κ and N filter updates, the score of a term with 
 
     score = 2 Δℓ_c/κ − m ln N
 
-A screened term starts at its probe with the largest Z² (`screening.screening`). If the fit is worse
+A screened term starts at its probe with the largest Z² (`screening.screening`). The first periodic
+torque shifts the clocks of several recordings, so that all have its phase. If the fit is worse
 than the current one, it is repeated from a size near zero. A term that the score test cannot
 detect starts from its grid (`screening.grid_trials`).
 """
@@ -13,7 +14,7 @@ detect starts from its grid (`screening.grid_trials`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from heli3dof.identification.bias_correction.correction import CorrectedFit, Sta
 from heli3dof.identification.greybox.likelihood import FilterRun, Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
+from heli3dof.model.estimation.filter_data import with_clocks
 from heli3dof.parallel import parallel_map
 
 SECOND_START = 0.1
@@ -80,6 +82,9 @@ def fit_candidates(
     def one(k: int) -> CandidateFit | None:
         term, Z2, i = ranked[k]
         ext = widened(problem, term)
+        clocks = result.probes[i].clocks
+        if clocks and not any(f.per_recording for f in problem.structure.free):
+            ext = replace(ext, data=with_clocks(ext.data, clocks))
         start = start_at_probe(
             ext, current, result, i, 1 - nulls.mean[i] / result.z[i] if result.z[i] else 1.0
         )

@@ -57,7 +57,7 @@ SINGLE = (
 )  # fmt: skip
 PRODUCTS = (
     *SINGLE,
-    *(f"abs({axis}_rate)*{axis}_rate" for axis in AXES),
+    *(f"abs({x})*{x}" for axis in AXES for x in (axis, f"{axis}_rate")),
     *("*".join(pair) for pair in itertools.combinations_with_replacement(SINGLE, 2)),
     "voltage_front*voltage_back",
 )

@@ -61,6 +61,12 @@ class Path:
         """Return the time (C,) s of the middle of each chunk of rows."""
         return np.asarray(self.data.t[(self.chunk[:, 0] + self.chunk[:, 1]) // 2])
 
+    @property
+    def source(self) -> np.ndarray:
+        """Return the index (C,) of each chunk's recording."""
+        of_block = np.array([run.source for run in self.data.runs], dtype=np.int64)
+        return np.asarray(of_block[self.chunk[:, 2]])
+
 
 def path(structure: Structure, values: np.ndarray, data: Data, at: FilterRun) -> Path:
     """Return the states of the filter run ``at`` and the accelerations, in chunks of `CHUNK_S`.

@@ -47,6 +47,8 @@ QUANTITIES = {
     "sin(yaw)": (_SINE + PSI, "", 0.3),
     "roll_rate": (R_DOT, "rad/s", 0.3), "pitch_rate": (P_DOT, "rad/s", 0.3),
     "yaw_rate": (PSI_DOT, "rad/s", 0.3),
+    "abs(roll)": (_ABSOLUTE + R, "rad", 0.3), "abs(pitch)": (_ABSOLUTE + P, "rad", 0.3),
+    "abs(yaw)": (_ABSOLUTE + PSI, "rad", 0.3),
     "abs(roll_rate)": (_ABSOLUTE + R_DOT, "rad/s", 0.3),
     "abs(pitch_rate)": (_ABSOLUTE + P_DOT, "rad/s", 0.3),
     "abs(yaw_rate)": (_ABSOLUTE + PSI_DOT, "rad/s", 0.3),

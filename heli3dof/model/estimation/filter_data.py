@@ -8,7 +8,7 @@ unmeasured axis does not move.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -130,6 +130,14 @@ def data_of(recordings: Sequence[Recording], runs: Sequence[RowRange]) -> Data:
         tuple(runs),
         np.abs(recordings[0].profile.encoder.rad_per_count),
     )  # fmt: skip
+
+
+def with_clocks(data: Data, clocks: Sequence[float]) -> Data:
+    """Return the data with ``clocks[i]`` (s) added to the time of recording i."""
+    t = data.t.copy()
+    for run, (first, _, stop) in zip(data.runs, data.blocks, strict=True):
+        t[first:stop] += clocks[run.source]
+    return replace(data, t=t)
 
 
 def encoder_noise(data: Data, steps: float = ENCODER_NOISE) -> np.ndarray:
