@@ -9,11 +9,13 @@ import pytest
 
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.linear_uncertainty import linear_quantities
 from heli3dof.identification.greybox.maximum_likelihood import maximise
 from heli3dof.identification.greybox.method import (
     DEFAULT_TERMS,
     fit_greybox,
     model_of,
+    parameters,
     warnings,
 )
 from heli3dof.identification.identify import identify
@@ -193,3 +195,9 @@ def test_a_lag_at_its_least_value_is_no_compensation_of_another_effect() -> None
     assert not [w for w in warnings(fit) if "at its bound" in w]
     stuck = replace(fit, optimum=replace(fit.optimum, at_bound=np.ones(5, dtype=bool)))
     assert [w.partition(" ")[0] for w in warnings(stuck)][-4:] == [f.name for f in fit.free[:4]]
+    # So it is not significant, and the linearised model has no pole at −1000 rad/s.
+    lag = parameters(fit)["motor.lag.time_constant_s"]
+    assert lag.std >= lag.value
+    poles, _, _ = linear_quantities(fit, 0.002)
+    assert len(poles) == 6
+    assert max(abs(p.value) for p in poles) < 1.0

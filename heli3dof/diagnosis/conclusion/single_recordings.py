@@ -9,6 +9,7 @@ and the null value θ_0 (no effect). The recordings confirm the cause if both ho
     of one size:   |θ_i − θ_j| ≤ `CONSISTENT` √(σ_i² + σ_j²)     for all i, j
 
 Recordings that cannot be fitted are ignored. If fewer than two are left, every cause is confirmed.
+A periodic torque and an added mass are not tested: only a scan finds their frequency or instant.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from collections.abc import Sequence
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
+from heli3dof.model.effects import term
 from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
@@ -29,13 +31,11 @@ SIGNIFICANT = 1.645
 distribution"""
 CONSISTENT = 3.0
 """Largest difference of two estimates of one size, in its standard deviations. Chosen."""
-ONE_TIME = ("mass.change",)
-"""Effects at one instant of one recording, which the other recordings cannot confirm"""
 
 
 def not_confirmed(names: Sequence[str], recordings: Sequence[Recording]) -> set[str]:
     """Return the terms that the recordings, each fitted alone, do not confirm."""
-    tested = [n for n in names if not n.startswith(ONE_TIME)]
+    tested = [n for n in names if not term(n).effect.scan]
     if len(recordings) < 2 or not tested:
         return set()
     results = parallel_map(lambda i: _fit_alone(recordings[i], tested), len(recordings))

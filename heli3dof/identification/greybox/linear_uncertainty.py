@@ -1,8 +1,9 @@
 """Poles, transfer functions and frequency responses of a physical fit, with standard deviations.
 
-The model is linearised about hover. With f any of these quantities, P the covariance of the
-parameters θ and F = ∂f/∂θ by differences, cov f = F P Fᵀ. `innovations` computes the errors for the
-residual tests. `fit_result` collects all results in a `FitResult`.
+The model is linearised about hover, without effects that are `PhysicalFit.absent`. With f any of
+these quantities, P the covariance of the parameters θ and F = ∂f/∂θ by differences, cov f = F P Fᵀ.
+`innovations` computes the errors for the residual tests. `fit_result` collects all results in a
+`FitResult`.
 """
 
 from __future__ import annotations
@@ -48,10 +49,13 @@ def linear_quantities(
     sd = found.std / found.slopes
     cov = found.covariance / np.outer(found.slopes, found.slopes)
 
+    null = np.array([f.null for f in found.free])
+
     def at(point: np.ndarray) -> Continuous:
+        values = np.where(found.absent, null, found.values_at(point))
         model = GreyBoxModel(
             "", found.structure.profile, tuple(t.name for t in found.structure.terms),
-            found.values_at(point), np.zeros(3), np.full((len(point), len(point)), np.nan),
+            values, np.zeros(3), np.full((len(point), len(point)), np.nan),
         )  # fmt: skip
         return model.linear(dt).continuous()
 

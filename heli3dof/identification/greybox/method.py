@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
+import numpy as np
+
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.identification.closed_loop_fit.identify_correction import (
     correction_note,
@@ -156,13 +158,18 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
 
 
 def parameters(found: Estimate) -> dict[str, Parameter]:
-    """Return {name: parameter}: value, standard deviation, Cramér–Rao bound, any warning."""
+    """Return {name: parameter}: value, standard deviation, Cramér–Rao bound, any warning.
+
+    The standard deviation of an absent effect is at least the distance from its null value.
+    """
+    least = np.where(found.absent, found.values - [f.null for f in found.free], 0.0)
+    std = np.maximum(found.std, least)
     return {
         f.name: Parameter(
             float(v), float(s), f.unit, float(b), f.start if f.term is None else f.null, w
         )
         for f, v, s, b, w in zip(
-            found.free, found.values, found.std, found.bound, found.verdicts, strict=True
+            found.free, found.values, std, found.bound, found.verdicts, strict=True
         )
     }
 
@@ -179,9 +186,10 @@ def warnings(found: Estimate) -> tuple[str, ...]:
         )
     out += [
         f"{f.name} is at its bound, {v:.4g} {f.unit}: it probably compensates another effect."
-        for f, v, stuck in zip(found.free, found.values, o.at_bound, strict=True)
-        # A lag at its least value only means that the rig shows no lag.
-        if stuck and not (f.null <= f.low and v - f.low < f.high - v)
+        for f, v, stuck, absent in zip(
+            found.free, found.values, o.at_bound, found.absent, strict=True
+        )
+        if stuck and not absent
     ]
     if found.unexplained_scatter > 2:
         out.append(

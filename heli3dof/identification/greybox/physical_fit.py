@@ -9,6 +9,9 @@ import numpy as np
 
 from heli3dof.model.physics.parametrisation import FreeParameter, Structure
 
+AT_LEAST = 0.02
+"""Relative distance from the least value below which a parameter is at that value"""
+
 
 class PhysicalFit(ABC):
     """Base class of a fit of physical parameters: n values, in the order of ``structure.free``."""
@@ -44,6 +47,17 @@ class PhysicalFit(ABC):
     def slopes(self) -> np.ndarray:
         """Return the derivative (n,) of each parameter with respect to the scaled one (`theta`)."""
         return np.array([f.slope(v) for f, v in zip(self.structure.free, self.values, strict=True)])
+
+    @property
+    def absent(self) -> np.ndarray:
+        """Return (n,) bool: whether a parameter is at its least value, as a lag of 1 ms is.
+
+        Its null value lies below: the recordings show no effect.
+        """
+        return np.array([
+            f.log and f.null < f.low and v < f.low * (1 + AT_LEAST)
+            for f, v in zip(self.free, self.values, strict=True)
+        ])  # fmt: skip
 
     @property
     def std(self) -> np.ndarray:
