@@ -120,7 +120,7 @@ def _diagnosed(
     clock.start("gain", "Measuring the gain on held-out data …")
     choices = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
     fit, findings, dropped, after = adopted(fit, choices, held, seed=seed)
-    if dropped and not findings:  # without a cause, implausible inertias keep their narrow prior
+    if dropped and not findings:  # the base fit has its own bias correction
         fit = base_with_forms(base_fit, fit)
         after = held_out(fit, held)
     clock.start("left", "Searching for unmodelled effects …")

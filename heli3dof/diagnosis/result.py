@@ -219,15 +219,18 @@ def remainders(
         Σ max(e_1² − e_n², 0) > ½ Σ e_0²
 
     The result contains the axes that satisfy this inequality on their own. An axis with slow noise
-    is left out, because e_n does not contain that noise. Without a physical cause there is no claim
-    to refute, so the result is empty.
+    and without a noise floor is left out. Without a physical cause there is no claim to refute, so
+    the result is empty.
     """
     if not physical(findings) or f.refit is None:
         return ()
     each = []
-    for axis in (a for a in AXES if a not in {x.axis for x in slow_noise}):
+    slow = {x.axis for x in slow_noise}
+    for axis in AXES:
         e_0, e_1 = f.refit.before.get(axis), f.gain.after.get(axis)
         e_n = f.simulation_error.at(HORIZON_S, axis)[1]
+        if axis in slow and not isfinite(e_n):
+            continue
         if e_0 is not None and e_1 is not None and isfinite(e_0) and isfinite(e_1):
             each.append(UnexplainedError(axis, e_0, e_1, e_n if isfinite(e_n) else None))
     if sum(map(_unexplained, each)) <= sum(r.simulation_deg**2 for r in each) / 2:

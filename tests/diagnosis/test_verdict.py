@@ -117,6 +117,8 @@ def test_slow_noise_is_no_unexplained_error() -> None:
     draught: Any = SimpleNamespace(axis="pitch")
     left = errors((1.0, 7.0, 1.0), (0.3, 6.2, 0.3), UNKNOWN)
     assert remainders(left, [finding()], [draught]) == ()
+    floor = errors((1.0, 7.0, 1.0), (0.3, 6.2, 0.3), (0.3, 1.0, 0.3))  # which contains slow noise
+    assert [r.axis for r in remainders(floor, [finding()], [draught])] == ["pitch"]
 
 
 def test_an_unexplained_error_is_left_over_and_depends_on_nothing() -> None:

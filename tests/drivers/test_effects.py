@@ -199,6 +199,19 @@ def test_ground_effect_increases_the_thrust_near_the_table_only():
         assert more == pytest.approx(share * 2 * K_f * 12 * L_a / J_roll, rel=1e-3)
 
 
+def test_ground_effect_turns_a_tilted_body_back_to_level():
+    level, tilted = ((0.0, angle, 0.0) for angle in (0.0, 0.3))
+    effect = "aero.ground_effect:0.2@0.1"
+    assert acceleration(plant(effect, angle=level, dt=SHORT), 12, 12)[1] == pytest.approx(
+        0, abs=1e-9
+    )
+    more = acceleration(plant(effect, angle=tilted, dt=SHORT), 12, 12)[1]
+    tip = L_h * math.sin(0.3)
+    lift = 0.2 * 12 * K_f * (math.exp(-(0.304934 + tip) / 0.1) - math.exp(-(0.304934 - tip) / 0.1))
+    free = acceleration(plant("", angle=tilted, dt=SHORT), 12, 12)[1]
+    assert more - free == pytest.approx(L_h * lift / J_pitch, rel=1e-2)
+
+
 def test_gyroscopic_torque_does_no_work():
     free = replace(LEVEL, low=(-math.inf,) * 3, high=(math.inf,) * 3)
     p = plant("aero.gyroscopic:0.01", angle=(0.2, 0.3, 0), rate=(0.5, 2, 1), setup=free)

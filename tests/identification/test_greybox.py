@@ -188,6 +188,20 @@ def test_the_model_replays_held_out_data(flight: Flight, found: Estimate) -> Non
     assert result.residuals[0].passed
 
 
+def test_a_delay_of_zero_is_no_compensation_of_another_effect() -> None:
+    fit = fit_greybox(flown("rich", 15.0, device="mock:?speed=max", seed=5), ("motor.delay",))
+    assert fit.values[-1] < 0.001
+    at_zero = replace(
+        fit,
+        optimum=replace(
+            fit.optimum,
+            theta=np.append(fit.theta[:-1], 0.0),
+            at_bound=np.append(fit.optimum.at_bound[:-1], True),
+        ),
+    )
+    assert not [w for w in warnings(at_zero) if "motor.delay" in w]
+
+
 def test_a_lag_at_its_least_value_is_no_compensation_of_another_effect() -> None:
     """The emulated rig has no lag. An inertia at its bound does compensate something."""
     fit = fit_greybox(flown("rich", 15.0, device="mock:?speed=max", seed=5), ("motor.lag",))

@@ -66,6 +66,44 @@ def test_the_other_words_for_the_axes_are_understood() -> None:
     assert term("friction.viscous.travel").name == "friction.viscous.yaw"
 
 
+def acting(name: str, values: list[float], out: list[float], **state: float) -> list[float]:
+    """Return ``out`` after the effect's equation, with these parameters, on the default rig."""
+    t = term(name)
+    s = context(default_profile())
+    for key, value in state.items():
+        s[getattr(at, key)] = value
+    par = np.zeros(at.PARAMETERS)
+    par[at.A : at.A + len(values)] = values
+    array = np.array(out, dtype=float)
+    (hook,) = t.effect.hooks.values()
+    hook(s, par, np.zeros(at.MEMORY), array)
+    return [float(x) for x in array]
+
+
+@pytest.mark.parametrize(
+    ("n", "torque"), [(1.0, 0.02 * 3), (2.0, 0.02 * 5), (0.5, 0.02 * 2.414214)]
+)
+def test_the_reaction_torque_is_a_power_of_each_rotor_s_thrust(n: float, torque: float) -> None:
+    """One rotor at its hover thrust F_h, one at 2 F_h: κ F_h (1 + 2ⁿ)."""
+    p = default_profile()
+    hover = p.motor.K_f * p.motor.V_o
+    level = {"F_FRONT": hover, "F_BACK": 2 * hover}
+    assert acting("aero.reaction_torque", [0.02, n], [0, 0, 0], **level) == pytest.approx(
+        [0, 0, torque * hover]
+    )
+    backward = {"F_FRONT": -hover, "F_BACK": 0.0}
+    assert acting("aero.reaction_torque", [0.02, n], [0, 0, 0], **backward)[2] == pytest.approx(
+        -0.02 * hover
+    )
+
+
+def test_the_lower_rotor_of_a_tilted_body_has_more_ground_effect() -> None:
+    """L_a sin 27.5° = 0.304934 m above the table, tips L_h sin 30° = 0.0889 m above and below."""
+    front, back = acting("aero.ground_effect", [0.2, 0.1], [1, 1], R=0.0, P=np.radians(30))
+    assert front == pytest.approx(1 + 0.2 * np.exp(-(0.304934 + 0.0889) / 0.1), rel=1e-4)
+    assert back == pytest.approx(1 + 0.2 * np.exp(-(0.304934 - 0.0889) / 0.1), rel=1e-4)
+
+
 @pytest.mark.parametrize("name", all_names())
 def test_machine_code_does_what_the_python_says(name: str) -> None:
     t = term(name)

@@ -14,9 +14,10 @@ score test. A further cause with a score below `SUFFICIENT` may only compensate 
 of the first. Condition 3 is for effects that act only briefly, such as a dead zone: their intervals
 are wide.
 
-If no flights could be simulated, the cause must also decrease the prediction error of an axis, by
-more than the encoder's rounding (`conclusion.unknown_controller`). Axes whose inertia is
-implausible in the fit do not count. Backlash is exempt, because predictions hardly show it.
+If no flights could be simulated, a cause is dropped if it acts on an axis whose inertia is
+implausible in the fit. It must also decrease the prediction error of another axis by more than the
+encoder's rounding (`conclusion.unknown_controller`). Predictions hardly show backlash, so it need
+not. Parts of the body's equations may lower the error of any axis.
 
 Whatever its gain, a cause is dropped if ρ > 1 and Z²/ρ is below the threshold of Z²
 (`screening.nulls`). Z is the cause's standardised score in the score test, ρ the factor by which
@@ -70,7 +71,9 @@ MIN_GAIN = 3.0
 """Least gain in log-likelihood in condition 2: a likelihood ratio of e³ = 20. Chosen."""
 LARGE_GAIN = 12.0
 """Least gain in log-likelihood in condition 3. Without the effect, the mean of exp Δℓ on held-out
-data is at most 1, so Δℓ > 12 has a probability below e⁻¹² (Markov's inequality)."""
+data is at most 1, so Δℓ > 12 has a probability below e⁻¹² (Markov's inequality). A phase or instant
+that is estimated on the held-out data raises that mean by about √(2π) z, z the torque's size in
+standard deviations."""
 
 
 def adopted(

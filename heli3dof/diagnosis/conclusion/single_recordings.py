@@ -9,7 +9,8 @@ and the null value θ_0 (no effect). The recordings confirm the cause if both ho
     of one size:   |θ_i − θ_j| ≤ `CONSISTENT` √(σ_i² + σ_j²)     for all i, j
 
 Recordings that cannot be fitted are ignored. If fewer than two are left, every cause is confirmed.
-A periodic torque and an added mass are not tested: only a scan finds their frequency or instant.
+A periodic torque and an added mass are neither fitted nor tested here: only a scan finds their
+frequency or instant.
 """
 
 from __future__ import annotations

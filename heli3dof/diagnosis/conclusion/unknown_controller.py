@@ -11,7 +11,8 @@ the same condition. ΔRMSE is then the decrease by fitting it instead of keeping
 
 On an encoder limit cycle the bias may be so large that an axis' inertia is implausible
 (`closed_loop_fit.base_fit.with_plausible_inertias`). Then no finding on this axis is reported
-(`is_biased`), and a finding without an axis must decrease the error of another axis.
+(`is_biased`), and a finding without an axis must decrease the error of another axis. The trim
+torque follows from the mean voltage, so it may decrease that of roll.
 """
 
 from __future__ import annotations

@@ -30,8 +30,8 @@ class Probe:
     """Distance of the first parameter from its null value, at which the effect is absent"""
     grows: bool = True
     """True if the effect grows with its first parameter from zero; False for a limit."""
-    clocks: tuple[float, ...] = ()
-    """s to add to the time of each recording, so that all have the same phase; () for none"""
+    time_shifts: tuple[float, ...] = ()
+    """s to add to the time of each recording, so that all have one phase; () for none"""
 
     @property
     def name(self) -> str:

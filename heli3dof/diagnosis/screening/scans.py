@@ -9,8 +9,12 @@ sum over the axes, is the efficient score of a unit torque at time t.
     u(t_0) = Σ_{t ≥ t_0} λ(t)        of a torque that sets in at t_0
 
 The information v is computed at a few f or t_0 and interpolated. The result is the largest
-z² = |u|²/v. A periodic torque has another phase φ_r in each recording r, so |u| is then the sum of
-|u_r|. Shifting the clock of each recording by (φ_r − φ_1)/(2π f) gives all the phase φ_1.
+z² = |u|²/v.
+
+A periodic torque has its own phase φ_r in each of R recordings. Without a torque the sum S over the
+recordings of |u_r|²/v_r, v_r their share of v, is χ² with 2 R degrees of freedom. z² is the value
+that χ² with 2 degrees exceeds as rarely: z² = S − 2 ln Σ_{k < R} (S/2)^k/k!. Adding
+(φ_r − φ_1)/(2π f) to the time of recording r gives all recordings the phase φ_1.
 """
 
 from __future__ import annotations
@@ -41,7 +45,7 @@ class Peak:
     z: float
     values: tuple[float, ...]
     """The term's parameters"""
-    clocks: tuple[float, ...] = ()
+    time_shifts: tuple[float, ...] = ()
     """s to add to the time of each recording; () for none"""
 
 
@@ -115,15 +119,33 @@ class Frequencies:
         for r in np.unique(source):
             of_r = np.bincount(bins, np.where(source == r, score, 0.0))
             u[r] = np.conj(np.fft.rfft(of_r, n)[inside]) * np.exp(2j * np.pi * f * t.min())
-        total = np.abs(u).sum(axis=0)
-        k = int(np.argmax(total**2 / v_at_f))
+        share = np.bincount(source, minlength=len(u)) / len(source)
+        used = share > 0
+        S = (np.abs(u[used]) ** 2 / (share[used, None] * v_at_f)).sum(axis=0)
+        k = int(np.argmax(S))
+        total = float(np.abs(u[:, k]).sum())
         # sin(2πft + φ) = cos φ · sine + sin φ · cosine; u = Σ λ (cos + i sin).
         phi = np.arctan2(u[:, k].real, u[:, k].imag)
         phase = float(phi[source[0]])
         ahead = (phi - phase) % (2 * np.pi) / (2 * np.pi * f[k])
-        clocks = tuple(map(float, ahead)) if len(np.unique(source)) > 1 else ()
-        values = (float(total[k] / v_at_f[k]), float(f[k]), phase)
-        return Peak(float(total[k] / np.sqrt(v_at_f[k])), values, clocks)
+        R = int(used.sum())
+        time_shifts = tuple(map(float, ahead)) if R > 1 else ()
+        values = (total / float(v_at_f[k]), float(f[k]), phase)
+        return Peak(np.sqrt(as_one_recording(float(S[k]), R)), values, time_shifts)
+
+
+def as_one_recording(S: float, R: int) -> float:
+    """Return z² that χ² with 2 degrees of freedom exceeds as rarely as χ² with 2 R exceeds S.
+
+    >>> as_one_recording(30.0, 1)
+    30.0
+    >>> from scipy.stats import chi2
+    >>> bool(np.isclose(chi2.sf(as_one_recording(40.0, 4), 2), chi2.sf(40.0, 8)))
+    True
+    """
+    k = np.arange(R)
+    terms = k * np.log(max(S, 1e-300) / 2) - np.cumsum(np.log(np.maximum(k, 1)))
+    return max(float(S - 2 * np.logaddexp.reduce(terms)), 0.0)
 
 
 @dataclass(frozen=True)

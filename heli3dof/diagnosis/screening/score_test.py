@@ -137,7 +137,9 @@ class Screen:
             peak = scan.peak(evaluation, L[0], unit, information)
             z.append(peak.z)
             amplitude.append(peak.values[0])
-            probes.append(Probe(scan.term, peak.values, peak.values[0], clocks=peak.clocks))
+            probes.append(
+                Probe(scan.term, peak.values, peak.values[0], time_shifts=peak.time_shifts)
+            )
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:

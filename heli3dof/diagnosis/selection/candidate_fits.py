@@ -5,10 +5,11 @@ the nulls' variance inflation κ and N filter updates, the score of a term with 
 
     score = 2 Δℓ_c/κ − m ln N
 
-A screened term starts at its probe with the largest Z² (`screening.screening`). The first periodic
-torque shifts the clocks of several recordings, so that all have its phase. If the fit is worse
+A screened term starts at its probe with the largest Z² (`screening.screening`). If the fit is worse
 than the current one, it is repeated from a size near zero. A term that the score test cannot
-detect starts from its grid (`screening.grid_trials`).
+detect starts from its grid (`screening.grid_trials`). For a periodic torque, R recordings are
+shifted in time to one phase (`screening.scans`), unless the current fit has a phase or an instant;
+the R − 1 shifts count as parameters.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from heli3dof.identification.bias_correction.correction import CorrectedFit, Sta
 from heli3dof.identification.greybox.likelihood import FilterRun, Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
-from heli3dof.model.estimation.filter_data import with_clocks
+from heli3dof.model.estimation.filter_data import with_shifted_time
 from heli3dof.parallel import parallel_map
 
 SECOND_START = 0.1
@@ -70,21 +71,26 @@ def fit_candidates(
     level = maximise_corrected(problem, o.theta, o.noise, ScoreBias(bias, none, o.theta, o.noise))
     backlash = {t.name for t in problem.structure.terms if t.effect.starts}
 
-    def scored(term: Term, fit: Optimum) -> float | None:
-        """Return the score of ``fit``; None if it diverged or ended at a bound."""
+    def scored(term: Term, fit: Optimum, shifts: int = 0) -> float | None:
+        """Return the score of ``fit``; None if it diverged or ended at a bound.
+
+        ``shifts``: number of fitted time shifts.
+        """
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
         won = 2 * (fit.loglik - level.loglik) / nulls.inflation
         # A part of the body's equations has no penalty: its share has a tight prior.
-        m = 0 if term.effect.of_base else len(fit.theta) - len(o.theta)
+        m = 0 if term.effect.of_base else len(fit.theta) - len(o.theta) + shifts
         return float(won - bic_penalty(m, fit.at))
 
     def one(k: int) -> CandidateFit | None:
         term, Z2, i = ranked[k]
         ext = widened(problem, term)
-        clocks = result.probes[i].clocks
-        if clocks and not any(f.per_recording for f in problem.structure.free):
-            ext = replace(ext, data=with_clocks(ext.data, clocks))
+        time_shifts = result.probes[i].time_shifts
+        if any(f.per_recording for f in problem.structure.free):
+            time_shifts = ()
+        if time_shifts:
+            ext = replace(ext, data=with_shifted_time(ext.data, time_shifts))
         start = start_at_probe(
             ext, current, result, i, 1 - nulls.mean[i] / result.z[i] if result.z[i] else 1.0
         )
@@ -117,7 +123,7 @@ def fit_candidates(
             absent = new[0].scaled(new[0].null)
             again[at] = absent + SECOND_START * (again[at] - absent)
             fit = maximise_corrected(ext, again, level.noise, score_bias, rounds=28, hold=jagged)
-        score = scored(term, fit)
+        score = scored(term, fit, max(len(time_shifts) - 1, 0))
         return None if score is None else CandidateFit(term, ext, fit, score, Z2, i)
 
     def trial(k: int) -> CandidateFit | None:

@@ -1,4 +1,4 @@
-"""Evaluate a fit on data that were not used to estimate it.
+"""Evaluate a fit on data that were not used to estimate it, phases and instants aside.
 
 Without hold-out recordings, this is cross-validation: each block b of the training recordings and
 `PURGE_S` on either side are left out. A Gauss-Newton step from the fit θ̂ gives the parameters
@@ -20,7 +20,8 @@ Without hold-out recordings, this is cross-validation: each block b of the train
 4. The process noise is re-estimated on the evaluated rows, for the model with added effects and
    for that without. So a rougher held-out flight favours neither model.
 5. A phase or an instant (`effects.Parameter.per_recording`) of a hold-out recording is estimated on
-   that recording (`validation.own_values`).
+   that recording (`validation.own_values`). Without hold-out recordings, the time shifts that give
+   several recordings one phase come from all rows.
 6. The filter starts `SETTLE_S` before a block. With backlash it starts `BACKLASH_SETTLE_S` before,
    because only encoder edges in both directions determine the position within the backlash.
 """
@@ -283,7 +284,7 @@ def _summed_over_cells(d: Data, on: str, parts: Sequence[RowResults]) -> HeldOut
 
     ``on``: description of the held-out data.
     """
-    cell_of_row = np.full(len(d.t), -1, dtype=np.int64)
+    cell_of_row, recorded_t = np.full(len(d.t), -1, dtype=np.int64), d.recorded_t
     starts: list[float] = []
     source: list[int] = []
     for run, (_, start, stop) in zip(d.runs, d.blocks, strict=True):
@@ -291,7 +292,7 @@ def _summed_over_cells(d: Data, on: str, parts: Sequence[RowResults]) -> HeldOut
         n = max(1, round((stop - start) * dt / CELL_S))
         cell_of_row[start:stop] = len(starts) + (np.arange(stop - start) * n) // (stop - start)
         first = start + np.ceil(np.arange(n) * (stop - start) / n).astype(int)
-        starts += d.t[first].tolist()
+        starts += recorded_t[first].tolist()
         source += [run.source] * n
     m = len(starts)
     loglik = np.sum([p.loglik for p in parts], axis=0)
@@ -314,5 +315,5 @@ def _summed_over_cells(d: Data, on: str, parts: Sequence[RowResults]) -> HeldOut
         np.array(starts),
         sources,
         on,
-        Predictions(d.t[ends], sources[cell_of_row[ends]], d.y[ends], d.y[ends] - errors),
+        Predictions(recorded_t[ends], sources[cell_of_row[ends]], d.y[ends], d.y[ends] - errors),
     )

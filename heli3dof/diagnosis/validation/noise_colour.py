@@ -2,17 +2,20 @@
 
 The filter's process noise, an angular acceleration n(t) on each axis, is white with the density a²
 (a in rad/s²/√Hz). Draughts and other torques are correlated over tenths of a second. The fit then
-matches n at high frequencies, and predictions are worse than the model expects. In a prediction
-over h, n causes the error
+matches only high frequencies, so long predictions are worse than it expects. In a prediction over
+h, n causes the error
 
     e(h) = ∫_0^h (h − s) n(s) ds,       Var e(h) = ρ(h) a² h³/3
     ρ(h) = 1 + 2 Σ_{l ≥ 1} w(l Δ/h) Γ_l/Γ_0,        w(x) = 1 − 3x/2 + x³/2  for x < 1, else 0
 
 w is the normalised autocorrelation of the ramp h − s. Γ_l is the autocovariance at lag l of the
-scores u_b = Σ g δc, summed over blocks of Δ = `BLOCK_S`; g is the score of a reading's prediction,
-δc its change by a constant acceleration of 1 rad/s². With white noise the u_b are uncorrelated, and
-ρ has the standard deviation √(4 Σ w²/m) for m blocks. ρ is set to 1 unless it exceeds 1 by
-`SIGNIFICANT` of these.
+scores u_b = Σ g δc, summed over blocks of Δ = `BLOCK_S` and without their mean, which a constant
+torque causes; g is the score of a reading's prediction, δc its change by a constant acceleration of
+1 rad/s². With white noise the u_b are uncorrelated, and ρ has the standard deviation √(4 Σ w²/m)
+for m blocks. ρ is set to 1 unless it exceeds 1 by `SIGNIFICANT` standard deviations.
+
+The formula neglects stiffness and damping within h. The u_b stand for n, because the filter follows
+n faster than h. A slow torque that the model lacks also counts as noise.
 """
 
 from __future__ import annotations
@@ -56,7 +59,8 @@ def torque_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
     unit = np.zeros((3, len(p.chunk), 3))
     unit[range(3), :, range(3)] = 1.0
     block = block_numbers(problem.data, BLOCK_S)[at.row]
-    return np.column_stack([np.bincount(block, d * at.g) for d in forward(p, unit)])
+    u = np.column_stack([np.bincount(block, d * at.g) for d in forward(p, unit)])
+    return np.asarray(u - u.mean(axis=0))
 
 
 def _rho(series: Sequence[np.ndarray], horizon_s: float) -> float:

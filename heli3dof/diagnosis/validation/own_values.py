@@ -2,9 +2,10 @@
 
 A periodic torque has the same amplitude and frequency in every recording of a rig, but not the same
 phase φ; a mass is added at another instant t_m. In recordings that were not fitted, φ or t_m is the
-value that maximises the log-likelihood ℓ there; all other parameters stay as they are.
+value that maximises the log-likelihood ℓ there; all other parameters stay as they are. Several are
+estimated one after another.
 
-For a torque proportional to sin(2π f t + φ), ℓ is a quadratic function of cos φ and sin φ, hence
+For a torque proportional to sin(2π f t + φ), ℓ is nearly a quadratic function of cos φ and sin φ:
 
     ℓ(φ) = Σ_{k=0..2} a_k cos kφ + b_k sin kφ
 
@@ -27,7 +28,7 @@ from heli3dof.parallel import parallel_map
 PHASES = 8
 """Values of φ at which ℓ is evaluated; five are the fewest for two harmonics."""
 INSTANT_S = 1.0
-"""s; distance of the grid's instants, and of the first and last one from the recording. Chosen."""
+"""s; distance of the grid's instants. The grid begins before the recording and ends after it."""
 ACCURACY_S = 0.05
 """s; accuracy of an instant: half the time in which an added mass takes effect."""
 

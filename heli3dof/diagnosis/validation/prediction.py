@@ -3,9 +3,9 @@
     e_i = y_i[k + n] − ŷ_i[k + n]       rad, of axis i, n rows ahead
 
 The prediction ŷ starts from the filter's state at row k and uses the recorded voltages. The noise
-floor is the error that the true model would have. If the controller is known, it is the error on
-simulated flights of the model. Otherwise it is √(P + Δ²/12), with the filter's variance P predicted
-to the horizon and the encoder step Δ.
+floor is the error that the true model would have in white noise. If the controller is known, it is
+the error on simulated flights of the model. Otherwise it is √(P + Δ²/12), with the filter's
+variance P predicted to the horizon and the encoder step Δ.
 """
 
 from __future__ import annotations

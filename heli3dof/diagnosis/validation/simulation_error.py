@@ -81,7 +81,7 @@ def simulation_error(
     problem, e = model_errors(model, recordings, HORIZONS_S)
     floor, by = floor_deg(truth or model, recordings, HORIZONS_S, seed=seed)
     coloured = coloured_variance(truth or model, recordings, HORIZONS_S)
-    floor = np.sqrt(floor**2 + np.degrees(np.degrees(coloured)))
+    floor = np.sqrt(floor**2 + np.degrees(1.0) ** 2 * coloured)
     worst = _worst(problem.data, e, recordings)
     return SimulationError(HORIZONS_S, e.rmse_deg(), floor, by, worst)
 

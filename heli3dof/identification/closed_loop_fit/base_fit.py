@@ -8,8 +8,8 @@ bias-corrected (`bias_correction.correction`). There are two special cases:
   (`closed_loop_fit.limit_cycle`). If the search diverges, it is repeated from the likelihood's
   maximum. A second fit also matches how often the encoder counts change
   (`closed_loop_fit.edge_rates`).
-- Implausible inertia: the fit is repeated with a narrow prior of the inertias. So is every later
-  fit with further effects (`with_plausible_inertias`).
+- Implausible inertia: the fit is repeated with a narrow prior of the inertias
+  (`with_plausible_inertias`). The same rule applies to every later fit.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class ProfileLikelihood(Likelihood):
     """Factor by which the tolerance is multiplied"""
     at_nominal: tuple[int, ...] = ()
     """Indices of the parameters that keep the profile's value"""
-    scale: float = 1.0
+    inertia_ratio: float = 1.0
     """Ratio of the inertias' prior means to the profile's values"""
     implausible: tuple[str, ...] = ()
     """Axes whose inertia is implausible without the narrow prior: the likelihood is biased there"""
@@ -65,7 +65,7 @@ class ProfileLikelihood(Likelihood):
     def prior_mean(self) -> np.ndarray:
         """Return the prior's mean (n,), scaled; the inertias are estimated as logarithms."""
         mean = super().prior_mean.copy()
-        mean[[j for j in (1, 2, 3) if j not in self.at_nominal]] += np.log(self.scale)
+        mean[[j for j in (1, 2, 3) if j not in self.at_nominal]] += np.log(self.inertia_ratio)
         return mean
 
     @cached_property
@@ -100,13 +100,13 @@ def with_plausible_inertias(
     """
     if not isinstance(problem, ProfileLikelihood):
         return fit(problem)
-    wide = replace(problem, doubt=1.0, scale=1.0, implausible=())
+    wide = replace(problem, doubt=1.0, inertia_ratio=1.0, implausible=())
     result = fit(wide)
     axes = implausible_inertias(result)
     if not axes:
         return result
-    scale = unit_of(wide.structure.profile, result.values)
-    return fit(replace(wide, doubt=TIGHT_PRIOR, scale=scale, implausible=axes))
+    ratio = unit_of(wide.structure.profile, result.values)
+    return fit(replace(wide, doubt=TIGHT_PRIOR, inertia_ratio=ratio, implausible=axes))
 
 
 def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
@@ -148,12 +148,13 @@ def start_scales(plain: Estimate) -> list[float]:
     """Return ratios of the inertias to nominal from which a search on a limit cycle starts.
 
     A wrong thrust gain multiplies the trim torque and all inertias by one ratio. If the trim torque
-    of the fit ``plain`` is off nominal by more than the tolerance, its ratio is the second one.
+    of the fit ``plain`` is off nominal by more than the tolerance, but by a factor below
+    `MAX_INERTIA_RATIO`, its ratio is the second one.
     """
     profile = plain.structure.profile
     ratio = float(plain.values[0]) / profile.trim_torque if profile.trim_torque else 1.0
-    likely = 1 / MAX_INERTIA_RATIO < ratio < MAX_INERTIA_RATIO
-    return [1.0, ratio] if likely and abs(ratio - 1) > profile.tolerance else [1.0]
+    is_plausible = 1 / MAX_INERTIA_RATIO < ratio < MAX_INERTIA_RATIO
+    return [1.0, ratio] if is_plausible and abs(ratio - 1) > profile.tolerance else [1.0]
 
 
 def start_on_limit_cycle(setup: Setup, plain: Estimate, cycling: np.ndarray, scale: float) -> Start:

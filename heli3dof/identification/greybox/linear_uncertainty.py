@@ -128,7 +128,7 @@ def fit_result(
     poles, transfer, response = linear_quantities(found, dt)
     return FitResult(
         model=model,
-        order=model.linear(dt).order,
+        order=len(poles),
         interval_s=dt,
         innovations=lambda p, runs: innovations(model, p, runs),
         poles=poles,

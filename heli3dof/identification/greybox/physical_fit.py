@@ -9,8 +9,8 @@ import numpy as np
 
 from heli3dof.model.physics.parametrisation import FreeParameter, Structure
 
-AT_LEAST = 0.02
-"""Relative distance from the least value below which a parameter is at that value"""
+NEAR_BOUND = 0.02
+"""Distance from the lower bound, relative to it or (bound 0) to the typical size. Chosen."""
 
 
 class PhysicalFit(ABC):
@@ -50,12 +50,12 @@ class PhysicalFit(ABC):
 
     @property
     def absent(self) -> np.ndarray:
-        """Return (n,) bool: whether a parameter is at its least value, as a lag of 1 ms is.
+        """Return (n,) bool: whether a parameter that cannot be negative is at its lower bound.
 
-        Its null value lies below: the recordings show no effect.
+        The recordings then show no effect, such as a lag at its least value of 1 ms.
         """
         return np.array([
-            f.log and f.null < f.low and v < f.low * (1 + AT_LEAST)
+            f.null <= f.low and v - f.low <= NEAR_BOUND * (f.low if f.log else f.typical)
             for f, v in zip(self.free, self.values, strict=True)
         ])  # fmt: skip
 

@@ -1,11 +1,11 @@
 """More thrust near the table: F → F (1 + a exp(−h/h₀)), h a rotor's height (m) above the table.
 
-    h = L_a (sin r − sin r_rest) ± L_h sin p cos r             (+ front rotor, − back rotor)
+    h = max(L_a (sin r − sin r_rest) ± L_h sin p cos r, 0)     (+ front rotor, − back rotor)
 
 r, p are roll and pitch, r_rest roll at rest on the table, L_a the distance from the yaw axis to the
 body, L_h from the body to a rotor (m). F is the rotor's thrust, a its relative increase at the
 table. h₀ is the height over which the increase falls to 1/e: 0.1 m unless estimated. The lower
-rotor of a tilted body thrusts more, so the effect also turns the body back to level.
+rotor of a tilted body thrusts more (a > 0), which turns the body back to level.
 """
 
 from __future__ import annotations

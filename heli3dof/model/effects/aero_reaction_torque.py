@@ -5,7 +5,7 @@ ratio of torque to thrust at hover; r, p, ψ are roll, pitch, yaw. ω_n is the a
 the normal. The couple M along the normal has the power M ω_n = M (sin p ṙ + cos r cos p ψ̇). So
 τ_roll = M sin p and τ_yaw = M cos r cos p.
 
-* n = 1: the torque is proportional to the thrust, as for a propeller whose thrust is known.
+* n = 1: the torque is proportional to the thrust.
 * n = 2: the torque grows with V² although the model's thrust is linear in the voltage V.
 """
 
@@ -17,14 +17,11 @@ from typing import Any
 from heli3dof.model.effects.base import Effect, Parameter
 from heli3dof.model.physics.state_layout import F_BACK, F_FRONT, K_F, V_O, A, B, P, R, Stage
 
-LEAST = 1e-3
-"""Smallest |F/F_h|; |F/F_h|ⁿ has no derivative by n at zero."""
-
 
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
     hover = s[K_F] * abs(s[V_O])
-    front = math.copysign(max(abs(s[F_FRONT]) / hover, LEAST) ** par[B], s[F_FRONT])
-    back = math.copysign(max(abs(s[F_BACK]) / hover, LEAST) ** par[B], s[F_BACK])
+    front = math.copysign((abs(s[F_FRONT]) / hover) ** par[B], s[F_FRONT])
+    back = math.copysign((abs(s[F_BACK]) / hover) ** par[B], s[F_BACK])
     couple = par[A] * hover * (front + back)
     out[0] += couple * math.sin(s[P])
     out[2] += couple * math.cos(s[R]) * math.cos(s[P])
@@ -35,7 +32,7 @@ EFFECT = Effect(
     summary="The propellers twist the body about its normal by κ F_h Σ sgn(F) |F/F_h|ⁿ.",
     parameters=(
         Parameter("torque_per_thrust_m", "m", 0.0, -0.3, 0.3, 0.02, "κ"),
-        Parameter("exponent", "–", 1.0, 0.0, 3.5, 0.3, "n", prior_std=0.5),
+        Parameter("exponent", "–", 1.0, 0.5, 3.5, 0.3, "n", prior_std=0.5),
     ),
     hooks={Stage.TORQUE: torque},
     confused_with=("bias.torque.yaw", "encoder.offset.pitch"),

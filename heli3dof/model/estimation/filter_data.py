@@ -51,7 +51,7 @@ class Data:
     """
 
     t: np.ndarray
-    """(N,) s since the first sample of the recording."""
+    """(N,) s since the first sample of the recording, plus the recording's time shift."""
     h: np.ndarray
     """(N,) s, time to the next row."""
     V: np.ndarray
@@ -67,6 +67,17 @@ class Data:
     runs: tuple[RowRange, ...]
     rad_per_count: np.ndarray
     """(3,) rad, positive encoder steps of the first recording's profile."""
+    time_shifts: tuple[float, ...] = ()
+    """s added to the time of each recording (`with_shifted_time`); () for none."""
+
+    @property
+    def recorded_t(self) -> np.ndarray:
+        """Return the time of each row since the first sample of its recording, (N,) s."""
+        return (
+            with_shifted_time(self, [-x for x in self.time_shifts]).t
+            if self.time_shifts
+            else self.t
+        )
 
     @property
     def rows(self) -> int:
@@ -132,12 +143,15 @@ def data_of(recordings: Sequence[Recording], runs: Sequence[RowRange]) -> Data:
     )  # fmt: skip
 
 
-def with_clocks(data: Data, clocks: Sequence[float]) -> Data:
-    """Return the data with ``clocks[i]`` (s) added to the time of recording i."""
+def with_shifted_time(data: Data, time_shifts: Sequence[float]) -> Data:
+    """Return the data with ``time_shifts[i]`` (s) added to the time of recording i.
+
+    A periodic torque then has the same phase in all recordings.
+    """
     t = data.t.copy()
     for run, (first, _, stop) in zip(data.runs, data.blocks, strict=True):
-        t[first:stop] += clocks[run.source]
-    return replace(data, t=t)
+        t[first:stop] += time_shifts[run.source]
+    return replace(data, t=t, time_shifts=tuple(time_shifts))
 
 
 def encoder_noise(data: Data, steps: float = ENCODER_NOISE) -> np.ndarray:
