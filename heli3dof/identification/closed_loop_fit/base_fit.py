@@ -14,7 +14,7 @@ bias-corrected (`bias_correction.correction`). There are two special cases:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -31,7 +31,7 @@ from heli3dof.identification.greybox.maximum_likelihood import compile_first
 from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.effects import terms as named
 from heli3dof.model.estimation.filter_data import data_of
-from heli3dof.model.physics.parametrisation import Structure, unit_of
+from heli3dof.model.physics.parametrisation import Structure
 
 MAX_INERTIA_RATIO = 2.5
 """Largest plausible ratio of an inertia to nominal, or its inverse. Chosen; not derived."""
@@ -95,8 +95,8 @@ def with_plausible_inertias(
 ) -> CorrectedFit:
     """Return ``fit(problem)``; if an inertia is implausible, the fit with a narrow prior instead.
 
-    A wrong thrust gain multiplies the trim torque and all inertias by one ratio (`unit_of`). The
-    narrow prior has this ratio to the profile's inertias. ``fit``: returns the fit of a likelihood.
+    The narrow prior is about the profile's inertias times `thrust_ratio`. ``fit`` fits a
+    likelihood.
     """
     if not isinstance(problem, ProfileLikelihood):
         return fit(problem)
@@ -105,8 +105,25 @@ def with_plausible_inertias(
     axes = implausible_inertias(result)
     if not axes:
         return result
-    ratio = unit_of(wide.structure.profile, result.values)
+    ratio = thrust_ratio(result, axes)
     return fit(replace(wide, doubt=TIGHT_PRIOR, inertia_ratio=ratio, implausible=axes))
+
+
+def thrust_ratio(fit: Estimate, implausible: Sequence[str]) -> float:
+    """Return the ratio of trim torque and inertias to nominal that the thrust gain causes.
+
+    A wrong thrust gain multiplies all four by one ratio. The result is the median of the trim
+    torque's ratio and those of the inertias that are not ``implausible``. It is 1 if the trim
+    torque is within the profile's tolerance, or off by a factor above `MAX_INERTIA_RATIO`.
+    """
+    profile = fit.structure.profile
+    nominal = np.array([profile.trim_torque, *profile.inertias])
+    ratio = fit.values[:4] / np.where(nominal == 0, np.inf, nominal)
+    is_plausible = 1 / MAX_INERTIA_RATIO < ratio[0] < MAX_INERTIA_RATIO
+    if not is_plausible or abs(ratio[0] - 1) <= profile.tolerance:
+        return 1.0
+    known = [r for axis, r in zip(AXES, ratio[1:], strict=True) if axis not in implausible]
+    return float(np.median([ratio[0], *known]))
 
 
 def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
@@ -147,14 +164,10 @@ def corrected_base(setup: Setup, problem: Likelihood) -> CorrectedFit:
 def start_scales(plain: Estimate) -> list[float]:
     """Return ratios of the inertias to nominal from which a search on a limit cycle starts.
 
-    A wrong thrust gain multiplies the trim torque and all inertias by one ratio. If the trim torque
-    of the fit ``plain`` is off nominal by more than the tolerance, but by a factor below
-    `MAX_INERTIA_RATIO`, its ratio is the second one.
+    The second one is that of the trim torque of the fit ``plain`` (`thrust_ratio`).
     """
-    profile = plain.structure.profile
-    ratio = float(plain.values[0]) / profile.trim_torque if profile.trim_torque else 1.0
-    is_plausible = 1 / MAX_INERTIA_RATIO < ratio < MAX_INERTIA_RATIO
-    return [1.0, ratio] if is_plausible and abs(ratio - 1) > profile.tolerance else [1.0]
+    ratio = thrust_ratio(plain, AXES)
+    return [1.0] if ratio == 1.0 else [1.0, ratio]
 
 
 def start_on_limit_cycle(setup: Setup, plain: Estimate, cycling: np.ndarray, scale: float) -> Start:
