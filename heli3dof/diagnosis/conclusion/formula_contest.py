@@ -13,7 +13,9 @@ filter updates), ℓ_φ the one with the formula. With K formulas and the fit's 
 The second summand is BIC for the causes' further parameters, the third the prior odds against
 one formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the
 controller is known, flights are also simulated, with the causes and with the formula. Those with
-the formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`).
+the formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`). If
+it is unknown, the formula must decrease the error of held-out predictions on its axis by more than
+the encoder's rounding (`conclusion.unknown_controller`).
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding
 from heli3dof.diagnosis.screening.grid_trials import widened
 from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
 from heli3dof.diagnosis.selection.rivals import ROUNDS, likelihoods, odds
@@ -37,6 +40,8 @@ from heli3dof.diagnosis.unmodelled.torque_formula import (
     variable_of,
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import Place
+from heli3dof.diagnosis.validation.cross_validation import held_out
+from heli3dof.diagnosis.validation.gain import gain
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit, correct
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -44,6 +49,7 @@ from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import term
 from heli3dof.model.effects.empirical import PREFIX
+from heli3dof.recording.recording import Recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +73,13 @@ class Contest:
     margin: float
 
 
-def replaced_by_formula(setup: Setup, fit: CorrectedFit, causes: Sequence[str]) -> Contest | None:
+def replaced_by_formula(
+    setup: Setup, fit: CorrectedFit, causes: Sequence[str], holdout: Sequence[Recording]
+) -> Contest | None:
     """Compare each of the ``causes``, each pair and all of them with a torque's formula.
 
-    Return the comparison of largest margin above `TIE` that simulated flights confirm, or None.
+    Return the comparison of largest margin above `TIE` that simulated flights confirm, or None. If
+    flights cannot be simulated, predictions of held-out data (``holdout``, else blocks) confirm it.
     """
     if not causes:
         return None
@@ -80,15 +89,27 @@ def replaced_by_formula(setup: Setup, fit: CorrectedFit, causes: Sequence[str]) 
     sets = [some for n in sorted(sizes) for some in itertools.combinations(causes, n)]
     contests = [contest(fit, ln_causes, some) for some in sets]
     won = sorted((c for c in contests if c.margin > TIE), key=lambda c: -c.margin)
-    return next((c for c in won if simulations_agree(setup, fit, c.formula)), None)
+    agree = simulations_agree if setup.controller_is_known else predictions_agree
+    return next((c for c in won if agree(setup, fit, c.formula, holdout)), None)
 
 
-def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
+def predictions_agree(
+    setup: Setup, fit: CorrectedFit, formula: Formula, holdout: Sequence[Recording]
+) -> bool:
+    """Return whether the formula predicts its axis better than ``fit``, which has the causes."""
+    wide = CorrectedFit(formula.problem, formula.optimum)
+    g = gain(held_out(fit, holdout), held_out(wide, holdout), seed=setup.seed)
+    return exceeds_rounding(g, fit.structure.profile, axes=[formula.place.axis])
+
+
+def simulations_agree(
+    setup: Setup, fit: CorrectedFit, formula: Formula, holdout: Sequence[Recording]
+) -> bool:
     """Return whether the recording resembles flights of the formula more than those of the causes.
 
     The flights are simulated; ``fit`` contains the causes. True if simulation is impossible.
     """
-    if not setup.controller_is_known or not fit.is_corrected:
+    if not fit.is_corrected:
         return True
     o = formula.optimum
     corrected = correct(

@@ -66,7 +66,8 @@ def settle_unmodelled(
         left, slow_noise = split_off_slow_noise(significant_torques(scores, certain))
         if not now.fit.is_corrected:
             left = tuple(x for x in left if not is_biased(now.fit, x.axis))
-        contest = replaced_by_formula(setup, now.fit, replaceable_causes(now.findings))
+        causes = replaceable_causes(now.findings)
+        contest = replaced_by_formula(setup, now.fit, causes, holdout)
         if contest is None:
             break
         names, certain = contest.causes, contest.formula.place

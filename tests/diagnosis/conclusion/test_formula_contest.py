@@ -12,13 +12,16 @@ import pytest
 from heli3dof.diagnosis.conclusion import formula_contest
 from heli3dof.diagnosis.conclusion.formula_contest import (
     contest,
+    predictions_agree,
     replaced_by_formula,
     simulations_agree,
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import Place
+from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.method import fit_greybox
+from heli3dof.rig.profile import default_profile
 from tests.flown import flown
 
 TWO = ("motor.thrust_mismatch", "bias.torque.pitch")
@@ -37,7 +40,7 @@ def fitted(hide: str, causes: tuple[str, ...], seed: int) -> CorrectedFit:
 
 def test_a_product_of_the_voltages_replaces_two_causes_on_pitch() -> None:
     fit = fitted("other.pitch_torque_from_voltage_product:0.0005", TWO, 1301)
-    result = replaced_by_formula(SETUP, fit, TWO)
+    result = replaced_by_formula(SETUP, fit, TWO, ())
     assert result is not None
     assert (result.causes, result.formula.place) == (TWO, ("pitch", "voltage_product"))
 
@@ -51,7 +54,7 @@ def test_a_product_of_the_voltages_replaces_two_causes_on_pitch() -> None:
     ],
 )
 def test_true_causes_are_not_replaced(hide: str, causes: tuple[str, ...]) -> None:
-    assert replaced_by_formula(SETUP, fitted(hide, causes, 1302), causes) is None
+    assert replaced_by_formula(SETUP, fitted(hide, causes, 1302), causes, ()) is None
 
 
 def test_a_formula_pays_the_prior_odds_of_its_library(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,7 +68,7 @@ def test_a_formula_pays_the_prior_odds_of_its_library(monkeypatch: pytest.Monkey
 
 
 def test_without_causes_there_is_no_contest() -> None:
-    assert replaced_by_formula(SETUP, None, ()) is None  # type: ignore[arg-type]
+    assert replaced_by_formula(SETUP, None, (), ()) is None  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("recorded", "agrees"), [(300.0, False), (-40.0, True)])
@@ -84,6 +87,20 @@ def test_a_likelihood_that_flights_with_the_causes_have_too_replaces_nothing(
     )
     o = SimpleNamespace(theta=None, noise=None)
     fit = cast(Any, SimpleNamespace(is_corrected=True))
-    assert (
-        simulations_agree(setup, fit, cast(Any, SimpleNamespace(problem=None, optimum=o))) is agrees
-    )
+    formula = cast(Any, SimpleNamespace(problem=None, optimum=o))
+    assert simulations_agree(setup, fit, formula, ()) is agrees
+
+
+@pytest.mark.parametrize(("decrease_deg", "agrees"), [(0.1, True), (0.01, False)])
+def test_without_a_controller_the_formula_must_predict_its_axis_better_than_rounding(
+    monkeypatch: pytest.MonkeyPatch, decrease_deg: float, agrees: bool
+) -> None:
+    """Rounding to a count of 360°/4096 has the standard deviation 0.025°."""
+    lower = Interval(decrease_deg, 0.9 * decrease_deg, 1.1 * decrease_deg)
+    gained = SimpleNamespace(rmse_deg={"roll": lower, "pitch": None, "yaw": None})
+    monkeypatch.setattr(formula_contest, "held_out", lambda *a: None)
+    monkeypatch.setattr(formula_contest, "gain", lambda *a, **k: gained)
+    setup = cast(Setup, SimpleNamespace(seed=0))
+    fit = cast(Any, SimpleNamespace(structure=SimpleNamespace(profile=default_profile())))
+    formula = cast(Any, SimpleNamespace(problem=None, optimum=None, place=Place("roll", "yaw")))
+    assert predictions_agree(setup, fit, formula, ()) is agrees
