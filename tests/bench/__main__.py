@@ -34,6 +34,7 @@ SLOW = (
     "rigs",
     "rules",
     "soak",
+    "third",
     "unit_costs",
     "watches",
 )

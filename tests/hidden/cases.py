@@ -114,6 +114,10 @@ class Case:
             return f"{flight.outcome.ending}: {flight.outcome.detail}"
         return flight.recording
 
+    def holdout(self) -> Recording | None:
+        """A further flight of the same rig, held out from the fit; None: there is none."""
+        return None
+
     def truth(self, recording: Recording) -> Truth:
         """See `truth_of`."""
         return truth_of(self, recording)
@@ -174,10 +178,10 @@ def fly(case: Case) -> Flight:
     return fly_plan(case.plan, device=case.device, seed=case.rig_seed % 2**31)
 
 
-def blind(recording: Recording) -> Recording:
+def blind(recording: Recording, name: str = "flight") -> Recording:
     """The recording for the diagnosis: no URL, no seed, no serial number, no command line."""
     kept = {k: v for k, v in recording.meta.items() if k in SHOWN}
-    return replace(recording, meta={**kept, "name": "flight"})
+    return replace(recording, meta={**kept, "name": name})
 
 
 @dataclass(frozen=True)

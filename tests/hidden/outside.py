@@ -26,6 +26,7 @@ from tests.bench import Figure
 from tests.hidden.run import FOLDER, run
 from tests.hidden.sizes import OUTSIDE, axis_of
 from tests.hidden.tally import Judged, Rate
+from tests.hidden.third_plant.effects import OUTSIDE as THIRD_OUTSIDE
 from tests.hidden.tools import TOOLS, Tool
 
 PRODUCTS = {
@@ -33,6 +34,7 @@ PRODUCTS = {
     "other.roll_torque_from_yaw_angle": "sin(yaw)",
     "other.pitch_torque_from_voltage_product": "voltage_front*voltage_back",
     "other.yaw_torque_from_roll_rate_squared": "abs(roll_rate)*roll_rate",
+    **THIRD_OUTSIDE,
 }
 """Hidden effect → product of the true torque"""
 START = 0.01

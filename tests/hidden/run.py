@@ -29,6 +29,7 @@ from heli3dof.batch.engines import Lost, engine
 from heli3dof.errors import UsageError
 from tests.hidden.cases import CLASSES, blind, draw
 from tests.hidden.rig_cases import RIG_CLASSES, draw_on_other_rig
+from tests.hidden.third_cases import THIRD_CLASSES, draw_third
 from tests.hidden.tools import FLIES, TOOLS, Tool
 from tests.paths import ROOT
 
@@ -36,6 +37,13 @@ FOLDER = ROOT / "bench-out" / "hidden"
 MOST_MEMORY = 6 << 30
 """Bytes that one diagnosis may use"""
 Line = dict[str, Any]
+COUNTS = {g: c.count for g, c in {**CLASSES, **RIG_CLASSES}.items()}
+COUNTS |= {g: c.count for g, c in THIRD_CLASSES.items()}
+"""Class → number of cases"""
+DRAWS = {
+    **dict.fromkeys(CLASSES, draw), **dict.fromkeys(RIG_CLASSES, draw_on_other_rig),
+    **dict.fromkeys(THIRD_CLASSES, draw_third),
+}  # fmt: skip
 
 
 def key(tool: str) -> str:
@@ -87,7 +95,7 @@ def in_worker(job: Job) -> Line:
 
 def one(group: str, seed: int, tool: Tool) -> Line:
     """Fly a case and run the tool; a failure is a line as well."""
-    case = draw(group, seed) if group in CLASSES else draw_on_other_rig(group, seed)
+    case = DRAWS[group](group, seed)
     line: Line = {
         "case": case.name, "group": group, "seed": seed, "device": case.device,
         "size": "/".join(h.size for h in case.hidden),
@@ -99,10 +107,12 @@ def one(group: str, seed: int, tool: Tool) -> Line:
     if isinstance(flown, str):
         return {**line, "not_flown": flown}
     line["truth"] = json.loads(json.dumps(asdict(case.truth(flown))))
-    recording = blind(flown)
+    given, held = [blind(flown)], case.holdout()
+    if tool.takes_holdout and held is not None:
+        given.append(blind(held, "holdout"))
     wall, cpu = time.perf_counter(), time.process_time()
     try:
-        line["document"] = tool.ask(recording)
+        line["document"] = tool.ask(*given)
     except Exception as error:  # a crash is a result of the benchmark
         line["error"] = f"{type(error).__name__}: {error}"
         line["traceback"] = traceback.format_exc()
@@ -128,8 +138,7 @@ def wanted(first: int, share: float, only: Iterable[str] = ()) -> list[tuple[str
     The classes alternate, so that an interrupted run has cases of each class.
     """
     groups = list(only) or list(CLASSES)
-    classes = {**CLASSES, **RIG_CLASSES}
-    counts = {g: max(1, round(share * classes[g].count)) for g in groups}
+    counts = {g: max(1, round(share * COUNTS[g])) for g in groups}
     jobs = [((i + 0.5) / n, g, first + i) for g, n in counts.items() for i in range(n)]
     return [(g, seed) for _, g, seed in sorted(jobs)]
 
@@ -197,9 +206,7 @@ def arguments() -> argparse.Namespace:
     p = argparse.ArgumentParser(prog="python -m tests.hidden.run", description=__doc__)
     p.add_argument("--first", type=int, default=1000, help="first seed (below 1000: final tables)")
     p.add_argument("--share", type=float, default=1.0, help="of each class's number of cases")
-    p.add_argument(
-        "--only", nargs="*", default=[], choices=[*CLASSES, *RIG_CLASSES], metavar="CLASS"
-    )
+    p.add_argument("--only", nargs="*", default=[], choices=list(COUNTS), metavar="CLASS")
     p.add_argument("--tool", default="whole", choices=list(TOOLS))
     p.add_argument("--processes", type=int, help="default: one per core, or a Dask cluster")
     return p.parse_args()

@@ -14,6 +14,7 @@ from tests.hidden.cases import CLASSES, Truth
 from tests.hidden.equivalences import equals
 from tests.hidden.judge import RATED_NUMBERS, Number, Verdict, judge, names
 from tests.hidden.rig_cases import RIG_CLASSES
+from tests.hidden.third_cases import THIRD_CLASSES
 
 PLANS = ("rich", "steps", "run-step")
 LEAST_STATEMENTS = 20
@@ -246,7 +247,7 @@ def _listed(result: Counter[str]) -> str:
 
 
 def _order(group: str) -> int:
-    return [*CLASSES, *RIG_CLASSES].index(group)
+    return [*CLASSES, *RIG_CLASSES, *THIRD_CLASSES].index(group)
 
 
 def times_s(cases: Iterable[Judged]) -> tuple[float, float]:
