@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from multiprocessing import get_context
 
+import numpy as np
+
 from tests.paths import ROOT
 
 
@@ -18,6 +20,22 @@ def estimator() -> None:
 
     recording = load(ROOT / "recordings" / "step-roll-10.mcap")
     diagnose(recording.between(6.0, 16.0), quick=True)
+
+
+def other_methods() -> None:
+    """Identify a black box and a physical model; predict once as the multi-step fit does."""
+    from heli3dof.identification.greybox.freeflight import problem_of
+    from heli3dof.identification.identify import identify
+    from heli3dof.model.greybox.prediction import NOISE
+    from heli3dof.recording.load import load
+
+    recording = load(ROOT / "recordings" / "train-1.mcap").between(6.0, 20.0)
+    identify(recording, method="pem", order=4)
+    problem = problem_of([recording])
+    noise = np.append(NOISE, 0.0)
+    problem.errors(problem.start, noise, (1.0,))
+    problem.loglik(problem.start, noise)
+    identify(recording, terms=("motor.lag",))
 
 
 def emulator() -> None:
@@ -31,8 +49,6 @@ def emulator() -> None:
 
 def third_plant() -> None:
     """Fly two seconds on the third plant."""
-    import numpy as np
-
     from tests.hidden.third_plant import draw, loop
 
     rng = np.random.default_rng(0)
@@ -42,7 +58,8 @@ def third_plant() -> None:
 
 if __name__ == "__main__":
     context = get_context("spawn")
-    processes = [context.Process(target=work) for work in (estimator, emulator)]
+    works = (estimator, other_methods, emulator, third_plant)
+    processes = [context.Process(target=work) for work in works]
     for process in processes:
         process.start()
     for process in processes:
