@@ -14,8 +14,8 @@ The second summand is BIC for the causes' further parameters, the third the prio
 one formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the
 controller is known, flights are also simulated, with the causes and with the formula. Those with
 the formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`). If
-it is unknown, the formula must decrease the error of held-out predictions on its axis by more than
-the encoder's rounding (`conclusion.unknown_controller`).
+it is unknown, a formula in place of a single cause must decrease the error of held-out predictions
+on its axis by more than the encoder's rounding (`conclusion.unknown_controller`).
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ def replaced_by_formula(
     """Compare each of the ``causes``, each pair and all of them with a torque's formula.
 
     Return the comparison of largest margin above `TIE` that simulated flights confirm, or None. If
-    flights cannot be simulated, predictions of held-out data (``holdout``, else blocks) confirm it.
+    the controller is unknown, predictions of held-out data (``holdout``, else blocks) confirm a
+    formula in place of a single cause.
     """
     if not causes:
         return None
@@ -89,8 +90,13 @@ def replaced_by_formula(
     sets = [some for n in sorted(sizes) for some in itertools.combinations(causes, n)]
     contests = [contest(fit, ln_causes, some) for some in sets]
     won = sorted((c for c in contests if c.margin > TIE), key=lambda c: -c.margin)
-    agree = simulations_agree if setup.controller_is_known else predictions_agree
-    return next((c for c in won if agree(setup, fit, c.formula, holdout)), None)
+
+    def is_confirmed(c: Contest) -> bool:
+        if setup.controller_is_known:
+            return simulations_agree(setup, fit, c.formula)
+        return len(c.causes) > 1 or predictions_agree(setup, fit, c.formula, holdout)
+
+    return next(filter(is_confirmed, won), None)
 
 
 def predictions_agree(
@@ -102,9 +108,7 @@ def predictions_agree(
     return exceeds_rounding(g, fit.structure.profile, axes=[formula.place.axis])
 
 
-def simulations_agree(
-    setup: Setup, fit: CorrectedFit, formula: Formula, holdout: Sequence[Recording]
-) -> bool:
+def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
     """Return whether the recording resembles flights of the formula more than those of the causes.
 
     The flights are simulated; ``fit`` contains the causes. True if simulation is impossible.

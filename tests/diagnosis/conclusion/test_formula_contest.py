@@ -88,7 +88,7 @@ def test_a_likelihood_that_flights_with_the_causes_have_too_replaces_nothing(
     o = SimpleNamespace(theta=None, noise=None)
     fit = cast(Any, SimpleNamespace(is_corrected=True))
     formula = cast(Any, SimpleNamespace(problem=None, optimum=o))
-    assert simulations_agree(setup, fit, formula, ()) is agrees
+    assert simulations_agree(setup, fit, formula) is agrees
 
 
 @pytest.mark.parametrize(("decrease_deg", "agrees"), [(0.1, True), (0.01, False)])
