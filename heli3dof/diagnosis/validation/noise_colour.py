@@ -51,9 +51,8 @@ def coloured_variance(
 def torque_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
     """Return the scores u (m, 3) of a constant acceleration of each axis in m blocks."""
     problem, noise = problem_of(model, [recording]), noise_of(model)
-    theta = problem.scaled(model.values)
-    for rows in rows_of_recordings(problem.data):
-        theta = with_own_values(problem, theta, noise, rows)
+    (rows,) = rows_of_recordings(problem.data)
+    theta = with_own_values(problem, problem.scaled(model.values), noise, rows)
     at = problem.run(theta, noise, keep=2)
     p = path(problem.structure, problem.values(theta), problem.data, at)
     unit = np.zeros((3, len(p.chunk), 3))

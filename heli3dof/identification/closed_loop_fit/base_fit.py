@@ -31,7 +31,7 @@ from heli3dof.identification.greybox.maximum_likelihood import compile_first
 from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.model.effects import terms as named
 from heli3dof.model.estimation.filter_data import data_of
-from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.model.physics.parametrisation import Structure, unit_of
 
 MAX_INERTIA_RATIO = 2.5
 """Largest plausible ratio of an inertia to nominal, or its inverse. Chosen; not derived."""
@@ -116,14 +116,14 @@ def thrust_ratio(fit: Estimate, implausible: Sequence[str]) -> float:
     torque's ratio and those of the inertias that are not ``implausible``. It is 1 if the trim
     torque is within the profile's tolerance, or off by a factor above `MAX_INERTIA_RATIO`.
     """
-    profile = fit.structure.profile
-    nominal = np.array([profile.trim_torque, *profile.inertias])
-    ratio = fit.values[:4] / np.where(nominal == 0, np.inf, nominal)
-    is_plausible = 1 / MAX_INERTIA_RATIO < ratio[0] < MAX_INERTIA_RATIO
-    if not is_plausible or abs(ratio[0] - 1) <= profile.tolerance:
+    profile, (trim, *inertias) = fit.structure.profile, fit.values[:4]
+    ratio = trim / profile.trim_torque if profile.trim_torque else 1.0
+    is_plausible = 1 / MAX_INERTIA_RATIO < ratio < MAX_INERTIA_RATIO
+    if not is_plausible or abs(ratio - 1) <= profile.tolerance:
         return 1.0
-    known = [r for axis, r in zip(AXES, ratio[1:], strict=True) if axis not in implausible]
-    return float(np.median([ratio[0], *known]))
+    # `unit_of` leaves out the zeros.
+    known = [0.0 if a in implausible else J for a, J in zip(AXES, inertias, strict=True)]
+    return unit_of(profile, [trim, *known])
 
 
 def implausible_inertias(fit: Estimate) -> tuple[str, ...]:

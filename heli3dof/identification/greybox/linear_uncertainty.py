@@ -48,11 +48,10 @@ def linear_quantities(
     theta = found.theta
     sd = found.std / found.slopes
     cov = found.covariance / np.outer(found.slopes, found.slopes)
-
-    null = np.array([f.null for f in found.free])
+    absent, null = found.absent, np.array([f.null for f in found.free])
 
     def at(point: np.ndarray) -> Continuous:
-        values = np.where(found.absent, null, found.values_at(point))
+        values = np.where(absent, null, found.values_at(point))
         model = GreyBoxModel(
             "", found.structure.profile, tuple(t.name for t in found.structure.terms),
             values, np.zeros(3), np.full((len(point), len(point)), np.nan),

@@ -196,6 +196,7 @@ def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
     ``values`` start with the gravity torque T_g and the three inertias, estimated with the
     profile's K_f. A wrong K_f multiplies all four by this ratio. The result is the median of their
     ratios to the nominal values, so a deviation of only one of the four has little influence.
+    Ratios that are not positive are left out.
     """
     nominal = (profile.trim_torque, *profile.inertias)
     ratio = sorted(v / n for v, n in zip(values[:4], nominal, strict=True) if n and v / n > 0)
