@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -26,10 +28,12 @@ class Clock:
 def installed(patch: pytest.MonkeyPatch) -> Clock:
     """Replace `time.monotonic` and `time.sleep` of this process by a virtual clock's.
 
-    Only for tests in which one thread is both rig and host: a wait for another thread, a process
-    or the system would never end.
+    Only for tests in which one thread is both rig and host: a wait for another thread or the
+    system would never end. `subprocess` keeps the computer's clock. It polls a process by sleeping,
+    so a process that a busy computer delays would let minutes pass on the virtual clock.
     """
     clock = Clock()
+    patch.setattr(subprocess, "time", SimpleNamespace(sleep=time.sleep))
     patch.setattr(time, "monotonic", clock.monotonic)
     patch.setattr(time, "sleep", clock.sleep)
     return clock

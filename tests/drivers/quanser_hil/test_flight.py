@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
-
 import numpy as np
 import pytest
 
@@ -18,10 +16,6 @@ from .stand_in import install
 def test_a_step_of_ten_degrees_runs(monkeypatch: pytest.MonkeyPatch):
     # The virtual clock ahead of the computer's must not count as the computer's sleep.
     monkeypatch.setattr("heli3dof.experiment.safety_monitors.host_suspend.ahead_s", lambda: 0.0)
-    # Waiting for a helper process on the test's clock would pass hours of it.
-    monkeypatch.setattr(
-        "heli3dof.experiment.control_loop.loop._granted", lambda identity: nullcontext()
-    )
     lab = install(monkeypatch)
     patient = profile(**PATIENT, landing_s=0.5)
     plan = step_plan((10.0, None, None), settle_s=2.0, duration_s=2.5)
