@@ -15,13 +15,14 @@ from tests.hidden.rig_cases import RIG_CLASSES
 from tests.hidden.rules import RULES
 from tests.hidden.run import Line, run, wanted
 from tests.hidden.tally import Judged, judged
+from tests.hidden.third_cases import THIRD_CLASSES
 
 COLOURED = ("rich-coloured-nothing", "run-step-coloured-nothing")
 GROUPS = (
-    *RIG_CLASSES, "steps-single", "run-step-single", "run-step-nothing", "rich-medium",
+    *RIG_CLASSES, *THIRD_CLASSES, "steps-single", "run-step-single", "run-step-nothing", "rich-medium",
     "rich-pair", *COLOURED, "run-step-coloured", "steps-outside",
 )  # fmt: skip
-NOTHING_HIDDEN = (*SILENT, "run-step-nothing", *COLOURED)
+NOTHING_HIDDEN = (*SILENT, "run-step-nothing", "third-nothing", *COLOURED)
 MOST = 10
 """Flights per rule that are diagnosed without it"""
 

@@ -19,11 +19,13 @@ from typing import Any, cast
 
 import numpy as np
 
+from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.diagnose import diagnose  # with every module that uses a rule
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.selection.steps import Step
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.recording.recording import Recording
@@ -164,6 +166,61 @@ RULES = (
         DIAGNOSIS + "free_run.cause_selection:probability_nonzero",
         _always(1.0),
     ),
+    Rule(
+        "a search on a limit cycle also starts at the trim torque's ratio",
+        FIT + "base_fit:start_scales",
+        _always([1.0]),
+    ),
+    Rule(
+        "a narrow prior of the inertias is about the trim torque's ratio",
+        FIT + "base_fit:thrust_ratio",
+        _always(1.0),
+    ),
+    Rule(
+        "rivals that remain significant are confounded",
+        DIAGNOSIS + "selection.steps:with_rivals_that_remain",
+        lambda rule, steps: list(steps),
+    ),
+    Rule(
+        "the size limits the confidence",
+        DIAGNOSIS + "conclusion.adoption:size_confidence",
+        _always(1.0),
+    ),
+    Rule(
+        "predictions confirm a formula (controller unknown)",
+        DIAGNOSIS + "conclusion.formula_contest:predictions_agree",
+        _always(True),
+    ),
+    Rule(
+        "flights confirm a formula (controller known)",
+        DIAGNOSIS + "conclusion.formula_contest:simulations_agree",
+        _always(True),
+    ),
+    Rule(
+        "… and lower the error of a plausible axis (controller unknown)",
+        DIAGNOSIS + "conclusion.unknown_controller:unbiased_axes",
+        _always(AXES),
+    ),
+    Rule(
+        "base parameters off nominal must lower the error (controller unknown)",
+        DIAGNOSIS + "conclusion.unknown_controller:confirmed",
+        _argument(0),
+    ),
+    Rule(
+        "a torque of time alone is slow noise",
+        DIAGNOSIS + "unmodelled.unmodelled_torque:split_off_slow_noise",
+        lambda rule, torques: (tuple(torques), ()),
+    ),
+    Rule(
+        "scores differ by an effect's inexact formula and drift",
+        DIAGNOSIS + "selection.select:tie_margin",
+        _always(6.0),
+    ),
+    Rule(
+        "the noise floor contains coloured noise",
+        DIAGNOSIS + "validation.noise_colour:coloured_variance",
+        lambda rule, model, recordings, horizons_s: np.zeros((len(horizons_s), len(AXES))),
+    ),
 )
 BY_NAME = {rule.name: rule for rule in RULES}
 
@@ -175,6 +232,8 @@ def outline(x: Any) -> Any:
             return (x.term.name, x.tied_with, outline(x.confidence))
         case Finding():
             return (outline(x.choice), x.unconfirmed)
+        case Step():
+            return outline(x.choice)
         case OffNominal():
             return (x.term.name, x.tied_with)
         case CorrectedFit():
@@ -227,7 +286,7 @@ def noted(rule: Rule, changed: set[str]) -> Function:
     return watched
 
 
-def traced(recording: Recording) -> dict[str, Any]:
+def traced(recording: Recording, holdout: Recording | None = None) -> dict[str, Any]:
     """Return the document of a diagnosis; its key ``rules`` lists the rules that changed anything.
 
     A rule may change a fit on the way without changing the answer.
@@ -236,17 +295,17 @@ def traced(recording: Recording) -> dict[str, Any]:
     with ExitStack() as stack:
         for rule in RULES:
             stack.enter_context(replaced(rule.function, noted(rule, changed)))
-        document = _diagnosed(recording)
+        document = _diagnosed(recording, holdout)
     return {**document, "rules": sorted(changed)}
 
 
-def without(name: str, recording: Recording) -> dict[str, Any]:
+def without(name: str, recording: Recording, holdout: Recording | None = None) -> dict[str, Any]:
     """Return the document of a diagnosis without the rule of that name."""
     rule = BY_NAME[name]
     with replaced(rule.function, partial(rule.left_out, rule.function)):
-        return _diagnosed(recording)
+        return _diagnosed(recording, holdout)
 
 
-def _diagnosed(recording: Recording) -> dict[str, Any]:
+def _diagnosed(recording: Recording, holdout: Recording | None) -> dict[str, Any]:
     # Through JSON text, as another program would read it.
-    return dict(json.loads(json.dumps(diagnosis_document(diagnose(recording)))))
+    return dict(json.loads(json.dumps(diagnosis_document(diagnose(recording, holdout)))))

@@ -132,9 +132,9 @@ TOOLS = {
         "residual test (whiteness, past inputs)", residuals,
         ("heli3dof/identification", "heli3dof/model", "tests/hidden/residual_test.py"),
     ),
-    "rules": Tool("diagnose, with the rules noted", rules.traced, RULES),
+    "rules": Tool("diagnose, with the rules noted", rules.traced, RULES, takes_holdout=True),
     **{
-        f"without {name}": Tool(f"without: {name}", partial(rules.without, name), RULES)
+        f"without {name}": Tool(f"without: {name}", partial(rules.without, name), RULES, takes_holdout=True)
         for name in rules.BY_NAME
     },
 }  # fmt: skip
