@@ -19,8 +19,8 @@ from tests.hidden.third_cases import THIRD_CLASSES
 
 COLOURED = ("rich-coloured-nothing", "run-step-coloured-nothing")
 GROUPS = (
-    *RIG_CLASSES, *THIRD_CLASSES, "steps-single", "run-step-single", "run-step-nothing", "rich-medium",
-    "rich-pair", *COLOURED, "run-step-coloured", "steps-outside",
+    *RIG_CLASSES, *THIRD_CLASSES, "steps-single", "run-step-single", "run-step-nothing",
+    "rich-medium", "rich-pair", *COLOURED, "run-step-coloured", "steps-outside",
 )  # fmt: skip
 NOTHING_HIDDEN = (*SILENT, "run-step-nothing", "third-nothing", *COLOURED)
 MOST = 10

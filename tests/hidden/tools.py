@@ -134,7 +134,9 @@ TOOLS = {
     ),
     "rules": Tool("diagnose, with the rules noted", rules.traced, RULES, takes_holdout=True),
     **{
-        f"without {name}": Tool(f"without: {name}", partial(rules.without, name), RULES, takes_holdout=True)
+        f"without {name}": Tool(
+            f"without: {name}", partial(rules.without, name), RULES, takes_holdout=True
+        )
         for name in rules.BY_NAME
     },
 }  # fmt: skip
