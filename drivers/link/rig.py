@@ -22,9 +22,8 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.clock import wait_until
+from heli3dof.rig.clock import CLOCK_TOLERANCE, wait_until, wrapped_difference_s
 from heli3dof.rig.interface import Command, Flags, Identity, Sample
-from heli3dof.rig.uptime import CLOCK_TOLERANCE, wrapped_difference_s
 
 from ..rig_errors import closed, not_a_voltage, not_armed
 from .emergency_stop import SHARED_TRIES, STOP_TRIES, ack_of, stop, stop_over

@@ -21,8 +21,8 @@ from __future__ import annotations
 
 from math import nan
 
+from heli3dof.rig.clock import Instants
 from heli3dof.rig.interface import Flags, Sample
-from heli3dof.rig.sample_instants import Instants
 
 from .frames import NOT_MEASURED, Cause, SampleFrame
 from .link_statistics import LinkStatistics

@@ -40,9 +40,9 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from heli3dof.rig.clock import CLOCK_TOLERANCE, wrapped_difference_s
 from heli3dof.rig.interface import Identity
 from heli3dof.rig.session.paths import state_folder
-from heli3dof.rig.uptime import CLOCK_TOLERANCE, wrapped_difference_s
 from heli3dof.write_errors import write_errors_explained
 
 Counts = tuple[int, int, int]

@@ -17,7 +17,7 @@ from heli3dof.rig.calibration import (
     rest_counts_of,
     store_calibration,
 )
-from heli3dof.rig.uptime import UPTIME_WRAP_S
+from heli3dof.rig.clock import UPTIME_WRAP_S
 from tests.rig.fakes import IDENTITY
 
 FOUND = Calibration(

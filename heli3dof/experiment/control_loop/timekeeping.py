@@ -32,10 +32,9 @@ from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
-from heli3dof.rig.clock_offset import ClockOffset
+from heli3dof.rig.clock import ClockOffset, Instants
 from heli3dof.rig.interface import Rig, Sample
 from heli3dof.rig.link_counters import attribute_of
-from heli3dof.rig.sample_instants import Instants
 
 Skipped = Callable[[], tuple[int, int, int]]
 """Returns the link's counters ``lost``, ``device_skipped`` and ``samples_stale``, in this order"""

@@ -1,4 +1,4 @@
-"""The estimated clock offset follows drift and ignores delays."""
+"""The clock offset follows drift and ignores delays; instants and uptimes, computed by hand."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heli3dof.rig.clock_offset import DRIFT, ClockOffset
+from heli3dof.rig.clock import DRIFT, UPTIME_WRAP_S, ClockOffset, Instants, wrapped_difference_s
 
 DT = 0.002
 WAY = 150e-6
@@ -65,3 +65,52 @@ def test_lateness_is_the_delay_beyond_the_smallest_within_the_drift(
         quickest = min(quickest, delay)
         assert late >= 0
         assert late == pytest.approx(delay - quickest, abs=2 * DRIFT * device + 1e-9)
+
+
+def skipped(periods: list[float], **how: float) -> list[int]:
+    """Of samples taken so many periods after the first."""
+    instants = Instants(DT, 5.0, **how)
+    return [instants.skipped(5.0 + k * DT) for k in periods]
+
+
+def test_a_regular_stream_skips_no_instant() -> None:
+    assert skipped([1, 2, 3]) == [0, 0, 0]
+
+
+def test_a_jump_skips_whole_periods_and_keeps_the_grid() -> None:
+    assert skipped([1, 4.3, 5, 6]) == [0, 2, 0, 0]
+
+
+def test_a_late_sample_belongs_to_its_own_instant() -> None:
+    assert skipped([1, 2.85, 3, 4.85, 5]) == [0, 0, 0, 0, 0]
+
+
+def test_the_limit_between_late_and_next_can_be_set() -> None:
+    assert skipped([1, 2.95, 3.5]) == [0, 1, 0]
+    assert skipped([1, 2.95, 3.5], busy=0.99) == [0, 0, 0]
+
+
+def test_the_grid_is_corrected_after_a_late_first_sample() -> None:
+    # It was taken 0.8 of a period late: later samples on the grid come 0.8 early.
+    assert skipped([0.2, 1.2, 4.2]) == [0, 0, 2]
+
+
+def test_without_creep_longer_periods_add_up_to_one() -> None:
+    longer = [1.0005 * k for k in range(1, 4001)]
+    assert sum(skipped(longer)) == 0
+    assert sum(skipped(longer, creep=0.0)) == 2
+
+
+@pytest.mark.parametrize(
+    ("a_s", "b_s", "difference_s"),
+    [
+        (5.0, 3.0, 2.0),
+        (3.0, 5.0, -2.0),
+        (1.0, UPTIME_WRAP_S - 1.0, 2.0),
+        (UPTIME_WRAP_S - 1.0, 1.0, -2.0),
+        (UPTIME_WRAP_S / 2, 0.0, -UPTIME_WRAP_S / 2),
+        (3 * UPTIME_WRAP_S + 1.0, 0.0, 1.0),
+    ],
+)
+def test_the_difference_is_within_half_a_wrap(a_s: float, b_s: float, difference_s: float) -> None:
+    assert wrapped_difference_s(a_s, b_s) == pytest.approx(difference_s)
