@@ -70,7 +70,7 @@ def diagnose(
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.model.model_file import save_model
     from heli3dof.recording.atomic_write import check_outputs, default_output, stem
-    from heli3dof.report.pages.diagnosis_page import diagnosis_page
+    from heli3dof.report.pages.flight_report import diagnosis_page
     from heli3dof.report.pages.html import write_page
 
     out = Output(as_json=as_json, quiet=quiet)

@@ -179,7 +179,7 @@ def _auto_document(out: Output, result: AutoResult) -> dict[str, Any]:
     from heli3dof.cli.diagnose import show_diagnosis
     from heli3dof.diagnosis.document import diagnosis_document as to_document
     from heli3dof.model.model_file import save_model
-    from heli3dof.report.pages.diagnosis_page import diagnosis_page
+    from heli3dof.report.pages.flight_report import diagnosis_page
     from heli3dof.report.pages.html import write_page
 
     diagnosis, folder = result.diagnosis, result.folder

@@ -17,12 +17,13 @@ from heli3dof.axes import AXES
 from heli3dof.comparison.metrics import flight_metrics
 from heli3dof.comparison.result import Comparison
 from heli3dof.comparison.verdict import verdict
+from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.identification.result import Identification
 from heli3dof.model.base import Model
 from heli3dof.paper.reproduction import Reproduced
 from heli3dof.recording.recording import Recording
 from heli3dof.report.figures.comparison import NUMBER, axis_figures
-from heli3dof.report.figures.diagnosis_data import FigureData
+from heli3dof.report.figures.diagnosis_data import FigureData, figure_data
 from heli3dof.report.figures.flight import flight_figure
 from heli3dof.report.pages.answers import (
     comparison_answers,
@@ -108,6 +109,26 @@ def flight_report(
         answers=_answers(recordings, comparison, identified, diagnosed),
         footer="Angles in degrees: roll is the arm's elevation (+ body up), pitch the body's tilt "
         "(+ front motor up), yaw the travel (+ counter-clockwise).",
+    )
+
+
+def diagnosis_page(
+    found: Diagnosis,
+    document: dict[str, Any],
+    recordings: Sequence[Recording],
+    holdout: Sequence[Recording] = (),
+    *,
+    title: str = "",
+) -> str:
+    """Return the HTML page of the diagnosis ``found``.
+
+    ``document``: its ``diagnose --json`` document; ``recordings``, ``holdout``: the recordings that
+    were fitted and held out. The default title names ``recordings``.
+    """
+    diagnosed = Diagnosed(document, figure_data(found, recordings, holdout))
+    names = ", ".join(r.name for r in recordings)
+    return flight_report(
+        [*recordings, *holdout], diagnosed=diagnosed, title=title or f"Diagnosis: {names}"
     )
 
 
