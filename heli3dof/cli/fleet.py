@@ -41,13 +41,14 @@ def fleet(
 
     Example: heli3dof fleet term -o term.html
     """
+    from heli3dof.batch import results_table
     from heli3dof.fleet.analyse import analyse
-    from heli3dof.fleet.rows import RESULTS, read_rows
+    from heli3dof.fleet.tracks import read_rows
     from heli3dof.recording.atomic_write import check_outputs
 
     out = Output(as_json=as_json, quiet=quiet)
     if output is not None:
-        check_outputs(output, force=force, inputs=[folder / RESULTS])
+        check_outputs(output, force=force, inputs=[folder / results_table.CSV])
     rows = read_rows(folder)
     with out.working("Searching for changes …"):
         found = analyse(rows)

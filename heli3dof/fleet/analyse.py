@@ -26,7 +26,7 @@ from heli3dof.fleet.tracks import (
 def analyse(rows: Sequence[Row]) -> Fleet:
     """Return each quantity's estimates, changes and differing rigs from a batch's table ``rows``.
 
-    `heli3dof.fleet.rows.read_rows` reads the rows. Raises RecordingError if none can be used.
+    `heli3dof.fleet.tracks.read_rows` reads the rows. Raises RecordingError if none can be used.
     """
     bad = bad_recordings(rows)
     names = quantities_of(rows)

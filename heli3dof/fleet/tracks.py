@@ -14,11 +14,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from math import isfinite
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from heli3dof.arrays import FloatArray
+from heli3dof.batch import results_table
 
 STD = "_std"
 WITHOUT_STD = ("jitter_s", "lost_share", "late_share")
@@ -26,6 +28,8 @@ DIGITS = 12
 """Significant digits of a value; differences beyond them are rounding errors of float64"""
 DAY = 86400.0
 """s per day"""
+NEEDED = ("recording", "rig", "exit_code")
+"""Columns that the results table must have"""
 Row = Mapping[str, Any]
 
 
@@ -56,6 +60,16 @@ class Track:
     """Names of the recordings"""
     dated: bool
     """True if the starts of all of the rig's flights are known"""
+
+
+def read_rows(folder: Path) -> list[dict[str, Any]]:
+    """Return the rows of the results table in ``folder``, without those of bootstrap replicates.
+
+    An empty cell is None. Raises UsageError if the table is missing, RecordingError if it cannot be
+    used.
+    """
+    rows = results_table.read_rows(folder, needed=NEEDED)
+    return [row for row in rows if not row.get("replicate")]
 
 
 def bad_recordings(rows: Sequence[Row]) -> tuple[BadRecording, ...]:

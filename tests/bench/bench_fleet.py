@@ -27,7 +27,7 @@ from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import plan_from_dict
 from heli3dof.fleet.analyse import analyse
 from heli3dof.fleet.document import fleet_document
-from heli3dof.fleet.rows import read_rows
+from heli3dof.fleet.tracks import read_rows
 from heli3dof.rig.profile import default_profile
 from tests.bench import Figure
 from tests.paths import ROOT

@@ -14,7 +14,7 @@ from heli3dof.batch.output_folder import OutputFolder
 from heli3dof.batch.run_batch import run_batch, tasks_of
 from heli3dof.batch.sources import find
 from heli3dof.fleet.analyse import analyse
-from heli3dof.fleet.rows import read_rows
+from heli3dof.fleet.tracks import read_rows
 from heli3dof.recording.load import load
 from heli3dof.recording.write import write_recording
 from heli3dof.rig.profile import load_profile

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import RecordingError, UsageError
-from heli3dof.fleet.rows import read_rows
-from heli3dof.fleet.tracks import bad_recordings, main_plan, quantities_of, tracks_of
+from heli3dof.fleet.tracks import bad_recordings, main_plan, quantities_of, read_rows, tracks_of
 
 
 def row(name: str, **values: Any) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from heli3dof.fleet.analyse import analyse
 from heli3dof.fleet.result import Fleet
-from heli3dof.fleet.rows import read_rows
+from heli3dof.fleet.tracks import read_rows
 from heli3dof.report.text.fleet_sentences import finding_sentences, remark_sentences
 from heli3dof.report.text.fleet_tables import rig_table
 from tests.fleet.calibration import (
