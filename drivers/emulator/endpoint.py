@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 
 from cobs.cobs import DecodeError, decode
 
-from ..link.checksum import check
 from ..link.frames import (
     NOT_MEASURED,
     VERSION,
@@ -38,6 +37,7 @@ from ..link.frames import (
     Splitter,
     Status,
     Type,
+    check,
     parse,
     wire,
 )

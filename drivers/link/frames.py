@@ -6,24 +6,31 @@
 
 All integers are little-endian; all frames of one type have the same length. Voltages are whole
 microvolts, currents whole milliamperes, times whole microseconds, so no frame can hold a NaN.
+
+Each CRC-16 is CRC-16/IBM-3740 ("CCITT-FALSE"): x¹⁶ + x¹² + x⁵ + 1, initial value 0xFFFF, nothing
+reflected, nothing inverted; "123456789" gives 0x29B1. It detects every burst of up to 16 bits, and
+every one, two or three wrong bits. Any other error passes one CRC-16 with probability 2⁻¹⁶. In
+reverse order the wrong bits form a different error polynomial, so this error passes both CRCs with
+probability 2⁻³².
 """
 
 from __future__ import annotations
 
 import enum
+from binascii import crc_hqx
 from dataclasses import dataclass
 from struct import Struct, pack
 from typing import ClassVar, Final
 
 from cobs.cobs import DecodeError, decode, encode
 
-from .checksum import check
-
 VERSION: Final = 1
 NOT_MEASURED: Final = -0x8000
 """Value of a current that the device does not measure"""
 LONGEST: Final = 128
 """Bytes between two delimiters at most; longer pieces are malformed"""
+INITIAL = 0xFFFF
+"""Initial value of the CRC-16"""
 _HEADER = Struct("<BBI")
 
 
@@ -260,6 +267,11 @@ _KINDS: dict[int, type[Frame]] = {
 }  # fmt: skip
 _LENGTHS = {t: _HEADER.size + k.BODY.size + 4 for t, k in _KINDS.items()}
 _FIELDS = {t: tuple(k.__slots__)[1:] for t, k in _KINDS.items()}
+
+
+def check(data: bytes) -> bytes:
+    """Return a frame's last four bytes: the CRC-16 of ``data`` and of ``data`` reversed."""
+    return (crc_hqx(data, INITIAL) | crc_hqx(data[::-1], INITIAL) << 16).to_bytes(4, "little")
 
 
 def payload(frame: Frame) -> bytes:

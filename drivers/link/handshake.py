@@ -9,8 +9,7 @@ from cobs.cobs import DecodeError, decode
 from heli3dof.axes import AXES
 from heli3dof.errors import DeviceError
 
-from .checksum import check
-from .frames import VERSION, Ack, Frame, Hello, IdentityFrame, Type
+from .frames import VERSION, Ack, Frame, Hello, IdentityFrame, Type, check
 from .request_reply import REPLY_TIMEOUT_S, RequestClient
 
 if TYPE_CHECKING:

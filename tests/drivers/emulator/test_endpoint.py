@@ -10,7 +10,6 @@ from cobs.cobs import encode
 from heli3dof_drivers.emulator.amplifier import FAULT, Amplifier
 from heli3dof_drivers.emulator.endpoint import Endpoint
 from heli3dof_drivers.emulator.transport import emulated
-from heli3dof_drivers.link.checksum import check
 from heli3dof_drivers.link.frames import (
     Ack,
     Arm,
@@ -27,6 +26,7 @@ from heli3dof_drivers.link.frames import (
     SampleFrame,
     Splitter,
     Status,
+    check,
     wire,
 )
 from hypothesis import given

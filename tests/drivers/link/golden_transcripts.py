@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from cobs.cobs import encode
-from heli3dof_drivers.link.checksum import check
 from heli3dof_drivers.link.frames import (
     NOT_MEASURED,
     Ack,
@@ -31,6 +30,7 @@ from heli3dof_drivers.link.frames import (
     SampleFrame,
     Status,
     Type,
+    check,
     payload,
     wire,
 )

@@ -6,14 +6,15 @@ from binascii import crc_hqx
 from struct import Struct
 
 import pytest
-from heli3dof_drivers.link.checksum import INITIAL, check
 from heli3dof_drivers.link.frames import (
     _KINDS,
+    INITIAL,
     CommandFrame,
     Estop,
     Frame,
     Poll,
     Splitter,
+    check,
     command,
     parse,
     payload,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 from cobs.cobs import encode
 from heli3dof_drivers.link import handshake
-from heli3dof_drivers.link.checksum import check
-from heli3dof_drivers.link.frames import Ack, Code, Hello, Type, parse, wire
+from heli3dof_drivers.link.frames import Ack, Code, Hello, Type, check, parse, wire
 from heli3dof_drivers.link.rig import LinkRig
 
 from heli3dof.errors import DeviceError

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import pytest
 from cobs.cobs import encode
-from heli3dof_drivers.link.checksum import check
 from heli3dof_drivers.link.frames import (
     Ack,
     Arm,
@@ -22,6 +21,7 @@ from heli3dof_drivers.link.frames import (
     Splitter,
     Status,
     Type,
+    check,
     wire,
 )
 
