@@ -16,8 +16,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cobs.cobs import DecodeError, decode
-
 from ..link.frames import (
     NOT_MEASURED,
     VERSION,
@@ -37,7 +35,7 @@ from ..link.frames import (
     Splitter,
     Status,
     Type,
-    check,
+    decoded,
     parse,
     wire,
 )
@@ -298,14 +296,8 @@ class _Splitter(Splitter):
         known = parse(piece)
         if known is not None:
             return known
-        try:
-            data = decode(piece)
-        except DecodeError:
-            return None
-        known_types = set(Type)
-        if len(data) < 10 or data[0] != VERSION or data[1] in known_types:
-            return None
-        if check(data[:-4]) != data[-4:]:
+        data = decoded(piece)
+        if data is None or data[0] != VERSION or data[1] in set(Type):
             return None
         return Unknown(int.from_bytes(data[2:6], "little"), data[1])
 

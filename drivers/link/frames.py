@@ -291,20 +291,30 @@ def wire(frame: Frame) -> bytes:
     return b"\0" + out if frame.TYPE == Type.ESTOP else out
 
 
+def decoded(piece: bytes) -> bytes | None:
+    """Return header, body and check in ``piece``, the COBS-encoded bytes between two delimiters.
+
+    Returns None if the check is wrong.
+    """
+    try:
+        data: bytes = decode(piece)
+    except DecodeError:
+        return None
+    whole = len(data) >= _HEADER.size + 4 and check(data[:-4]) == data[-4:]
+    return data if whole else None
+
+
 def parse(stuffed: bytes) -> Frame | None:
     """Return the frame in ``stuffed``, the COBS-encoded bytes between two delimiters.
 
     Returns None if they are not a valid frame. A HELLO is valid with any version in its header,
     because it asks for the device's version.
     """
-    try:
-        data = decode(stuffed)
-    except DecodeError:
-        return None
-    if len(data) < _HEADER.size + 4 or (data[0] != VERSION and data[1] != Type.HELLO):
+    data = decoded(stuffed)
+    if data is None or (data[0] != VERSION and data[1] != Type.HELLO):
         return None
     kind = _KINDS.get(data[1])
-    if kind is None or len(data) != _LENGTHS[data[1]] or check(data[:-4]) != data[-4:]:
+    if kind is None or len(data) != _LENGTHS[data[1]]:
         return None
     return kind(_HEADER.unpack_from(data)[2], *kind.BODY.unpack_from(data, _HEADER.size))
 

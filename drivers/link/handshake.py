@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cobs.cobs import DecodeError, decode
-
 from heli3dof.axes import AXES
 from heli3dof.errors import DeviceError
 
-from .frames import VERSION, Ack, Frame, Hello, IdentityFrame, Type, check
+from .frames import VERSION, Ack, Frame, Hello, IdentityFrame, Type, decoded
 from .request_reply import REPLY_TIMEOUT_S, RequestClient
 
 if TYPE_CHECKING:
@@ -64,12 +62,9 @@ def foreign_version(received: bytes) -> int | None:
     Returns None if there is no such frame.
     """
     for piece in received.split(b"\0"):
-        try:
-            data = decode(piece)
-        except DecodeError:
-            continue
-        if len(data) >= 10 and check(data[:-4]) == data[-4:] and data[0] != VERSION:
-            return int(data[0])
+        data = decoded(piece)
+        if data is not None and data[0] != VERSION:
+            return data[0]
     return None
 
 
