@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
     from heli3dof.rig.url import DeviceUrl
 
-    from .link.transport import Transport
+    from .link.request_reply import Transport
 
 
 class SerialDriver:

@@ -9,8 +9,7 @@ from heli3dof.rig.interface import Flags
 
 from .errors import not_stopped
 from .frames import Ack, Estop, Frame, SampleFrame, Type, wire
-from .request_reply import RequestClient
-from .transport import Transport
+from .request_reply import RequestClient, Transport
 
 STOP_EVERY_S = 20e-3
 """s between two ESTOP frames"""

@@ -9,11 +9,12 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import TypeVar
+from dataclasses import dataclass, field
+from typing import Protocol, TypeVar
+
+from heli3dof.rig.histogram import Histogram
 
 from .frames import Frame, SampleFrame, Splitter, wire
-from .link_statistics import LinkStatistics
-from .transport import Transport
 
 TRIES = 3
 REPLY_TIMEOUT_S = 0.2
@@ -21,6 +22,67 @@ REPLY_TIMEOUT_S = 0.2
 TAIL = 256
 """Most recent bytes that are kept to describe an unknown device"""
 F = TypeVar("F")
+
+
+class Transport(Protocol):
+    """An open connection to one device: a serial line or USB pipes, which carry the link's bytes.
+
+    Every method but ``close`` raises DeviceError if the device is unplugged, not permitted, or
+    accepts no more bytes.
+    """
+
+    @property
+    def name(self) -> str:
+        """Return the connection's name for messages: a port or a URL."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Send all of ``data``."""
+        ...
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return the bytes that have arrived; b"" if none arrive within ``timeout_s`` seconds."""
+        ...
+
+    def flush_input(self) -> None:
+        """Discard the bytes that have arrived from the device and were not read yet."""
+        ...
+
+    def close(self) -> None:
+        """Close the connection. Never raises an error; a second call does nothing."""
+        ...
+
+
+@dataclass
+class LinkStatistics:
+    """Counts of frames and samples, and distributions of times, since the connection was opened."""
+
+    sent: int = 0
+    """Frames to the device"""
+    received: int = 0
+    """Valid frames from the device"""
+    malformed: int = 0
+    """Pieces between delimiters that were not a valid frame"""
+    lost: int = 0
+    """Samples that the device took and that never arrived: their numbers are missing"""
+    device_skipped: int = 0
+    """Samples that a busy device did not take: its time jumped, but no number is missing"""
+    samples_stale: int = 0
+    """Samples that arrived too late to be used: with a newer one, or after the next command"""
+    rejected: int = 0
+    """Valid frames with an impossible sample: a repeated number, or an echo of no sent command"""
+    commands: int = 0
+    commands_unacknowledged: int = 0
+    """Commands that the next sample did not echo: lost, refused, or still on their way"""
+    retries: int = 0
+    """Requests sent again because no reply arrived"""
+    round_trip: Histogram = field(default_factory=Histogram)
+    """s from a request to its reply"""
+    delay: Histogram = field(default_factory=Histogram)
+    """s on the device's clock from a sample to the arrival of the next command at the device.
+
+    This delay is the loop's latency modulo the sample period.
+    """
 
 
 class RequestClient:

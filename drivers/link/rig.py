@@ -50,15 +50,12 @@ from .frames import (
     wire,
 )
 from .handshake import check_profile, identify, period_of
-from .request_reply import TRIES, RequestClient
+from .request_reply import TRIES, LinkStatistics, RequestClient, Transport
 from .sample_validation import SampleValidator, cause_name
 from .sampling import Sampling
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
-
-    from .link_statistics import LinkStatistics
-    from .transport import Transport
 
 LARGEST_uV = 2_000_000_000
 """µV, below the largest number of a command frame (2³¹ − 1); every device clips far below it"""

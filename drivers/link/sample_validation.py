@@ -25,7 +25,7 @@ from heli3dof.rig.clock import Instants
 from heli3dof.rig.interface import Flags, Sample
 
 from .frames import NOT_MEASURED, Cause, SampleFrame
-from .link_statistics import LinkStatistics
+from .request_reply import LinkStatistics
 
 _MASK = 0xFFFFFFFF
 _HALF = 0x80000000

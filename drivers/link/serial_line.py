@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from heli3dof.rig.url import DeviceUrl
 
-    from .transport import Transport
+    from .request_reply import Transport
 
 BAUD = 921_600
 PASSED_ON = ("file", "all", "raw", "color", "logging", "timeout", "ign_set_control", "poll_modem")

@@ -64,7 +64,7 @@ def stop(device: Any, reason: int, name: str, tries: int = 1) -> None:
 
 
 class UsbTransport:
-    """An open pair of USB pipes to one rig; implements `link.transport.Transport`."""
+    """An open pair of USB pipes to one rig; implements `link.request_reply.Transport`."""
 
     def __init__(
         self, device: Any, name: str, *, write_s: float = WRITE_S,

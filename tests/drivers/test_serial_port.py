@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from heli3dof_drivers.emulator.transport import serve
 from heli3dof_drivers.link import handshake, serial_ports
-from heli3dof_drivers.link.link_statistics import LinkStatistics
+from heli3dof_drivers.link.request_reply import LinkStatistics
 from heli3dof_drivers.link.serial_ports import holders
 
 from heli3dof.errors import DeviceError, UsageError

@@ -30,7 +30,7 @@ from heli3dof_drivers.link.frames import (
     Splitter,
     wire,
 )
-from heli3dof_drivers.link.link_statistics import LinkStatistics
+from heli3dof_drivers.link.request_reply import LinkStatistics
 from heli3dof_drivers.link.sample_validation import SampleValidator
 
 from tests.drivers.emulator.still import still_endpoint

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from heli3dof_drivers.link.frames import NOT_MEASURED, SampleFrame
-from heli3dof_drivers.link.link_statistics import LinkStatistics
+from heli3dof_drivers.link.request_reply import LinkStatistics
 from heli3dof_drivers.link.sample_validation import SampleValidator
 from hypothesis import example, given
 from hypothesis import strategies as st

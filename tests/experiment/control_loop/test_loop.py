@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from heli3dof_drivers.link.link_statistics import LinkStatistics
+from heli3dof_drivers.link.request_reply import LinkStatistics
 
 from heli3dof.errors import DeviceError
 from heli3dof.experiment.control_loop.control_period import Period

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from heli3dof_drivers.link.link_statistics import LinkStatistics
+from heli3dof_drivers.link.request_reply import LinkStatistics
 
 from heli3dof.rig.doctor import armed
 from heli3dof.rig.drivers import open_driver
