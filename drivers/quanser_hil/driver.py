@@ -14,8 +14,7 @@ from heli3dof.rig.interface import Check
 
 from ..rig_errors import watchdog_too_short
 from .board import Board, library, version_of
-from .error_codes import explained
-from .errors import no_enable_line
+from .error_codes import explained, no_enable_line
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
