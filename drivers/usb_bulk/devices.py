@@ -1,4 +1,4 @@
-"""Finds the rigs on the USB bus, and the one that a URL selects.
+"""Finds the rigs on the USB bus, and the one that a URL selects; checks it for ``doctor``.
 
 A rig is recognised by an interface of class 0xFF, subclass 0x48, protocol 0x01, with any VID:PID
 (USB vendor and product number). The search reads the operating system's copies of the descriptors
@@ -8,20 +8,26 @@ has no copy.
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
 
 from heli3dof.errors import DeviceError, UsageError
+from heli3dof.rig.interface import Check
+from heli3dof.rig.url import DeviceUrl
 
 from ..link.serial_ports import holders
+from ..udev import INSTALLED, install_command, installed
 from .errors import explained, no_libusb
 
 CLASS, SUBCLASS, PROTOCOL = 0xFF, 0x48, 0x01
 SYSFS = Path("/sys/bus/usb/devices")
+SPEEDS = {1: "low, 1.5 Mbit/s", 2: "full, 12 Mbit/s", 3: "high, 480 Mbit/s", 4: "super, 5 Gbit/s"}
 _WHERE = re.compile(r"([0-9a-fA-F]{1,4}):([0-9a-fA-F]{1,4})(?:/(.*))?|/?([^:]*)")
 
 
@@ -171,3 +177,45 @@ def select(backend: Any, text: str, where: str) -> OnBus:
 
 def _listed(rigs: Sequence[OnBus]) -> str:
     return ", ".join(r.url for r in rigs)
+
+
+def examine(backend: Callable[[], Any], url: DeviceUrl) -> Sequence[Check]:
+    """Return the results of checks of the USB rig at ``url``, without claiming it.
+
+    ``backend`` returns pyusb's access to the bus.
+    """
+    try:
+        pyusb = backend()
+    except DeviceError as error:
+        return [Check("libusb", error.what, False, error.fix)]
+    checks = [Check("libusb", "found", True)]
+    rule = installed()
+    if rule is not None:
+        state = f"installed in {INSTALLED}" if rule else f"not in {INSTALLED}, or an older one"
+        # Another rule or root may permit it too: the check of the permission below decides.
+        checks.append(Check("udev rule", state, rule or None, "" if rule else install_command()))
+    try:
+        on = select(pyusb, url.text, url.where)
+    except DeviceError as error:
+        return [*checks, Check("USB rig", error.what, False, error.fix)]
+    speed = SPEEDS.get(on.device.speed or 0, "unknown")
+    serial = on.serial or "not readable"
+    checks.append(Check("USB rig", f"{on.url}, serial number {serial}, speed {speed}", True))
+    if sys.platform.startswith("linux") and on.node.exists():
+        checks += _on_linux(on)
+    return checks
+
+
+def _on_linux(on: OnBus) -> list[Check]:
+    permitted = os.access(on.node, os.R_OK | os.W_OK)
+    checks = [
+        Check(
+            "permission",
+            f"this user {'may' if permitted else 'may not'} open {on.node}",
+            permitted,
+            "" if permitted else install_command(),
+        )
+    ]
+    if holder := on.holder():
+        checks.append(Check("in use", f"by {holder}", None, "end it before a run"))
+    return checks

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from heli3dof.errors import DeviceError
 from heli3dof.rig.interface import Check
 
-from .devices import kernel_lists_one, on_bus, select, system_backend
+from .devices import examine, kernel_lists_one, on_bus, select, system_backend
 
 if TYPE_CHECKING:
     from heli3dof.rig.interface import Rig
@@ -69,8 +69,6 @@ class UsbDriver:
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
         """Return checks of libusb, the udev rule, and the rig (present, permitted, free)."""
-        from .doctor_checks import examine
-
         return examine(self._backend, url)
 
 
