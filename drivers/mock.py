@@ -17,10 +17,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from heli3dof.errors import UsageError
 from heli3dof.rig.clock import wait_until
 from heli3dof.rig.interface import Check, Command, Identity, Sample
 
-from .rig_errors import closed, no_truth, not_a_voltage, not_on_a_sealed_rig, watchdog_too_short
+from .rig_errors import closed, not_a_voltage, watchdog_too_short
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -101,7 +102,11 @@ def opened(options: RigOptions) -> HiddenRig | None:
 
     for name in SEALED:
         if getattr(options, name) != type(options).model_fields[name].default:
-            raise not_on_a_sealed_rig(name)
+            raise UsageError(
+                f"{name}= cannot be combined with exercise=.",
+                cause="the exercise defines the rig's physics.",
+                fix=f"omit {name}=; seed=, speed= and start= are accepted",
+            )
     return hidden_rig(read_exercise(Path(options.exercise)))
 
 
@@ -198,7 +203,11 @@ class MockRig:
         Raises UsageError for the rig of an exercise, whose effects stay hidden.
         """
         if self._is_sealed:
-            raise no_truth()
+            raise UsageError(
+                "A sealed rig does not state its truth.",
+                cause="it belongs to an exercise.",
+                fix="the teacher opens it: heli3dof exercise open",
+            )
         return self._device.plant.truth
 
     def arm(self) -> Sample:

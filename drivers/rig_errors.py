@@ -35,19 +35,3 @@ def watchdog_too_short(watchdog_s: float, dt: float) -> UsageError:
         cause="the watchdog would expire between two commands.",
         fix=f"watchdog_s={3 * dt:g} or more",
     )
-
-
-def no_truth() -> UsageError:
-    return UsageError(
-        "A sealed rig does not state its truth.",
-        cause="it belongs to an exercise.",
-        fix="the teacher opens it: heli3dof exercise open",
-    )
-
-
-def not_on_a_sealed_rig(option: str) -> UsageError:
-    return UsageError(
-        f"{option}= cannot be combined with exercise=.",
-        cause="the exercise defines the rig's physics.",
-        fix=f"omit {option}=; seed=, speed= and start= are accepted",
-    )
