@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from heli3dof.batch.code_version import code_version
 from heli3dof.batch.engines.base import Engine, Lost
 from heli3dof.batch.output_folder import OutputFolder
 from heli3dof.batch.results_table import write_table
 from heli3dof.batch.run_task import failed, run_task
 from heli3dof.batch.sources import Source
-from heli3dof.batch.task import Outcome, Task, key_of
+from heli3dof.batch.task import Outcome, Task, code_version, key_of
 from heli3dof.errors import Heli3dofError
 from heli3dof.rig.profile import Profile
 

@@ -30,8 +30,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from heli3dof.batch.code_version import code_version
-from heli3dof.batch.task import Task, key_of
+from heli3dof.batch.task import Task, code_version, key_of
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan
 from heli3dof.rig.drivers import check_url, is_private

@@ -10,14 +10,20 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from importlib import metadata
+from pathlib import Path
 from typing import Any
 
+import heli3dof
 from heli3dof.errors import CheckFailed, NoSpace, RecordingError
 from heli3dof.rig.profile import Profile
 
 KEY_SHOWN = 12
 """Hexadecimal digits of the key in the names of files: 48 bits, so that among 10⁶ recordings of the
 same name two have the same digits with a probability of 0.2 %"""
+ENDINGS = (".py", ".toml", ".json")
+"""Ends of the names of the files that the version's hash covers"""
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,20 @@ class Outcome:
     """False if the same task may succeed when it is tried again: after a crash or a full disk"""
     cost: Mapping[str, float] = field(default_factory=dict)
     """Seconds and bytes that the task needed; they differ from run to run."""
+
+
+@cache
+def code_version() -> str:
+    """Return the version and 12 digits of the code's SHA-256, as in 0.1.0+1f0c5a7e93b2.
+
+    A resumed batch repeats the tasks whose results are from other code.
+    """
+    folder = Path(heli3dof.__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted(p for p in folder.rglob("*") if p.suffix in ENDINGS):
+        digest.update(path.relative_to(folder).as_posix().encode())
+        digest.update(path.read_bytes())
+    return f"{metadata.version('heli3dof')}+{digest.hexdigest()[:12]}"
 
 
 def key_of(

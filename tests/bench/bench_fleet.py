@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.batch.code_version import code_version
 from heli3dof.batch.engines import engine
 from heli3dof.batch.output_folder import OutputFolder
 from heli3dof.batch.run_batch import Batch, run_batch, tasks_of
 from heli3dof.batch.sources import find
+from heli3dof.batch.task import code_version
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import plan_from_dict
 from heli3dof.fleet.analyse import analyse

@@ -13,8 +13,8 @@ from collections.abc import Callable, Generator, Iterable
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Self
 
-from heli3dof.batch.code_version import code_version
 from heli3dof.batch.engines.base import AHEAD, Lost, R, T
+from heli3dof.batch.task import code_version
 from heli3dof.errors import DeviceError, UsageError
 from heli3dof.parallel import limit_threads
 from heli3dof.results import optional
