@@ -42,9 +42,8 @@ MAY_IMPORT = {
         "model", "experiment", "identification", "comparison", "integrity",
     },
     "batch": {
-        "errors", "results", "axes", "parallel", "plugins", "toml_file", "write_errors", "rig",
-        "recording", "model", "experiment", "identification", "comparison", "integrity",
-        "diagnosis", "paper",
+        "errors", "results", "axes", "parallel", "toml_file", "write_errors", "rig", "recording",
+        "model", "experiment", "identification", "comparison", "integrity", "diagnosis", "paper",
     },
     "report": {
         "errors", "axes", "rig", "recording", "model", "experiment", "identification",

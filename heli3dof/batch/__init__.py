@@ -7,5 +7,5 @@
 A task is one verb on one recording (`task`). `run_task` runs a task and never raises: a failure is
 an outcome with an exit code. `engines` distribute tasks; results do not depend on the engine, the
 number of workers, or the order in which tasks end. `output_folder` stores each outcome as soon as
-it arrives, and `results_table` writes the table. Each module of `analyses` defines one verb.
+it arrives, and `results_table` writes the table. `analyses` defines the verbs.
 """

@@ -15,8 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from heli3dof.batch.analyses import analysis
-from heli3dof.batch.analyses.base import Job
+from heli3dof.batch.analyses import ANALYSES, Job
 from heli3dof.batch.condition import holds
 from heli3dof.batch.recording_columns import COLUMNS, recording_columns
 from heli3dof.batch.sources import Source
@@ -58,7 +57,7 @@ def failed(task: Task, error: BaseException, *, final: bool) -> Outcome:
 
 
 def _run(task: Task, folder: Path) -> Outcome:
-    verb = analysis(task.verb)
+    verb = ANALYSES[task.verb]
     columns: dict[str, Any] = {"recording": task.source or None, "name": task.name}
     read_bytes = 0.0
     try:
@@ -66,7 +65,7 @@ def _run(task: Task, folder: Path) -> Outcome:
         read_bytes = float(path.stat().st_size) if path else 0.0
         job = Job(path, task.label, folder / "out", task.options, task.profile)
         if task.source:
-            recording = verb.recording(job)
+            recording = job.intact[0] if verb.accepts_torn else job.recording
             columns = recording_columns(recording, task.source)
             if task.where and not holds(task.where, columns):
                 return Outcome(task.key, columns, {}, selected=False)

@@ -168,7 +168,7 @@ def compare(
     quiet: Quiet = False,
 ) -> None:
     """Compare models with each recording: heli3dof batch compare term-1/ -o OUT --model m.json."""
-    from heli3dof.batch.analyses.compare import model_texts
+    from heli3dof.batch.analyses import model_texts
 
     options = [{"models": model_texts(model or ["hover"])}]
     _run(

@@ -1,9 +1,4 @@
-"""``batch identify``: a model of each recording, and its parameters as columns of the table.
-
-Unlike ``heli3dof identify``, it also runs the integrity checks, so that ``fleet`` can leave out
-recordings with bad data.
-
-Two columns combine parameters of the grey-box model:
+"""Columns of the table that combine parameters of a grey-box model.
 
 - ``thrust_gain_ratio``: g, the thrust gain over its nominal value K_f. The identification keeps K_f
   at the profile's value, so a thrust gain g·K_f appears as inertias J/g. ln g is the generalised
@@ -22,59 +17,13 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.batch.analyses.base import Analysis, Document, Job, Row, bad_data, with_std
-from heli3dof.integrity import integrity
 
 INERTIAS = tuple(f"J_{axis}" for axis in AXES)
-FITS = ("one_step", "0.5_s", "1_s")
-"""Horizons of predictions whose fit is a column"""
 
 
-def run(job: Job) -> Document:
-    from heli3dof.identification.greybox.method import chosen_terms
-    from heli3dof.identification.identify import identify
-    from heli3dof.model.model_file import save_model
-
-    terms = job.options.get("terms")
-    result = identify(
-        job.recording,
-        method=job.options.get("method", "greybox"),
-        order=job.options.get("order"),
-        terms=None if terms is None else chosen_terms(terms),
-    )
-    path = save_model(result.model, job.output("models", ".json"))
-    faults = bad_data(f.to_dict() for f in integrity(job.recording))
-    return {
-        "schema": "heli3dof.identification/1",
-        "models": [result.to_dict(str(path))],
-        "faults": faults,
-        "nominal_hover_voltage_V": job.recording.profile.motor.V_o,
-    }
-
-
-def columns(document: Document) -> Row:
-    model = document["models"][0]
-    parameters = model["parameters"] or {}
-    fits = {
-        f"fit_{horizon}_{axis}_percent": fit.get(horizon)
-        for axis, fit in (model["fit_percent"] or {}).items()
-        for horizon in FITS
-    }
-    return {
-        "faults": ";".join(document["faults"]),
-        "model": model["file"],
-        "method": model["method"],
-        "order": model["order"],
-        "warnings": len(model["warnings"]),
-        **_thrust(parameters, model.get("correlation"), document["nominal_hover_voltage_V"]),
-        **with_std(parameters),
-        **fits,
-    }
-
-
-def _thrust(
+def thrust_columns(
     parameters: Mapping[str, Mapping[str, Any]], correlation: Sequence[Any] | None, V_o: float
-) -> Row:
+) -> dict[str, float]:
     """Return the columns of thrust gain ratio and hover voltage; empty if they are not estimated.
 
     ``parameters``, ``correlation``: estimates of the model; ``V_o``: the profile's hover voltage.
@@ -114,6 +63,3 @@ def generalised_mean(x: np.ndarray, covariance: np.ndarray) -> tuple[float, floa
     if not total > 0:
         return math.nan, math.nan
     return float(weight @ x) / total, total**-0.5
-
-
-ANALYSIS = Analysis("identify", run, columns)
