@@ -26,10 +26,9 @@ class Amplifier:
     ``now_us`` in its methods is the time on the device's clock, in µs.
     """
 
-    def __init__(self, v_max_uV: int, watchdog_us: int, ramp_us: int = RAMP_US) -> None:
+    def __init__(self, v_max_uV: int, watchdog_us: int) -> None:
         self.v_max_uV = v_max_uV
         self.own_watchdog_us = watchdog_us
-        self.ramp_us = ramp_us
         self.ticket = 1
         self.last = 0
         """Number of the last accepted command, or of the ARM"""
@@ -125,9 +124,9 @@ class Amplifier:
         if self._state == ENABLED:
             return self._uV
         if self._state == LATCHED:
-            left = self.ramp_us - (now_us - self._expired_us)
+            left = RAMP_US - (now_us - self._expired_us)
             front, back = self._uV
-            return _part(front, left, self.ramp_us), _part(back, left, self.ramp_us)
+            return _part(front, left, RAMP_US), _part(back, left, RAMP_US)
         return (0, 0)
 
     def mean_V(self, now_us: int) -> tuple[float, float]:
@@ -161,7 +160,7 @@ class Amplifier:
         if now_us <= start:
             return
         if self._state == LATCHED:
-            end = min(now_us, self._expired_us + self.ramp_us)
+            end = min(now_us, self._expired_us + RAMP_US)
             if end > start:
                 front, back = self.output_uV((start + end) // 2)
                 self._impulse[0] += front * (end - start)

@@ -39,7 +39,7 @@ from ..link.frames import (
     parse,
     wire,
 )
-from .amplifier import STOPPED, Amplifier
+from .amplifier import RAMP_US, STOPPED, Amplifier
 from .device import Device
 from .faults import FaultyPlant
 
@@ -276,7 +276,7 @@ class Endpoint:
         return wire(
             IdentityFrame(
                 number, VERSION, a.flags, self._boot, a.ticket, roll, pitch, yaw, a.v_max_uV,
-                a.own_watchdog_us, a.ramp_us, self._shortest_us, model, serial, firmware,
+                a.own_watchdog_us, RAMP_US, self._shortest_us, model, serial, firmware,
             )
         )  # fmt: skip
 

@@ -119,13 +119,10 @@ def locked(method: F) -> F:
 class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
     """USB bus without hardware, for pyusb: its only devices are emulated rigs."""
 
-    def __init__(
-        self, rigs: Iterable[RigOnBus], clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, rigs: Iterable[RigOnBus]) -> None:
         super().__init__()
         self.rigs = list(rigs)
-        self._clock = clock
-        self._began = clock()
+        self._began = time.monotonic()
         # The host reads in one thread and writes in another; a write may end a read.
         self._lock = threading.Condition(threading.RLock())
 
@@ -144,10 +141,10 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
 
     def now_us(self) -> int:
         """Return the time on the devices' clock: µs since the bus was created."""
-        return int((self._clock() - self._began) * 1e6)
+        return int((time.monotonic() - self._began) * 1e6)
 
     def _apply_faults(self) -> None:
-        t = self._clock() - self._began
+        t = time.monotonic() - self._began
         for rig in self.rigs:
             waiting = []
             for fault in rig.faults:
@@ -271,7 +268,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
 
     @locked
     def bulk_write(self, dev_handle: Handle, ep: int, intf: int, data: Any, timeout: int) -> int:
-        deadline = self._clock() + timeout / 1000
+        deadline = time.monotonic() + timeout / 1000
         while True:
             function = self._claimed(dev_handle)
             taken = function.receive(self.now_us(), data.tobytes())
@@ -284,7 +281,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
 
     @locked
     def bulk_read(self, dev_handle: Handle, ep: int, intf: int, buff: Any, timeout: int) -> int:
-        deadline = self._clock() + timeout / 1000
+        deadline = time.monotonic() + timeout / 1000
         while True:
             function = self._claimed(dev_handle)
             given = function.send(self.now_us(), len(buff))
@@ -312,7 +309,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
 
         Raises USBTimeoutError if ``deadline`` (s on the bus's clock) has passed.
         """
-        now = self._clock()
+        now = time.monotonic()
         if now >= deadline:
             raise usb.core.USBTimeoutError("Operation timed out", errno=errno.ETIMEDOUT)
         due = function.endpoint.next_us()

@@ -135,13 +135,12 @@ class RequestClient:
         match: Callable[[Frame, set[int]], F | None],
         *,
         tries: int = TRIES,
-        timeout_s: float = REPLY_TIMEOUT_S,
     ) -> F | None:
         """Send a request up to ``tries`` times; return its reply, or None if no attempt got one.
 
         ``make(number)`` returns the request frame with this number. ``match(frame, numbers)`` is
         called with each received frame and the numbers of all attempts. ``match`` returns the frame
-        if it is the reply, else None. Each attempt waits ``timeout_s`` seconds.
+        if it is the reply, else None. Each attempt waits `REPLY_TIMEOUT_S`.
         """
         numbers: set[int] = set()
         self.tail = b""
@@ -151,7 +150,7 @@ class RequestClient:
             self.statistics.retries += attempt > 0
             sent_s = time.monotonic()
             self.send(wire(make(number)))
-            deadline = time.monotonic() + timeout_s
+            deadline = time.monotonic() + REPLY_TIMEOUT_S
             while (left := deadline - time.monotonic()) > 0:
                 data = self.transport.read(left)
                 self.tail = (self.tail + data)[-TAIL:]

@@ -131,8 +131,8 @@ def _db(size: np.ndarray) -> np.ndarray:
     return np.asarray(20 * np.log10(np.maximum(size, 1e-300)))
 
 
-def residual_figure(t: np.ndarray, residual: np.ndarray, *, title: str) -> Figure:
-    """Draw residuals (N, 3) in rad over times t (N,) in s, and their autocorrelation by axis."""
+def residual_figure(t: np.ndarray, residual: np.ndarray) -> Figure:
+    """Draw innovations (N, 3) in rad over times t (N,) in s, and their autocorrelation by axis."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -173,21 +173,18 @@ def residual_figure(t: np.ndarray, residual: np.ndarray, *, title: str) -> Figur
             "autocorrelation; band: 99 % if white", fontsize=9.5, color=SOFT, loc="left"
         )
         figure.align_ylabels()
-        headline(figure, title, height)
+        headline(figure, "Innovations on held-out data", height)
     return figure
 
 
-def autocorrelation(
-    residual: np.ndarray, dt: float, lags_s: float = LAGS_S
-) -> tuple[np.ndarray, np.ndarray, float]:
+def autocorrelation(residual: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Return lags τ (s), R(τ)/R(0) and the 99 % bound 2.58/√N that holds for white noise.
 
-    R is the autocorrelation of ``residual`` (N,), sampled every ``dt`` s. ``lags_s`` is the longest
-    lag in s.
+    R is the autocorrelation of ``residual`` (N,), sampled every ``dt`` s; τ ends at `LAGS_S`.
     """
     e = residual - residual.mean()
     n = len(e)
-    lags = np.arange(min(round(lags_s / dt), n - 1) + 1)
+    lags = np.arange(min(round(LAGS_S / dt), n - 1) + 1)
     spectrum = np.abs(np.fft.rfft(e, 2 * n)) ** 2  # zero-padded against circular correlation
     r = np.fft.irfft(spectrum)[: len(lags)]
     return lags * dt, r / (r[0] or 1.0), 2.58 / float(np.sqrt(n))

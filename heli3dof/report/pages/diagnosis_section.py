@@ -26,9 +26,7 @@ from heli3dof.report.text.number_format import NONE, fixed
 from heli3dof.report.text.table import Grid
 
 
-def diagnosis_section(
-    document: Document, p: FigureData = FigureData(), title: str = "Diagnosis"
-) -> Section:
+def diagnosis_section(document: Document, p: FigureData = FigureData()) -> Section:
     """Return the HTML section on a diagnosis: ``document`` is its JSON, ``p`` its figures' data.
 
     Verdict, faults, the figure of the predictions before and after, and the table of causes are
@@ -50,7 +48,7 @@ def diagnosis_section(
     if document["calibration"]:
         details.append(table(calibration(document)))
         details += map(paragraph, words.calibration_doubts(document))
-    return Section(title, blocks, details)
+    return Section("Diagnosis", blocks, details)
 
 
 def _stretch(p: FigureData) -> list[str]:

@@ -43,6 +43,6 @@ def identification_section(found: Identification) -> Section:
         settled = round(WARM_UP_S / interval_s)  # until the filter has converged
         e = e[settled:] if len(e) > 2 * settled else e
         t = np.arange(len(e)) * interval_s
-        drawn = residual_figure(t, e, title="Innovations on held-out data")
+        drawn = residual_figure(t, e)
         details.append(figure(drawn, "Innovations and their autocorrelation"))
     return Section(f"Identification: {found.model.name}", blocks, details)

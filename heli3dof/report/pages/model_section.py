@@ -33,6 +33,8 @@ CHANNELS = {
     "yaw / front − back (rad/V)": ("yaw", np.array([1.0, -1.0])),
 }
 HIGHEST = 100.0
+"""rad/s"""
+MOST_POLES = 12
 
 
 def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
@@ -117,10 +119,10 @@ def plant_poles(model: LinearModel) -> np.ndarray:
     return np.asarray(np.log(z[np.abs(z) > 1e-12]) / model.dt)
 
 
-def poles_text(poles: np.ndarray, most: int = 12) -> str:
+def poles_text(poles: np.ndarray) -> str:
     """Format poles by decreasing real part, each conjugate pair and each repeated pole once.
 
-    At most ``most`` entries are shown.
+    At most `MOST_POLES` entries are shown.
 
     >>> poles_text(np.array([-1.5 - 0.79j, -0.1, -1.5 + 0.79j, 0.0, 0.0]))
     '0 (twice), −0.10, −1.50 ± 0.79j'
@@ -135,15 +137,13 @@ def poles_text(poles: np.ndarray, most: int = 12) -> str:
     for word in dict.fromkeys(words):
         n = words.count(word)
         parts.append(word if n == 1 else f"{word} ({'twice' if n == 2 else f'{n} times'})")
-    return ", ".join(parts[:most]) + (", …" if len(parts) > most else "")
+    return ", ".join(parts[:MOST_POLES]) + (", …" if len(parts) > MOST_POLES else "")
 
 
-def bode_of(
-    models: Sequence[LinearModel], points: int = 240
-) -> tuple[np.ndarray, dict[str, list[BodeCurve]]]:
-    """Return ``points`` frequencies ω in rad/s, and a dict: channel name → models' Bode curves."""
+def bode_of(models: Sequence[LinearModel]) -> tuple[np.ndarray, dict[str, list[BodeCurve]]]:
+    """Return frequencies ω in rad/s, and a dict: channel name → models' Bode curves."""
     fastest = min(HIGHEST, *(0.8 * np.pi / m.dt for m in models))
-    omega = np.geomspace(LOWEST, fastest, points)
+    omega = np.geomspace(LOWEST, fastest, 240)
     channels: dict[str, list[BodeCurve]] = {}
     for m in models:
         response = discrete_response(m.A, m.B, m.C, m.dt, omega)

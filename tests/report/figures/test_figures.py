@@ -153,7 +153,7 @@ def test_residuals_of_the_measured_axes_only_are_drawn() -> None:
     t = np.arange(0, 2, 0.01)
     e = np.random.default_rng(1).normal(size=(len(t), 3)) * 1e-3
     e[:, 2] = np.nan
-    assert len(residual_figure(t, e, title="t").axes) == 4
+    assert len(residual_figure(t, e).axes) == 4
 
 
 def test_importing_the_figures_does_not_import_matplotlib() -> None:

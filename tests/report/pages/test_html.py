@@ -163,7 +163,7 @@ def test_bands_error_bars_and_stems_reach_the_live_figure() -> None:
     assert magnitude["log"]
     assert len(magnitude["bands"][0]["x"]) >= 40
     noise = np.random.default_rng(1).normal(size=(200, 3))
-    panels = live_data(residual_figure(np.arange(200) * 0.01, noise, title="t"))["panels"]
+    panels = live_data(residual_figure(np.arange(200) * 0.01, noise))["panels"]
     assert (panels[0]["y"], panels[1]["y"]) == ("roll r (m°)", "")
     assert panels[1]["curves"][0]["kind"] == "stems"
     assert panels[1]["spans"][0]["ends"] == pytest.approx([-2.58 / 200**0.5, 2.58 / 200**0.5], 1e-4)
