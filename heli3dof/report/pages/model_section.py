@@ -142,30 +142,15 @@ def poles_text(poles: np.ndarray) -> str:
 
 def bode_of(models: Sequence[LinearModel]) -> tuple[np.ndarray, dict[str, list[BodeCurve]]]:
     """Return frequencies ω in rad/s, and a dict: channel name → models' Bode curves."""
+    import control
+
     fastest = min(HIGHEST, *(0.8 * np.pi / m.dt for m in models))
     omega = np.geomspace(LOWEST, fastest, 240)
     channels: dict[str, list[BodeCurve]] = {}
     for m in models:
-        response = discrete_response(m.A, m.B, m.C, m.dt, omega)
+        response = control.ss(m.A, m.B, m.C, 0, m.dt)(np.exp(1j * omega * m.dt))
         for name, (axis, motors) in CHANNELS.items():
             if axis in m.axes:
-                g = response[:, AXES.index(axis)] @ motors
+                g = motors @ response[AXES.index(axis)]
                 channels.setdefault(name, []).append(BodeCurve(m.name, m.kind, g))
     return omega, channels
-
-
-def discrete_response(
-    A: np.ndarray, B: np.ndarray, C: np.ndarray, dt: float, omega: np.ndarray
-) -> np.ndarray:
-    """Return the frequency response C (e^{jω·dt} I − A)⁻¹ B, shape (M, outputs, inputs).
-
-    ``A``, ``B``, ``C``: a discrete model's matrices; ``dt``: its sampling interval in s;
-    ``omega`` (M,): ω in rad/s.
-    """
-    z = np.exp(1j * omega * dt)
-    n = len(A)
-    resolvent = np.linalg.solve(
-        z[:, None, None] * np.eye(n) - A,
-        np.broadcast_to(B.astype(complex), (len(z), n, B.shape[1])),
-    )
-    return np.asarray(C @ resolvent)

@@ -23,7 +23,7 @@ from heli3dof.report.pages.answers import diagnosis_answers
 from heli3dof.report.pages.diagnosis_section import diagnosis_section
 from heli3dof.report.pages.flight_report import flight_report
 from heli3dof.report.pages.html import bars, facts, write_page
-from heli3dof.report.pages.model_section import discrete_response, plant_poles, poles_text
+from heli3dof.report.pages.model_section import bode_of, plant_poles, poles_text
 from heli3dof.report.text.comparison_sentences import in_a_sentence
 from heli3dof.rig.profile import default_profile
 from tests.comparison.fakes import FakeHover, flight
@@ -242,9 +242,10 @@ def test_poles_are_printed_as_pairs_and_repeated_ones_counted() -> None:
 
 def test_the_hover_model_s_response_is_the_double_integrator_s() -> None:
     """Both motors 1 V up: r/V = 2 L_a K_f / (J_roll s²); at 1 rad/s that is 0.1716 rad/V."""
-    m = hover_model(default_profile())
-    g = discrete_response(m.A, m.B, m.C, m.dt, np.array([1.0]))[0, 0].sum()
-    assert abs(g) == pytest.approx(2 * 0.6604 * 0.1188 / 0.9145, rel=1e-3)
+    omega, channels = bode_of([hover_model(default_profile())])
+    k = int(np.argmin(abs(omega - 1.0)))
+    g = channels["roll / both motors (rad/V)"][0].response[k]
+    assert abs(g) * omega[k] ** 2 == pytest.approx(2 * 0.6604 * 0.1188 / 0.9145, rel=1e-3)
 
 
 def test_the_first_sentences_give_each_models_errors() -> None:
