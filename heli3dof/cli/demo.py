@@ -105,20 +105,11 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
 
 
 def _fly(out: Output, plan: Plan, path: Path, seed: int, start: str = "rest") -> Recording:
-    from heli3dof.cli.progress import progress
-    from heli3dof.experiment.control_loop.loop import Live
-    from heli3dof.experiment.fly import fly_plan
+    from heli3dof.cli.progress import fly_with_progress
     from heli3dof.rig.profile import default_profile
 
     out.note(f"Flying {plan.name}, {plan.duration_s:g} s, faster than real time …")
-    live = Live()
-    with progress(out, live, plan.name, default_profile()):
-        flight = fly_plan(
-            plan,
-            device=f"mock:?speed=max&seed={seed}&start={start}&hide={HIDDEN}",
-            seed=seed,
-            output=path,
-            live=live,
-        )
+    device = f"mock:?speed=max&seed={seed}&start={start}&hide={HIDDEN}"
+    flight = fly_with_progress(out, plan, default_profile(), device, seed, path)
     flight.raise_if_cut_short()
     return flight.recording

@@ -10,7 +10,8 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from math import degrees
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.cli.output import Output, live_allowed
@@ -21,10 +22,30 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
     from heli3dof.experiment.control_loop.loop import Live
+    from heli3dof.experiment.fly import Flight
+    from heli3dof.experiment.plan import Plan
     from heli3dof.rig.profile import Profile
 
 PRINT_EVERY_S = 10.0
 HOW_TO_STOP = "Ctrl-C ramps the motors to zero; heli3dof estop stops them at once"
+
+
+def fly_with_progress(
+    out: Output, plan: Plan, profile: Profile, device: str, seed: int, output: Path, **more: Any
+) -> Flight:
+    """Return the flight of `fly_plan`, with progress and warnings on ``out``.
+
+    ``more``: its further arguments.
+    """
+    from heli3dof.experiment.control_loop.loop import Live
+    from heli3dof.experiment.fly import fly_plan
+
+    live = Live()
+    with progress(out, live, plan.name, profile):
+        return fly_plan(
+            plan, profile=profile, device=device, seed=seed, output=output, live=live,
+            warn=out.warn, **more,
+        )  # fmt: skip
 
 
 @contextmanager

@@ -24,7 +24,7 @@ from heli3dof.cli.options import (
 )
 from heli3dof.cli.output import INTERRUPTED, Output, print_error, stages, verb
 from heli3dof.cli.output_encoding import minus
-from heli3dof.cli.progress import progress
+from heli3dof.cli.progress import fly_with_progress
 from heli3dof.cli.renamed_options import renamed
 from heli3dof.errors import Heli3dofError, UsageError
 
@@ -108,8 +108,6 @@ def fly(
     and print the plan. A flight that did not complete its plan ends the program with the exit code
     of the flight's error.
     """
-    from heli3dof.experiment.control_loop.loop import Live
-    from heli3dof.experiment.fly import fly_plan
     from heli3dof.recording.atomic_write import check_output, new_folder
 
     if dry_run:
@@ -119,19 +117,8 @@ def fly(
         output = default_path(plan.name)
         new_folder(output.parent)
     check_output(output, force=force)
-    live = Live()
-    with progress(out, live, plan.name, profile):
-        flight = fly_plan(
-            plan,
-            device=device,
-            profile=profile,
-            seed=seed,
-            output=output,
-            force=force,
-            meta={"command_line": ["heli3dof", *sys.argv[1:]]},
-            live=live,
-            warn=out.warn,
-        )
+    meta = {"command_line": ["heli3dof", *sys.argv[1:]]}
+    flight = fly_with_progress(out, plan, profile, device, seed, output, force=force, meta=meta)
     _show_flight(out, flight)
     outcome = flight.outcome
     if outcome.ending == "interrupted":
@@ -206,15 +193,8 @@ def _auto_document(out: Output, result: AutoResult) -> dict[str, Any]:
 def _fly_one(
     out: Output, plan: Plan, device: str, profile: Profile, path: Path, seed: int
 ) -> Recording:
-    from heli3dof.experiment.control_loop.loop import Live
-    from heli3dof.experiment.fly import fly_plan
-
     out.note(f"Flying {plan.name}, {plan.duration_s:g} s …")
-    live = Live()
-    with progress(out, live, plan.name, profile):
-        flight = fly_plan(
-            plan, device=device, profile=profile, seed=seed, output=path, live=live, warn=out.warn
-        )  # fmt: skip
+    flight = fly_with_progress(out, plan, profile, device, seed, path)
     flight.raise_if_cut_short()
     return flight.recording
 
