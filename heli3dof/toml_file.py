@@ -123,6 +123,17 @@ def keys(model: type[Section], prefix: str = "") -> Iterator[tuple[str, FieldInf
             yield from keys(inner, f"{prefix}{name}.")
 
 
+def value_at(data: Any, name: str) -> Any:
+    """Return the value of a dotted key such as ``motor.V_o`` in nested dicts or sections, or None.
+
+    >>> value_at({"motor": {"V_o": 7.4}}, "motor.V_o")
+    7.4
+    """
+    for part in name.split("."):
+        data = data.get(part) if isinstance(data, Mapping) else getattr(data, part, None)
+    return data
+
+
 M = TypeVar("M", bound=BaseModel)
 
 

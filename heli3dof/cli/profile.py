@@ -62,11 +62,11 @@ def new(
     quiet: Quiet = False,
 ) -> None:
     """Write a commented profile: heli3dof profile new -o rig.toml asks for the numbers."""
-    from heli3dof.cli.profile_questions import COMPUTED, ask_missing, check_keys, value_at
+    from heli3dof.cli.profile_questions import COMPUTED, ask_missing, check_keys
     from heli3dof.recording.atomic_write import check_output, write_file
     from heli3dof.rig.profile import load_profile, profile_from_dict
     from heli3dof.rig.profile_file import merged, new_text, settings
-    from heli3dof.toml_file import read_toml
+    from heli3dof.toml_file import read_toml, value_at
 
     out = Output(as_json=as_json, quiet=quiet)
     path = output or Path("rig.toml")
@@ -112,8 +112,7 @@ def show(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> No
     """Show every number of a profile with its unit, derived quantities and the loop's margins."""
     from rich.table import Table
 
-    from heli3dof.rig.profile_remarks import value_at
-    from heli3dof.toml_file import key_of, keys
+    from heli3dof.toml_file import key_of, keys, value_at
 
     out = Output(as_json=as_json, quiet=quiet)
     profile = rig_profile(file)

@@ -25,6 +25,7 @@ def ask_missing(out: Output, data: dict[str, Any]) -> None:
     names of the missing keys.
     """
     from heli3dof.rig.profile_file import put
+    from heli3dof.toml_file import value_at
 
     absent = [(name, field) for name, field in _questions() if value_at(data, name) is None]
     missing = [name for name, field in absent if field.is_required() and name != COMPUTED]
@@ -69,14 +70,6 @@ def _leaves(given: Mapping[str, Any], head: str = "") -> Iterator[str]:
             yield from _leaves(value, f"{head}{key}.")
         else:
             yield f"{head}{key}"
-
-
-def value_at(data: Mapping[str, Any], name: str) -> Any:
-    """Return the value of a dotted key such as ``motor.V_o`` in nested dicts; None if absent."""
-    at: Any = data
-    for part in name.split("."):
-        at = at.get(part) if isinstance(at, Mapping) else None
-    return at
 
 
 def _is_terminal() -> bool:

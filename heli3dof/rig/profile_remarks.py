@@ -17,11 +17,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import hypot
-from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.rig.profile import Profile, g
-from heli3dof.toml_file import key_of, keys, within
+from heli3dof.toml_file import key_of, keys, value_at, within
 
 FAR = 2.0
 """Standard deviations of V_m by which V_o may differ from it, if the signs agree"""
@@ -115,11 +114,3 @@ def _hover(profile: Profile) -> Iterator[str]:
             + ("; the paper's Table I has the same contradiction (erratum E2)"
                if masses * V_o < 0 else "")
         )  # fmt: skip
-
-
-def value_at(profile: Profile, name: str) -> Any:
-    """Return the profile's value of a dotted key such as ``motor.V_o``; None if it has none."""
-    at: Any = profile
-    for part in name.split("."):
-        at = getattr(at, part, None)
-    return at
