@@ -31,6 +31,7 @@ from heli3dof.fleet.change_posterior import (
     Scale,
     change_posterior,
 )
+from heli3dof.fleet.sibling_scale import MAD_TO_STD
 
 REPORTED = 0.95
 """Least probability of a reported change: at most one report in 20 is false (a convention)"""
@@ -50,8 +51,6 @@ does not propose two flights after a step at the end of the series as deviating.
 HAMPEL_SIGMAS = 5.0
 """Standard deviations from the running median above which the Hampel filter proposes a flight as
 deviating. Chosen; the posterior decides."""
-MAD_TO_STD = 1.4826
-"""Ratio of the standard deviation of a normal distribution to its median absolute deviation"""
 REFINEMENTS = 5
 """Largest number of passes over all steps, per step. Chosen: the second changes few dates."""
 NORMAL_95 = 1.96
