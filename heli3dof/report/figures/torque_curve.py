@@ -43,19 +43,6 @@ BINS = 24
 """Number of bins for the points; the curve has three times as many. Chosen; not derived."""
 MIN_TIME_S = 0.1
 """s, least time in a bin; emptier bins are not drawn. Chosen; not derived."""
-DEPENDS_ON = {
-    "friction.coulomb": "{axis}_rate", "friction.viscous": "{axis}_rate",
-    "drag.quadratic": "{axis}_rate", "stiffness.pendulum": "{axis}", "stiffness.cable": "yaw",
-    "bias.torque": "time", "inertia": "{axis}", "mass.imbalance": "roll", "mass.change": "time",
-    "motor.spin_up": "voltage_difference_slope", "motor.dead_zone": "voltage_sum",
-    "motor.thrust_curve": "voltage_sum", "motor.rotor_curve": "voltage_sum",
-    "motor.thrust_gain": "voltage_sum", "motor.thrust_mismatch": "voltage_sum",
-    "motor.saturation": "voltage_sum", "motor.supply_sag": "voltage_sum",
-    "aero.ground_effect": "roll", "aero.reaction_torque": "voltage_difference",
-    "aero.inflow": "roll_rate", "aero.gyroscopic": "roll_rate",
-    "disturbance.periodic": "time",
-}  # fmt: skip
-"""Effect → variable of its figure, unless the effect itself names one (``evidence``)"""
 BACKLASH = "encoder.backlash"
 """The effect without a figure: its torque is no function of a variable."""
 DELAYS = {"motor.lag": "voltage_difference_slope", "motor.delay": "voltage_difference_slope"}
@@ -96,14 +83,7 @@ def variable_of(effect: Effect, axis: str | None) -> str | None:
     """Return the variable on the horizontal axis of an effect's figure; None if it has none."""
     if not effect.hooks or effect.name == BACKLASH:
         return None
-    variable = (
-        DELAYS.get(effect.name) or getattr(effect, "evidence", "") or DEPENDS_ON.get(effect.name)
-    )
-    if not isinstance(variable, str) or not variable:
-        return None
-    name = variable.replace("{axis}", axis or "roll")
-    if name in ("rate", "angle") and axis is not None:
-        name = f"{axis}_rate" if name == "rate" else axis
+    name = DELAYS.get(effect.name, effect.evidence).replace("{axis}", axis or "roll")
     return name if name in UNITS else None
 
 
