@@ -24,7 +24,7 @@ from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
 from heli3dof.errors import PlanError, did_you_mean
 from heli3dof.experiment.segments import BaseSegment, Clock, kinds
-from heli3dof.rig.profile import Limits, Profile
+from heli3dof.rig.profile import Profile
 from heli3dof.toml_file import Key, Section, check, read_toml
 
 
@@ -116,18 +116,18 @@ class Plan:
 def checked(plan: Plan, profile: Profile, seed: int) -> Signals:
     """Render a plan, check it against the profile's limits, and return its signals.
 
-    ``seed``: seed of the random signals. Raises PlanError (`Plan.render`, `check_plan`).
+    ``seed``: seed of the random signals. Raises PlanError if `Plan.render` does, or if duration,
+    references or added voltages exceed the limits.
     """
-    _check_duration(plan, profile.limits)  # before rendering, which needs memory
-    signals = plan.render(profile.dt, seed)
-    check_plan(plan, signals, profile)
-    return signals
-
-
-def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
-    """Raise PlanError if duration, references or added voltages exceed the profile's limits."""
     limits = profile.limits
-    _check_duration(plan, limits)
+    if plan.duration_s > limits.duration_max_s:  # before rendering, which needs memory
+        raise PlanError(
+            f"The plan {plan.name!r} lasts {plan.duration_s:g} s; the profile allows "
+            f"{limits.duration_max_s:g} s.",
+            cause="a duration in milliseconds, or a long plan on a cautious profile.",
+            fix="shorten it, or raise limits.duration_max_s in the profile",
+        )
+    signals = plan.render(profile.dt, seed)
     for i, (axis, (low, high)) in enumerate(zip(AXES, limits.ranges_deg, strict=True)):
         reference = np.degrees(signals.reference[:, i])
         worst = reference[np.argmax(np.abs(reference))]
@@ -146,16 +146,7 @@ def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
             cause="an amplitude that belongs to another amplifier.",
             fix="lower the amplitudes of the plan",
         )
-
-
-def _check_duration(plan: Plan, limits: Limits) -> None:
-    if plan.duration_s > limits.duration_max_s:
-        raise PlanError(
-            f"The plan {plan.name!r} lasts {plan.duration_s:g} s; the profile allows "
-            f"{limits.duration_max_s:g} s.",
-            cause="a duration in milliseconds, or a long plan on a cautious profile.",
-            fix="shorten it, or raise limits.duration_max_s in the profile",
-        )
+    return signals
 
 
 def plan_from_dict(data: Mapping[str, Any], *, source: str = "plan") -> Plan:

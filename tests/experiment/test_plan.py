@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from heli3dof.errors import PlanError
 from heli3dof.experiment.plan import (
-    check_plan,
+    checked,
     load_plan,
     named_plans,
     plan_from_dict,
@@ -58,7 +58,7 @@ def test_every_plan_that_ships_is_inside_the_default_envelope(name: str) -> None
     plan = load_plan(name)
     assert plan.name == name
     assert plan.description
-    check_plan(plan, plan.render(DT, 1), default_profile())
+    checked(plan, default_profile(), 1)
     assert len(plan.summary()) == len(plan.segments)
 
 
@@ -137,19 +137,19 @@ def test_a_plan_file_that_does_not_exist_is_named(tmp_path: Path) -> None:
 def test_a_target_outside_the_envelope_is_refused(target: tuple, message: str) -> None:
     plan = step_plan(target)
     with pytest.raises(PlanError, match=message):
-        check_plan(plan, plan.render(DT, 0), default_profile())
+        checked(plan, default_profile(), 0)
 
 
 def test_a_plan_longer_than_the_envelope_allows_is_refused() -> None:
     plan = step_plan((1, None, None), duration_s=700)
     with pytest.raises(PlanError, match=r"lasts 710 s; the profile allows 600 s"):
-        check_plan(plan, plan.render(0.1, 0), default_profile())
+        checked(plan, default_profile(), 0)
 
 
 def test_more_volts_than_the_amplifier_gives_are_refused() -> None:
     plan = plan_from_dict(plan_of({"kind": "multisine", "duration_s": 5, "common_V": 30}))
     with pytest.raises(PlanError, match="the amplifier gives 24 V"):
-        check_plan(plan, plan.render(DT, 0), default_profile())
+        checked(plan, default_profile(), 0)
 
 
 def test_every_kind_of_segment_has_the_name_of_its_file() -> None:

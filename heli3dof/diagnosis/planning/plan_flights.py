@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.errors import CheckFailed, UsageError
-from heli3dof.experiment.plan import Plan, Signals, check_plan
+from heli3dof.experiment.plan import Plan, Signals, checked
 from heli3dof.experiment.simulate import simulate
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.model.control.stability import check_loop
@@ -40,8 +40,7 @@ def task_of(plan: Plan, profile: Profile, seed: int) -> Task | None:
     """
     profile = profile.with_controller()
     try:
-        signals = plan.render(profile.dt, seed)
-        check_plan(plan, signals, profile)
+        signals = checked(plan, profile, seed)
     except (UsageError, CheckFailed):
         return None
     return Task(plan, signals, profile, seed)
