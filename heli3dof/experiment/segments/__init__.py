@@ -85,8 +85,8 @@ class BaseSegment(Section):
         return ", ".join(filter(None, (head, self.details())))
 
     def details(self) -> str:
-        """Return the last part of `summary`: the nonzero keys that only this segment kind has."""
-        own = {k: v for k, v in self if k not in BaseSegment.model_fields and v}
+        """Return the last part of `summary`: values of the keys that only this segment kind has."""
+        own = {k: v for k, v in self if k not in BaseSegment.model_fields and v is not None}
         return ", ".join(f"{key} {_printed(value)}" for key, value in own.items())
 
 

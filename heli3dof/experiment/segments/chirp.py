@@ -32,3 +32,9 @@ class Segment(BaseSegment):
         front, back = self.common_V + self.difference_V, self.common_V - self.difference_V
         reference, _ = super().render(clock, before)
         return reference, np.sin(phase)[:, None] * np.array([front, back])
+
+    def details(self) -> str:
+        return (
+            f"{self.common_V:g} V common and {self.difference_V:g} V "
+            f"difference, {self.band_Hz[0]:g} to {self.band_Hz[1]:g} Hz"
+        )

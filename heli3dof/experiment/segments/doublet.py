@@ -28,3 +28,9 @@ class Segment(BaseSegment):
         front, back = self.common_V + self.difference_V, self.common_V - self.difference_V
         reference, _ = super().render(clock, before)
         return reference, shape[:, None] * np.array([front, back])
+
+    def details(self) -> str:
+        return (
+            f"{self.common_V:g} V common and {self.difference_V:g} V "
+            f"difference for {self.pulse_s:g} s each way"
+        )

@@ -40,6 +40,12 @@ class Segment(BaseSegment):
         reference, _ = super().render(clock, before)
         return reference, np.column_stack([c + d, c - d])
 
+    def details(self) -> str:
+        return (
+            f"{self.common_V:g} V common and {self.difference_V:g} V "
+            f"difference, {self.band_Hz[0]:g}–{self.band_Hz[1]:g} Hz"
+        )
+
 
 def _low_crest(lines: np.ndarray, tilt: float, clock: Clock) -> np.ndarray:
     """Return a multisine (n,) of RMS 1 with a low crest factor.

@@ -37,3 +37,9 @@ class Segment(BaseSegment):
         c, d = shapes
         reference, _ = super().render(clock, before)
         return reference, np.column_stack([c + d, c - d])
+
+    def details(self) -> str:
+        return (
+            f"±{self.common_V:g} V common and ±{self.difference_V:g} V "
+            f"difference, bits of {self.bit_s:g} s"
+        )

@@ -33,3 +33,6 @@ class Segment(BaseSegment):
         reference = before + (self.target(before) - before) * share
         front, back = self.common_V + self.difference_V, self.common_V - self.difference_V
         return reference, share * np.array([front, back])
+
+    def details(self) -> str:
+        return super().details() if self.common_V or self.difference_V else ""
