@@ -8,6 +8,8 @@ Otherwise the initial thrusts balance roll and pitch.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from heli3dof.model.base import LoopResult, LoopTask
@@ -16,10 +18,12 @@ from heli3dof.model.control.controller import N_OUT
 from heli3dof.model.control.loop_opening import after_law, before_law, opening
 from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
 from heli3dof.model.greybox.linearisation import balance, true_angles
-from heli3dof.model.greybox.parameters import GreyBoxParameters
 from heli3dof.model.physics.integrator import fly_row, readings, setup, stop_at_table
 from heli3dof.model.physics.state_layout import FLANK
 from heli3dof.model.physics.table import ON_TABLE_BELOW
+
+if TYPE_CHECKING:
+    from heli3dof.model.greybox.model import GreyBoxModel
 
 _before, _after = compiled(before_law, leaf=True), compiled(after_law, leaf=True)
 
@@ -55,7 +59,7 @@ def _fly(  # type: ignore[no-untyped-def]
 _fly_compiled = compiled(_fly, error_model="numpy", nogil=True)
 
 
-def fly(model: GreyBoxParameters, task: LoopTask) -> LoopResult:
+def fly(model: GreyBoxModel, task: LoopTask) -> LoopResult:
     """Return the closed-loop flight that ``task`` describes, simulated from rest at ``angle0``.
 
     A NaN in angle0 counts as zero. A diverging loop gives inf and NaN.

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,13 +28,15 @@ from heli3dof.model.estimation.filter_data import (
     hold_last,
     starts_on_table,
 )
-from heli3dof.model.greybox.parameters import GreyBoxParameters
 from heli3dof.model.physics.integrator import coast_to, readings, setup
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.rotor import thrusts
 from heli3dof.model.physics.state_layout import FLANK, SLEW, TAU_M
 from heli3dof.model.physics.table import ON_TABLE_BELOW
 from heli3dof.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from heli3dof.model.greybox.model import GreyBoxModel
 
 STEP_S = 0.02
 """s, the step of the simulation, rounded to whole rows."""
@@ -69,7 +72,7 @@ def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, strid
 _roll_compiled = compiled(_roll, error_model="numpy")
 
 
-def predict(model: GreyBoxParameters, recording: Recording, horizon_s: float) -> np.ndarray:
+def predict(model: GreyBoxModel, recording: Recording, horizon_s: float) -> np.ndarray:
     """Return predicted angles (N, 3) rad; row k predicts the recorded ``angle[k]``.
 
     Row k uses readings up to ``horizon_s`` s before it, and voltages of all rows before k. The
@@ -95,7 +98,7 @@ def predict(model: GreyBoxParameters, recording: Recording, horizon_s: float) ->
 
 
 def filtered(
-    model: GreyBoxParameters, recording: Recording
+    model: GreyBoxModel, recording: Recording
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
     """Filter a recording; return (t, V, thrust integral, states X, roll on the table, axes).
 
@@ -148,7 +151,7 @@ def filtered(
     return t, V, mean, X, low, free
 
 
-def _by_edges(model: GreyBoxParameters, d: Data, a: np.ndarray) -> np.ndarray:
+def _by_edges(model: GreyBoxModel, d: Data, a: np.ndarray) -> np.ndarray:
     """Return the states (N, 6) of the filter `ekf_quantised` for the data ``d``.
 
     ``a`` (3,) rad/s²/√Hz is the process noise on roll, pitch, yaw.
