@@ -71,11 +71,10 @@ class ProfileLikelihood(Likelihood):
     @cached_property
     def prior_precision(self) -> np.ndarray:
         """Return the prior's precision (n,): 1/variance of each scaled parameter."""
-        free = self.structure.free
-        std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
-        std[1:4] = self.doubt * self.structure.profile.tolerance
-        std[list(self.at_nominal)] = HELD_STD
-        return np.asarray(1.0 / std**2)
+        precision = super().prior_precision.copy()
+        precision[1:4] = 1.0 / (self.doubt * self.structure.profile.tolerance) ** 2
+        precision[list(self.at_nominal)] = 1.0 / HELD_STD**2
+        return precision
 
 
 def fit_base(setup: Setup) -> CorrectedFit:

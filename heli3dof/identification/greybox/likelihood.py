@@ -71,7 +71,7 @@ class Likelihood:
     @cached_property
     def prior_mean(self) -> np.ndarray:
         """Return the prior mean (n,) of the scaled parameters θ."""
-        return np.array([f.scaled(f.start) for f in self.structure.free])
+        return self.structure.scaled(self.structure.start)
 
     @cached_property
     def prior_precision(self) -> np.ndarray:
@@ -84,8 +84,8 @@ class Likelihood:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the lowest and the highest allowed scaled parameters, (n,) each."""
         free = self.structure.free
-        low = np.array([f.scaled(f.low) for f in free])
-        return low, np.array([f.scaled(f.high) for f in free])
+        scaled = self.structure.scaled
+        return scaled(f.low for f in free), scaled(f.high for f in free)
 
     def movable(self, theta: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Return (n,) bool: True for the scaled parameters that a step along g can change.
@@ -102,11 +102,11 @@ class Likelihood:
 
     def values(self, theta: np.ndarray) -> np.ndarray:
         """Return the values (n,), in their units, of the scaled parameters ``theta`` (n,)."""
-        return np.array([f.unscaled(c) for f, c in zip(self.structure.free, theta, strict=True)])
+        return self.structure.unscaled(theta)
 
     def scaled(self, values: np.ndarray) -> np.ndarray:
         """Return the scaled parameters (n,) of ``values`` (n,); the inverse of `values`."""
-        return np.array([f.scaled(v) for f, v in zip(self.structure.free, values, strict=True)])
+        return self.structure.scaled(values)
 
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> FilterRun:
         """Return the filter's run over the data with scaled parameters θ (n,) and noise a (4,).

@@ -51,7 +51,7 @@ def linear_quantities(
     absent, null = found.absent, np.array([f.null for f in found.free])
 
     def at(point: np.ndarray) -> Continuous:
-        values = np.where(absent, null, found.values_at(point))
+        values = np.where(absent, null, found.structure.unscaled(point))
         model = GreyBoxModel(
             "", found.structure.profile, tuple(t.name for t in found.structure.terms),
             values, np.zeros(3), np.full((len(point), len(point)), np.nan),
