@@ -1,8 +1,8 @@
 """`Effect`, `Parameter`, `Term`: a physical effect (friction, lag …) that a model may contain.
 
-To add an effect, write one file in this folder with ``EFFECT = Effect(...)`` and the equation in
-its docstring. Another package registers such an object under the entry-point group
-``heli3dof.effects``.
+The files of this folder group their effects by family, as ``EFFECTS``. To add an effect, write one
+file with ``EFFECT = Effect(...)`` and the equation in its docstring. Another package registers such
+an object under the entry-point group ``heli3dof.effects``.
 """
 
 from __future__ import annotations
