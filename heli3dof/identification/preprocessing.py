@@ -25,7 +25,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
-from heli3dof.identification.row_selection import REASONS, clipped, stretches, unusable
+from heli3dof.identification.row_selection import REASONS, clipped, runs_of, unusable
 from heli3dof.model.estimation.filter_data import LOST, RowRange
 from heli3dof.recording.gap_filling import GAP, fill_gaps
 from heli3dof.recording.recording import Recording
@@ -268,11 +268,8 @@ def _usable_runs(recording: Recording, source: int) -> tuple[list[RowRange], Rec
     for reason in REASONS:
         left_out[reason] = float((masks[reason] & ~bad).mean())
         bad |= masks[reason]
-    breaks = np.flatnonzero(np.diff(recording.t) > LOST * clock.period_s) + 1
-    least = SEGMENT_MIN_S / clock.period_s
-    found: list[RowRange] = [
-        RowRange(source, a, b) for a, b in stretches(~bad, breaks) if b - a >= least
-    ]
+    period = clock.period_s
+    found = runs_of(~bad, recording, source, LOST * period, SEGMENT_MIN_S / period)
     used = sum(r.stop - r.start for r in found) / n
     clip = float((clipped(recording) & ~bad).mean())
     report = RecordingReport(

@@ -28,7 +28,7 @@ from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import compile_first
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import terms as named
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure, unit_of

@@ -33,8 +33,8 @@ from heli3dof.identification.greybox.freeflight import LEAST_WINDOWS, flight_of
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import compile_first
 from heli3dof.identification.greybox.method import has_jitter, model_of
-from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.greybox.multistep import errors
 from heli3dof.model.greybox.prediction import NOISE, filtered

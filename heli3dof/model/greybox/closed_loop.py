@@ -17,10 +17,10 @@ from heli3dof.model.compiled import compiled
 from heli3dof.model.control.controller import N_OUT
 from heli3dof.model.control.loop_opening import after_law, before_law, opening
 from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
+from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
 from heli3dof.model.greybox.linearisation import balance, true_angles
 from heli3dof.model.physics.integrator import fly_row, readings, setup, stop_at_table
 from heli3dof.model.physics.state_layout import FLANK
-from heli3dof.model.physics.table import ON_TABLE_BELOW
 
 if TYPE_CHECKING:
     from heli3dof.model.greybox.model import GreyBoxModel

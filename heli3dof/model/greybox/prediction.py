@@ -32,7 +32,7 @@ from heli3dof.model.physics.integrator import coast_to, readings, setup
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.rotor import thrusts
 from heli3dof.model.physics.state_layout import FLANK, SLEW, TAU_M
-from heli3dof.model.physics.table import ON_TABLE_BELOW
+from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
 from heli3dof.recording.recording import Recording
 
 if TYPE_CHECKING:
