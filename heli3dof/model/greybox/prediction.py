@@ -18,9 +18,9 @@ import numpy as np
 from heli3dof.model.compiled import compiled
 from heli3dof.model.estimation.decimated_log import mean_voltage
 from heli3dof.model.estimation.ekf_jitter import filter_jittered, positions
-from heli3dof.model.estimation.ekf_quantised import filter_blocks
+from heli3dof.model.estimation.ekf_quantised import filter_quantised
 from heli3dof.model.estimation.filter_data import (
-    Data,
+    ON_TABLE_BELOW,
     RowRange,
     climb_rows,
     data_of,
@@ -32,7 +32,6 @@ from heli3dof.model.physics.integrator import coast_to, readings, setup
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.rotor import thrusts
 from heli3dof.model.physics.state_layout import FLANK, SLEW, TAU_M
-from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
 from heli3dof.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -142,31 +141,18 @@ def filtered(
                 model.structure, model.values, d, a, model.jitter_s, model.varying
             ).states
         else:
-            states = _by_edges(model, d, a)
+            noise = np.append(a, model.jitter_s)
+            found = filter_quantised(
+                model.structure, model.values, d, noise, encoder_noise(d), keep=2
+            )
+            assert found.X is not None
+            states = found.X
         for run, (_, start, stop) in zip(runs, d.blocks, strict=True):
             X[run.start : run.stop] = states[start:stop]
     X[:, :3][:, ~free] = 0.0  # an axis that was not measured is fixed at level
     X[:, 3:6][:, ~free] = 0.0
     mean = impulse(model.structure, model.values, V, h, still=starts_on_table(recording))
     return t, V, mean, X, low, free
-
-
-def _by_edges(model: GreyBoxModel, d: Data, a: np.ndarray) -> np.ndarray:
-    """Return the states (N, 6) of the filter `ekf_quantised` for the data ``d``.
-
-    ``a`` (3,) rad/s²/√Hz is the process noise on roll, pitch, yaw.
-    """
-    hooks = model.structure.hooks
-    s, par = model.structure.arrays(model.values)
-    states = np.zeros((len(d.t), 6))
-    n = 6 * len(d.t)
-    filter_blocks(
-        s, hooks.first, hooks.address, par, model.structure.memory, d.blocks, d.free, d.grid,
-        d.t, d.h, d.V, d.y, a**2, model.jitter_s, encoder_noise(d), 2,
-        np.zeros(3), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64),
-        np.empty(n), np.empty(n), np.empty(n), np.empty((n, 6)), states,
-    )  # fmt: skip
-    return states
 
 
 def impulse(
