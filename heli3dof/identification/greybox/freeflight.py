@@ -37,8 +37,7 @@ from heli3dof.model.estimation.filter_data import (
     starts_on_table,
 )
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.model.greybox.multistep import Flight
-from heli3dof.model.greybox.prediction import table_of
+from heli3dof.model.greybox.prediction import Flight, table_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 from heli3dof.stage_clock import Progress

@@ -39,7 +39,7 @@ from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, de
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
-from heli3dof.model.greybox.multistep import Flight, errors
+from heli3dof.model.greybox.prediction import Flight, errors
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.stage_clock import Progress
 

@@ -28,8 +28,7 @@ import numpy as np
 from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, follow_on
 from heli3dof.identification.greybox.multistep import MultiStep
 from heli3dof.model.compiled import compiled
-from heli3dof.model.greybox.multistep import Flight
-from heli3dof.model.greybox.prediction import impulse
+from heli3dof.model.greybox.prediction import Flight, impulse
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.integrator import readings, setup
 from heli3dof.model.physics.rigid_body import accelerations
