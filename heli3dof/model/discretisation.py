@@ -43,6 +43,17 @@ class Continuous:
     D: np.ndarray
     method: Literal["hold", "bilinear"]
 
+    def response(self, omega: np.ndarray) -> np.ndarray:
+        """Return the frequency response C (jωI − A)⁻¹ B + D (F, 3, 2) rad/V at ω (F,) rad/s."""
+        eye = np.eye(len(self.A))
+        inner = (np.linalg.solve(1j * w * eye - self.A, self.B) for w in omega)
+        return np.array([self.C @ x + self.D for x in inner])
+
+    def coefficients(self) -> np.ndarray:
+        """Return [den[1:], num.ravel()] of the transfer functions (`numerators`)."""
+        num, den = numerators(self)
+        return np.concatenate([den[1:], num.ravel()])
+
 
 def c2d_zoh(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Return (A_d, B_d), the exact discretisation of ẋ = A x + B u with u held for dt (s)."""
