@@ -63,16 +63,13 @@ def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.
     return la.block_diag(companion, companion), B, np.hstack([num[0], num[1]])
 
 
-def paper17_model(
-    profile: Profile, *, corrected: bool = False, dt: float | None = None
-) -> LinearModel:
+def paper17_model(profile: Profile, *, corrected: bool = False) -> LinearModel:
     """Return eq (17), as printed or ``corrected``, as a discrete-time model about hover.
 
-    ``dt``: sampling interval in s; default: the profile's control period.
+    Its sampling interval is the profile's control period.
     """
-    dt = profile.dt if dt is None else dt
     A, B, C = realisation(corrected=corrected)
-    A_d, B_d = c2d_zoh(A, B, dt)
+    A_d, B_d = c2d_zoh(A, B, profile.dt)
     return LinearModel(
         name="paper-17-corrected" if corrected else "paper-17",
         kind="paper17",
@@ -83,7 +80,7 @@ def paper17_model(
         S=np.full((3, 3), np.nan),
         u0=np.full(2, profile.motor.V_o),
         y0=np.zeros(3),
-        dt=dt,
+        dt=profile.dt,
         extra={
             "defective": "eq (17) of the paper (erratum E14): unstable in the loop with K_g in "
             "every reading, and its fourth order cannot represent the plant",

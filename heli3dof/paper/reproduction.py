@@ -19,7 +19,7 @@ from heli3dof.axes import AXES
 from heli3dof.comparison.metrics import AxisMetrics, step_metrics
 from heli3dof.model.base import LoopTask, Model
 from heli3dof.paper.published import TABLE_II, TEXT, Published
-from heli3dof.rig.profile import ControllerSpec, Profile, default_profile
+from heli3dof.rig.profile import ControllerSpec, default_profile
 
 STEP_DEG, DURATION_S = 10.0, 10.0
 """Size (°) of the paper's roll step, and duration (s) of its simulation"""
@@ -38,12 +38,9 @@ class Reproduced:
         return {**asdict(self.published), "ours_deg": ours if isfinite(ours) else None}
 
 
-def paper_step(profile: Profile | None = None) -> LoopTask:
-    """Return the input of the paper's simulation: a 10° roll step from level hover.
-
-    ``profile``: the rig's profile, by default that of Table I's rig.
-    """
-    profile = profile or default_profile()
+def paper_step() -> LoopTask:
+    """Return the input of the paper's simulation: a 10° roll step of Table I's rig from level."""
+    profile = default_profile()
     n = round(DURATION_S / profile.dt) + 1
     return LoopTask(
         reference=np.tile(np.radians([STEP_DEG, 0.0, 0.0]), (n, 1)),
@@ -56,19 +53,16 @@ def paper_step(profile: Profile | None = None) -> LoopTask:
     )
 
 
-def hover_metrics(hover: Model, profile: Profile | None = None) -> Mapping[str, AxisMetrics]:
-    """Simulate `paper_step` with the hover model ``hover``; return the step metrics by axis."""
-    task = paper_step(profile)
-    result = hover.fly(task)
-    return step_metrics(result.t, result.angle, task.reference)
-
-
 def reproduce(hover: Model | None) -> tuple[Reproduced, ...]:
     """Return the paper's numbers, each with its simulated value (NaN if none), sorted by axis.
 
     ``hover`` is the corrected hover model of Table I's rig; if it is None, nothing is simulated.
     """
-    metrics = None if hover is None else hover_metrics(hover)
+    metrics: Mapping[str, AxisMetrics] | None = None
+    if hover is not None:
+        task = paper_step()
+        result = hover.fly(task)
+        metrics = step_metrics(result.t, result.angle, task.reference)
     rows = []
     for number in (*TEXT, *TABLE_II):
         ours = np.nan

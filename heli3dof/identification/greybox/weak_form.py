@@ -190,19 +190,18 @@ def scales(e: np.ndarray) -> np.ndarray:
 
 
 def weak_start(
-    problem: MultiStep, start: np.ndarray | None = None, rounds: int = ROUNDS, *,
-    progress: Progress | None = None,
-) -> np.ndarray:  # fmt: skip
+    problem: MultiStep, start: np.ndarray | None = None, *, progress: Progress | None = None
+) -> np.ndarray:
     """Return the scaled parameters (dim,) from which the multi-step fit should start.
 
     They minimise the weak form's errors over the flights of ``problem``. The search starts at
-    ``start`` (dim,) and takes ``rounds`` rounds; ``progress`` gets lines of text.
+    ``start`` (dim,); ``progress`` gets lines of text.
     """
     logs = [log_of(f) for f in problem.flights]
     z = np.clip(problem.start if start is None else start, *problem.bounds)
-    for n in range(rounds):
+    for n in range(ROUNDS):
         if progress is not None:
-            progress(f"initial values by the weak form, round {n + 1} of {rounds}")
+            progress(f"initial values by the weak form, round {n + 1} of {ROUNDS}")
         scale = [scales(e) for e in residuals(problem, logs, z)]
         z = _minimum(problem, logs, scale, z)
     return np.asarray(z)

@@ -54,15 +54,13 @@ class RecordingWriter:
         meta: Mapping[str, Any] | None = None,
         *,
         force: bool = False,
-        start_ns: int | None = None,
     ) -> None:
         """Create the file and write the profile and ``meta`` (see `provenance`) to it.
 
-        ``start_ns`` is the time of t = 0 in ns since 1970; default: now. Raises OutputExists
-        (without ``force``), UsageError or NoSpace.
+        The time of t = 0 is now. Raises OutputExists (without ``force``), UsageError or NoSpace.
         """
         self.path = Path(path)
-        self.start_ns = time.time_ns() if start_ns is None else start_ns
+        self.start_ns = time.time_ns()
         check_output(self.path, force=force)
         self._rows: deque[bytes] = deque()
         self._pack = RowPacker()

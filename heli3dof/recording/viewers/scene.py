@@ -67,15 +67,15 @@ class Poses:
     """m, origin of the frame body in the frame arm."""
 
 
-def poses(recording: Recording, per_s: float = FRAMES_PER_S) -> Poses:
-    """Return the poses of arm and body in a recording, at most ``per_s`` per second.
+def poses(recording: Recording) -> Poses:
+    """Return the poses of arm and body in a recording, at most `FRAMES_PER_S` per second.
 
     An axis that was not measured is drawn at zero. Rows in which the angle of a measured axis is
     missing have no pose.
     """
     angle = np.where(np.isnan(recording.angle).all(axis=0), 0.0, recording.angle)
     complete = np.flatnonzero(np.isfinite(angle).all(axis=1))
-    slot = np.floor((recording.t[complete] - recording.t[0]) * per_s + 1e-6)
+    slot = np.floor((recording.t[complete] - recording.t[0]) * FRAMES_PER_S + 1e-6)
     rows = complete[np.unique(slot, return_index=True)[1]]
     profile = recording.profile
     return Poses(
