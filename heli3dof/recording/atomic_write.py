@@ -69,13 +69,10 @@ def check_outputs(*outputs: Path | None, force: bool, inputs: Iterable[Path] = (
         seen.append(path.absolute())
 
 
-def check_output(path: Path, *, force: bool, fix: str = ELSEWHERE) -> None:
-    """Raise OutputExists (without ``force``), UsageError or NoSpace if ``path`` cannot be created.
-
-    ``fix``: the remedy that the message names.
-    """
+def check_output(path: Path, *, force: bool) -> None:
+    """Raise OutputExists (without ``force``), UsageError or NoSpace: ``path`` cannot be created."""
     _check_name(path, force=force)
-    with write_errors_explained(path, fix=fix):
+    with write_errors_explained(path):
         place = path.resolve()
         if place.exists() and not place.is_file():  # a pipe or a device
             if not os.access(place, os.W_OK):

@@ -108,12 +108,6 @@ class LinearModel:
             f" {axes}>"
         )
 
-    def rest_state(self, angle0: FloatArray) -> FloatArray:
-        """Return the state (n,) of a rig at rest at ``angle0`` (3,) rad; see `initial_state`."""
-        from heli3dof.model.linear.initial_state import rest_state
-
-        return rest_state(self, angle0)
-
     def fly(self, task: LoopTask) -> LoopResult:
         """Return the closed-loop flight that ``task`` describes, simulated with this model."""
         from heli3dof.model.linear.closed_loop import fly
