@@ -27,7 +27,7 @@ from heli3dof.comparison.prediction import (
     rmse_deg,
     stitched,
 )
-from heli3dof.comparison.replay import Replay, replay, under_control, why_not_replayed
+from heli3dof.comparison.replay import Replay, replay
 from heli3dof.comparison.result import (
     Comparison,
     FlightComparison,
@@ -37,6 +37,7 @@ from heli3dof.comparison.result import (
 )
 from heli3dof.errors import Heli3dofError
 from heli3dof.model.base import Model
+from heli3dof.model.control.loop_task import under_control, why_not_replayed
 from heli3dof.model.control.voltage_replay import with_known_controller
 from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.recording import Recording

@@ -23,12 +23,9 @@ from heli3dof.model.control.loop_task import (
     control_instants,
     loop_task,
     under_control,
-    why_not_replayed,
 )
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import ControllerSpec
-
-__all__ = ["Replay", "loop_task", "replay", "under_control", "why_not_replayed"]
 
 DIVERGED_DEG = {ROLL: 180.0, PITCH: 180.0, YAW: 720.0}
 """Axis → degrees: a model further than this from its reference has diverged (a convention)."""
@@ -42,8 +39,6 @@ class Replay:
     """(N,) s: the recording's times"""
     angle: np.ndarray
     """(N, 3) rad: the simulated angles; NaN once the model has diverged"""
-    voltage: np.ndarray
-    """(N, 2) V: the voltages after the limiter; NaN once the model has diverged"""
     diverged_at_s: float | None
     """s on the recording's clock when the model diverged; None if it did not"""
     unstable_poles: tuple[complex, ...]
@@ -66,17 +61,13 @@ def replay(model: Model, recording: Recording) -> Replay:
     lost = ~np.isfinite(result.angle).all(axis=1) | ~(away <= limit).all(axis=1)
     grid = control_instants(flown.t, task.dt)
     angle = np.column_stack([np.interp(flown.t, grid, a) for a in result.angle.T])
-    voltage = np.column_stack([np.interp(flown.t, grid, v) for v in result.voltage.T])
     diverged_at_s = None
     if lost.any():
         diverged_at_s = float(grid[int(np.argmax(lost))])
-        gone = flown.t >= diverged_at_s - task.dt
-        angle[gone], voltage[gone] = np.nan, np.nan
+        angle[flown.t >= diverged_at_s - task.dt] = np.nan
     poles = np.empty(0, dtype=complex)
     if isinstance(task.controller, ControllerSpec):
         poles = np.atleast_1d(model.loop_poles(task.controller, task.dt))
     unstable = poles[poles.real > 1e-6]
     order = np.argsort(-unstable.real)
-    return Replay(
-        flown.t, angle, voltage, diverged_at_s, tuple(complex(p) for p in unstable[order])
-    )
+    return Replay(flown.t, angle, diverged_at_s, tuple(complex(p) for p in unstable[order]))

@@ -22,6 +22,8 @@ from heli3dof.identification.black_box.pbsid import Pair, past, varx
 
 LEVEL = 1e-3
 """Significance level of the feedback test"""
+ORDER, LAGS = 10, 5
+"""Order of the autoregressions that whiten both signals, and number of lags h in the test"""
 SHARE_MIN = 0.005
 """Smallest `Feedback.share` that counts as feedback; a smaller one hardly biases a fit."""
 
@@ -42,14 +44,14 @@ class Feedback:
     sentence: str
 
 
-def feedback_test(data: Sequence[Pair], *, p: int = 10, h: int = 5) -> Feedback:
+def feedback_test(data: Sequence[Pair]) -> Feedback:
     """Return the result of the test whether the voltages respond to the angles.
 
-    ``data`` has a pair per segment without gaps: voltages (N, 2) V, angles (N, 3) rad. p is the
-    order of the autoregressions that whiten both signals, h the number of lags in the test.
+    ``data`` has a pair per segment without gaps: voltages (N, 2) V, angles (N, 3) rad.
     """
     from scipy.stats import chi2
 
+    p, h = ORDER, LAGS
     long = [(u, y) for u, y in data if len(u) > 3 * p]
     fit = varx(long, p)
     w = _input_innovations(long, p)

@@ -102,7 +102,7 @@ def identify(
     whole, partial = _by_angles(_several(recordings), split=about.physical)
     prepared = prepare(whole, held_out=_several(holdout))
     near = segments(prepared, prepared.train, max(1, round(FEEDBACK_TEST_S / prepared.dt)))
-    feedback = feedback_test([(s.u, s.y) for s in near])
+    feedback = feedback_test(near)
     request = Request(
         method,
         order,

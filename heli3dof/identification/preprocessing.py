@@ -25,7 +25,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
-from heli3dof.identification.row_selection import REASONS, clipped, stretches, unusable
+from heli3dof.identification.row_selection import REASONS, clipped, runs_of, unusable
 from heli3dof.model.estimation.filter_data import LOST, RowRange
 from heli3dof.recording.gap_filling import GAP, fill_gaps
 from heli3dof.recording.recording import Recording
@@ -34,6 +34,7 @@ MIN_SAMPLES = 3
 """Smallest number of samples for which the scatter of the sample interval can be computed"""
 SEGMENT_MIN_S = 1.0
 USABLE_MIN_S = 5.0
+HELD_OUT_SHARE = 0.25
 
 
 @dataclass(frozen=True)
@@ -123,21 +124,6 @@ class Prepared:
     """A sentence for the report on how the held-out data were chosen"""
 
 
-@dataclass(frozen=True, eq=False)
-class Segment:
-    """A run of usable rows, decimated to N intervals.
-
-    u (N, 2) V are the mean voltages of the intervals, y (N, 3) rad the angles at their starts.
-    ``source`` is the index of the recording in `Prepared`.
-    """
-
-    u: np.ndarray
-    y: np.ndarray
-    source: int
-    row: int
-    """Row of the recording at which the segment starts"""
-
-
 def check_clock(recording: Recording) -> Clock:
     """Return statistics of a recording's time stamps.
 
@@ -168,17 +154,12 @@ def check_clock(recording: Recording) -> Clock:
     )  # fmt: skip
 
 
-def prepare(
-    recordings: Sequence[Recording],
-    *,
-    held_out: Sequence[Recording] = (),
-    held_out_share: float = 0.25,
-) -> Prepared:
+def prepare(recordings: Sequence[Recording], *, held_out: Sequence[Recording] = ()) -> Prepared:
     """Return the recordings prepared for a fit: clocks checked, usable runs found, some held out.
 
     Args:
         recordings: recordings to fit; all need roll, pitch and yaw, and the same sample interval.
-        held_out: recordings to validate on. Without any, the last ``held_out_share`` of each
+        held_out: recordings to validate on. Without any, the last `HELD_OUT_SHARE` of each
             recording's usable time is set aside.
 
     Raises RecordingError for too few usable rows, a missing angle, constant voltages, or different
@@ -207,21 +188,24 @@ def prepare(
     else:
         train, test = [], []
         for found in runs:
-            a, b = _split(found, held_out_share)
+            a, b = _split(found, HELD_OUT_SHARE)
             train += a
             test += b
         split = (
-            f"validated on the last {100 * held_out_share:.0f} % of each recording, "
+            f"validated on the last {100 * HELD_OUT_SHARE:.0f} % of each recording, "
             "which is held-out data; a separate recording would be a stricter test"
         )
     _check_length(train, dt, recordings)
     return Prepared(everything, tuple(train), tuple(test), tuple(reports), dt, split)
 
 
-def segments(prepared: Prepared, runs: Sequence[RowRange], factor: int) -> list[Segment]:
-    """Return a `Segment`, decimated by ``factor``, for each run of at least 2 · ``factor`` rows.
+def segments(
+    prepared: Prepared, runs: Sequence[RowRange], factor: int
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return (u, y), decimated by ``factor``, for each run of at least 2 · ``factor`` rows.
 
-    The gaps of a run are filled first: voltages are held, angles interpolated.
+    u (N, 2) V are the mean voltages of N intervals, y (N, 3) rad the angles at their starts. The
+    gaps of a run are filled first: voltages are held, angles interpolated.
     """
     out = []
     for run in runs:
@@ -237,7 +221,7 @@ def segments(prepared: Prepared, runs: Sequence[RowRange], factor: int) -> list[
         v = rec.voltage[rows].reshape(count, factor, 2)
         u = (v * weight).sum(axis=1) / weight.sum(axis=1)
         y = np.column_stack([np.interp(t[::factor], rec.t[own], a[own]) for a in rec.angle.T])
-        out.append(Segment(u, y, run.source, run.start))
+        out.append((u, y))
     return out
 
 
@@ -268,11 +252,8 @@ def _usable_runs(recording: Recording, source: int) -> tuple[list[RowRange], Rec
     for reason in REASONS:
         left_out[reason] = float((masks[reason] & ~bad).mean())
         bad |= masks[reason]
-    breaks = np.flatnonzero(np.diff(recording.t) > LOST * clock.period_s) + 1
-    least = SEGMENT_MIN_S / clock.period_s
-    found: list[RowRange] = [
-        RowRange(source, a, b) for a, b in stretches(~bad, breaks) if b - a >= least
-    ]
+    period = clock.period_s
+    found = runs_of(~bad, recording, source, LOST * period, SEGMENT_MIN_S / period)
     used = sum(r.stop - r.start for r in found) / n
     clip = float((clipped(recording) & ~bad).mean())
     report = RecordingReport(

@@ -34,7 +34,7 @@ import itertools
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL, YAW
-from heli3dof.model.physics.table import ON_TABLE_BELOW
+from heli3dof.model.estimation.filter_data import LOST, ON_TABLE_BELOW, RowRange
 from heli3dof.recording.recording import Recording
 
 REASONS = ("unread", "table", "take_off", "stop", "motors_off", "falling", "ramp_down")
@@ -43,6 +43,8 @@ STOP_BEYOND = np.deg2rad(25.0)
 SETTLED_S = 0.25
 TAKE_OFF_S = 3.0
 STILL_S = 0.1
+LEAST_RUN_S = 0.5
+"""s: shortest run of usable rows to which a grey-box model is fitted. Chosen; not derived."""
 AT_STOP_S = 0.3
 AT_EXTREME = np.deg2rad(0.2)
 HIT = 8.0
@@ -171,6 +173,27 @@ def stretches(mask: np.ndarray, cuts: np.ndarray | None = None) -> list[tuple[in
     edges = np.flatnonzero(np.diff(mask)) + 1
     edges = np.unique(np.concatenate([[0, len(mask)], edges, [] if cuts is None else cuts]))
     return [(a, b) for a, b in itertools.pairwise(edges.astype(int).tolist()) if mask[a]]
+
+
+def runs_of(
+    ok: np.ndarray, recording: Recording, source: int, longest_gap_s: float, least: float
+) -> list[RowRange]:
+    """Return the runs of rows that are ``ok`` (N,) bool, each at least ``least`` rows long.
+
+    A run ends at a gap of more than ``longest_gap_s`` s. ``source`` is the recording's index.
+    """
+    breaks = np.flatnonzero(np.diff(recording.t) > longest_gap_s) + 1
+    return [RowRange(source, a, b) for a, b in stretches(ok, breaks) if b - a >= least]
+
+
+def usable_runs(recording: Recording, source: int) -> list[RowRange]:
+    """Return the runs of usable rows of a recording, each at least `LEAST_RUN_S` s long.
+
+    A run ends at a gap of more than `LOST` periods. ``source`` is the recording's index.
+    """
+    bad = np.logical_or.reduce(list(unusable(recording).values()))
+    least = LEAST_RUN_S / recording.dt
+    return runs_of(~bad, recording, source, LOST * recording.dt, least)
 
 
 def _long_runs(mask: np.ndarray, at_least: int) -> np.ndarray:

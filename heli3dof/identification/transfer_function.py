@@ -65,13 +65,13 @@ class TransferFunctions:
             out.append((complex(z), std))
         return out
 
-    def lines(self, digits: int = 4) -> list[str]:
-        """Return six lines of text, a transfer function (degrees/V) each, to ``digits`` digits."""
-        den = polynomial(self.den, digits)
+    def lines(self) -> list[str]:
+        """Return six lines of text, a transfer function (degrees/V) each."""
+        den = polynomial(self.den)
         out = []
         for j in range(2):
             for i in range(3):
-                num = polynomial(self.num[i, j] * DEGREES, digits, float(np.abs(self.num[i]).max()))
+                num = polynomial(self.num[i, j] * DEGREES, float(np.abs(self.num[i]).max()))
                 out.append(f"T(s)_{{{j + 1},{i + 1}}} = ({num}) / ({den})")
         return out
 
@@ -102,8 +102,8 @@ class TransferFunctions:
         }
 
 
-def polynomial(coefficients: np.ndarray, digits: int = 4, scale: float = 0.0) -> str:
-    """Format a polynomial in s, with ``digits`` digits, from coefficients, highest power first.
+def polynomial(coefficients: np.ndarray, scale: float = 0.0) -> str:
+    """Format a polynomial in s, with 4 digits, from coefficients, highest power first.
 
     Leading coefficients below 1e-9 times the largest one, or times ``scale``, are omitted as
     rounding errors.
@@ -116,7 +116,7 @@ def polynomial(coefficients: np.ndarray, digits: int = 4, scale: float = 0.0) ->
     for power, value in zip(range(len(c) - 1, -1, -1), c, strict=True):
         if value == 0 and len(c) > 1:
             continue
-        size = f"{abs(value):.{digits}g}"
+        size = f"{abs(value):.4g}"
         letter = "" if power == 0 else "s" if power == 1 else f"s^{power}"
         body = letter if letter and size == "1" else size + letter
         sign = "-" if value < 0 else "+"

@@ -41,13 +41,6 @@ class Score:
     rmse: np.ndarray
     rows: int
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the score as a dict: fit (%) and RMSE (degrees) by axis."""
-        return {
-            axis: {"fit_percent": float(f), "rmse_deg": float(np.rad2deg(e))}
-            for axis, f, e in zip(AXES, self.fit_percent, self.rmse, strict=True)
-        }
-
 
 NO_SCORE = Score(np.full(3, np.nan), np.full(3, np.nan), 0)
 

@@ -27,7 +27,7 @@ from heli3dof.axes import AXES, ROLL
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.response import Response
 from heli3dof.integrity.view import View
-from heli3dof.model.physics.table import ON_TABLE_BELOW
+from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
 
 SURE, EXPLAINED, DRIVE = 6.0, 0.5, 0.02
 """Least values for a known sign of g. Chosen, as are all constants below; `DRIVE` in rad/s²."""

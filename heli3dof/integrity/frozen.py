@@ -21,7 +21,7 @@ from heli3dof.identification.row_selection import STOP_BEYOND
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.response import predicted_accelerations
 from heli3dof.integrity.view import View
-from heli3dof.model.physics.table import ON_TABLE_BELOW
+from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
 
 LEAST_S = 2.5
 """s: least time on one count. Chosen, as are all constants below."""

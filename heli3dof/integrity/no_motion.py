@@ -17,7 +17,7 @@ import numpy as np
 from heli3dof.axes import AXES, ROLL
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
-from heli3dof.model.physics.table import ON_TABLE_BELOW
+from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
 
 OFF = 0.02
 """Share of v_max below which a voltage cannot move the rig"""

@@ -19,7 +19,7 @@ import numpy as np
 from heli3dof.axes import ROLL
 from heli3dof.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.integrity.view import View
-from heli3dof.model.physics.table import ON_TABLE_BELOW
+from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
 
 NEAR = np.radians(3.0)
 """rad; also the standard deviation of the reported angle"""

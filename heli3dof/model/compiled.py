@@ -76,9 +76,9 @@ def _with_cell(function: Callable[..., Any], content: str) -> Callable[..., Any]
 
 
 @contextmanager
-def announced(sentence: str, after_s: float = 1.5) -> Iterator[None]:
-    """Context manager: log ``sentence`` as a warning if the block takes over ``after_s`` s."""
-    timer = threading.Timer(after_s, logging.getLogger("heli3dof").warning, (sentence,))
+def announced(sentence: str) -> Iterator[None]:
+    """Context manager: log ``sentence`` as a warning if the block takes over 1.5 s."""
+    timer = threading.Timer(1.5, logging.getLogger("heli3dof").warning, (sentence,))
     timer.daemon = True
     timer.start()
     try:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import scipy.linalg as la
@@ -22,24 +22,11 @@ import scipy.linalg as la
 if TYPE_CHECKING:
     import control
 
+    from heli3dof.model.linear.model import LinearModel
+
 _NAMES = {"inputs": ["v_front_V", "v_back_V"], "outputs": ["roll_rad", "pitch_rad", "yaw_rad"]}
 HOVER_STATES = ("r", "p", "psi", "r_rate", "p_rate", "psi_rate")
 """Names of the states (r, p, ψ, ṙ, ṗ, ψ̇) of the paper's eq (8), in rad and rad/s."""
-
-
-class Sampled(Protocol):
-    """Interface of a discrete model x[k+1] = A x + B ũ, ỹ = C x; ũ, ỹ: deviations from a trim."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def A(self) -> np.ndarray: ...
-    @property
-    def B(self) -> np.ndarray: ...
-    @property
-    def C(self) -> np.ndarray: ...
-    @property
-    def dt(self) -> float: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +42,17 @@ class Continuous:
     C: np.ndarray
     D: np.ndarray
     method: Literal["hold", "bilinear"]
+
+    def response(self, omega: np.ndarray) -> np.ndarray:
+        """Return the frequency response C (jωI − A)⁻¹ B + D (F, 3, 2) rad/V at ω (F,) rad/s."""
+        eye = np.eye(len(self.A))
+        inner = (np.linalg.solve(1j * w * eye - self.A, self.B) for w in omega)
+        return np.array([self.C @ x + self.D for x in inner])
+
+    def coefficients(self) -> np.ndarray:
+        """Return [den[1:], num.ravel()] of the transfer functions (`numerators`)."""
+        num, den = numerators(self)
+        return np.concatenate([den[1:], num.ravel()])
 
 
 def c2d_zoh(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -86,7 +84,7 @@ def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np
     return L[:n, :n], L[:n, n:]
 
 
-def continuous(model: Sampled) -> Continuous:
+def continuous(model: LinearModel) -> Continuous:
     """Return a model converted to continuous time, by the inverse zero-order hold if it exists.
 
     Otherwise the conversion uses the bilinear rule (Tustin).
@@ -121,7 +119,7 @@ def numerators(model: Continuous) -> tuple[np.ndarray, np.ndarray]:
 
 
 def to_control(
-    model: Sampled, *, in_continuous_time: bool = False, states: Sequence[str] | None = None
+    model: LinearModel, *, in_continuous_time: bool = False, states: Sequence[str] | None = None
 ) -> control.StateSpace:
     """Return a python-control ``StateSpace`` about the trim: from u − u0 (V) to y − y0 (rad).
 
@@ -141,7 +139,7 @@ def to_control(
     return control.ss(c.A, c.B, c.C, c.D, states=states, **names)
 
 
-def to_transfer_function(model: Sampled) -> control.TransferFunction:
+def to_transfer_function(model: LinearModel) -> control.TransferFunction:
     """Return the continuous-time transfer functions, rad per V, as a 3 × 2 python-control object.
 
     Common powers of s are cancelled, unlike in `numerators`.

@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib
 import json
 import math
-import pkgutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,11 +16,12 @@ from typing import Any
 import numpy as np
 
 from heli3dof.errors import RecordingError, UsageError, did_you_mean, why_missing
-from heli3dof.model import serialization
 from heli3dof.model.base import Model
 from heli3dof.recording.atomic_write import write_file
 
 SCHEMA = "heli3dof.model/1"
+FORMS = {"greybox": "GreyBoxModel", "linear": "LinearModel"}
+"""Form of a model file → its class, in ``heli3dof.model.FORM.model``, with ``from_dict``"""
 
 
 def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
@@ -65,17 +65,16 @@ def read_model(path: str | Path) -> Model:
             "give the .json that heli3dof identify wrote",
         )
     form = data.get("form")
-    known = sorted(m.name for m in pkgutil.iter_modules(serialization.__path__))
-    if form not in known:
+    if form not in list(FORMS):  # it may be unhashable
         raise _unusable(
             path,
             f"holds a model of the unknown form {form!r}",
-            f"a newer heli3dof wrote it, or a typing error; {did_you_mean(str(form), known)}",
+            f"a newer heli3dof wrote it, or a typing error; {did_you_mean(str(form), FORMS)}",
             "pip install --upgrade heli3dof",
         )
-    reader = importlib.import_module(f"{serialization.__name__}.{form}")
+    form_class = getattr(importlib.import_module(f"heli3dof.model.{form}.model"), FORMS[form])
     try:
-        model: Model = reader.from_dict(data)
+        model: Model = form_class.from_dict(data)
     except KeyError as error:
         raise _unusable(
             path,

@@ -38,9 +38,7 @@ PROBE = b"\0" * 4096
 """Content of the test file that `_probe` writes: 4096 bytes, a block of most file systems"""
 
 
-def check_outputs(
-    *outputs: Path | None, force: bool, inputs: Iterable[Path] = (), fix: str = ELSEWHERE
-) -> None:
+def check_outputs(*outputs: Path | None, force: bool, inputs: Iterable[Path] = ()) -> None:
     """Raise an error if an output file cannot be created. Call it before a long computation.
 
     * OutputExists: the file exists, and ``force`` is False
@@ -48,14 +46,14 @@ def check_outputs(
       output is one of ``inputs`` (an error even with ``force``)
     * NoSpace: the disk is full; a small file is written to every folder as a test
 
-    Outputs that are None are skipped. ``fix`` is the remedy that the error message names.
+    Outputs that are None are skipped.
     """
     read = [p for p in inputs if p.is_file()]
     seen: list[Path] = []
     for path in outputs:
         if path is None:
             continue
-        check_output(path, force=force, fix=fix)
+        check_output(path, force=force)
         if any(path.exists() and path.samefile(p) for p in read):
             raise UsageError(
                 f"{path} is an input and cannot be the output as well.",
@@ -71,13 +69,10 @@ def check_outputs(
         seen.append(path.absolute())
 
 
-def check_output(path: Path, *, force: bool, fix: str = ELSEWHERE) -> None:
-    """Raise OutputExists (without ``force``), UsageError or NoSpace if ``path`` cannot be created.
-
-    ``fix``: the remedy that the message names.
-    """
+def check_output(path: Path, *, force: bool) -> None:
+    """Raise OutputExists (without ``force``), UsageError or NoSpace: ``path`` cannot be created."""
     _check_name(path, force=force)
-    with write_errors_explained(path, fix=fix):
+    with write_errors_explained(path):
         place = path.resolve()
         if place.exists() and not place.is_file():  # a pipe or a device
             if not os.access(place, os.W_OK):

@@ -16,7 +16,7 @@ from heli3dof.recording.link_quality import link_warnings
 from heli3dof.recording.load import load
 from heli3dof.recording.logs.importers import importer_of
 from heli3dof.recording.logs.log_validation import timing
-from heli3dof.recording.mcap_files.reader import decode, open_mcap, profile_in
+from heli3dof.recording.mcap_files.reader import open_mcap, profile_in, recording_of
 from heli3dof.recording.mcap_files.recover import salvage
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.still_encoder import still_encoder_warnings
@@ -65,7 +65,9 @@ def _salvaged(path: Path, profile: Profile | None) -> Recording | None:
     if content.whole:
         return None
     rows = salvage(path, content).rows
-    return decode(rows, content, profile or profile_in(content, path), path) if len(rows) else None
+    if not len(rows):
+        return None
+    return recording_of(rows, content, profile or profile_in(content, path), path)
 
 
 def summary(recording: Recording) -> dict[str, Any]:

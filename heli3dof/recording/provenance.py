@@ -26,15 +26,13 @@ def provenance(
     seed: int | None = None,
     identity: Identity | None = None,
     device: str | None = None,
-    named_host: bool = True,
     **more: Any,
 ) -> dict[str, Any]:
     """Return a recording's provenance: a JSON-able dict, the first entries of ``Recording.meta``.
 
     ``source`` is ``flight``, ``simulation`` or ``import``; ``plan`` the experiment plan flown;
     ``seed`` the seed of the plan's random signals; ``device`` the rig's URL; ``identity`` what the
-    rig reports about itself. ``named_host=False`` omits the computer's name and the command line.
-    ``more``: further entries. Entries that are None are omitted.
+    rig reports about itself. ``more``: further entries. Entries that are None are omitted.
     """
     now = datetime.now(UTC)
     meta: dict[str, Any] = {
@@ -47,11 +45,10 @@ def provenance(
         "identity": None if identity is None else dataclasses.asdict(identity),
         "versions": versions(),
         "git": git_state(),
+        "host": platform.node(),
+        "command_line": list(sys.argv),
+        **more,
     }
-    if named_host:
-        meta["host"] = platform.node()
-        meta["command_line"] = list(sys.argv)
-    meta.update(more)
     return {key: value for key, value in meta.items() if value is not None}
 
 

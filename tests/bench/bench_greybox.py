@@ -80,8 +80,8 @@ REDUNDANT = {
 
 def one_replay(seed: int) -> np.ndarray:
     """Returns (2, 3) fits in %: replay of a held-out flight by the model and by the true rig."""
-    from heli3dof.comparison.replay import loop_task, under_control
     from heli3dof.identification.greybox.method import fit_greybox, model_of
+    from heli3dof.model.control.loop_task import loop_task, under_control
     from tests.identification.known_flights import HIDDEN, fly
 
     def flown(seed: int, noise: float = 1.0) -> Any:

@@ -22,7 +22,7 @@ from heli3dof.identification.greybox.freeflight import (
     model_of,
 )
 from heli3dof.identification.greybox.multistep import search
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.report.text.comparison_tables import prediction_table
 from heli3dof.report.text.diagnosis_tables import diagnosis_tables

@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import ModuleType
 
@@ -284,11 +285,18 @@ def test_a_check_of_doctor_is_found(place, tmp_path: Path) -> None:
     assert "lifetime of recordings" in result
 
 
-def test_a_method_fits_and_is_named(place, searched_again) -> None:
-    place("identification method", "heli3dof.identification.methods")
-    registry = importlib.import_module("heli3dof.identification.methods")
-    searched_again(registry.built_in)
-    searched_again(registry.methods)
+def test_a_method_fits_and_is_named(
+    searched_again, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from heli3dof import plugins
+    from heli3dof.identification import methods
+
+    file, code = EXAMPLES["identification method"]
+    (tmp_path / file).write_text(code, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    point = EntryPoint("pem8", f"{Path(file).stem}:METHOD", methods.GROUP)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
+    searched_again(methods.methods)
     fitted = h3.identify(h3.load(ROOT / "recordings" / "train-1.mcap"), method="pem8")
     assert fitted.model.kind
 

@@ -23,19 +23,19 @@ def flying(n: int = 10_000, seed: int = 0, t: np.ndarray | None = None) -> Recor
 
 def test_segments_hold_mean_voltages_and_angles_at_the_interval_start() -> None:
     rec = flying()
-    cut = segments(prepare([rec]), [RowRange(0, 100, 130)], 10)[0]
-    np.testing.assert_allclose(cut.u[0], rec.voltage[100:110].mean(axis=0))
-    np.testing.assert_allclose(cut.u[2], rec.voltage[120:130].mean(axis=0))
-    np.testing.assert_array_equal(cut.y, rec.angle[[100, 110, 120]])
+    u, y = segments(prepare([rec]), [RowRange(0, 100, 130)], 10)[0]
+    np.testing.assert_allclose(u[0], rec.voltage[100:110].mean(axis=0))
+    np.testing.assert_allclose(u[2], rec.voltage[120:130].mean(axis=0))
+    np.testing.assert_array_equal(y, rec.angle[[100, 110, 120]])
 
 
 def test_the_mean_voltage_is_weighted_by_hold_time() -> None:
     t = np.cumsum(np.r_[0, np.tile([0.0022, 0.0018], 5000)])[:10_000]
     rec = flying(t=t)
     rec.voltage[0], rec.voltage[1] = 1.0, 2.0
-    cut = segments(prepare([rec]), [RowRange(0, 0, 4)], 2)[0]
+    u, _ = segments(prepare([rec]), [RowRange(0, 0, 4)], 2)[0]
     # (1 V · 2.2 ms + 2 V · 1.8 ms) / 4 ms = 1.45 V
-    np.testing.assert_allclose(cut.u[0], 1.45)
+    np.testing.assert_allclose(u[0], 1.45)
 
 
 def test_a_long_gap_ends_a_segment() -> None:
@@ -68,19 +68,19 @@ def test_across_lost_samples_voltage_is_held_and_angle_interpolated() -> None:
     whole = flying()
     lost = [200, 207, 208]
     rec = whole.rows(np.delete(np.arange(10_000), lost))
-    (cut,) = segments(prepare([rec]), [RowRange(0, 0, 997)], 10)
-    (true,) = segments(prepare([whole]), [RowRange(0, 0, 1000)], 10)
-    assert len(cut.y) == len(true.y) == 100
+    ((u, y),) = segments(prepare([rec]), [RowRange(0, 0, 997)], 10)
+    ((true_u, true_y),) = segments(prepare([whole]), [RowRange(0, 0, 1000)], 10)
+    assert len(y) == len(true_y) == 100
     untouched = np.delete(np.arange(100), [19, 20])
-    np.testing.assert_allclose(cut.u[untouched], true.u[untouched], rtol=1e-9)
-    np.testing.assert_array_equal(np.delete(cut.y, 20, axis=0), np.delete(true.y, 20, axis=0))
+    np.testing.assert_allclose(u[untouched], true_u[untouched], rtol=1e-9)
+    np.testing.assert_array_equal(np.delete(y, 20, axis=0), np.delete(true_y, 20, axis=0))
     # Sample 200 would have been picked: it lies half-way between 199 and 201.
-    np.testing.assert_allclose(cut.y[20], whole.angle[[199, 201]].mean(axis=0), rtol=1e-9)
+    np.testing.assert_allclose(y[20], whole.angle[[199, 201]].mean(axis=0), rtol=1e-9)
     # Row 20 holds samples 200 … 209: the 199th's voltage, 201 … 206, the 206th's twice more, 209.
     held = whole.voltage[[199, 201, 202, 203, 204, 205, 206, 206, 206, 209]].mean(axis=0)
     # The voltage held in row 19's last sample belongs to row 19.
-    np.testing.assert_allclose(cut.u[20], held, rtol=1e-9)
-    np.testing.assert_allclose(cut.u[19], true.u[19], rtol=1e-9)
+    np.testing.assert_allclose(u[20], held, rtol=1e-9)
+    np.testing.assert_allclose(u[19], true_u[19], rtol=1e-9)
 
 
 def test_check_clock_measures_period_and_jitter() -> None:

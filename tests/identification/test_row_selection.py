@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.axes import YAW
-from heli3dof.identification.row_selection import clipped, unusable
+from heli3dof.identification.row_selection import clipped, unusable, usable_runs
+from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import default_profile
+from tests.identification.test_preprocessing import flying
 
 DT = 0.002
 
@@ -133,3 +135,26 @@ def test_the_ramp_down_is_excluded() -> None:
     rec.channels["phase"] = np.where(np.arange(3000) < 2500, 0.0, 1.0)  # type: ignore[index]
     rows = unusable(rec)
     assert rows["ramp_down"].sum() == 500
+
+
+def test_late_samples_end_no_run() -> None:
+    n = 5000
+    late = np.random.default_rng(3).uniform(0.0, 0.9, n)
+    (run,) = usable_runs(flying(n, t=0.002 * (np.arange(n) + late)), 0)
+    assert (run.start, run.stop) == (0, n)
+
+
+def test_the_voltage_is_held_across_a_lost_sample() -> None:
+    t = 0.002 * np.delete(np.arange(5001), np.arange(50, 5000, 100))
+    rec = flying(len(t), t=t)
+    data = data_of([rec], usable_runs(rec, 0))
+    assert len(data.blocks) == 1
+    assert int((data.h > 0.0039).sum()) == 50
+
+
+def test_ten_lost_in_a_row_end_a_run() -> None:
+    t = 0.002 * np.delete(np.arange(4010), np.arange(2000, 2010))
+    assert [(r.start, r.stop) for r in usable_runs(flying(4000, t=t), 0)] == [
+        (0, 2000),
+        (2000, 4000),
+    ]

@@ -17,7 +17,7 @@ from tests.recording.make import tick
 
 
 @pytest.mark.parametrize("reported", [(23.9, -23.9), (nan, nan)])
-def test_the_voltage_in_memory_is_that_of_the_file(
+def test_a_flight_in_memory_equals_the_flight_in_the_file(
     reported: tuple[float, float], tmp_path: Path
 ) -> None:
     """A device need not report its output voltage; then it is the sent voltage, 24 and −24 V."""
@@ -29,5 +29,10 @@ def test_the_voltage_in_memory_is_that_of_the_file(
             writer.append(row)
         writer.outcome("completed")
     in_memory = memory.recording(default_profile(), {})
-    np.testing.assert_array_equal(in_memory.voltage, load(path).voltage)
+    in_file = load(path)
+    for name in ("t", "voltage", "angle", "reference", "voltage_cmd", "voltage_extra"):
+        np.testing.assert_array_equal(getattr(in_memory, name), getattr(in_file, name))
+    assert list(in_memory.channels) == list(in_file.channels)
+    for name, values in in_file.channels.items():
+        np.testing.assert_array_equal(in_memory.channels[name], values)
     assert np.isfinite(in_memory.voltage).all()

@@ -51,7 +51,7 @@ from heli3dof.diagnosis.validation.gain import DRAWS, LEVEL
 from heli3dof.identification.greybox.multistep import FAR, MultiStep, MultiStepFit, robust, search
 from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
-from heli3dof.model.greybox.multistep import Flight, errors
+from heli3dof.model.greybox.prediction import Flight, errors
 from heli3dof.parallel import parallel_map
 from heli3dof.stage_clock import Progress
 

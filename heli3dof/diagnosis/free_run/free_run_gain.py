@@ -21,8 +21,7 @@ from heli3dof.diagnosis.validation.gain import DRAWS, HORIZON_S, Gain, rmse_decr
 from heli3dof.diagnosis.validation.prediction import FAR
 from heli3dof.identification.greybox.freeflight import flight_of
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.model.greybox.multistep import errors
-from heli3dof.model.greybox.prediction import filtered
+from heli3dof.model.greybox.prediction import errors, filtered
 from heli3dof.recording.recording import Recording
 
 STEP_S = 0.25
@@ -88,7 +87,7 @@ def free_run_errors(model: GreyBoxModel, recording: Recording, ahead: np.ndarray
     ``ahead`` (M,): the horizons in rows. Unmeasured axes are NaN.
     """
     flight = flight_of(recording)
-    states = filtered(model, recording)[3]
+    states = filtered(model, recording)[1]
     with np.errstate(all="ignore"):
         e = errors(model.structure, model.values, flight, states, ahead, tuple(model.varying))
     e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)

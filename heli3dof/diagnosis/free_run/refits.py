@@ -21,7 +21,7 @@ from heli3dof.identification.greybox.multistep import (
 )
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.model.effects import terms
-from heli3dof.model.greybox.multistep import Flight
+from heli3dof.model.greybox.prediction import Flight
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.parallel import parallel_map
 

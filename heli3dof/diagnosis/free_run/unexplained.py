@@ -29,8 +29,7 @@ from heli3dof.diagnosis.free_run.explanations import arm_torque, hover_voltage, 
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.weak_form import DIFFERENCE, SPANS_S, log_of, residuals
 from heli3dof.model.estimation.filter_data import climb_rows
-from heli3dof.model.greybox.multistep import errors
-from heli3dof.model.greybox.prediction import table_of
+from heli3dof.model.greybox.prediction import errors, table_of
 from heli3dof.model.physics.integrator import readings
 from heli3dof.recording.recording import Recording
 

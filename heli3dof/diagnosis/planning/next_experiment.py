@@ -34,7 +34,7 @@ from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan, named_plans
 from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import Term, term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.greybox.model import GreyBoxModel

@@ -28,9 +28,10 @@ from heli3dof.diagnosis.screening.score_test import ScreenResult
 from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit, Start
-from heli3dof.identification.greybox.likelihood import FilterRun, Likelihood
+from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
+from heli3dof.model.estimation.ekf_quantised import FilterRun
 from heli3dof.model.estimation.filter_data import with_shifted_time
 from heli3dof.parallel import parallel_map
 

@@ -17,7 +17,8 @@ from functools import cached_property
 import numpy as np
 
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.likelihood import FilterRun, Likelihood
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.model.estimation.ekf_quantised import FilterRun
 from heli3dof.model.estimation.filter_data import Data
 
 UNITS = {

@@ -19,7 +19,7 @@ from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.sensitivity.projection import project_out
 from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.likelihood import FilterRun
+from heli3dof.model.estimation.ekf_quantised import FilterRun
 
 LIKE = 0.9
 """|cos| from which torque and cause count as similar. Chosen; not derived."""

@@ -40,9 +40,10 @@ from heli3dof.diagnosis.validation.prediction import prediction_errors, starts_o
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.evaluation import fixed_parameters
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.likelihood import FilterRun, Likelihood, score_and_information
+from heli3dof.identification.greybox.likelihood import Likelihood, score_and_information
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_SETTLED
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
+from heli3dof.model.estimation.ekf_quantised import FilterRun
 from heli3dof.model.estimation.filter_data import LEAD_S, Data, data_of
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording

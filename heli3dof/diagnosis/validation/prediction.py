@@ -19,7 +19,7 @@ from heli3dof.diagnosis.sensitivity.residual_torque import linearised_run_at
 from heli3dof.errors import RecordingError
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.control.voltage_replay import controller_is_known
 from heli3dof.model.estimation.ekf_quantised import RATE_0
 from heli3dof.model.estimation.filter_data import Data, data_of

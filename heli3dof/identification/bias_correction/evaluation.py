@@ -24,12 +24,12 @@ from heli3dof.identification.bias_correction.perturbation import (
 )
 from heli3dof.identification.greybox.likelihood import (
     DIFFERENCE,
-    FilterRun,
     Likelihood,
     diverged,
     score_and_information,
 )
 from heli3dof.identification.greybox.maximum_likelihood import PROBE
+from heli3dof.model.estimation.ekf_quantised import FilterRun
 from heli3dof.model.physics.state_layout import Stage
 from heli3dof.parallel import parallel_map
 

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.identification.bias_correction import perturbation_passes as passes
-from heli3dof.identification.greybox.likelihood import FilterRun
+from heli3dof.model.estimation.ekf_quantised import FilterRun
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.parametrisation import Structure

@@ -81,9 +81,9 @@ def decimated(prepared: Prepared, runs: Sequence[RowRange], interval_s: float) -
     """
     factor = max(1, round(interval_s / prepared.dt))
     cut = segments(prepared, runs, factor)
-    u_mean = np.vstack([s.u for s in cut]).mean(axis=0)
-    y_mean = np.vstack([s.y for s in cut]).mean(axis=0)
-    data = tuple((s.u - u_mean, s.y - y_mean) for s in cut)
+    u_mean = np.vstack([u for u, _ in cut]).mean(axis=0)
+    y_mean = np.vstack([y for _, y in cut]).mean(axis=0)
+    data = tuple((u - u_mean, y - y_mean) for u, y in cut)
     return Decimated(data, u_mean, y_mean, factor * prepared.dt)
 
 

@@ -67,10 +67,6 @@ class Varx:
     """Innovations e: an array (N_i − p, l) for each segment of N_i rows"""
     S: np.ndarray
 
-    @property
-    def p(self) -> int:
-        return int(self.Xi.shape[0])
-
 
 Pair = tuple[np.ndarray, np.ndarray]
 """Inputs u (N, m) and outputs y (N, l) of one segment of data without gaps"""

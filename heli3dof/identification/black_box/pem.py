@@ -29,6 +29,10 @@ from heli3dof.identification.black_box.pbsid import Pair, StateSpace
 from heli3dof.identification.black_box.stabilisation import stable_plant, with_stable_predictor
 
 CHUNK = 4096
+TOLERANCE = 1e-5
+"""The search ends when a step lowers the criterion V by less than this."""
+BLOCK = 50
+"""Rows over which the likelihood's gradient is summed for the covariance"""
 RHO_MAX = 1 - 1e-7
 
 
@@ -63,7 +67,6 @@ def pem(
     start: StateSpace,
     *,
     max_iterations: int = 40,
-    tolerance: float = 1e-5,
     output_error: bool = False,
     rho_max: float = RHO_MAX,
 ) -> PemFit:
@@ -74,7 +77,6 @@ def pem(
         start: initial model, for instance from `heli3dof.identification.black_box.pbsid.realise`.
             The function first makes its predictor stable.
         max_iterations: largest number of Levenberg–Marquardt steps.
-        tolerance: the search ends when a step lowers V by less than this.
         rho_max: largest spectral radius of Ã = A − K C; steps beyond it are rejected.
         output_error: fix K = 0, so the innovation e is the simulation error. Feedback then biases
             the fit.
@@ -110,7 +112,7 @@ def pem(
         gain = point.cost - new.cost
         point = new
         lam = max(lam / 5, 1e-9)
-        if gain < tolerance:
+        if gain < TOLERANCE:
             converged = True
             break
     T = _tangent(point.W, point.C, output_error, len(u_s))
@@ -267,8 +269,8 @@ def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ig
     return (H, g, M) if scores else (H, g)
 
 
-def _score_blocks(F: np.ndarray, back: np.ndarray, n: int, block: int = 50) -> np.ndarray:
-    """Return Σ s sᵀ, s the sum of the likelihood's gradient over ``block`` rows.
+def _score_blocks(F: np.ndarray, back: np.ndarray, n: int) -> np.ndarray:
+    """Return Σ s sᵀ, s the sum of the likelihood's gradient over `BLOCK` rows.
 
     Sums over blocks allow for coloured innovations. F (N, l, n + q + 1): the derivatives of N rows
     of l predicted outputs by n initial states and q parameters, and the innovation. ``back``
@@ -276,5 +278,5 @@ def _score_blocks(F: np.ndarray, back: np.ndarray, n: int, block: int = 50) -> n
     """
     F = F[:, :, n:] - F[:, :, :n] @ back
     s = np.einsum("kiq,ki->kq", F[:, :, :-1], F[:, :, -1])
-    s = np.add.reduceat(s, np.arange(0, len(s), block), axis=0)
+    s = np.add.reduceat(s, np.arange(0, len(s), BLOCK), axis=0)
     return np.asarray(s.T @ s)

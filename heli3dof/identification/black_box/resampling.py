@@ -46,8 +46,8 @@ class NoContinuousModel(ValueError):
     """
 
 
-def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return A (n, n) and B (n, m) with some eigenvalues of A replaced, and their number.
+def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return A (n, n) and B (n, m) with some eigenvalues of A replaced.
 
     They are the real eigenvalues up to `FASTEST`, which have no usable logarithm. Raises
     NoContinuousModel if one is below `SLOWEST_NEGATIVE`.
@@ -56,13 +56,13 @@ def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.nd
     real = np.abs(lam.imag) <= 1e-9 * np.maximum(1, np.abs(lam))
     bad = (lam.real <= FASTEST) & real
     if not bad.any():
-        return A, B, 0
+        return A, B
     if (lam.real[bad] < SLOWEST_NEGATIVE).any():
         raise NoContinuousModel(f"a mode at z = {lam.real[bad].min():.3f}")
     new = np.where(bad, np.maximum(np.abs(lam), FASTEST), lam)
     gain = np.where(bad, (1 - new) / np.where(bad, 1 - lam, 1), 1)
     Vi = np.linalg.inv(V)
-    return np.real(V * new @ Vi), np.real(V * gain @ Vi @ B), int(bad.sum())
+    return np.real(V * new @ Vi), np.real(V * gain @ Vi @ B)
 
 
 def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
@@ -72,7 +72,7 @@ def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
     eigenvalue z becomes s = log(z)/T, and the row b of B for this mode becomes b s/(z − 1). Where
     eigenvalues nearly coincide, the matrix logarithm is used instead.
     """
-    A, B, _ = with_real_logarithm(model.A, model.B)
+    A, B = with_real_logarithm(model.A, model.B)
     z, V = np.linalg.eig(A)
     if np.linalg.cond(V) < WELL_CONDITIONED:
         z = z.astype(complex)

@@ -16,13 +16,11 @@ from heli3dof.identification.black_box.order_selection import (
     decimated,
     search,
 )
-from heli3dof.identification.black_box.pbsid import StateSpace
 from heli3dof.identification.black_box.stabilisation import with_stable_predictor
 from heli3dof.identification.black_box.uncertainty import (
+    in_continuous_time,
     poles,
-    polynomials,
     propagate,
-    response,
     response_std,
 )
 from heli3dof.identification.fit_result import (
@@ -34,6 +32,7 @@ from heli3dof.identification.fit_result import (
 )
 from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.transfer_function import TransferFunctions
+from heli3dof.model.discretisation import numerators
 from heli3dof.model.estimation.filter_data import RowRange
 
 OPEN_RHO = 1 - 1e-6
@@ -46,7 +45,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         request.method, prepared, orders=orders, intervals_s=request.intervals_s, name=request.name
     )
     T = chosen.interval_s
-    num, den = polynomials(chosen.state_space, T)
+    num, den = numerators(in_continuous_time(chosen.state_space, T))
     covariance = None
     warnings = []
     if chosen.pem is None:
@@ -60,7 +59,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
                 "a lower order."
             )
         found = poles(chosen.pem, T)
-        covariance = propagate(chosen.pem, lambda model: _coefficients(model, T))
+        covariance = propagate(chosen.pem, lambda m: in_continuous_time(m, T).coefficients())
     return FitResult(
         model=chosen.model,
         order=chosen.model.order,
@@ -74,13 +73,8 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     )
 
 
-def _coefficients(model: StateSpace, T: float) -> np.ndarray:
-    num, den = polynomials(model, T)
-    return np.concatenate([den[1:], num.ravel()])
-
-
 def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    G = response(chosen.state_space, chosen.interval_s, omega)
+    G = in_continuous_time(chosen.state_space, chosen.interval_s).response(omega)
     if chosen.pem is None:
         return G, np.full(G.shape, np.nan)
     return G, response_std(chosen.pem, chosen.interval_s, omega)

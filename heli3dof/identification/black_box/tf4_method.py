@@ -79,9 +79,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
 
 
 def _response(model: LinearModel, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    c = model.continuous()
-    eye = np.eye(model.order)
-    G = np.array([c.C @ np.linalg.solve(1j * w * eye - c.A, c.B) for w in omega])
+    G = model.continuous().response(omega)
     return G, np.full(G.shape, np.nan)
 
 

@@ -24,7 +24,7 @@ from heli3dof.identification.black_box.pbsid import StateSpace
 from heli3dof.identification.black_box.pem import PemFit
 from heli3dof.identification.black_box.resampling import continuous
 from heli3dof.identification.fit_result import Pole
-from heli3dof.model.discretisation import Continuous, numerators
+from heli3dof.model.discretisation import Continuous
 
 
 def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
@@ -83,34 +83,20 @@ def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:
     return np.asarray(F @ fit.covariance @ F.T)
 
 
-def polynomials(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the continuous-time transfer functions of a model with n states: num, den.
-
-    num (3, 2, n+1), in rad/V, has a numerator per angle and motor; den (n+1,) is their common
-    denominator. T (s) is the sampling interval of ``model``.
-    """
+def in_continuous_time(model: StateSpace, T: float) -> Continuous:
+    """Return a model whose sampling interval is T (s), in continuous time."""
     A, B = continuous(model, T)
-    return numerators(Continuous(A, B, model.C, np.zeros((len(model.C), B.shape[1])), "hold"))
-
-
-def response(model: StateSpace, T: float, omega: np.ndarray) -> np.ndarray:
-    """Return the frequency response C (jωI − A)⁻¹ B (F, 3, 2) rad/V at ω (F,) rad/s.
-
-    A, B, C are the matrices in continuous time; T (s) is the sampling interval of ``model``.
-    """
-    A, B = continuous(model, T)
-    eye = np.eye(model.order)
-    return np.array([model.C @ np.linalg.solve(1j * w * eye - A, B) for w in omega])
+    return Continuous(A, B, model.C, np.zeros((len(model.C), B.shape[1])), "hold")
 
 
 def response_std(fit: PemFit, T: float, omega: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (F, 3, 2) rad/V of the frequency response of `response`.
+    """Return the standard deviation (F, 3, 2) rad/V of the frequency response of ``fit``.
 
     T (s) is the sampling interval of ``fit``, ``omega`` (F,) in rad/s.
     """
 
     def parts(model: StateSpace) -> np.ndarray:
-        G = response(model, T, omega).ravel()
+        G = in_continuous_time(model, T).response(omega).ravel()
         return np.concatenate([G.real, G.imag])
 
     var = np.diag(propagate(fit, parts)).reshape(2, len(omega), len(fit.model.C), -1).sum(axis=0)

@@ -28,7 +28,7 @@ from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import compile_first
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import terms as named
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure, unit_of
@@ -71,11 +71,10 @@ class ProfileLikelihood(Likelihood):
     @cached_property
     def prior_precision(self) -> np.ndarray:
         """Return the prior's precision (n,): 1/variance of each scaled parameter."""
-        free = self.structure.free
-        std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
-        std[1:4] = self.doubt * self.structure.profile.tolerance
-        std[list(self.at_nominal)] = HELD_STD
-        return np.asarray(1.0 / std**2)
+        precision = super().prior_precision.copy()
+        precision[1:4] = 1.0 / (self.doubt * self.structure.profile.tolerance) ** 2
+        precision[list(self.at_nominal)] = 1.0 / HELD_STD**2
+        return precision
 
 
 def fit_base(setup: Setup) -> CorrectedFit:

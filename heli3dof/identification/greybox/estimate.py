@@ -25,9 +25,14 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.identification.greybox.initialisation import likeliest_start
 from heli3dof.identification.greybox.likelihood import Likelihood, score_and_information
-from heli3dof.identification.greybox.maximum_likelihood import OTHER_ROUNDS, Optimum, maximise
+from heli3dof.identification.greybox.maximum_likelihood import (
+    NOISE_START,
+    OTHER_ROUNDS,
+    Optimum,
+    better_noise,
+    maximise,
+)
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics.parametrisation import FreeParameter, Structure
@@ -40,6 +45,8 @@ PRIOR_SHARE_MAX = 0.5
 """A parameter whose σ exceeds this share of its prior's σ is not identifiable."""
 LOG_STD_MAX = 0.4
 """σ of a parameter's logarithm above which the parameter is not identifiable"""
+SETTLING = 3
+"""Number of noise updates at each of an effect's ``starts``, before its likelihood is evaluated"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +137,7 @@ def estimate(
     it is repeated from other parameter values.
     """
     if any(t.effect.starts for t in problem.structure.terms):
-        start, noise = likeliest_start(
+        start, noise = _likeliest_start(
             problem, problem.prior_mean if start is None else start, noise
         )
     best = maximise(problem, start, noise)
@@ -143,6 +150,43 @@ def estimate(
             if (other.converged, other.loglik) > (best.converged, best.loglik):
                 best = other
     return Estimate(problem, best)
+
+
+def _likeliest_start(
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the scaled parameters (n,) and the noise (4,) from which a fit should start.
+
+    An effect with ``starts``, such as ``encoder.backlash``, has a likelihood without slope at its
+    nominal value, and possibly several maxima: a filter without it explains it as process noise.
+    The parameters are ``theta``, except the first parameter of each effect that lists values in
+    ``starts``: it gets the likeliest among these values and its value in ``theta``. The noise is
+    process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    """
+    a = np.array(NOISE_START if noise is None else noise, dtype=float)
+    theta = theta.copy()
+    for term in problem.structure.terms:
+        if not term.effect.starts:
+            continue
+        j = problem.structure.names.index(f"{term.name}.{term.effect.parameters[0].name}")
+        best, chosen = -np.inf, theta[j]
+        settled = a
+        for start in (
+            theta[j],
+            *(problem.structure.free[j].scaled(v) for v in term.effect.starts),
+        ):
+            theta[j] = start
+            loglik, a = _loglik_at(problem, theta, a)
+            if loglik > best:
+                best, chosen, settled = loglik, start, a
+        theta[j], a = chosen, settled
+    return theta, a
+
+
+def _loglik_at(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> tuple[float, np.ndarray]:
+    for _ in range(SETTLING):
+        a, _ = better_noise(problem, theta, a, problem.data.axes)
+    return float(problem.run(theta, a, keep=0).loglik.sum()) + problem.log_prior(theta), a
 
 
 def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:

@@ -26,7 +26,7 @@ from heli3dof.identification.greybox.linear_uncertainty import fit_result
 from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, search
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.identification.preprocessing import Prepared
-from heli3dof.identification.row_selection import stretches, unusable
+from heli3dof.identification.row_selection import runs_of, stretches, unusable
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation.filter_data import (
     GAP,
@@ -37,8 +37,7 @@ from heli3dof.model.estimation.filter_data import (
     starts_on_table,
 )
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.model.greybox.multistep import Flight
-from heli3dof.model.greybox.prediction import table_of
+from heli3dof.model.greybox.prediction import Flight, table_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 from heli3dof.stage_clock import Progress
@@ -217,8 +216,7 @@ def free_rows(recording: Recording) -> np.ndarray:
 def _airborne(recording: Recording) -> list[RowRange]:
     """Return the row intervals for the Kalman filter: off the table, without gaps or NaN."""
     ok = ~table_of(recording)[1] & ~unusable(recording)["unread"]
-    breaks = np.flatnonzero(np.diff(recording.t) > GAP * recording.dt) + 1
-    return [RowRange(0, a, b) for a, b in stretches(ok, breaks) if b - a > 2]
+    return runs_of(ok, recording, 0, GAP * recording.dt, 3)
 
 
 def _cut(recording: Recording, runs: Sequence[RowRange], source: int) -> Recording:

@@ -21,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
+from heli3dof.model.estimation.ekf_quantised import FilterRun, filter_quantised, follow
 from heli3dof.model.estimation.filter_data import ENCODER_NOISE, Data, encoder_noise
 from heli3dof.model.physics.parametrisation import Structure
 
@@ -29,27 +30,6 @@ DIFFERENCE = 1e-4
 DIVERGED = 1e4
 """rad per scaled parameter: a larger tangent means that the simulation diverges. In flights,
 tangents stay below 10; with negative dry friction they reached 1e243, whose square overflows."""
-
-
-@dataclass(frozen=True, eq=False)
-class FilterRun:
-    """The result of one run of the Kalman filter over the data, with E measurement updates."""
-
-    loglik: np.ndarray
-    """(3,) log-likelihood by axis: Σ ln Z, Z being a reading's probability given earlier ones"""
-    row: np.ndarray
-    """(E,) data row of each update"""
-    state: np.ndarray
-    """(E,) what each update reads: 0–2 an angle, 3–5 a rate, 6–8 a negative rate"""
-    c: np.ndarray
-    g: np.ndarray
-    w: np.ndarray
-    """(E,) each: predicted readings c, scores g = ∂ln Z/∂c, informations w = −∂²ln Z/∂c²"""
-    K: np.ndarray
-    """(E, 6) the filter's gain at each update"""
-    X: np.ndarray | None
-    """(N, 6) states after each row, angles in rad and rates in rad/s; (N, 9) if the sums Σ ln Z by
-    axis up to the row follow; None if not kept"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +51,7 @@ class Likelihood:
     @cached_property
     def prior_mean(self) -> np.ndarray:
         """Return the prior mean (n,) of the scaled parameters θ."""
-        return np.array([f.scaled(f.start) for f in self.structure.free])
+        return self.structure.scaled(self.structure.start)
 
     @cached_property
     def prior_precision(self) -> np.ndarray:
@@ -84,8 +64,8 @@ class Likelihood:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the lowest and the highest allowed scaled parameters, (n,) each."""
         free = self.structure.free
-        low = np.array([f.scaled(f.low) for f in free])
-        return low, np.array([f.scaled(f.high) for f in free])
+        scaled = self.structure.scaled
+        return scaled(f.low for f in free), scaled(f.high for f in free)
 
     def movable(self, theta: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Return (n,) bool: True for the scaled parameters that a step along g can change.
@@ -102,43 +82,21 @@ class Likelihood:
 
     def values(self, theta: np.ndarray) -> np.ndarray:
         """Return the values (n,), in their units, of the scaled parameters ``theta`` (n,)."""
-        return np.array([f.unscaled(c) for f, c in zip(self.structure.free, theta, strict=True)])
+        return self.structure.unscaled(theta)
 
     def scaled(self, values: np.ndarray) -> np.ndarray:
         """Return the scaled parameters (n,) of ``values`` (n,); the inverse of `values`."""
-        return np.array([f.scaled(v) for f, v in zip(self.structure.free, values, strict=True)])
+        return self.structure.scaled(values)
 
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> FilterRun:
         """Return the filter's run over the data with scaled parameters θ (n,) and noise a (4,).
 
-        a (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``keep`` selects
-        what the result holds: 0 the likelihood only; 1 also each update's quantities for
-        `tangents`; 2 also the states X; 3 also, in X, the log-likelihood up to each row.
+        a (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s); ``keep`` as in
+        `filter_quantised`.
         """
-        from heli3dof.model.estimation.ekf_quantised import filter_blocks
-
-        d = self.data
-        hooks = self.structure.hooks
-        s, par = self.structure.arrays(self.values(theta))
-        N = len(d.t)
-        n = 6 * N if keep else 1
-        row, state = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-        c, g, w, K = np.empty(n), np.empty(n), np.empty(n), np.empty((n, 6))
-        X = np.zeros((N if keep >= 2 else 1, 9 if keep >= 3 else 6))
-        loglik = np.zeros(3)
-        E = filter_blocks(
-            s, hooks.first, hooks.address, par, self.structure.memory, d.blocks, d.free, d.grid,
-            d.t, d.h, d.V, d.y, np.asarray(a[:3], dtype=float) ** 2, float(a[3]),
-            self.encoder_noise, keep, loglik, row, state, c, g, w, K, X,
-        )  # fmt: skip
-        if not keep:
-            E = 0
-        lost = ~(np.isfinite(c[:E]) & np.isfinite(g[:E]) & np.isfinite(w[:E]))
-        return FilterRun(
-            np.where(np.isfinite(loglik), loglik, -np.inf), row[:E].copy(), state[:E].copy(),
-            c[:E].copy(), np.where(lost, 0.0, g[:E]), np.where(lost, 0.0, w[:E]),
-            K[:E].copy(), X if keep >= 2 else None,
-        )  # fmt: skip
+        return filter_quantised(
+            self.structure, self.values(theta), self.data, a, self.encoder_noise, keep=keep
+        )
 
     def log_prior(self, theta: np.ndarray) -> float:
         return float(-0.5 * (self.prior_precision * (theta - self.prior_mean) ** 2).sum())
@@ -151,8 +109,6 @@ class Likelihood:
         ``theta`` = θ (n,): the run's scaled parameters. ``which``: indices of the parameters that
         get a row (None: all). The filter's gains stay fixed. Rows that `diverged` are zero.
         """
-        from heli3dof.model.estimation.ekf_quantised import follow
-
         d = self.data
         hooks = self.structure.hooks
         _, high = self.bounds

@@ -51,7 +51,7 @@ def linear_quantities(
     absent, null = found.absent, np.array([f.null for f in found.free])
 
     def at(point: np.ndarray) -> Continuous:
-        values = np.where(absent, null, found.values_at(point))
+        values = np.where(absent, null, found.structure.unscaled(point))
         model = GreyBoxModel(
             "", found.structure.profile, tuple(t.name for t in found.structure.terms),
             values, np.zeros(3), np.full((len(point), len(point)), np.nan),
@@ -73,21 +73,13 @@ def linear_quantities(
     slopes = np.array([(nearest(c.A) - p0) / e for c, e in zip(moved, steps, strict=True)]).T
     poles = [Pole(complex(z), std(s.real), std(s.imag)) for z, s in zip(p0, slopes, strict=True)]
 
-    def coefficients(c: Continuous) -> np.ndarray:
-        num, den = numerators(c)
-        return np.concatenate([den[1:], num.ravel()])
-
-    c0 = coefficients(here)
-    T = np.array([(coefficients(c) - c0) / e for c, e in zip(moved, steps, strict=True)]).T
+    c0 = here.coefficients()
+    T = np.array([(c.coefficients() - c0) / e for c, e in zip(moved, steps, strict=True)]).T
     num, den = numerators(here)
 
     def response(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        def G(c: Continuous) -> np.ndarray:
-            eye = np.eye(len(c.A))
-            return np.array([c.C @ np.linalg.solve(1j * w * eye - c.A, c.B) + c.D for w in omega])
-
-        G0 = G(here)
-        dG = np.array([(G(c) - G0) / e for c, e in zip(moved, steps, strict=True)])
+        G0 = here.response(omega)
+        dG = np.array([(c.response(omega) - G0) / e for c, e in zip(moved, steps, strict=True)])
         var = np.einsum("iabc,ij,jabc->abc", dG.real, cov, dG.real)
         var += np.einsum("iabc,ij,jabc->abc", dG.imag, cov, dG.imag)
         return G0, np.sqrt(np.maximum(var, 0))

@@ -21,11 +21,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.identification.greybox.likelihood import (
-    FilterRun,
     Likelihood,
     score_and_information,
 )
 from heli3dof.model.compiled import announced
+from heli3dof.model.estimation.ekf_quantised import FilterRun
 from heli3dof.parallel import parallel_map
 
 TOLERANCE = 2e-3

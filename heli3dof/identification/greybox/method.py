@@ -24,8 +24,8 @@ from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.linear_uncertainty import fit_result
 from heli3dof.identification.greybox.maximum_likelihood import compile_first
 from heli3dof.identification.greybox.structure_test import with_simplifications
-from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation.filter_data import RowRange, data_of
 from heli3dof.model.greybox.model import GreyBoxModel

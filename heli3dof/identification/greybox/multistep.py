@@ -39,7 +39,7 @@ from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, de
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
-from heli3dof.model.greybox.multistep import Flight, errors
+from heli3dof.model.greybox.prediction import Flight, errors
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.stage_clock import Progress
 
@@ -107,7 +107,7 @@ class MultiStep:
     @cached_property
     def start(self) -> np.ndarray:
         """Return the optimiser's start point (dim,): the prior mean of the scaled parameters."""
-        theta = np.array([f.scaled(self.centre.get(f.name, f.start)) for f in self.structure.free])
+        theta = self.structure.scaled(self.structure.values_of(self.centre))
         return np.concatenate([theta, np.tile(theta[self.own], len(self.flights))])
 
     @cached_property
@@ -158,7 +158,7 @@ class MultiStep:
         if flight is not None:
             b = len(self.own)
             theta[self.own] = z[self.n + flight * b : self.n + (flight + 1) * b]
-        return np.array([f.unscaled(c) for f, c in zip(self.structure.free, theta, strict=True)])
+        return self.structure.unscaled(theta)
 
     def states(self, z: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:
         """Return the filter's estimates (N, 6) of angles (rad), rates (rad/s) in flight number i.

@@ -33,11 +33,10 @@ from heli3dof.identification.greybox.freeflight import LEAST_WINDOWS, flight_of
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import compile_first
 from heli3dof.identification.greybox.method import has_jitter, model_of
-from heli3dof.identification.greybox.usable_runs import usable_runs
 from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
-from heli3dof.model.greybox.multistep import errors
-from heli3dof.model.greybox.prediction import NOISE, filtered
+from heli3dof.model.greybox.prediction import NOISE, errors, filtered
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 
@@ -101,7 +100,7 @@ def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
     for r, f in zip(recordings, flights, strict=True):
         ahead = np.array([max(1, round(HORIZON_S / r.dt))])
         with np.errstate(all="ignore"):
-            states = filtered(model, r)[3]
+            states = filtered(model, r)[1]
             e.append(errors(model.structure, model.values, f, states, ahead)[:, 0])
     each = np.clip(np.nan_to_num(np.concatenate(e), nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
     rmse = np.degrees(np.sqrt((each**2).mean(axis=0)))

@@ -34,14 +34,10 @@ class PhysicalFit(ABC):
     def covariance(self) -> np.ndarray:
         """Return the covariance (n, n) of the parameters in their units."""
 
-    def values_at(self, theta: np.ndarray) -> np.ndarray:
-        """Return the values (n,), in their units, of the scaled parameters ``theta`` (n,)."""
-        return np.array([f.unscaled(c) for f, c in zip(self.structure.free, theta, strict=True)])
-
     @cached_property
     def values(self) -> np.ndarray:
         """Return the fitted values (n,) of the parameters, in their units."""
-        return self.values_at(self.theta)
+        return self.structure.unscaled(self.theta)
 
     @cached_property
     def slopes(self) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Test whether simplified equations of motion describe the rig better than the full ones.
 
-Two parts can be omitted: the inertia couplings (`heli3dof.model.effects.simplified_couplings`) and
-the yaw inertia's variation (`heli3dof.model.effects.simplified_yaw_inertia`). Let a (2,) be the
+Two parts can be omitted: the inertia couplings (effect ``simplified.couplings``) and
+the yaw inertia's variation (effect ``simplified.yaw_inertia``). Let a (2,) be the
 omitted share of each part, and θ the parameters. g is the log-likelihood's gradient with respect to
 a, at the fit θ̂ of the full equations. H is the information of (θ, a); A is H_θθ plus the prior's
 precision. To second order, omitting the shares a raises the log-likelihood by

@@ -28,8 +28,7 @@ import numpy as np
 from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, follow_on
 from heli3dof.identification.greybox.multistep import MultiStep
 from heli3dof.model.compiled import compiled
-from heli3dof.model.greybox.multistep import Flight
-from heli3dof.model.greybox.prediction import impulse
+from heli3dof.model.greybox.prediction import Flight, impulse
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.integrator import readings, setup
 from heli3dof.model.physics.rigid_body import accelerations
@@ -191,19 +190,18 @@ def scales(e: np.ndarray) -> np.ndarray:
 
 
 def weak_start(
-    problem: MultiStep, start: np.ndarray | None = None, rounds: int = ROUNDS, *,
-    progress: Progress | None = None,
-) -> np.ndarray:  # fmt: skip
+    problem: MultiStep, start: np.ndarray | None = None, *, progress: Progress | None = None
+) -> np.ndarray:
     """Return the scaled parameters (dim,) from which the multi-step fit should start.
 
     They minimise the weak form's errors over the flights of ``problem``. The search starts at
-    ``start`` (dim,) and takes ``rounds`` rounds; ``progress`` gets lines of text.
+    ``start`` (dim,); ``progress`` gets lines of text.
     """
     logs = [log_of(f) for f in problem.flights]
     z = np.clip(problem.start if start is None else start, *problem.bounds)
-    for n in range(rounds):
+    for n in range(ROUNDS):
         if progress is not None:
-            progress(f"initial values by the weak form, round {n + 1} of {rounds}")
+            progress(f"initial values by the weak form, round {n + 1} of {ROUNDS}")
         scale = [scales(e) for e in residuals(problem, logs, z)]
         z = _minimum(problem, logs, scale, z)
     return np.asarray(z)

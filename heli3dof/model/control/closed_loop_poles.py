@@ -15,12 +15,16 @@ no pole if its column of K is zero or its axis is not modelled.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from heli3dof.model.control.controller import derivative_filter
 from heli3dof.model.discretisation import continuous
-from heli3dof.model.linear.parameters import LinearParameters
 from heli3dof.rig.profile import ControllerSpec
+
+if TYPE_CHECKING:
+    from heli3dof.model.linear.model import LinearModel
 
 INTEGRATED = (0, 2)
 """The axes whose error is integrated: roll and yaw."""
@@ -50,7 +54,7 @@ def closed_loop(
     return A_cl, B_cl, F
 
 
-def ideal_loop_poles(model: LinearParameters, controller: ControllerSpec) -> np.ndarray:
+def ideal_loop_poles(model: LinearModel, controller: ControllerSpec) -> np.ndarray:
     """Return the poles (rad/s, rightmost first) of the continuous loop with exact angular rates.
 
     The loop is ``model``, converted to continuous time, under the gain of ``controller``.
@@ -62,9 +66,7 @@ def ideal_loop_poles(model: LinearParameters, controller: ControllerSpec) -> np.
     return rightmost_first(np.linalg.eigvals(A_cl[np.ix_(keep, keep)]))
 
 
-def sampled_loop_poles(
-    model: LinearParameters, controller: ControllerSpec, dt: float
-) -> np.ndarray:
+def sampled_loop_poles(model: LinearModel, controller: ControllerSpec, dt: float) -> np.ndarray:
     """Return the poles (rad/s, rightmost first) of the loop sampled every dt s, as s = log(z)/dt.
 
     The loop is ``model`` under the gain of ``controller``, with its derivative filters. Its states
@@ -97,7 +99,7 @@ def sampled_loop_poles(
     return rightmost_first(np.log(z) / dt)
 
 
-def _integrals_in_the_loop(model: LinearParameters, controller: ControllerSpec) -> np.ndarray:
+def _integrals_in_the_loop(model: LinearModel, controller: ControllerSpec) -> np.ndarray:
     """Return (2,) bool: whether the loop contains the error integral of roll, and that of yaw."""
     return np.asarray((controller.K_g[:, 6:] != 0).any(axis=0) & model.modelled[list(INTEGRATED)])
 

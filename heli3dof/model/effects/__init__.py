@@ -59,9 +59,8 @@ class _Catalogue:
 def _all() -> _Catalogue:
     ours: dict[str, Effect] = {}
     for module in modules_of(__name__):
-        effect = getattr(module, "EFFECT", None)
-        if isinstance(effect, Effect):
-            ours[effect.name] = effect
+        single = [module.EFFECT] if hasattr(module, "EFFECT") else []
+        ours |= {e.name: e for e in getattr(module, "EFFECTS", single)}
     result = _Catalogue(ours)
     for point in entry_points(group=GROUP):
         plug_in = _plug_in(point)

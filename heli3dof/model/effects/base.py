@@ -1,14 +1,15 @@
 """`Effect`, `Parameter`, `Term`: a physical effect (friction, lag …) that a model may contain.
 
-To add an effect, write one file in this folder with ``EFFECT = Effect(...)`` and the equation in
-its docstring. Another package registers such an object under the entry-point group
-``heli3dof.effects``.
+The files of this folder group their effects by family, as ``EFFECTS``. To add an effect, write one
+file with ``EFFECT = Effect(...)`` and the equation in its docstring. Another package registers such
+an object under the entry-point group ``heli3dof.effects``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isnan, nan
 from typing import Literal
 
 from heli3dof.axes import AXES
@@ -35,8 +36,9 @@ class Parameter:
             the default priors.
         log: if true, the logarithm is estimated (positive parameters only).
         prior_std: standard deviation of the weak prior about ``start``, in ``unit`` (of the
-            logarithm if ``log``).
-        start: the starting value of a fit; default ``null``, or ``typical`` if ``log``.
+            logarithm if ``log``); default 10 · ``typical``, or 1.5 if ``log``.
+        start: the starting value of a fit and mean of the prior; default ``null``, or ``typical``
+            if ``log``.
         per_recording: if true, each recording has its own value, as a phase or an instant has.
     """
 
@@ -48,8 +50,8 @@ class Parameter:
     typical: float
     meaning: str
     log: bool = False
-    prior_std: float | None = None
-    start: float | None = None
+    prior_std: float = nan
+    start: float = nan
     per_recording: bool = False
 
     def __post_init__(self) -> None:
@@ -59,20 +61,10 @@ class Parameter:
             raise ValueError(f"{self.name}: null is {self.null:g}, outside the bounds")
         if not self.typical > 0:
             raise ValueError(f"{self.name}: typical is {self.typical:g}, which is not positive")
-
-    @property
-    def started(self) -> float:
-        """Return the parameter's starting value in a fit, which is also the mean of its prior."""
-        if self.start is not None:
-            return self.start
-        return self.typical if self.log else self.null
-
-    @property
-    def spread(self) -> float:
-        """Return the prior's standard deviation, by default 10 · ``typical`` (1.5 if ``log``)."""
-        if self.prior_std is not None:
-            return self.prior_std
-        return 1.5 if self.log else 10 * self.typical
+        if isnan(self.start):
+            object.__setattr__(self, "start", self.typical if self.log else self.null)
+        if isnan(self.prior_std):
+            object.__setattr__(self, "prior_std", 1.5 if self.log else 10 * self.typical)
 
 
 SHARE_STD = 0.2

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.model.compiled import compiled
-from heli3dof.model.estimation.ekf_quantised import RATE_0, RELINEARISE_S
+from heli3dof.model.estimation.ekf_quantised import RATE_0, RELINEARISE_S, linearise
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.integrator import readings, setup, step_midpoint
@@ -36,7 +36,7 @@ from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.rigid_body import accelerations
 from heli3dof.model.physics.rotor import thrusts
 
-R, T, F_FRONT, F_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK
+T, F_FRONT, F_BACK = _s.T, _s.F_FRONT, _s.F_BACK
 DIFFERENCE_STEP = 1e-6
 """Step of the finite differences with respect to b, in the unit of b."""
 
@@ -178,22 +178,14 @@ def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: i
     `positions` in ``par``. F (2,) N are the thrusts, w work space. For the other arguments see
     `heli3dof.model.physics.integrator`.
     """
-    s[F_FRONT], s[F_BACK] = F[0], F[1]
-    for i in range(6):
-        s[R + i] = x[i]
-    accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
-    for j in range(A.shape[1]):
-        e = 1e-5
+    linearise(s, x, F, first, address, par, mem, free, w, A)
+    for j in range(6, A.shape[1]):
         s[F_FRONT], s[F_BACK] = F[0], F[1]
-        if j < 6:
-            s[R + j] = x[j] + e
-        place(par, where, j - 6, x[j] + e)
+        place(par, where, j - 6, x[j] + 1e-5)
         accelerations(s, first, address, par, mem, free, w[0], w[1], w[3])
-        if j < 6:
-            s[R + j] = x[j]
         place(par, where, j - 6, x[j])
         for i in range(3):
-            A[i, j] = (w[3, i] - w[2, i]) / e
+            A[i, j] = (w[3, i] - w[2, i]) / 1e-5
 
 
 _slopes = compiled(_slopes_py, error_model="numpy")

@@ -27,10 +27,12 @@ for the reading stays the same.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from heli3dof.model.compiled import compiled
+from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.estimation.quantised_measurement import (
     LOG_UPDATE_RATIO,
     apply_event,
@@ -46,6 +48,7 @@ from heli3dof.model.physics.integrator import (
     setup,
     step_midpoint,
 )
+from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.rigid_body import accelerations
 from heli3dof.model.physics.rotor import thrusts
 
@@ -271,6 +274,66 @@ def _filter(  # type: ignore[no-untyped-def]
 
 
 filter_blocks = compiled(_filter, error_model="numpy", nogil=True)
+
+
+@dataclass(frozen=True, eq=False)
+class FilterRun:
+    """The result of one run of the Kalman filter over the data, with E measurement updates."""
+
+    loglik: np.ndarray
+    """(3,) log-likelihood by axis: Σ ln Z, Z being a reading's probability given earlier ones"""
+    row: np.ndarray
+    """(E,) data row of each update"""
+    state: np.ndarray
+    """(E,) what each update reads: 0–2 an angle, 3–5 a rate, 6–8 a negative rate"""
+    c: np.ndarray
+    g: np.ndarray
+    w: np.ndarray
+    """(E,) each: predicted readings c, scores g = ∂ln Z/∂c, informations w = −∂²ln Z/∂c²"""
+    K: np.ndarray
+    """(E, 6) the filter's gain at each update"""
+    X: np.ndarray | None
+    """(N, 6) states after each row, angles in rad and rates in rad/s; (N, 9) if the sums Σ ln Z by
+    axis up to the row follow; None if not kept"""
+
+
+def filter_quantised(
+    structure: Structure,
+    values: np.ndarray,
+    data: Data,
+    noise: np.ndarray,
+    encoder_noise: np.ndarray,
+    *,
+    keep: int = 1,
+) -> FilterRun:
+    """Return the filter's run over ``data`` with the parameters ``values`` (n,) of ``structure``.
+
+    ``noise`` (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s);
+    ``encoder_noise`` (3,) rad² the variance of the readings' white noise. ``keep`` selects what
+    the result holds: 0 the likelihood only; 1 also each update's quantities, as `follow` needs
+    them; 2 also the states X; 3 also, in X, the log-likelihood up to each row.
+    """
+    hooks = structure.hooks
+    s, par = structure.arrays(values)
+    N = len(data.t)
+    n = 6 * N if keep else 1
+    row, state = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    c, g, w, K = np.empty(n), np.empty(n), np.empty(n), np.empty((n, 6))
+    X = np.zeros((N if keep >= 2 else 1, 9 if keep >= 3 else 6))
+    loglik = np.zeros(3)
+    E = filter_blocks(
+        s, hooks.first, hooks.address, par, structure.memory, data.blocks, data.free, data.grid,
+        data.t, data.h, data.V, data.y, np.asarray(noise[:3], dtype=float) ** 2, float(noise[3]),
+        encoder_noise, keep, loglik, row, state, c, g, w, K, X,
+    )  # fmt: skip
+    if not keep:
+        E = 0
+    lost = ~(np.isfinite(c[:E]) & np.isfinite(g[:E]) & np.isfinite(w[:E]))
+    return FilterRun(
+        np.where(np.isfinite(loglik), loglik, -np.inf), row[:E].copy(), state[:E].copy(),
+        c[:E].copy(), np.where(lost, 0.0, g[:E]), np.where(lost, 0.0, w[:E]),
+        K[:E].copy(), X if keep >= 2 else None,
+    )  # fmt: skip
 
 
 def _follow(  # type: ignore[no-untyped-def]

@@ -7,6 +7,7 @@ unmeasured axis does not move.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -14,7 +15,6 @@ import numpy as np
 
 from heli3dof.errors import RecordingError
 from heli3dof.model.estimation.decimated_log import mean_voltage
-from heli3dof.model.physics.table import ON_TABLE_BELOW
 from heli3dof.recording.gap_filling import GAP as GAP
 from heli3dof.recording.recording import Recording
 
@@ -25,6 +25,9 @@ LEAD_S = 1.0
 """s, the length of the lead-in, longer than any rotor's lag."""
 CLIMB_S = 0.1
 """s; the climb after take-off ends when roll has not risen for this time."""
+ON_TABLE_BELOW = math.radians(-15.0)
+"""rad; a rig whose roll starts below this angle counts as at rest on its table. A recording whose
+roll is never below it has no table. Chosen between a rig's rest, about −27°, and flight."""
 AT_REST_S = 0.02
 """s; a recording starts on the table if the rig rests there at least this long."""
 ENCODER_NOISE = 0.06

@@ -8,6 +8,8 @@ Otherwise the initial thrusts balance roll and pitch.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from heli3dof.model.base import LoopResult, LoopTask
@@ -15,19 +17,26 @@ from heli3dof.model.compiled import compiled
 from heli3dof.model.control.controller import N_OUT
 from heli3dof.model.control.loop_opening import after_law, before_law, opening
 from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
+from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
 from heli3dof.model.greybox.linearisation import balance, true_angles
-from heli3dof.model.greybox.parameters import GreyBoxParameters
 from heli3dof.model.physics.integrator import fly_row, readings, setup, stop_at_table
 from heli3dof.model.physics.state_layout import FLANK
-from heli3dof.model.physics.table import ON_TABLE_BELOW
+
+if TYPE_CHECKING:
+    from heli3dof.model.greybox.model import GreyBoxModel
 
 _before, _after = compiled(before_law, leaf=True), compiled(after_law, leaf=True)
 
 
 def _fly(  # type: ignore[no-untyped-def]
     s, first, address, par, mem, free, x, F, low, p, c, opened, room, z, reference, extra,
-    grid0, grid, t, h, angle, voltage, cmd,
+    grid0, grid, t, h, kick, late, angle, voltage, cmd,
 ):  # fmt: skip
+    """Simulate N control periods; write ``angle`` (N, 3) rad, ``voltage`` and ``cmd`` (N, 2) V.
+
+    ``kick`` (N, 3) or (0, 3): random changes of the rates, rad/s; ``low``: roll on the table, rad;
+    ``late``: 1 if the voltage acts one period later, else 0.
+    """
     setup(s, first, address, par, mem)
     s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
     y, slope, out = np.empty(3), np.empty(3), np.empty(N_OUT)
@@ -47,43 +56,67 @@ def _fly(  # type: ignore[no-untyped-def]
             _after(p, c, z, opened[k], extra[k], out)
         for i in range(2):
             cmd[k, i] = out[i]
-            voltage[k, i] = out[2 + i]
+            if k == 0:
+                voltage[0, i] = out[2 + i]
+            if k + late < N:
+                voltage[k + late, i] = out[2 + i]
         fly_row(s, x, k, t, h, voltage, target, F, first, address, par, mem, free, w, cache)
+        if kick.shape[0] > 0:
+            for i in range(3):
+                x[3 + i] += kick[k, i]
+                x[i] += 0.5 * h[k] * kick[k, i]
         stop_at_table(x, low)
 
 
 _fly_compiled = compiled(_fly, error_model="numpy", nogil=True)
 
 
-def fly(model: GreyBoxParameters, task: LoopTask) -> LoopResult:
+def on_table(angle0: np.ndarray) -> bool:
+    """Return True if a rig at rest at ``angle0`` (3,) rad lies on its table."""
+    return bool(angle0[0] < ON_TABLE_BELOW)
+
+
+def fly(
+    model: GreyBoxModel,
+    task: LoopTask,
+    *,
+    t: np.ndarray | None = None,
+    offset: np.ndarray | None = None,
+    kick: np.ndarray | None = None,
+    late: bool = False,
+) -> LoopResult:
     """Return the closed-loop flight that ``task`` describes, simulated from rest at ``angle0``.
 
-    A NaN in angle0 counts as zero. A diverging loop gives inf and NaN.
+    A NaN in angle0 counts as zero. A diverging loop gives inf and NaN. ``t`` (N,) s: the sampling
+    instants, if not every ``task.dt`` s. ``offset`` (3,) rad is added to the initial angles,
+    ``kick`` (N, 3) rad/s to the rates of each period. ``late``: the voltage acts one period later.
     """
     N = len(task.reference)
     read0 = np.nan_to_num(np.asarray(task.angle0, dtype=float))
     hooks = model.structure.hooks
     s, par = model.structure.arrays(model.values)
     mem = model.structure.memory
-    on_table = bool(read0[0] < ON_TABLE_BELOW)
     x = np.concatenate([true_angles(model, read0), np.zeros(3)])
+    if offset is not None:
+        x[:3] += offset
     F = np.zeros((max(N, 1), 2))
-    if not on_table:
+    if not on_table(read0):
         F[0] = balance(model, x[:3])
     grid = np.zeros(3) if task.rad_per_count is None else np.abs(task.rad_per_count)
     p, c = controller_arrays(task.controller, task.V_o, task.v_max, task.dt, read0)
     angle, voltage, cmd = np.empty((N, 3)), np.empty((N, 2)), np.empty((N, 2))
-    t = task.dt * np.arange(N, dtype=float)
+    h = np.full(N, task.dt) if t is None else np.append(np.diff(t), task.dt)
+    t = task.dt * np.arange(N, dtype=float) if t is None else t
     reference = np.ascontiguousarray(np.nan_to_num(task.reference, nan=0.0))
     extra = np.ascontiguousarray(np.nan_to_num(task.extra, nan=0.0))
     _fly_compiled(
         s, hooks.first, hooks.address, par, mem, np.ones(3, dtype=bool), x, F,
-        x[0] if on_table else -np.inf,
+        x[0] if on_table(read0) else -np.inf,
         p, c,
         *opening(task),
         reference, extra,
-        read0, np.ascontiguousarray(grid, dtype=float), t, np.full(N, task.dt),
-        angle, voltage, cmd,
+        read0, np.ascontiguousarray(grid, dtype=float), t, h,
+        np.empty((0, 3)) if kick is None else kick, int(late), angle, voltage, cmd,
     )  # fmt: skip
     return LoopResult(
         t=t,

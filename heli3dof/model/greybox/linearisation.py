@@ -11,23 +11,26 @@ of the backlash.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from heli3dof.errors import CheckFailed
 from heli3dof.model.discretisation import HOVER_STATES
-from heli3dof.model.greybox.parameters import GreyBoxParameters
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.model.physics import state_layout
 from heli3dof.model.physics.integrator import readings, setup, step
 from heli3dof.model.physics.rigid_body import accelerations
 from heli3dof.model.physics.rotor import aim
 
+if TYPE_CHECKING:
+    from heli3dof.model.greybox.model import GreyBoxModel
+
 
 class _Plant:
     """The equations of a grey-box model as functions on arrays; it can omit the motor delay."""
 
-    def __init__(self, model: GreyBoxParameters, *, delayed: bool = True) -> None:
+    def __init__(self, model: GreyBoxModel, *, delayed: bool = True) -> None:
         structure = model.structure
         self.hooks = structure.hooks
         self.s, self.par = structure.arrays(model.values)
@@ -72,7 +75,7 @@ class _Plant:
         return np.concatenate([x, w[7, :2]])
 
 
-def true_angles(model: GreyBoxParameters, read: np.ndarray) -> np.ndarray:
+def true_angles(model: GreyBoxModel, read: np.ndarray) -> np.ndarray:
     """Return the true angles (3,) rad at the encoder readings ``read`` (3,) rad."""
     hooks = model.structure.hooks
     s, par = model.structure.arrays(model.values)
@@ -86,7 +89,7 @@ def true_angles(model: GreyBoxParameters, read: np.ndarray) -> np.ndarray:
     return q
 
 
-def balance(model: GreyBoxParameters, q: np.ndarray) -> np.ndarray:
+def balance(model: GreyBoxModel, q: np.ndarray) -> np.ndarray:
     """Return the thrusts (2,) N that balance roll and pitch at rest at the angles q (3,) rad.
 
     If Newton's method diverges, returns its last finite thrusts, which do not balance the model.
@@ -107,7 +110,7 @@ def balance(model: GreyBoxParameters, q: np.ndarray) -> np.ndarray:
     return np.asarray(F)
 
 
-def trim_voltage(model: GreyBoxParameters, F: np.ndarray) -> np.ndarray:
+def trim_voltage(model: GreyBoxModel, F: np.ndarray) -> np.ndarray:
     """Return the voltages (2,) V that hold the thrusts F (2,) N; raise CheckFailed if none does."""
     plant = _Plant(model, delayed=False)
     V = np.full(2, model.profile.motor.V_o)
@@ -132,7 +135,7 @@ def trim_voltage(model: GreyBoxParameters, F: np.ndarray) -> np.ndarray:
     )
 
 
-def linear(model: GreyBoxParameters, dt: float) -> tuple[LinearModel, tuple[str, ...]]:
+def linear(model: GreyBoxModel, dt: float) -> tuple[LinearModel, tuple[str, ...]]:
     """Return the linearised model about level hover, sampled every ``dt`` s, and its states' names.
 
     Level hover is where the encoders read zero. States: r, p, psi, their rates, the thrusts if the

@@ -1,31 +1,79 @@
 """`GreyBoxModel`: the nonlinear rigid body with selected effects, fitted or nominal.
 
-The equations are in `heli3dof.model.greybox.parameters`.
+    M(q) q̈ + h(q, q̇) = Q(q, F) + effects,      τ_m Ḟ_i = K_f g_i f(V_i) − F_i
+
+q are roll, pitch, yaw, M the mass matrix, h Coriolis and centrifugal torques, Q the torques of
+thrust and gravity. F_i is the thrust of rotor i with the lag τ_m, K_f the thrust per volt, g_i a
+gain and f a characteristic of the voltage V_i. Details: modules `rigid_body` and `rotor` of
+`heli3dof.model.physics`, and `heli3dof.model.effects`.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from heli3dof.arrays import ComplexArray, FloatArray
+from heli3dof.errors import ProfileError, UsageError
 from heli3dof.model.base import LoopResult, LoopTask
-from heli3dof.model.effects import plug_ins, terms
-from heli3dof.model.greybox.parameters import GreyBoxParameters
+from heli3dof.model.effects import PlugIn, broken, plug_ins, term, terms
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.profile import ControllerSpec, Profile
+from heli3dof.rig.profile import ControllerSpec, Profile, profile_from_dict
 
 if TYPE_CHECKING:
     import control
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GreyBoxModel(GreyBoxParameters):
-    """A nonlinear grey-box model with simulation, prediction, linearisation and export."""
+class GreyBoxModel:
+    """A nonlinear grey-box model: a rig's profile, its effects and their parameter values.
+
+    ``values`` (n,) are in the order of ``structure.free``. The property `structure` raises
+    UsageError for an unknown effect in ``terms``.
+    """
+
+    name: str
+    profile: Profile
+    terms: tuple[str, ...]
+    values: np.ndarray
+    noise: np.ndarray
+    """(3,) rad/s²/√Hz, intensity of the white process noise: acceleration of roll, pitch, yaw."""
+    covariance: np.ndarray
+    """(n, n), covariance of the values; NaN where unknown."""
+    jitter_s: float = 0.0
+    """s, sampling jitter: standard deviation of the sampling instants."""
+    varying: Mapping[str, float] = field(default_factory=dict)
+    """Parameters that differ between recordings: name → standard deviation about the value, in its
+    unit. Prediction re-estimates them (`heli3dof.model.estimation.ekf_jitter`)."""
+    extra: Mapping[str, Any] = field(default_factory=dict)
+    """Other content of the model file: recordings, validation verdicts, versions."""
+    kind: str = "greybox"
+
+    @cached_property
+    def structure(self) -> Structure:
+        return Structure(self.profile, terms(self.terms))
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Return {parameter name: value}; `Structure.free` states the units."""
+        return dict(zip(self.structure.names, self.values.tolist(), strict=True))
+
+    @property
+    def std(self) -> np.ndarray:
+        """Return the standard deviations (n,) of the parameter values, in their units."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @cached_property
+    def _filtered(self) -> WeakKeyDictionary[Recording, Any]:
+        """Return the cache {recording: result of `heli3dof.model.greybox.prediction.filtered`}."""
+        return WeakKeyDictionary()
 
     def __repr__(self) -> str:
         effects = ", ".join(self.terms[:4]) + (", …" if len(self.terms) > 4 else "")
@@ -105,6 +153,50 @@ class GreyBoxModel(GreyBoxParameters):
             **({"plug_ins": from_others} if from_others else {}),
         }
 
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Return the model from the output of `GreyBoxModel.to_dict`.
+
+        Raises KeyError for a missing key, TypeError or ValueError for invalid content, and
+        UsageError for an unknown effect. The message names the plug-in that provided the effect
+        when the file was written.
+        """
+        names = tuple(str(t) for t in data["terms"])
+        _check_terms(names, data.get("plug_ins", {}))
+        try:
+            profile = profile_from_dict(
+                data["profile"], source="the model's profile", recorded=True
+            )
+        except ProfileError as error:
+            raise ValueError(error.what) from error
+        values = np.array([p["value"] for p in data["parameters"]], dtype=float)
+        n = len(values)
+        model = cls(
+            name=str(data["name"]),
+            kind=str(data["kind"]),
+            profile=profile,
+            terms=names,
+            values=values,
+            noise=np.array(data["acceleration_noise_rad_per_s2_per_sqrtHz"], dtype=float),
+            covariance=np.array(data["covariance"], dtype=float).reshape(n, n),
+            jitter_s=float(data.get("timing_jitter_s", 0.0)),
+            varying={str(k): float(v) for k, v in data.get("varying_by_recording", {}).items()},
+            extra=dict(data.get("extra", {})),
+        )
+        expected = model.structure.names
+        given = tuple(p["name"] for p in data["parameters"])
+        if given != expected:
+            raise ValueError(
+                f"its parameters are {', '.join(given)}, its terms ask for {', '.join(expected)}"
+            )
+        if unknown := set(model.varying) - set(expected):
+            raise ValueError(
+                f"varying_by_recording names {', '.join(sorted(unknown))}: no parameter"
+            )
+        if model.noise.shape != (3,) or not np.isfinite(model.values).all():
+            raise ValueError("a parameter or the noise holds null where a number belongs")
+        return model
+
 
 def nominal(profile: Profile, names: tuple[str, ...] = (), **values: float) -> GreyBoxModel:
     """Return a model of a profile's rig with the effects ``names``; nothing is estimated.
@@ -118,3 +210,23 @@ def nominal(profile: Profile, names: tuple[str, ...] = (), **values: float) -> G
         "rigid-body", profile, names, structure.values_of(values), np.zeros(3),
         np.full((n, n), np.nan),
     )  # fmt: skip
+
+
+def _check_terms(names: Sequence[str], written_with: Mapping[str, Any]) -> None:
+    """Raise UsageError if an effect in ``names`` is not installed.
+
+    ``written_with`` is {effect: plug-in} from the model file.
+    """
+    for name in names:
+        try:
+            term(name)
+        except UsageError as error:
+            for effect, about in written_with.items():
+                if name in (effect, f"{effect}.{name.rpartition('.')[2]}"):
+                    plug_in = PlugIn(**about)
+                    raise UsageError(
+                        f"Its effect {name!r} is of {plug_in}, which does not load here.",
+                        cause=error.cause if broken() else "the package is not installed here.",
+                        fix=plug_in.install,
+                    ) from error
+            raise

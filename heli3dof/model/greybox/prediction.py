@@ -1,25 +1,31 @@
 """Predict with a grey-box model: simulate from filtered states with the recorded voltages.
 
 An extended Kalman filter (`heli3dof.model.estimation.ekf_quantised`, or `ekf_jitter` if parameters
-vary by recording) estimates the state at each row from readings up to that row. From there the
-model is simulated to the horizon in steps of about `STEP_S`, with the thrusts' mean over each step.
-While the rig rests on its table, the state is the measured angles with zero rates. The predicted
-roll stays at or above its value on the table.
+vary by recording) estimates the state x̂[k] at each row k from readings up to that row. From there
+the model is simulated to horizons h_j in steps of about `STEP_S`, with the thrusts' mean over each
+step:
+
+    ŷ[k, j] = y(x̂[k], V, t_k + h_j),      e[k, j] = angle[k + n_j] − ŷ[k, j],   h_j = n_j dt
+
+y(…) is the simulated reading of an encoder, V the voltages; h_j has n_j sample intervals dt. One
+simulation yields all horizons of a row. While the rig rests on its table, the state is the measured
+angles with zero rates. The predicted roll stays at or above its value on the table.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from heli3dof.model.compiled import compiled
 from heli3dof.model.estimation.decimated_log import mean_voltage
 from heli3dof.model.estimation.ekf_jitter import filter_jittered, positions
-from heli3dof.model.estimation.ekf_quantised import filter_blocks
+from heli3dof.model.estimation.ekf_quantised import filter_quantised
 from heli3dof.model.estimation.filter_data import (
-    Data,
+    ON_TABLE_BELOW,
     RowRange,
     climb_rows,
     data_of,
@@ -27,13 +33,14 @@ from heli3dof.model.estimation.filter_data import (
     hold_last,
     starts_on_table,
 )
-from heli3dof.model.greybox.parameters import GreyBoxParameters
 from heli3dof.model.physics.integrator import coast_to, readings, setup
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.rotor import thrusts
 from heli3dof.model.physics.state_layout import FLANK, SLEW, TAU_M
-from heli3dof.model.physics.table import ON_TABLE_BELOW
 from heli3dof.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from heli3dof.model.greybox.model import GreyBoxModel
 
 STEP_S = 0.02
 """s, the step of the simulation, rounded to whole rows."""
@@ -41,35 +48,86 @@ NOISE = np.array([0.05, 0.15, 0.05])
 """(3,) rad/s²/√Hz for a model without noise values; see `heli3dof.model.linear.prediction`."""
 
 
-def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]
-    """Predict n rows ahead from each state X[k]; write the encoder readings to ``out[k + n]``.
+def _windows(  # type: ignore[no-untyped-def]
+    s,
+    first,
+    address,
+    par,
+    mem,
+    where,
+    free,
+    t,
+    V,
+    mean,
+    X,
+    low,
+    starts,
+    ahead,
+    stride,
+    by_direction,
+    out,
+):
+    """Simulate from the filter's states in S rows; write the readings at M horizons to ``out``.
 
-    ``out`` (N, 3) is in rad; ``mean`` (N + 1, 2): the thrusts' time integral (`impulse`); ``low``:
-    roll on the table in rad; ``stride``: rows per step; ``where`` (W, 3): `positions` of parameters
-    that vary by recording. Other arguments: see `integrator`.
+    ``out`` (S, M, 3) rad: encoder readings; ``starts`` (S,): start rows; ``ahead`` (M,): horizons
+    in rows, ascending; X (N, 6 + B): filter's states; ``where`` (W, 3): `positions` of the B
+    parameters that vary by recording; ``mean`` (N + 1, 2): the thrusts' time integral (`impulse`);
+    ``low``: roll on the table (rad); ``stride``: rows per step; ``by_direction``: `predictions`.
+    Other arguments: see `integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
     m, slope = np.empty(3), np.empty(3)
-    for k in range(X.shape[0] - n):
-        if X[k, 0] != X[k, 0]:
-            continue
+    for n in range(starts.shape[0]):
+        k = starts[n]
         for j in range(6):
             x[j] = X[k, j]
-        for j in range(where.shape[0]):
-            par[where[j, 0], where[j, 1]] = X[k, 6 + where[j, 2]]
-        coast_to(s, x, k, k + n, stride, t, mean, V, low, first, address, par, mem, free, w)
-        for i in range(3):  # the flank of a backlash, by the direction of motion
-            s[FLANK + i] = 1.0 if x[i] > X[k, i] else -1.0
-        readings(s, x, first, address, par, mem, m, slope)
-        for i in range(3):
-            out[k + n, i] = m[i]
+        for q in range(where.shape[0]):
+            par[where[q, 0], where[q, 1]] = X[k, 6 + where[q, 2]]
+        a = k
+        for i in range(ahead.shape[0]):
+            b = k + ahead[i]
+            coast_to(s, x, a, b, stride, t, mean, V, low, first, address, par, mem, free, w)
+            if by_direction:
+                for q in range(3):
+                    s[FLANK + q] = 1.0 if x[q] > X[k, q] else -1.0
+            readings(s, x, first, address, par, mem, m, slope)
+            for q in range(3):
+                out[n, i, q] = m[q]
+            a = b
 
 
-_roll_compiled = compiled(_roll, error_model="numpy")
+_windows_compiled = compiled(_windows, error_model="numpy", nogil=True)
 
 
-def predict(model: GreyBoxParameters, recording: Recording, horizon_s: float) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A recording of N rows as arrays, with the S rows from which predictions start."""
+
+    t: np.ndarray
+    """(N,) s, sampling times"""
+    h: np.ndarray
+    """(N,) s, time to the next row"""
+    V: np.ndarray
+    """(N, 2) V, motor voltages"""
+    y: np.ndarray
+    """(N, 3) rad, encoder readings"""
+    free: np.ndarray
+    """(3,) bool: the axes that can move"""
+    low: float
+    """rad, the roll at which the rig rests on its table; −∞ without a table"""
+    starts: np.ndarray
+    """(S,) int64: rows from which predictions start"""
+    still: bool = False
+    """True if the rotors are at standstill before the first row, else in steady state."""
+
+    @property
+    def dt(self) -> float:
+        """Return the median sample interval in s."""
+        return float(np.median(self.h))
+
+
+def predict(model: GreyBoxModel, recording: Recording, horizon_s: float) -> np.ndarray:
     """Return predicted angles (N, 3) rad; row k predicts the recorded ``angle[k]``.
 
     Row k uses readings up to ``horizon_s`` s before it, and voltages of all rows before k. The
@@ -82,26 +140,23 @@ def predict(model: GreyBoxParameters, recording: Recording, horizon_s: float) ->
         return out
     if recording not in model._filtered:
         model._filtered[recording] = filtered(model, recording)
-    t, V, mean, X, low, free = model._filtered[recording]
-    hooks = model.structure.hooks
-    s, par = model.structure.arrays(model.values)
-    stride = max(1, round(STEP_S / recording.dt))
-    _roll_compiled(
-        s, hooks.first, hooks.address, par, model.structure.memory,
-        positions(model.structure, tuple(model.varying)), free, t, V, mean, X, low, n, stride, out,
+    flight, X = model._filtered[recording]
+    starts = np.flatnonzero(~np.isnan(X[: N - n, 0]))
+    flight = replace(flight, starts=starts)
+    predicted = predictions(
+        model.structure, model.values, flight, X, np.array([n]), tuple(model.varying),
+        by_direction=True,
     )  # fmt: skip
-    out[:, ~free] = np.nan
+    out[starts + n] = predicted[:, 0]
+    out[:, ~flight.free] = np.nan
     return out
 
 
-def filtered(
-    model: GreyBoxParameters, recording: Recording
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
-    """Filter a recording; return (t, V, thrust integral, states X, roll on the table, axes).
+def filtered(model: GreyBoxModel, recording: Recording) -> tuple[Flight, np.ndarray]:
+    """Filter a recording; return it as a `Flight` without start rows, and the states X.
 
-    t (N,) s: times. V (N, 2) V: voltages without NaN. The integral (N + 1, 2) N·s is from
-    `impulse`, the roll on the table (rad) from `table_of`. X (N, 6 + B) holds angles, rates and the
-    B parameters in ``model.varying``, which the filter re-estimates. axes (3,) bool: measured axes.
+    X (N, 6 + B) holds angles, rates and the B parameters in ``model.varying``, which the filter
+    re-estimates.
     """
     N = len(recording)
     y, recording = recording.angle, replace(recording, voltage=hold_last(recording.voltage))
@@ -139,31 +194,62 @@ def filtered(
                 model.structure, model.values, d, a, model.jitter_s, model.varying
             ).states
         else:
-            states = _by_edges(model, d, a)
+            noise = np.append(a, model.jitter_s)
+            found = filter_quantised(
+                model.structure, model.values, d, noise, encoder_noise(d), keep=2
+            )
+            assert found.X is not None
+            states = found.X
         for run, (_, start, stop) in zip(runs, d.blocks, strict=True):
             X[run.start : run.stop] = states[start:stop]
     X[:, :3][:, ~free] = 0.0  # an axis that was not measured is fixed at level
     X[:, 3:6][:, ~free] = 0.0
-    mean = impulse(model.structure, model.values, V, h, still=starts_on_table(recording))
-    return t, V, mean, X, low, free
+    starts = np.empty(0, dtype=np.int64)
+    return Flight(t, h, V, y, free, low, starts, starts_on_table(recording)), X
 
 
-def _by_edges(model: GreyBoxParameters, d: Data, a: np.ndarray) -> np.ndarray:
-    """Return the states (N, 6) of the filter `ekf_quantised` for the data ``d``.
+def predictions(
+    structure: Structure,
+    values: np.ndarray,
+    flight: Flight,
+    states: np.ndarray,
+    ahead: np.ndarray,
+    varying: tuple[str, ...] = (),
+    *,
+    by_direction: bool = False,
+) -> np.ndarray:
+    """Return the predicted readings (S, M, 3) rad from S start rows at M horizons.
 
-    ``a`` (3,) rad/s²/√Hz is the process noise on roll, pitch, yaw.
+    The horizons are ``ahead`` (M,) rows. ``values`` (n,) are the parameters of ``structure``.
+    ``flight`` has the recorded arrays and the start rows. ``states`` (N, 6 + B) are the filter's
+    estimates: angles, rates, and the B parameters ``varying`` that replace those in ``values``.
+    ``by_direction``: the direction of the predicted motion selects the side of a backlash; else the
+    prediction is in its middle.
     """
-    hooks = model.structure.hooks
-    s, par = model.structure.arrays(model.values)
-    states = np.zeros((len(d.t), 6))
-    n = 6 * len(d.t)
-    filter_blocks(
-        s, hooks.first, hooks.address, par, model.structure.memory, d.blocks, d.free, d.grid,
-        d.t, d.h, d.V, d.y, a**2, model.jitter_s, encoder_noise(d), 2,
-        np.zeros(3), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64),
-        np.empty(n), np.empty(n), np.empty(n), np.empty((n, 6)), states,
+    hooks = structure.hooks
+    s, par = structure.arrays(values)
+    mean = impulse(structure, values, flight.V, flight.h, still=flight.still)
+    out = np.empty((len(flight.starts), len(ahead), 3))
+    starts = np.ascontiguousarray(flight.starts)  # numba compiles again for a strided array
+    _windows_compiled(
+        s, hooks.first, hooks.address, par, structure.memory, positions(structure, varying),
+        flight.free, flight.t, flight.V, mean, states, flight.low, starts,
+        np.asarray(ahead, dtype=np.int64), max(1, round(STEP_S / flight.dt)), by_direction, out,
     )  # fmt: skip
-    return states
+    return out
+
+
+def errors(
+    structure: Structure,
+    values: np.ndarray,
+    flight: Flight,
+    states: np.ndarray,
+    ahead: np.ndarray,
+    varying: tuple[str, ...] = (),
+) -> np.ndarray:
+    """Return the prediction errors (S, M, 3) rad: reading minus `predictions`."""
+    predicted = predictions(structure, values, flight, states, ahead, varying)
+    return np.asarray(flight.y[np.add.outer(flight.starts, ahead)] - predicted)
 
 
 def impulse(

@@ -12,6 +12,8 @@ ref are the reference angles, extra (V) voltages added to the controller's. The 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from heli3dof.model.base import LoopResult, LoopTask
@@ -20,7 +22,9 @@ from heli3dof.model.control.controller import N_OUT
 from heli3dof.model.control.loop_opening import after_law, before_law, opening
 from heli3dof.model.control.simulated_controller import controller_arrays, simulated_law
 from heli3dof.model.linear.initial_state import rest_state
-from heli3dof.model.linear.parameters import LinearParameters
+
+if TYPE_CHECKING:
+    from heli3dof.model.linear.model import LinearModel
 
 _before, _after = compiled(before_law), compiled(after_law)
 
@@ -63,13 +67,13 @@ def _fly(  # type: ignore[no-untyped-def]
 _fly_compiled = compiled(_fly)
 
 
-def fly(model: LinearParameters, task: LoopTask) -> LoopResult:
+def fly(model: LinearModel, task: LoopTask) -> LoopResult:
     """Return the closed-loop flight that ``task`` describes, simulated from rest at ``angle0``.
 
     The start need not be an equilibrium, because the model omits the table on which a real rig
     rests. Quantised readings are angle0 plus whole encoder steps. A diverging loop gives inf and
     NaN. An axis that is not modelled is NaN in the result, and the controller reads angle0 for it.
-    Raises RecordingError if ``task.dt`` does not suit the model (`LinearParameters.at`).
+    Raises RecordingError if ``task.dt`` does not suit the model (`LinearModel.at`).
     """
     model = model.at(task.dt)
     N = len(task.reference)

@@ -8,10 +8,13 @@ fits best. The covariance is chosen so that the outputs, without input, have a g
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy.linalg as la
 
-from heli3dof.model.linear.parameters import LinearParameters
+if TYPE_CHECKING:
+    from heli3dof.model.linear.model import LinearModel
 
 WINDOW = 0.5
 """s, duration of the free response; longer than the rotors' lag, shorter than a movement in closed
@@ -20,7 +23,7 @@ _ROWS = 50
 
 
 def responses(
-    model: LinearParameters, axes: np.ndarray, window_s: float = WINDOW
+    model: LinearModel, axes: np.ndarray, window_s: float = WINDOW
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the matrices O (rows, n) and G (rows, 2) of the model's free and forced response.
 
@@ -42,7 +45,7 @@ def responses(
     return stacked[:, :n], stacked[:, n:]
 
 
-def rest_state(model: LinearParameters, angle0: np.ndarray) -> np.ndarray:
+def rest_state(model: LinearModel, angle0: np.ndarray) -> np.ndarray:
     """Return the model's state vector (n,) for a rig at rest at the angles ``angle0`` (3,) rad.
 
     For the hover model it is (angle0 − y0, 0): the angles' deviations from the trim y0, and zero
@@ -63,7 +66,7 @@ def rest_state(model: LinearParameters, angle0: np.ndarray) -> np.ndarray:
     return np.asarray(solution[: model.order] / scale_x)
 
 
-def state_spread(model: LinearParameters, axes: np.ndarray) -> np.ndarray:
+def state_spread(model: LinearModel, axes: np.ndarray) -> np.ndarray:
     """Return the initial state's covariance (n, n) for an output uncertainty of 1 rad rms.
 
     The covariance is the inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over the samples j of `WINDOW`

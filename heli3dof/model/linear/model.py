@@ -1,19 +1,24 @@
 """`LinearModel`: a discrete-time state-space model in innovation form, about a trim.
 
-The hover model and all black-box models have this form; the hover model has K = 0. The equations
-are in `heli3dof.model.linear.parameters`.
+    x[k+1] = A x[k] + B (V[k] − u0) + K e[k]
+      y[k] = C x[k] + y0 + e[k],      cov e = S
+
+V (V) is held from k to k+1; y is (r, p, ψ) in rad; u0, y0 are the trim, e the innovations, K the
+Kalman gain. The hover model and all black-box models have this form; the hover model has K = 0.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from heli3dof.arrays import ComplexArray, FloatArray
+from heli3dof.axes import AXES
+from heli3dof.errors import RecordingError
 from heli3dof.model.base import LoopResult, LoopTask
-from heli3dof.model.linear.parameters import LinearParameters
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import ControllerSpec
 
@@ -22,10 +27,79 @@ if TYPE_CHECKING:
 
     from heli3dof.model.discretisation import Continuous
 
+DT_TOLERANCE = 0.01
+"""Largest relative difference between a recording's sample interval and the model's ``dt``."""
+_KEYS_SHAPES = {"A": "nn", "B": "n2", "C": "3n", "K": "n3", "S": "33", "u0_V": "2", "y0_rad": "3"}
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LinearModel(LinearParameters):
-    """A linear model with simulation, prediction, conversion and export."""
+class LinearModel:
+    """A linear discrete-time model: its matrices, trim and sample interval.
+
+    Shapes: A (n, n), B (n, 2), C (3, n), Kalman gain K (n, 3), innovation covariance S (3, 3). The
+    trim is u0 (2,) V and y0 (3,) rad; dt in s.
+    """
+
+    name: str
+    kind: str
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    """(3, n); an axis whose row is NaN or zero is not modelled."""
+    K: np.ndarray
+    S: np.ndarray
+    """(3, 3) rad², covariance of the innovations; NaN where unknown."""
+    u0: np.ndarray
+    y0: np.ndarray
+    dt: float
+    """s, sample interval"""
+    extra: Mapping[str, Any] = field(default_factory=dict)
+    """Other content of the model file: standard deviations, recordings, versions."""
+    exact_hold: bool = False
+    """True if A, B are the zero-order hold of a continuous-time model (hover, eq (17)), so that the
+    model can be resampled. An identified model is valid at its own interval only."""
+
+    @property
+    def order(self) -> int:
+        return int(self.A.shape[0])
+
+    @property
+    def modelled(self) -> np.ndarray:
+        """Return which axes the model contains, (3,) bool: their rows of C are finite and not 0."""
+        return np.asarray(np.isfinite(self.C).all(axis=1) & (self.C != 0).any(axis=1))
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        return tuple(a for a, there in zip(AXES, self.modelled, strict=True) if there)
+
+    @property
+    def physical_state(self) -> bool:
+        """Return True if the state is (r, p, ψ, ṙ, ṗ, ψ̇), as in the paper's eq (8)."""
+        return self.exact_hold and np.array_equal(self.C, np.eye(3, 6))
+
+    def at(self, dt: float) -> Self:
+        """Return this model for the sample interval ``dt`` (s), resampled if that is possible.
+
+        Resampling is possible if the model is the exact zero-order hold of a continuous-time model
+        (field `exact_hold`). Any other model is returned unchanged if ``dt`` is within 1 % of the
+        model's interval. Otherwise raises RecordingError.
+        """
+        off = abs(dt / self.dt - 1)
+        if self.exact_hold and off > 1e-9:
+            from heli3dof.model.discretisation import c2d_zoh, d2c_zoh
+
+            c = d2c_zoh(self.A, self.B, self.dt)
+            if c is not None:
+                A, B = c2d_zoh(*c, dt)
+                return replace(self, A=A, B=B, dt=dt)
+        if off <= DT_TOLERANCE:
+            return self
+        raise RecordingError(
+            f"The model {self.name!r} is for samples every {self.dt * 1e3:g} ms, "
+            f"not every {dt * 1e3:g} ms.",
+            cause="it was identified on recordings made at another rate.",
+            fix="heli3dof identify a recording made at this rate",
+        )
 
     def __repr__(self) -> str:
         axes = ", ".join(self.axes) or "no axes"
@@ -33,12 +107,6 @@ class LinearModel(LinearParameters):
             f"<LinearModel {self.name!r} ({self.kind}): order {self.order}, every {self.dt:g} s,\n"
             f" {axes}>"
         )
-
-    def rest_state(self, angle0: FloatArray) -> FloatArray:
-        """Return the state (n,) of a rig at rest at ``angle0`` (3,) rad; see `initial_state`."""
-        from heli3dof.model.linear.initial_state import rest_state
-
-        return rest_state(self, angle0)
 
     def fly(self, task: LoopTask) -> LoopResult:
         """Return the closed-loop flight that ``task`` describes, simulated with this model."""
@@ -107,6 +175,37 @@ class LinearModel(LinearParameters):
             "y0_rad": _lists(self.y0),
             "extra": dict(self.extra),
         }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Return the model from the output of `LinearModel.to_dict`.
+
+        Raises KeyError for a missing key, TypeError or ValueError for invalid content.
+        """
+        n = len(data["A"])
+        sizes = {"n": n, "2": 2, "3": 3}
+        arrays = {}
+        for key, letters in _KEYS_SHAPES.items():
+            shape = tuple(sizes[s] for s in letters)
+            array = np.array(data[key], dtype=float)
+            if array.shape != shape:
+                raise ValueError(f"{key} has the shape {array.shape}, not {shape}")
+            if key not in {"C", "S"} and not np.isfinite(array).all():
+                raise ValueError(f"{key} holds null where a number belongs")
+            arrays[key] = array
+        dt = float(data["dt_s"])
+        if not 0 < dt < np.inf:
+            raise ValueError(f"dt_s is {dt}, not a positive number of seconds")
+        return cls(
+            name=str(data["name"]),
+            kind=str(data["kind"]),
+            dt=dt,
+            u0=arrays.pop("u0_V"),
+            y0=arrays.pop("y0_rad"),
+            extra=dict(data.get("extra", {})),
+            exact_hold=bool(data.get("exact_hold", False)),
+            **arrays,
+        )
 
 
 def _lists(a: FloatArray) -> Any:

@@ -28,14 +28,18 @@ of up to `heli3dof.model.estimation.filter_data.LOST` periods.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from heli3dof.model.compiled import compiled
 from heli3dof.model.estimation.filter_data import LOST, hold_last
 from heli3dof.model.linear.initial_state import rest_state, state_spread
-from heli3dof.model.linear.parameters import LinearParameters
 from heli3dof.recording.gap_filling import fill_gaps
 from heli3dof.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from heli3dof.model.linear.model import LinearModel
 
 ACCELERATION = np.array([0.05, 0.15, 0.05])
 """(3,) rad/s²/√Hz on roll, pitch, yaw, process noise for the hover model. A compromise: half the
@@ -49,12 +53,12 @@ _SETTLE_S = 3.0
 """s, the time after which the Kalman gain is kept constant, if it has not converged before."""
 
 
-def predict(model: LinearParameters, recording: Recording, horizon_s: float) -> np.ndarray:
+def predict(model: LinearModel, recording: Recording, horizon_s: float) -> np.ndarray:
     """Return predicted angles (N, 3) rad; row k predicts the recorded ``angle[k]``.
 
     Row k uses voltages up to row k − 1 and angles up to row k − h; h is ``horizon_s`` in samples,
     at least one. The first h rows, and axes that are not modelled or measured, are NaN. Raises
-    RecordingError if the sample interval is not the model's (`LinearParameters.at`).
+    RecordingError if the sample interval is not the model's (`LinearModel.at`).
     """
     model = model.at(recording.dt)
     whole, own = fill_gaps(recording, LOST)
@@ -79,7 +83,7 @@ def predict(model: LinearParameters, recording: Recording, horizon_s: float) -> 
 
 
 def filtered_states(
-    model: LinearParameters, recording: Recording, axes: np.ndarray, u: np.ndarray
+    model: LinearModel, recording: Recording, axes: np.ndarray, u: np.ndarray
 ) -> np.ndarray:
     """Return the Kalman filter's state estimates x̂[k|k−1] (N + 1, n), from angles before sample k.
 
@@ -105,7 +109,7 @@ def filtered_states(
     return x
 
 
-def kalman_gains(model: LinearParameters, recording: Recording, axes: np.ndarray) -> np.ndarray:
+def kalman_gains(model: LinearModel, recording: Recording, axes: np.ndarray) -> np.ndarray:
     """Return the Kalman gains (M, n, 3) of the first M samples; later samples use the last gain.
 
     ``axes`` (3,) bool selects the measured angles that correct the state.
@@ -133,7 +137,7 @@ def kalman_gains(model: LinearParameters, recording: Recording, axes: np.ndarray
 
 
 def noise(
-    model: LinearParameters, recording: Recording, axes: np.ndarray
+    model: LinearModel, recording: Recording, axes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the process (n, n), measurement (m, m) and cross (n, m) noise covariance per sample.
 

@@ -16,7 +16,7 @@ An effect's parameter is named ``<effect>[.<axis>].<parameter>``.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -25,6 +25,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.model.effects import Term
+from heli3dof.model.effects.base import Parameter
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.compiled_effects import Hook, address
 from heli3dof.rig.profile import Profile, g
@@ -34,23 +35,11 @@ INERTIA_PRIOR = 0.7
 
 
 @dataclass(frozen=True)
-class FreeParameter:
-    """A parameter to estimate: name, bounds, prior, typical size (as `effects.base.Parameter`)."""
+class FreeParameter(Parameter):
+    """A parameter to estimate, of the rigid body or of an effect."""
 
-    name: str
-    unit: str
-    low: float
-    high: float
-    start: float
-    prior_std: float
-    """Standard deviation of the prior, in ``unit``; that of the logarithm if ``log``."""
-    typical: float
-    null: float
-    log: bool
     term: str | None = None
     """The name of its term (effect on an axis); None for a base parameter."""
-    per_recording: bool = False
-    """True if each recording has its own value (`effects.base.Parameter`)."""
 
     def scaled(self, value: float) -> float:
         """Return θ, the scaled parameter of a fit: value/``typical``, or ln(value) if ``log``."""
@@ -103,19 +92,17 @@ class Structure:
         p = self.profile
         T_g = p.trim_torque
         size = max(abs(T_g), 0.1)
-        out = [FreeParameter("T_g", "N·m", -10 * size, 10 * size, T_g, size, size, T_g, False)]
-        for axis, J in zip(AXES, p.inertias, strict=True):
-            name = f"J_{axis}"
-            out.append(FreeParameter(name, "kg·m²", J / 8, J * 8, J, INERTIA_PRIOR, J, J, True))
-        for t in self.terms:
-            for q in t.effect.parameters:
-                out.append(
-                    FreeParameter(
-                        f"{t.name}.{q.name}", q.unit, q.low, q.high, q.started, q.spread,
-                        q.typical, q.null, q.log, t.name, q.per_recording,
-                    )
-                )  # fmt: skip
-        return tuple(out)
+        body = [FreeParameter("T_g", "N·m", T_g, -10 * size, 10 * size, size, "", prior_std=size)]
+        body += [
+            FreeParameter(f"J_{axis}", "kg·m²", J, J / 8, J * 8, J, "", True, INERTIA_PRIOR)
+            for axis, J in zip(AXES, p.inertias, strict=True)
+        ]
+        effects = (
+            FreeParameter(**{**vars(q), "name": f"{t.name}.{q.name}"}, term=t.name)
+            for t in self.terms
+            for q in t.effect.parameters
+        )
+        return (*body, *effects)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -133,6 +120,14 @@ class Structure:
     @property
     def start(self) -> np.ndarray:
         return np.array([f.start for f in self.free])
+
+    def scaled(self, values: Iterable[float]) -> np.ndarray:
+        """Return the scaled parameters θ (n,) of ``values`` (n,), which are in their units."""
+        return np.array([f.scaled(v) for f, v in zip(self.free, values, strict=True)])
+
+    def unscaled(self, theta: Iterable[float]) -> np.ndarray:
+        """Return the values (n,) of the scaled parameters ``theta``; the inverse of `scaled`."""
+        return np.array([f.unscaled(c) for f, c in zip(self.free, theta, strict=True)])
 
     @cached_property
     def hooks(self) -> Hooks:

@@ -47,7 +47,7 @@ of effects, and from here on with δJ_p and δJ_ψ included in J_p and J_ψ:
 (the paper's eqs (10), (11) with errata E3 and E4 corrected; T_g = 2 L_a K_f V_o, and G_p = 0
 because the paper assumes equal motors). With s[LINEAR] = λ (s: `state_layout`) the acceleration is
 (1 − λ) times that of the rigid body plus λ times that of the hover model. λ = 0 without the effect
-`heli3dof.model.effects.base_hover`.
+``base.hover``.
 
 **Simplified equations.** With s[UNCOUPLED] = κ and s[CONSTANT_YAW_INERTIA] = ν the acceleration is
 

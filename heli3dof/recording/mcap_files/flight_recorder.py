@@ -22,15 +22,13 @@ from heli3dof.recording.atomic_write import check_output, mode
 from heli3dof.recording.mcap_files.chunk import rows_of_chunk
 from heli3dof.recording.mcap_files.fsync import Syncer
 from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, PROFILE, PROVENANCE, McapFile
-from heli3dof.recording.mcap_files.schema import RowFormat, RowPacker
+from heli3dof.recording.mcap_files.schema import RowFormat, RowPacker, message_values
 from heli3dof.recording.row import Row
 from heli3dof.rig.profile import Profile
 from heli3dof.write_errors import FULL, write_errors_explained
 
 CHUNK_S = 0.15
 """s, wall-clock time between two writes; the rows of this time form a chunk"""
-_HALF, _MASK = 1 << 31, (1 << 32) - 1
-"""Constants that wrap encoder counts to signed 32 bits"""
 BEHIND_MOST = 60_000
 """Largest number of rows that may wait for the disk: two minutes at 500 Hz, about 25 MB"""
 
@@ -103,25 +101,8 @@ class RecordingWriter:
             self._raise_failure()
         if len(self._rows) >= BEHIND_MOST:
             self._raise_behind()
-        sample = row.sample
-        roll, pitch, yaw = sample.counts
-        self._rows.append(
-            self._pack(
-                self._count,
-                self.start_ns + int(row.t * 1e9),
-                (
-                    row.t, sample.device_time_s, row.lateness, *row.angle,
-                    ((roll + _HALF) & _MASK) - _HALF, ((pitch + _HALF) & _MASK) - _HALF,
-                    ((yaw + _HALF) & _MASK) - _HALF,
-                    *row.applied, *sample.current, int(sample.flags) & 0xFFFFFFFF,
-                    sample.sequence & 0xFFFFFFFF,
-                ),
-                (
-                    sample.host_time_s, *row.reference, *row.limited, *row.command, *row.voltage,
-                    *row.extra, row.command_sequence & 0xFFFFFFFF, row.phase,
-                ),
-            )
-        )  # fmt: skip
+        log_time = self.start_ns + int(row.t * 1e9)
+        self._rows.append(self._pack(self._count, log_time, *message_values(row)))
         self._count += 1
 
     @property

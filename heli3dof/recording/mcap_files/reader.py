@@ -7,6 +7,7 @@ programs are imported (`heli3dof.recording.logs.import_log`).
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,7 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
             cause="the flight ended before its first control period.",
             fix="repeat the experiment",
         )
-    return decode(rows, found, profile or profile_in(found, path), path)
+    return recording_of(rows, found, profile or profile_in(found, path), path)
 
 
 def open_mcap(path: Path) -> Scan:
@@ -167,18 +168,32 @@ def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
     return rows
 
 
-def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recording:
+def recording_of(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recording:
     """Return a `Recording` made of the rows (N,) of a file that heli3dof wrote.
 
     ``found``, ``path``: the file's records and path; ``profile``: the rig's profile.
     """
-    absent = set(found.metadata.get(COLUMNS, {}).get("absent", ()))
-    stored = COLUMNS in found.metadata
+    absent = found.metadata[COLUMNS].get("absent", ()) if COLUMNS in found.metadata else None
+    return decode(rows, profile, meta_in(found, path), absent, channel_names(found))
+
+
+def decode(
+    rows: np.ndarray,
+    profile: Profile,
+    meta: Mapping[str, Any],
+    absent: Collection[str] | None = None,
+    names: Sequence[str] = (),
+) -> Recording:
+    """Return a `Recording` made of the rows (N,) in the format `RowFormat`.
+
+    ``absent``: fields that the recording lacks; None: the channels whose values are all NaN.
+    ``names``: channels of the message Channels.
+    """
     column = {
-        c.name: np.ascontiguousarray(rows[layout.name][c.name])
+        c.name: np.array(rows[layout.name][c.name])
         for layout in (SAMPLE, COMMAND)
         for c in layout.columns
-        if c.name not in absent
+        if c.name not in (absent or ())
     }
     arrays: dict[str, Any] = {
         array: np.column_stack([column[name] for name in names])
@@ -194,13 +209,11 @@ def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recor
             continue
         if values.dtype.kind != "f":
             channels[name] = values.astype(np.int64)
-        elif stored or not np.isnan(values).all():
+        elif absent is not None or not np.isnan(values).all():
             channels[name] = values
-    for number, name in enumerate(channel_names(found), 1):
-        channels[name] = np.ascontiguousarray(rows["Channels"][f"column{number}"])
-    return Recording(
-        t=column["t_s"], profile=profile, channels=channels, meta=meta_in(found, path), **arrays
-    )
+    for number, name in enumerate(names, 1):
+        channels[name] = np.array(rows["Channels"][f"column{number}"])
+    return Recording(t=column["t_s"], profile=profile, channels=channels, meta=dict(meta), **arrays)
 
 
 def meta_in(found: Scan, path: Path) -> dict[str, Any]:

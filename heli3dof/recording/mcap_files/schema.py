@@ -23,9 +23,12 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from heli3dof.recording.row import Row
 
 FORMAT = "heli3dof.recording/1"
 """Name of the format in every file's provenance; its number rises if a field changes its meaning"""
@@ -42,6 +45,7 @@ MESSAGE_HEADER = (
 )
 """Fields at the head of an MCAP Message record; ``length`` counts the bytes from ``channel`` on"""
 
+_HALF, _MASK = 1 << 31, (1 << 32) - 1
 STRUCT_CODES = {"|u1": "B", "<u2": "H", "<u4": "I", "<i4": "i", "<u8": "Q", "<f8": "d"}
 # kind: (protobuf's FieldDescriptorProto.Type, wire type, numpy's type)
 KINDS = {"double": (1, 1, "<f8"), "fixed32": (7, 5, "<u4"), "sfixed32": (15, 5, "<i4")}
@@ -183,6 +187,24 @@ class RowFormat:
         if not (raw[:, self._fixed_at] == self._fixed_bytes).all():
             return None
         return np.frombuffer(data, self.dtype)
+
+
+def message_values(row: Row) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Return a control period's values of Sample and Command, in the order of their fields.
+
+    Encoder counts wrap to signed 32 bits.
+    """
+    sample = row.sample
+    roll, pitch, yaw = sample.counts
+    return (
+        row.t, sample.device_time_s, row.lateness, *row.angle,
+        ((roll + _HALF) & _MASK) - _HALF, ((pitch + _HALF) & _MASK) - _HALF,
+        ((yaw + _HALF) & _MASK) - _HALF,
+        *row.applied, *sample.current, int(sample.flags) & _MASK, sample.sequence & _MASK,
+    ), (
+        sample.host_time_s, *row.reference, *row.limited, *row.command, *row.voltage,
+        *row.extra, row.command_sequence & _MASK, row.phase,
+    )  # fmt: skip
 
 
 class RowPacker:

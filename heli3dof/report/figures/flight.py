@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.comparison.replay import under_control
+from heli3dof.model.control.loop_task import under_control
 from heli3dof.recording.recording import Recording
 from heli3dof.report.figures.labelled_curves import Curve, headline, label_ends, limits
 from heli3dof.report.figures.style import (

@@ -57,7 +57,7 @@ def main(method: str, flight_file: str, held_out_file: str, found_file: str) -> 
         with meter.fitting():
             result = identify(flight, method=method, holdout=held_out)
     results = Path(found_file)
-    document = result.to_json()
+    document = result.to_dict()
     if "parameters" in document:
         values, stds = ten_parameters(document["parameters"])
         file = save_model(result.model, results.with_suffix(".json"), force=True)

@@ -19,7 +19,7 @@ from heli3dof.identification.closed_loop_fit.base_fit import (
     implausible_inertias,
 )
 from heli3dof.identification.closed_loop_fit.setup import Setup
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording

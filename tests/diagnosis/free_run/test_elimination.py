@@ -25,7 +25,7 @@ from heli3dof.diagnosis.free_run.refits import (
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.identification.greybox.multistep import search
 from heli3dof.identification.greybox.weak_form import weak_start
-from heli3dof.model.greybox.multistep import Flight
+from heli3dof.model.greybox.prediction import Flight
 from heli3dof.recording.recording import Recording
 from tests.identification.known_flights import fly
 

@@ -11,7 +11,7 @@ from heli3dof.identification.bias_correction.evaluation import Evaluation, evalu
 from heli3dof.identification.bias_correction.perturbation import backward, forcing, forward
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
 from heli3dof.identification.greybox.estimate import Estimate, estimate
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure

@@ -24,7 +24,7 @@ from heli3dof.identification.bias_correction.corrected_maximum import maximise_c
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood, fit_base
 from heli3dof.identification.closed_loop_fit.setup import Setup
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure

@@ -32,7 +32,7 @@ from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.method import fit_greybox, model_of
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import nominal

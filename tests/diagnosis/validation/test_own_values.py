@@ -7,7 +7,7 @@ import pytest
 
 from heli3dof.diagnosis.validation.own_values import rows_of_recordings, with_own_values
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure

@@ -14,7 +14,7 @@ from heli3dof.identification.bias_correction.corrected_maximum import maximise_c
 from heli3dof.identification.bias_correction.evaluation import Evaluation, evaluate
 from heli3dof.identification.greybox.likelihood import Likelihood, diverged
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_START
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.greybox.linearisation import balance

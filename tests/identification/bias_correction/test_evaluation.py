@@ -10,7 +10,7 @@ from heli3dof.experiment.plan import step_plan
 from heli3dof.identification.bias_correction.correction import NoiseScoreBias
 from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 

@@ -12,7 +12,7 @@ from heli3dof.identification.black_box.one_step_predictor import (
 )
 from heli3dof.identification.black_box.pbsid import StateSpace
 from heli3dof.identification.black_box.pem import _tangent, pem
-from heli3dof.identification.black_box.uncertainty import poles, response, response_std
+from heli3dof.identification.black_box.uncertainty import in_continuous_time, poles, response_std
 from tests.identification.systems import integrating_system, pbsid, record, sorted_poles
 
 T = 0.05
@@ -117,7 +117,7 @@ def test_95_percent_intervals_of_poles_and_responses_cover_the_truth() -> None:
     system = integrating_system()
     truth = sorted(np.log(np.linalg.eigvals(system.A).astype(complex)) / T, key=_key)
     omega = np.array([2.0])
-    G0 = response(system, T, omega)
+    G0 = in_continuous_time(system, T).response(omega)
     inside, total, hits, count = 0, 0, 0, 0
     for seed in range(100, 140):
         data = [record(system, 1200, seed)]
@@ -129,7 +129,7 @@ def test_95_percent_intervals_of_poles_and_responses_cover_the_truth() -> None:
             total += 1
         std = response_std(fit, T, omega)
         # |G − Ĝ|² over its expectation has two degrees of freedom, so 3.0 is past 95 %
-        ratio = np.abs(response(fit.model, T, omega) - G0) ** 2 / std**2
+        ratio = np.abs(in_continuous_time(fit.model, T).response(omega) - G0) ** 2 / std**2
         hits += int((ratio < 3.84).sum())
         count += ratio.size
     assert 0.88 <= inside / total <= 0.99

@@ -17,7 +17,7 @@ from heli3dof.identification.closed_loop_fit.limit_cycle import (
     on_limit_cycle,
 )
 from heli3dof.identification.closed_loop_fit.setup import Setup
-from heli3dof.identification.greybox.usable_runs import usable_runs
+from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.load import load

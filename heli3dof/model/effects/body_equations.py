@@ -1,0 +1,168 @@
+"""Effects that are another form of the rigid body's equations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, share
+from heli3dof.model.physics.state_layout import (
+    CONSTANT_YAW_INERTIA,
+    LINEAR,
+    SIDE_THRUST,
+    UNCOUPLED,
+    WITHOUT_RATE_PRODUCTS,
+    A,
+    Stage,
+)
+
+
+def hover(s: Any, par: Any, mem: Any, out: Any) -> None:
+    """The switch for ``--base hover``: the paper's linear hover model replaces the rigid body.
+
+    s[LINEAR] = 1 in the simulation's parameter array s selects the first-order equations about
+    level hover (`heli3dof.model.physics.rigid_body`). Other effects act as on the rigid body. The
+    effect `geometry` then tests whether the recordings need the rigid body instead.
+    """
+    out[LINEAR] = 1.0
+
+
+def geometry(s: Any, par: Any, mem: Any, out: Any) -> None:
+    """The parts of the rigid body that the hover model omits: q̈ = (1 − a) q̈_hover + a q̈_rigid.
+
+    q̈ are the angular accelerations of roll r, pitch p, yaw ψ. The parameter a is 0 for the hover
+    model and 1 for the complete rigid body. The omitted parts are (T_g: gravity torque; see
+    `heli3dof.model.physics.rigid_body`):
+
+    * the gravity torque's factor cos r
+    * the thrust F that tilts with the body, at the distance L_a from the yaw axis: L_a cos p F on
+      roll, −L_a cos r sin p F (not −T_g p) on yaw
+    * the yaw torque L_h sin r D of the thrust difference D, with rotors at ±L_h
+    * inertias that depend on the angles, Coriolis and centrifugal torques
+
+    A score test at a = 0 shows whether recordings need these parts. In a model with this effect, a
+    has the prior N(1, 0.2²) (`heli3dof.model.effects.base.share`).
+    """
+    out[LINEAR] *= 1.0 - par[A]
+
+
+def couplings(s: Any, par: Any, mem: Any, out: Any) -> None:
+    """Equations without inertia couplings of the axes: q̈ = (1 − κ) q̈_rigid + κ q̈_alone.
+
+    Equations of this rig are often written for each axis alone. Their accelerations q̈_alone lack
+    the couplings by the inertia of the bar with the motors. The complete rigid body's q̈_rigid
+    contain them (`heli3dof.model.physics.rigid_body`). The largest omitted torque is −J_p sin r ψ̈
+    on pitch, up to 0.01 N·m, with roll r, yaw ψ and the pitch inertia J_p. The parameter κ (0 … 1)
+    scales the omission. A simulated rig with such equations has no defect, so a diagnosis may use κ
+    but does not report it as a finding. In a model with this effect, κ has the prior N(1, 0.2²)
+    (`heli3dof.model.effects.base.share`).
+    """
+    out[UNCOUPLED] = par[A]
+
+
+def rates(s: Any, par: Any, mem: Any, out: Any) -> None:
+    """Equations without products of rates: no centrifugal and Coriolis torques.
+
+    These equations omit the torques −J_r sin r cos r ψ̇² on roll r, J_p sin p cos p (ṙ² − cos² r
+    ψ̇²) on pitch p, and 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ on yaw ψ. J are the axes' inertias
+    (`heli3dof.model.physics.rigid_body`). The parameter μ (0 … 1) scales the omission. This effect
+    is for models with the effect ``simplified.couplings``. A diagnosis does not report it as a
+    finding.
+    """
+    out[WITHOUT_RATE_PRODUCTS] = par[A]
+
+
+def side_thrust(s: Any, par: Any, mem: Any, out: Any) -> None:
+    """Simplified equations that keep the yaw torque L_h D sin r of tilted thrusts.
+
+    D = F_f − F_b (N) is the difference of front and back thrust. L_h (m) is the distance from the
+    body's axis to a motor; r and p are roll and pitch. In the complete rigid body, the inertia
+    coupling J_p sin r p̈ cancels most of this torque, because the pitch acceleration p̈ is nearly
+    proportional to D (see `physics.rigid_body`). Simplified equations without this coupling may
+    keep the torque; the parameter η (0 … 1) scales it. This effect is for models with the effect
+    ``simplified.couplings``. A diagnosis does not report it.
+    """
+    out[SIDE_THRUST] = par[A]
+
+
+def yaw_inertia(s: Any, par: Any, mem: Any, out: Any) -> None:
+    """Equations with a constant inertia about the vertical: J_ψ ψ̈ instead of J_ψ(r) ψ̈, ψ the yaw.
+
+    With the level rig's yaw and pitch inertias J_ψ and J_p, the rigid body at roll r has J_ψ(r) =
+    (J_ψ − J_p) cos² r + J_p, which is 7 % below J_ψ at r = 15°. As J_ψ(r) changes, it causes the
+    torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). The parameter ν (0
+    … 1) scales the omission of the change and its torque. A diagnosis does not report this choice
+    of equations as a finding.
+    """
+    out[CONSTANT_YAW_INERTIA] = par[A]
+
+
+EFFECTS = (
+    Effect(
+        name="base.hover",
+        summary="The base is the paper's hover model, linear about level hover; a switch, "
+        "no finding.",
+        parameters=(),
+        hooks={Stage.SETUP: hover},
+        separated_by="large",
+        identifiable="chosen by --base hover, not estimated",
+        evidence="roll",
+    ),
+    Effect(
+        name="geometry",
+        summary="The rigid body in place of the paper's hover model (with `--base hover`).",
+        parameters=(share("a, of the rigid body; 1 all of it"),),
+        hooks={Stage.SETUP: geometry},
+        order=1,
+        confused_with=("stiffness.pendulum", "aero.ground_effect"),
+        separated_by="large",
+        identifiable="flight 5° or more from level, or with the thrust varied while tilted",
+        evidence="roll",
+        within="base.hover",
+    ),
+    Effect(
+        name="simplified.couplings",
+        summary="Inertia couplings are omitted, as in the simplified equations.",
+        parameters=(share("κ, of what is omitted; 1 all of it"),),
+        hooks={Stage.SETUP: couplings},
+        confused_with=("stiffness.pendulum",),
+        separated_by="large",
+        identifiable="pitch and roll off level together",
+        evidence="pitch",
+        formal=True,
+    ),
+    Effect(
+        name="simplified.rates",
+        summary="Products of rates are omitted, as in the simplest equations.",
+        parameters=(share("μ; 1 all of it"),),
+        hooks={Stage.SETUP: rates},
+        confused_with=("inertia.product",),
+        separated_by="large",
+        identifiable="fast yaw with roll off level",
+        evidence="yaw_rate",
+        within="simplified.couplings",
+        formal=True,
+    ),
+    Effect(
+        name="simplified.side_thrust",
+        summary="The thrust difference turns a tilted rig, with couplings omitted.",
+        parameters=(share("η; 1 all of it"),),
+        hooks={Stage.SETUP: side_thrust},
+        confused_with=("aero.reaction_torque",),
+        separated_by="large",
+        identifiable="pitch moved fast with roll off level",
+        evidence="voltage_difference",
+        within="simplified.couplings",
+        formal=True,
+    ),
+    Effect(
+        name="simplified.yaw_inertia",
+        summary="The inertia about the vertical is constant, as in the simplified equations.",
+        parameters=(share("ν, of what is omitted; 1 all of it"),),
+        hooks={Stage.SETUP: yaw_inertia},
+        confused_with=("inertia",),
+        separated_by="large",
+        identifiable="yaw at several roll angles, 10° apart or more",
+        evidence="roll",
+        formal=True,
+    ),
+)

@@ -1,0 +1,40 @@
+"""Effects on the sampling instants. They have no equation: time stamps or motion show them.
+
+Lost samples: the parameter is n/N for n lost of the N samples between the first and the last.
+
+The time stamps show lost samples: the interval between two rows is longer than a period. The effect
+has no equation; a fit skips the gaps.
+
+Sampling jitter: sample k is taken at k dt + ε; the parameter is the standard deviation of ε.
+
+If the time stamps are the true instants, they show ε, and a fit loses no accuracy. If they are only
+k dt, a reading has an error of rate times ε. The filter then models this error as noise, whose size
+is estimated (`heli3dof.model.estimation.quantised_measurement`).
+"""
+
+from __future__ import annotations
+
+from heli3dof.model.effects.base import Effect, Parameter
+
+EFFECTS = (
+    Effect(
+        name="timing.gaps",
+        summary="Samples are lost.",
+        parameters=(Parameter("lost_share", "–", 0.0, 0.0, 1.0, 0.01, "share of the samples"),),
+        hooks={},
+        confused_with=("timing.jitter",),
+        separated_by="steps",
+        identifiable="any recording whose time stamps are the device's",
+        evidence="time",
+    ),
+    Effect(
+        name="timing.jitter",
+        summary="Samples are taken early or late.",
+        parameters=(Parameter("jitter_s", "s", 0.0, 0.0, 0.01, 0.0002, "standard deviation"),),
+        hooks={},
+        confused_with=("timing.gaps",),
+        separated_by="steps",
+        identifiable="any recording whose time stamps are the device's",
+        evidence="time",
+    ),
+)
