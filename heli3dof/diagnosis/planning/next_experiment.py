@@ -40,8 +40,6 @@ from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import parallel_map
 
-COMPLETED_AT_ONCE = 2
-"""Number of plans simulated for all causes before the best is determined again. Chosen."""
 MOST_FLIGHTS = 20
 """Largest number of flights that are recommended; beyond it, measuring by hand is less work."""
 MAX_CAUSES = 4
@@ -209,64 +207,26 @@ def _outlooks(
     models: Sequence[GreyBoxModel],
     probe_groups: Sequence[Sequence[Probe]],
 ) -> list[PlanForecast]:
-    """Return the feasible plans' forecasts; ``models``: base model, then base with each cause.
+    """Return the forecasts of the plans that all ``models`` can fly.
 
-    The first plan is simulated with all causes, the others at first only with the cause that had
-    the smallest margin. A further cause can only lower a plan's rank. So a plan that ranks below
-    the best one simulated with all causes is abandoned.
+    ``models``: the base model, then one with each cause.
     """
-    base_scores: dict[Task, np.ndarray] = {}
-    margins: dict[Task, dict[int, float]] = {}
-
-    def fly(jobs: Sequence[tuple[Task, int]]) -> None:
-        """Simulate each (plan, index of cause) in ``jobs``; remove plans that are not feasible."""
-        base_jobs = [
-            (t, 0) for t in dict.fromkeys(task for task, _ in jobs) if t not in base_scores
-        ]
-        all_jobs = [*base_jobs, *((task, i + 1) for task, i in jobs)]
-        scores = parallel_map(
-            lambda j: _scores(base, all_jobs[j][0], models[all_jobs[j][1]], probe_groups),
-            len(all_jobs),
+    n = len(models)
+    z = parallel_map(
+        lambda k: _scores(base, tasks[k // n], models[k % n], probe_groups), n * len(tasks)
+    )
+    out = []
+    for i, task in enumerate(tasks):
+        without, *with_cause = z[n * i : n * (i + 1)]
+        margins = tuple(
+            _margin(x - without, j, probe_groups)
+            for j, x in enumerate(with_cause)
+            if x is not None and without is not None
         )
-        infeasible = {task for (task, _), z in zip(all_jobs, scores, strict=True) if z is None}
-        for (task, which), z in zip(all_jobs, scores, strict=True):
-            if task in infeasible:
-                margins.pop(task, None)
-            elif z is not None and which == 0:
-                base_scores[task] = z
-            elif z is not None:
-                m = _margin(z - base_scores[task], which - 1, probe_groups)
-                margins.setdefault(task, {})[which - 1] = m
-
-    def best_rank(task: Task) -> float:
-        """Return the smallest margin of the causes simulated so far, divided by the duration."""
-        return min(margins[task].values()) / task.plan.duration_s
-
-    causes = list(range(len(models) - 1))
-    remaining = list(tasks)
-    while remaining and not margins:
-        pilot = remaining.pop(0)
-        fly([(pilot, i) for i in causes])
-        causes.sort(key=lambda i: margins.get(pilot, {}).get(i, 0.0))
-    fly([(task, causes[0]) for task in remaining])
-    while True:
-        ranked = sorted(margins, key=best_rank, reverse=True)
-        best = max(
-            (best_rank(t) for t in ranked if len(margins[t]) == len(causes)), default=-np.inf
-        )
-        ranked = [t for t in ranked if len(margins[t]) < len(causes) and best_rank(t) > best]
-        if not ranked:
-            break
-        fly([(t, i) for t in ranked[:COMPLETED_AT_ONCE] for i in causes if i not in margins[t]])
-    return [
-        PlanForecast(
-            task.plan.name,
-            task.plan.duration_s,
-            tuple(m[i] for i in sorted(m)),
-            float(np.mean([_probability_decided(v) for v in m.values()])),
-        )
-        for task, m in margins.items()
-    ]
+        if len(margins) == n - 1:
+            certainty = float(np.mean([_probability_decided(m) for m in margins]))
+            out.append(PlanForecast(task.plan.name, task.plan.duration_s, margins, certainty))
+    return out
 
 
 def _scores(
