@@ -16,8 +16,8 @@ is
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,11 +27,13 @@ from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
 from heli3dof.diagnosis.planning.plan_flights import Task, fly_task, is_stable, task_of
 from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis, Dropped
 from heli3dof.diagnosis.screening.catalogue import Probe, probes
+from heli3dof.diagnosis.screening.grid_trials import widened
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan, named_plans
+from heli3dof.identification.bias_correction.correction import model_at
 from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.usable_runs import usable_runs
@@ -46,43 +48,33 @@ MAX_CAUSES = 4
 """Largest number of confounded causes that are simulated: the first ones. Chosen."""
 
 
-@dataclass(frozen=True)
-class Cause:
-    """An effect with the parameter values at which it is simulated."""
+def fitted_cause(candidate: CandidateFit) -> Probe:
+    """Return the candidate's term with the values of its full fit."""
+    values = candidate.problem.values(candidate.optimum.theta)
+    return _cause(candidate.term, values[-len(candidate.term.effect.parameters) :])
 
-    term: Term
-    values: tuple[float, ...]
 
-    @classmethod
-    def fitted(cls, candidate: CandidateFit) -> Cause:
-        """Return the candidate's term as a cause, with the values of its full fit."""
-        values = candidate.problem.values(candidate.optimum.theta)
-        n = len(candidate.term.effect.parameters)
-        return cls(candidate.term, tuple(float(v) for v in values[-n:]))
+def typical_cause(name: str) -> Probe:
+    """Return the term ``name`` at its start value, or at its typical size if it has none.
 
-    @classmethod
-    def typical(cls, name: str) -> Cause:
-        """Return the cause ``name`` at its start value, or at its typical size if it has none.
+    The size is negative if the upper bound excludes a positive one.
+    """
+    t = term(name)
+    first, *rest = t.effect.parameters
+    size = first.typical if first.null + first.typical < first.high else -first.typical
+    size = size if first.log else first.null + size
+    size = size if first.start is None else first.start
+    return _cause(t, (size, *(p.typical for p in rest)))
 
-        The size is negative if the upper bound excludes a positive one.
-        """
-        t = term(name)
-        first, *rest = t.effect.parameters
-        size = first.typical if first.null + first.typical < first.high else -first.typical
-        size = size if first.log else first.null + size
-        size = size if first.start is None else first.start
-        return cls(t, (size, *(p.typical for p in rest)))
 
-    @property
-    def probe(self) -> Probe:
-        """Return the cause as a probe of the score test."""
-        first = self.term.effect.parameters[0]
-        return Probe(self.term, self.values, self.values[0] - first.null)
+def _cause(t: Term, values: Iterable[float]) -> Probe:
+    first, *others = map(float, values)
+    return Probe(t, (first, *others), first - t.effect.parameters[0].null)
 
 
 def recommend(
     base: Estimate,
-    causes: Sequence[Cause],
+    causes: Sequence[Probe],
     *,
     plans: Sequence[str] | None = None,
     seed: int = 0,
@@ -95,14 +87,15 @@ def recommend(
     causes = list(causes)[:MAX_CAUSES]
     names = [c.term.name for c in causes]
     V = base.problem.data.V
-    probe_groups = [[*probes(c.term, V), c.probe] for c in causes]
+    groups = [[*probes(c.term, V), c] for c in causes]
     profile = base.structure.profile
-    models = [_model_with(base, c) for c in (None, *causes)]
+    o = base.optimum
+    models = [model_at(base.problem, o.theta, o.noise), *(_model_with(base, c) for c in causes)]
     tasks = []
     if all(is_stable(model, profile) for model in models):
         loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
         tasks = [t for t in (task_of(plan, profile, seed) for plan in loaded) if t is not None]
-    outlooks = _outlooks(base, tasks, models, probe_groups)
+    outlooks = _outlooks(base, tasks, models, groups)
     if not outlooks:
         raise UsageError(
             f"No plan separates {', '.join(names)} on this rig.",
@@ -137,11 +130,11 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
             best, *others = finding.choice.candidates
             if names := separable_by_flight(finding.term.name, finding.tied_with):
                 tied = [c for c in others if c.term.name in names]
-                return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
+                return recommend(base, [fitted_cause(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
         open_ = [_dropped_cause(x) for x in found.dropped if x.why == DOES_NOT_PAY]
         open_ = open_ or [
-            Cause.typical(name) for name in separable_by_flight("", found.not_identifiable)[:1]
+            typical_cause(name) for name in separable_by_flight("", found.not_identifiable)[:1]
         ]
         if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
@@ -151,9 +144,9 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
         return None
 
 
-def _dropped_cause(x: Dropped) -> Cause:
+def _dropped_cause(x: Dropped) -> Probe:
     """Return the dropped cause at its fitted size, or the typical one if it was not fitted."""
-    return Cause.typical(x.name) if x.choice is None else Cause.fitted(x.choice.candidates[0])
+    return typical_cause(x.name) if x.choice is None else fitted_cause(x.choice.candidates[0])
 
 
 def _why(best: PlanForecast, names: Sequence[str]) -> str:
@@ -205,21 +198,20 @@ def _outlooks(
     base: Estimate,
     tasks: Sequence[Task],
     models: Sequence[GreyBoxModel],
-    probe_groups: Sequence[Sequence[Probe]],
+    groups: Sequence[Sequence[Probe]],
 ) -> list[PlanForecast]:
     """Return the forecasts of the plans that all ``models`` can fly.
 
-    ``models``: the base model, then one with each cause.
+    ``models``: the base model, then one with each cause. ``groups``: the probes of each cause.
     """
-    n = len(models)
-    z = parallel_map(
-        lambda k: _scores(base, tasks[k // n], models[k % n], probe_groups), n * len(tasks)
-    )
+    n, flat = len(models), [p for group in groups for p in group]
+    starts = np.cumsum([0, *map(len, groups[:-1])])
+    z = parallel_map(lambda k: _scores(base, tasks[k // n], models[k % n], flat), n * len(tasks))
     out = []
     for i, task in enumerate(tasks):
         without, *with_cause = z[n * i : n * (i + 1)]
         margins = tuple(
-            _margin(x - without, j, probe_groups)
+            _margin(x - without, j, starts)
             for j, x in enumerate(with_cause)
             if x is not None and without is not None
         )
@@ -230,7 +222,7 @@ def _outlooks(
 
 
 def _scores(
-    base: Estimate, task: Task, model: GreyBoxModel, probe_groups: Sequence[Sequence[Probe]]
+    base: Estimate, task: Task, model: GreyBoxModel, probes: Sequence[Probe]
 ) -> np.ndarray | None:
     """Return the scores z of P probes on a simulated flight; None if it is not feasible."""
     flight = fly_task(task, model)
@@ -240,27 +232,21 @@ def _scores(
     problem = replace(base.problem, data=data_of([flight], runs))
     optimum = base.optimum
     evaluation = evaluate(problem, optimum.theta, optimum.noise, with_noise_derivatives=False)
-    probes = [p for group in probe_groups for p in group]
     return Screen(problem, optimum.theta, evaluation, probes).score(evaluation, prior=False).z
 
 
-def _margin(z: np.ndarray, i: int, probe_groups: Sequence[Sequence[Probe]]) -> float:
+def _margin(z: np.ndarray, i: int, starts: np.ndarray) -> float:
     """Return the largest z² of cause ``i`` minus the largest z² of the other causes.
 
-    ``z`` (P,): scores of P probes on a flight simulated with cause ``i``.
+    ``z`` (P,): scores on a flight simulated with cause ``i``; ``starts``: each cause's first probe.
     """
-    ends = np.cumsum([len(group) for group in probe_groups])[:-1]
-    highest = [float(part.max()) for part in np.split(z**2, ends)]
-    return highest[i] - max((b for j, b in enumerate(highest) if j != i), default=0.0)
+    highest = np.maximum.reduceat(z**2, starts)
+    return float(highest[i] - np.delete(highest, i).max(initial=0.0))
 
 
-def _model_with(base: Estimate, cause: Cause | None) -> GreyBoxModel:
-    """Return the base model with ``cause``; the base model itself if that is None."""
-    new = () if cause is None else (cause.term,)
-    structure = base.structure.with_terms(*new)
-    values = np.concatenate([base.values, () if cause is None else cause.values])
-    return GreyBoxModel(
-        "world", structure.profile, tuple(t.name for t in structure.terms), values,
-        base.optimum.noise[:3], np.full((len(values), len(values)), np.nan),
-        jitter_s=float(base.optimum.noise[3]),
-    )  # fmt: skip
+def _model_with(base: Estimate, cause: Probe) -> GreyBoxModel:
+    """Return the base model with ``cause``."""
+    o, problem = base.optimum, widened(base.problem, cause.term)
+    new = problem.structure.free[len(o.theta) :]
+    scaled = [f.scaled(v) for f, v in zip(new, cause.values, strict=True)]
+    return model_at(problem, np.append(o.theta, scaled), o.noise)
