@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from heli3dof.axes import AXES
@@ -205,48 +206,33 @@ def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
 
 
 def _cause(x: Fault | Finding | OffNominal) -> dict[str, Any]:
-    if isinstance(x, Finding):
-        return _finding(x)
-    return _off_nominal(x) if isinstance(x, OffNominal) else _fault(x)
+    """Return the JSON object of a cause; a fault or a base parameter has an empty ``gain``."""
+    if isinstance(x, Fault):
+        value, std = next(iter(x.parameters.values()), (0.0, 0.0))
+        score = (value / std) ** 2 if std > 0 else 0.0
+        return _cause_object(x.effect, x.axis, x.parameters, score, x.confidence)
+    effect, axis = x.term.effect, x.term.axis
+    if isinstance(x, OffNominal):
+        values = {effect.parameters[0].name: (x.value, x.std)}
+        return _cause_object(effect.name, axis, values, x.score, 1.0, x.tied_with)
+    out = _cause_object(
+        effect.name, axis, x.values, x.score, x.choice.confidence, x.tied_with, x.gain
+    )
+    return {**out, "like": x.unconfirmed}
 
 
-def _finding(f: Finding) -> dict[str, Any]:
+def _cause_object(
+    effect: str | None, axis: str | None, values: Mapping[str, tuple[float, float]], score: float,
+    confidence: float, tied_with: Sequence[str] = (), gain: Gain | None = None,
+) -> dict[str, Any]:  # fmt: skip
     return {
-        "effect": f.term.effect.name,
-        "axis": f.term.axis,
-        "parameters": {n: {"value": v, "std": s} for n, (v, s) in f.values.items()},
-        "score": f.score,
-        "confidence": f.choice.confidence,
-        "tied_with": list(f.tied_with),
-        "like": f.unconfirmed,
-        "gain": _gain(f.gain),
-    }
-
-
-def _fault(f: Fault) -> dict[str, Any]:
-    """Return the JSON object of a recording's fault; ``gain`` is empty, as no model changes."""
-    value, std = next(iter(f.parameters.values()), (0.0, 0.0))
-    return {
-        "effect": f.effect,
-        "axis": f.axis,
-        "parameters": {n: {"value": v, "std": s} for n, (v, s) in f.parameters.items()},
-        "score": (value / std) ** 2 if std > 0 else 0.0,
-        "confidence": f.confidence,
-        "tied_with": [],
-        "gain": _gain(None),
-    }
-
-
-def _off_nominal(x: OffNominal) -> dict[str, Any]:
-    """Return the JSON object of a base parameter off nominal, with an empty ``gain``."""
-    return {
-        "effect": x.term.effect.name,
-        "axis": x.term.axis,
-        "parameters": {x.term.effect.parameters[0].name: {"value": x.value, "std": x.std}},
-        "score": x.score,
-        "confidence": 1.0,
-        "tied_with": list(x.tied_with),
-        "gain": _gain(None),
+        "effect": effect,
+        "axis": axis,
+        "parameters": {n: {"value": v, "std": s} for n, (v, s) in values.items()},
+        "score": score,
+        "confidence": confidence,
+        "tied_with": list(tied_with),
+        "gain": _gain(gain),
     }
 
 
@@ -274,26 +260,15 @@ def _residual_torque(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
 
 def _remainder(r: UnexplainedError) -> dict[str, Any]:
     """Return an unexplained error as the JSON object of a torque that depends on nothing known."""
+    torque = ResidualTorque(r.axis, "", 0.0, (), (), 0.0, 0.0)
     return {
-        "axis": r.axis,
-        "depends_on": None,
-        "share": 0.0,
-        "table": [],
-        "std": [],
-        "score": None,
-        "confidence": None,
-        "also": [],
-        "like": None,
-        "term": None,
-        "formula": None,
-        "formula_parameters": {},
-        "formula_alternatives": [],
+        **_residual_torque(torque, None),
+        **dict.fromkeys(("depends_on", "score", "confidence")),
         "error_deg": {
             "simulation": r.simulation_deg,
             "extended_model": r.extended_deg,
             "noise_floor": r.noise_deg,
         },
-        "gain": _gain(None),
     }
 
 
