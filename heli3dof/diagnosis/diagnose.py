@@ -17,11 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from heli3dof.diagnosis.base_parameters import (
-    base_parameters,
-    off_nominal,
-    std_inflation,
-)
+from heli3dof.diagnosis.base_parameters import off_nominal, std_inflation
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
 from heli3dof.diagnosis.conclusion.conclude import conclude
 from heli3dof.diagnosis.conclusion.encoder_scales import ROLL_OFFSET
@@ -159,8 +155,7 @@ def _diagnosed(
         not_identifiable=tuple(n for n in first.not_identifiable if not term(n).effect.formal),
     )  # fmt: skip
     return conclude(
-        without_verdict, base_parameters(settled.fit), train[0].profile, setup.axes,
-        level_deg=first.detectable_size(ROLL_OFFSET),
+        without_verdict, setup.axes, level_deg=first.detectable_size(ROLL_OFFSET),
         ambiguous_if_unconfirmed=not setup.controller_is_known,
     )  # fmt: skip
 

@@ -8,12 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.base_parameters import (
-    BaseParameter,
-    OffNominal,
-    base_parameters,
-    finding_of,
-)
+from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal, finding_of
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
 from heli3dof.diagnosis.outlook import NextExperiment
@@ -139,18 +134,14 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
             "tolerance": tolerance,
             "beyond_tolerance": beyond(c),
         }
-        for c in _base(f)
+        for c in f.calibration
     ]
 
 
 def _measured(f: Fitted | None) -> dict[str, Measured]:
     """Return the base parameters in SI by name; empty if none were fitted."""
-    numbers = () if f is None else _base(f)
+    numbers = () if f is None else f.calibration
     return {c.name: Measured(c.nominal, c.value, c.std) for c in numbers}
-
-
-def _base(f: Fitted) -> tuple[BaseParameter, ...]:
-    return f.calibration if f.final is None else base_parameters(f.final)
 
 
 def _profile(f: Fitted | None) -> list[dict[str, Any]]:

@@ -90,7 +90,7 @@ class Fitted:
     refit: Gain | None = None
     """Gain of the refitted base simulation over the one with the profile's numbers"""
     calibration: tuple[BaseParameter, ...] = ()
-    """The base parameters if there is no ``final`` that contains them"""
+    """The base parameters of the fit with the causes"""
     open: UndecidedTerms | None = None
     """Open terms; None if a likelihood was fitted, or the extended model was not adopted"""
 

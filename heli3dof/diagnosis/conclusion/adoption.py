@@ -37,7 +37,7 @@ from dataclasses import replace
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.base_parameters import in_SI
+from heli3dof.diagnosis.base_parameters import base_parameters, in_SI
 from heli3dof.diagnosis.conclusion.unknown_controller import (
     exceeds_rounding,
     is_biased,
@@ -205,7 +205,7 @@ def fitted(
     before, uncalibrated_base, wrong = parallel_map(part, 3)
     return Fitted(
         base, fit, model, gain(before, after, seed=seed), before, after, wrong,
-        refit=gain(uncalibrated_base, before, seed=seed),
+        refit=gain(uncalibrated_base, before, seed=seed), calibration=base_parameters(fit),
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal
+from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.conclusion.encoder_scales import undetectable_scales, with_scale_ties
 from heli3dof.diagnosis.result import (
     Diagnosis,
@@ -20,25 +20,26 @@ from heli3dof.diagnosis.result import (
     verdict_of,
 )
 from heli3dof.integrity import Fault
-from heli3dof.rig.profile import Profile
 
 
 def conclude(
-    d: Diagnosis, estimates: Sequence[BaseParameter], profile: Profile, axes: Sequence[str], *,
-    level_deg: float = math.inf, ambiguous_if_unconfirmed: bool = False,
+    d: Diagnosis, axes: Sequence[str], *, level_deg: float = math.inf,
+    ambiguous_if_unconfirmed: bool = False,
 ) -> Diagnosis:  # fmt: skip
     """Return ``d`` with its verdict, the errors that remain and confounded encoder scales.
 
-    ``estimates``: of the base parameters; ``axes``: the measured axes; ``level_deg``: least
-    detectable roll offset. ``ambiguous_if_unconfirmed``: the verdict is "ambiguous" if the first
-    cause is unconfirmed ("…-like").
+    ``axes``: the measured axes; ``level_deg``: least detectable roll offset.
+    ``ambiguous_if_unconfirmed``: the verdict is "ambiguous" if the first cause is unconfirmed
+    ("…-like").
     """
     fitted = d.fitted
     assert fitted is not None
+    profile = fitted.model.profile
     rest_rad, tolerance = float(profile.encoder.rest_rad[0]), profile.tolerance
     findings, off = with_scale_ties(
-        d.findings, d.calibration_findings, estimates, rest_rad=rest_rad, tolerance=tolerance
-    )
+        d.findings, d.calibration_findings, fitted.calibration,
+        rest_rad=rest_rad, tolerance=tolerance,
+    )  # fmt: skip
     d = replace(d, findings=findings, calibration_findings=off)
     causes = d.in_order
     remaining = remainders(fitted, causes, d.slow_noise)

@@ -162,8 +162,8 @@ def diagnose_without_likelihood(
         base_parameters(MeanTrimFit(adopted)),
         None if poor else open_terms(result, model, causes, only_kept),
     )  # fmt: skip
-    calibrated = MeanTrimFit(result.fit)
-    off = () if poor else with_thrust_gain_ties(off_nominal(calibrated, std_inflation=1.0))
+    off = off_nominal(MeanTrimFit(result.fit), std_inflation=1.0)
+    off = () if poor else with_thrust_gain_ties(off)
     of_base = {o.term.name for o in off}
     findings = tuple(f for f in findings if not poor and f.term.name not in of_base)
     if quick:
@@ -187,13 +187,7 @@ def diagnose_without_likelihood(
         off, dropped, residual_torques=residual, slow_noise=slow_noise, about=about,
         not_identifiable=tuple(not_identifiable(result.fit, causes)),
     )  # fmt: skip
-    return conclude(
-        without_verdict,
-        base_parameters(calibrated),
-        whole[0].profile,
-        AXES,
-        ambiguous_if_unconfirmed=quick,
-    )
+    return conclude(without_verdict, AXES, ambiguous_if_unconfirmed=quick)
 
 
 def _without_each(
