@@ -47,7 +47,7 @@ from heli3dof.diagnosis.free_run.refits import (
     recording_indices,
     refit,
 )
-from heli3dof.diagnosis.validation.gain import DRAWS, LEVEL
+from heli3dof.diagnosis.validation.gain import DRAWS, interval
 from heli3dof.identification.greybox.multistep import FAR, MultiStep, MultiStepFit, robust, search
 from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
@@ -341,12 +341,5 @@ def bootstrap(increase: np.ndarray, seed: int) -> LossIncrease:
     """Return the mean of the loss increases (m,) in m cells, with its bootstrap interval."""
     rng = np.random.default_rng([seed, 7])
     means = increase[rng.integers(0, len(increase), (DRAWS, len(increase)))].mean(axis=1)
-    tail = 50 * (1 - LEVEL)
-    low, high = np.percentile(means, [tail, 100 - tail])
-    return LossIncrease(
-        float(increase.mean()),
-        float(low),
-        float(high),
-        float(means.std()),
-        float((means > 0).mean()),
-    )
+    positive = float((means > 0).mean())
+    return LossIncrease(float(increase.mean()), *interval(means), float(means.std()), positive)

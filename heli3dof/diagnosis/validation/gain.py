@@ -60,7 +60,7 @@ class HeldOut:
     """Results of a model on held-out rows, summed over each of m cells of `CELL_S` seconds."""
 
     loglik: np.ndarray
-    """(m,) Σ ln Z of each cell"""
+    """(m,) Σ ln Z of each cell; empty without a likelihood"""
     squares: np.ndarray
     """(m, 3) rad², Σ e² of the predictions `HORIZON_S` ahead that end in the cell"""
     counts: np.ndarray
@@ -110,16 +110,20 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
 
     ``seed`` is that of the bootstrap.
     """
-    m = len(before.loglik)
+    m = len(before.squares)
     drawn = np.random.default_rng([seed, 5]).integers(0, m, (DRAWS, m))
-    delta = after.loglik - before.loglik
+    delta, likelihood = after.loglik - before.loglik, None
+    if len(delta):
+        likelihood = Interval(float(delta.sum()), *interval(delta[drawn].sum(axis=1)))
+    decreases = rmse_decreases(before.squares, after.squares, before.counts, drawn)
+    return Gain(before.on, before.rmse_deg, after.rmse_deg, decreases, likelihood)
+
+
+def interval(draws: np.ndarray) -> tuple[float, float]:
+    """Return the interval that contains the share `LEVEL` of bootstrap ``draws``, except NaN."""
     tail = 50 * (1 - LEVEL)
-    low, high = np.percentile(delta[drawn].sum(axis=1), [tail, 100 - tail])
-    return Gain(
-        before.on, before.rmse_deg, after.rmse_deg,
-        rmse_decreases(before.squares, after.squares, before.counts, drawn),
-        Interval(float(delta.sum()), float(low), float(high)),
-    )  # fmt: skip
+    low, high = np.nanpercentile(draws, [tail, 100 - tail])
+    return float(low), float(high)
 
 
 def rmse_decreases(
@@ -130,7 +134,6 @@ def rmse_decreases(
     ``before``, ``after`` (m, 3): Σ e² in rad² of m cells; ``counts`` (m, 3): numbers of
     predictions; ``drawn`` (`DRAWS`, m): the cells of each bootstrap sample.
     """
-    tail = 50 * (1 - LEVEL)
     out: dict[str, Interval | None] = {}
     for i, axis in enumerate(AXES):
         n = counts[:, i]
@@ -143,8 +146,7 @@ def rmse_decreases(
             b, a = (rms_deg(x[cells, i].sum(axis=-1), count) for x in (before, after))
             return np.asarray(b - a)
 
-        ends = np.nanpercentile(decrease(drawn), [tail, 100 - tail])
-        out[axis] = Interval(float(decrease(np.arange(len(n)))), float(ends[0]), float(ends[1]))
+        out[axis] = Interval(float(decrease(np.arange(len(n)))), *interval(decrease(drawn)))
     return out
 
 
