@@ -76,7 +76,7 @@ def score_tests(fit: MultiStepFit) -> list[Candidate]:
     terms = [t for t in candidates(present) if not t.effect.formal]
     tested = [q for t in terms for q in probes(t, V)]
     r = _residuals(fit, p, fit.z)
-    H = fit.tangents @ fit.tangents.T + p.prior
+    H = fit.information
     step = np.linalg.solve(H, fit.tangents @ r + p.prior @ (fit.z - p.start))
     q = r - step @ fit.tangents
 

@@ -10,7 +10,7 @@ of these hold:
 
 - Without it, held-out blocks are predicted worse, or its prior already excludes that it has no
   effect (a term known beforehand, `free_run.elimination`).
-- P ≥ `LEVEL`, and σ ≤ `PRIOR_SHARE` σ_prior.
+- P ≥ `LEVEL`, and the estimate is not mostly the prior (`MultiStepFit.mostly_prior`).
 - The estimates from both halves of the data agree, and each is significant (`free_run.halves`). A
   half is every other block of each flight. For a term known beforehand it is enough that they
   agree.
@@ -31,7 +31,7 @@ from heli3dof.diagnosis.free_run.elimination import (
     correlated_terms,
     known_beforehand,
 )
-from heli3dof.diagnosis.free_run.halves import PRIOR_SHARE, compare_halves, null_distance
+from heli3dof.diagnosis.free_run.halves import compare_halves, null_distance
 from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
 from heli3dof.diagnosis.free_run.refits import refit
 from heli3dof.diagnosis.outlook import UndecidedTerms
@@ -61,15 +61,9 @@ def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResul
 
 
 def mostly_prior(fit: MultiStepFit, name: str) -> bool:
-    """Return whether a term's estimate is mostly its prior: σ > `PRIOR_SHARE` σ_prior.
-
-    The result is False for a term that varies by recording.
-    """
-    free = fit.structure.free
-    j = first_parameters(free).get(name)
-    if j is None or free[j].name in fit.problem.varying:
-        return False
-    return bool(fit.std[j] > PRIOR_SHARE * fit.prior_std[j])
+    """Return whether the estimate of a term's first parameter is mostly its prior."""
+    j = first_parameters(fit.structure.free).get(name)
+    return j is not None and bool(fit.mostly_prior[j])
 
 
 def contradicted(result: Elimination, r: TermResult) -> str:
@@ -163,12 +157,12 @@ def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
 
 
 def not_identifiable(fit: MultiStepFit, causes: list[TermResult]) -> Iterator[str]:
-    """Yield the terms, except causes, with σ > `PRIOR_SHARE` σ_prior for all their parameters."""
+    """Yield the terms, except causes, of which all parameters are mostly their priors."""
     cause_names = {r.term for r in causes}
     for t in fit.structure.terms:
         vague = [
-            s > PRIOR_SHARE * p
-            for f, s, p in zip(fit.structure.free, fit.std, fit.prior_std, strict=True)
+            is_vague
+            for f, is_vague in zip(fit.structure.free, fit.mostly_prior, strict=True)
             if f.term == t.name and f.name not in fit.problem.varying
         ]
         if vague and all(vague) and t.name not in cause_names:

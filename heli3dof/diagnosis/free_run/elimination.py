@@ -178,8 +178,7 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
 
     θ_0 is the value without the effect, on a logarithmic scale the lower bound.
     """
-    p, out = full.problem, {}
-    C = np.linalg.inv(full.tangents @ full.tangents.T + p.prior)
+    p, C, out = full.problem, full.scaled_covariance, {}
     for t in full.structure.terms:
         z2 = 0.0
         for j, f in enumerate(full.structure.free):

@@ -6,10 +6,10 @@ of the flights to the other. So each fold's training blocks (`free_run.refits`) 
 term has no effect.
 
     u_h = (θ_h − θ_0)/σ_h                      significant in both: min_h |u_h| ≥ `SIGNIFICANT`,
-                                               all u_h of one sign, no σ_h > `PRIOR_SHARE` σ_prior
+                                               all u_h of one sign, none mostly the prior
     δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of one size: δ ≤ `CONSISTENT`
 
-Both fits share the prior, which pulls both halves to one size; hence the limit of σ_h. If the
+Both fits share the prior, which pulls both halves to one size; hence the last condition. If the
 parameter varies by recording, χ² of its values is converted to a normal deviate u_h, and δ is 0.
 """
 
@@ -24,9 +24,6 @@ from heli3dof.diagnosis.conclusion.single_recordings import CONSISTENT, SIGNIFIC
 from heli3dof.diagnosis.free_run.refits import recording_indices
 from heli3dof.identification.greybox.multistep import MultiStepFit
 
-PRIOR_SHARE = 0.7
-"""σ over the prior's σ above which the estimate rests mostly on the prior. Chosen; not derived."""
-
 
 @dataclass(frozen=True)
 class HalvesComparison:
@@ -37,7 +34,7 @@ class HalvesComparison:
     discrepancy: float
     """δ of the first and the last half"""
     by_prior: bool
-    """True if some σ_h > `PRIOR_SHARE` σ_prior"""
+    """True if some estimate is mostly its prior"""
 
     @property
     def significant_in_both(self) -> bool:
@@ -63,37 +60,31 @@ def compare_halves(halves: tuple[MultiStepFit, ...], name: str) -> HalvesCompari
 
 
 def null_distance(fit: MultiStepFit, name: str) -> tuple[float, float, float, bool] | None:
-    """Return (u = (θ − θ_0)/σ, θ, σ, whether σ > `PRIOR_SHARE` σ_prior) of the first parameter.
+    """Return (u = (θ − θ_0)/σ, θ, σ, `mostly_prior`) of the term's first parameter.
 
     θ_0 is its value without the effect. On a logarithmic scale u = ∞, and θ, σ are of the scaled
     value. None without a parameter or σ.
     """
-    p = fit.problem
+    p, mostly_prior = fit.problem, fit.mostly_prior
     for j, f in enumerate(fit.structure.free):
         if f.term != name:
             continue
         if f.log:
-            return math.inf, *_scaled_estimate(fit, j)
+            std = float(np.sqrt(fit.scaled_covariance[j, j]))
+            return math.inf, float(fit.z[j]), std, bool(mostly_prior[j])
         if f.name in p.varying:
             return equivalent_deviation(*chi_squared(fit, j)), 0.0, 0.0, False
         value, std = float(fit.values[j]), float(fit.std[j])
         if not std > 0:
             return None
-        return (value - f.null) / std, value, std, std > PRIOR_SHARE * float(fit.prior_std[j])
+        return (value - f.null) / std, value, std, bool(mostly_prior[j])
     return None
-
-
-def _scaled_estimate(fit: MultiStepFit, j: int) -> tuple[float, float, bool]:
-    p = fit.problem
-    C, before = (np.linalg.inv(H)[j, j] for H in (fit.tangents @ fit.tangents.T + p.prior, p.prior))
-    return float(fit.z[j]), float(np.sqrt(C)), bool(PRIOR_SHARE**2 * before < C)
 
 
 def chi_squared(fit: MultiStepFit, j: int) -> tuple[float, int]:
     """Return χ² of parameter j's values in n recordings about its null value, and n."""
-    p = fit.problem
-    at, f = recording_indices(p, j), fit.structure.free[j]
-    C = np.linalg.inv(fit.tangents @ fit.tangents.T + p.prior)[np.ix_(at, at)]
+    at, f = recording_indices(fit.problem, j), fit.structure.free[j]
+    C = fit.scaled_covariance[np.ix_(at, at)]
     d = fit.z[at] - f.scaled(f.null)
     return float(d @ np.linalg.solve(C, d)), len(at)
 

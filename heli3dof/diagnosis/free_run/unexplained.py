@@ -123,7 +123,7 @@ def _pitch_acceleration(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[floa
     z = fit.z[at]
     modelled = model(z)
     slope = np.array([model(z + d) - modelled for d in DIFFERENCE * np.eye(len(z))]) / DIFFERENCE
-    C = np.linalg.inv(fit.tangents @ fit.tangents.T + p.prior)[np.ix_(at, at)]
+    C = fit.scaled_covariance[np.ix_(at, at)]
     return measured, modelled, float(np.sqrt(slope @ C @ slope))
 
 

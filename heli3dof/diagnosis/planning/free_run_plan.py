@@ -28,7 +28,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.free_run.elimination import QUANTILE
-from heli3dof.diagnosis.free_run.halves import PRIOR_SHARE
 from heli3dof.diagnosis.free_run.refits import STAGE_S
 from heli3dof.diagnosis.outlook import (
     MIN_CERTAINTY,
@@ -41,7 +40,7 @@ from heli3dof.diagnosis.planning.plan_flights import fly_task, is_stable, task_o
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.identification.greybox.freeflight import problem_of
-from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, least_squares_problem
+from heli3dof.identification.greybox.multistep import MultiStep, least_squares_problem
 from heli3dof.parallel import parallel_map
 
 MAX_TERMS = 3
@@ -75,7 +74,7 @@ def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
         for j, f in enumerate(fit.structure.free):
             if f.term == name and f.name not in fit.problem.varying and not f.log:
                 size, slope = abs(float(fit.values[j]) - f.null), float(fit.slopes[j])
-                if fit.std[j] > PRIOR_SHARE * fit.prior_std[j]:  # little more than the prior
+                if fit.mostly_prior[j]:
                     size = max(size, f.typical)
                 out.append(OpenParameter(name, j, size, float(fit.std[j]), slope, f.unit))
                 break
@@ -93,7 +92,7 @@ def next_free_flight(
     if not parameters or not is_stable(open_.model, profile):
         return None
     loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
-    H = np.linalg.inv(_common_covariance(open_.fit))
+    H = marginal(open_.fit.information, open_.fit.problem.n)
 
     def std_after(i: int) -> np.ndarray | None:
         A = information(open_, loaded[i], seed)
@@ -181,12 +180,6 @@ def coupling(p: MultiStep) -> np.ndarray:
     L = p.prior.copy()
     L[: p.n, : p.n] -= replace(p, flights=(), data=(), rows=()).prior
     return L
-
-
-def _common_covariance(fit: MultiStepFit) -> np.ndarray:
-    """Return the covariance (n, n) of the scaled parameters that all recordings share."""
-    H = fit.tangents @ fit.tangents.T + fit.problem.prior
-    return np.asarray(np.linalg.inv(H)[: fit.problem.n, : fit.problem.n])
 
 
 def _why(best: PlanForecast, parameters: Sequence[OpenParameter], tied: bool) -> str:
