@@ -36,6 +36,7 @@ from heli3dof.identification.greybox.thrust_scale import (
     thrust_scale,
 )
 from heli3dof.model.effects import Term, term
+from heli3dof.model.physics.parametrisation import first_parameters
 
 FALSE_ALARMS = 0.003
 """Probability of a false finding in a recording of a rig without any effect. Chosen."""
@@ -165,6 +166,17 @@ def _off(c: BaseParameter) -> OffNominal:
     if c.name == "T_g":
         return OffNominal(cause, c.value - c.nominal, c.std, score, flight_score)
     return OffNominal(cause, ratio, ratio_std, score, flight_score)
+
+
+def effect_size(fit: PhysicalFit, name: str) -> tuple[float, float] | None:
+    """Return (v − v_0, σ) of a term's first parameter v; v_0 is its value without the effect.
+
+    None if the fit lacks the term, or if v is on a logarithmic scale, which has no v_0.
+    """
+    j = first_parameters(fit.free).get(name)
+    if j is None or fit.free[j].log:
+        return None
+    return float(fit.values[j]) - fit.free[j].null, float(fit.std[j])
 
 
 def in_SI(fit: PhysicalFit, scale: ThrustScale, name: str) -> dict[str, tuple[float, float]]:

@@ -37,7 +37,7 @@ from dataclasses import replace
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.base_parameters import base_parameters, in_SI
+from heli3dof.diagnosis.base_parameters import base_parameters, effect_size, in_SI
 from heli3dof.diagnosis.conclusion.unknown_controller import (
     exceeds_rounding,
     is_biased,
@@ -235,10 +235,8 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
     """
     from scipy.stats import norm
 
-    j = first_parameters(fit.free).get(name)
-    if j is None or fit.free[j].log or not math.isfinite(fit.free[j].null):
-        return 1.0
-    return float(norm.cdf(abs(float(fit.values[j]) - fit.free[j].null) / float(fit.std[j])))
+    size = effect_size(fit, name)
+    return 1.0 if size is None else float(norm.cdf(abs(size[0]) / size[1]))
 
 
 def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:

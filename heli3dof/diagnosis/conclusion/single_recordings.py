@@ -55,9 +55,12 @@ def confirmed(sizes: Sequence[tuple[float, float]]) -> bool:
     (True, False)
     """
     significant = any(abs(d) >= SIGNIFICANT * s for d, s in sizes if s > 0)
-    pairs = itertools.combinations(sizes, 2)
-    one_size = all(abs(a - b) <= CONSISTENT * math.hypot(s, t) for (a, s), (b, t) in pairs)
-    return significant and one_size
+    return significant and all(of_one_size(*pair) for pair in itertools.combinations(sizes, 2))
+
+
+def of_one_size(a: tuple[float, float], b: tuple[float, float]) -> bool:
+    """Return whether estimates (value, σ) differ by at most `CONSISTENT` σ of the difference."""
+    return abs(a[0] - b[0]) <= CONSISTENT * math.hypot(a[1], b[1])
 
 
 def size(fit: Estimate, name: str) -> tuple[float, float]:

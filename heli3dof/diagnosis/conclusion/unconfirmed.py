@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from heli3dof.diagnosis.base_parameters import effect_size
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import pays
@@ -29,12 +30,8 @@ def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Find
 
 def insignificant(fit: Estimate) -> set[str]:
     """Return the terms whose first parameter is within `MIN_SIGMAS` σ of having no effect."""
-    return {
-        name
-        for name, j in first_parameters(fit.free).items()
-        if not fit.free[j].log
-        and abs(float(fit.values[j]) - fit.free[j].null) < MIN_SIGMAS * float(fit.std[j])
-    }
+    sizes = {name: effect_size(fit, name) for name in first_parameters(fit.free)}
+    return {name for name, s in sizes.items() if s and abs(s[0]) < MIN_SIGMAS * s[1]}
 
 
 def with_resemblance(

@@ -47,7 +47,7 @@ MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly th
 def probability_nonzero(fit: MultiStepFit, name: str) -> float:
     """Return the confidence level P (see the module) of a term; 1 without a null value or a σ."""
     distance = null_distance(fit, name)
-    return 1.0 if distance is None else math.erf(abs(distance[0]) / math.sqrt(2))
+    return 1.0 if distance is None else math.erf(abs(distance.u) / math.sqrt(2))
 
 
 def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResult]]:
@@ -73,9 +73,10 @@ def contradicted(result: Elimination, r: TermResult) -> str:
     halves = compare_halves(result.halves, r.term)
     if halves is None:
         return ""
-    if not halves.one_size:
+    one_size, significant = halves
+    if not one_size:
         return "the two halves of the data give it different sizes"
-    if halves.significant_in_both or r.term in known_beforehand(result.fit.problem):
+    if significant or r.term in known_beforehand(result.fit.problem):
         return ""
     return "it is not significant in each half of the data"
 

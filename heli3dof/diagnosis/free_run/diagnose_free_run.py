@@ -37,7 +37,6 @@ from heli3dof.diagnosis.free_run.cause_selection import (
 from heli3dof.diagnosis.free_run.elimination import (
     Elimination,
     TermResult,
-    Trial,
     eliminate,
     result_by_adding,
     with_confounded_terms,
@@ -206,12 +205,12 @@ def _without_each(
     def one(i: int) -> tuple[FreeRun, FreeRun]:
         r = causes[i]
         if full is not None:
-            less = refit(result.begun, *removal.get(r.term, (r.term,)))
+            begun = result.fit if result.first is None else result.first.fit
+            less = refit(begun, *removal.get(r.term, (r.term,)))
             return _predicted(less, whole, held), full
         assert result.last is not None
-        trial = r.trial or Trial(r.increase)
-        fits_with = trial.fits_with or tuple(fit for fit, _ in result.last.folds)
-        fits_without = trial.fits_without or [refit(f, r.term) for f in fits_with]
+        fits_with = r.trial.fits_with or tuple(fit for fit, _ in result.last.folds)
+        fits_without = r.trial.fits_without or [refit(f, r.term) for f in fits_with]
         a, b = (
             cross_validated([model_of(f, whole, "") for f in fits], whole)
             for fits in (fits_without, fits_with)

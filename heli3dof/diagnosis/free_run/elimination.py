@@ -35,7 +35,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import erf, sqrt
+from math import sqrt
+from statistics import NormalDist
 
 import numpy as np
 
@@ -59,6 +60,7 @@ SIGMAS = 3.0
 """Standard deviations from which prior knowledge or the training cost keeps a term. Chosen."""
 QUANTILE = 1.96
 """97.5 % quantile of the normal distribution: two-sided significance at 5 %."""
+NORMAL = NormalDist()
 
 
 @dataclass(frozen=True)
@@ -92,10 +94,13 @@ class TermResult:
     """A term, and the increase of the held-out loss without it."""
 
     term: str
-    increase: LossIncrease
+    trial: Trial
     tied_with: tuple[str, ...] = ()
     """Effects confounded with the cause"""
-    trial: Trial | None = None
+
+    @property
+    def increase(self) -> LossIncrease:
+        return self.trial.increase
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,17 +109,19 @@ class Elimination:
 
     fit: MultiStepFit
     """The fit with every term"""
-    begun: MultiStepFit
-    """The fit with every term, converged at the error scales s that all refits share"""
     kept: tuple[TermResult, ...]
     """Terms that are needed or known beforehand, by falling Δ"""
     gone: tuple[TermResult, ...]
     """The removed terms in order, then those that only the cost on training blocks retained"""
-    halves: tuple[MultiStepFit, ...] = ()
-    """Fits with every term, each to the training blocks of one fold"""
     first: FitWithFolds | None = None
     last: FitWithFolds | None = None
-    """``begun`` and the fit after the last removal, with folds; None without cross-validation"""
+    """Fits with every term and after the last removal, with folds; None without cross-validation.
+    All refits share the error scales s at which ``first`` converged."""
+
+    @property
+    def halves(self) -> tuple[MultiStepFit, ...]:
+        """Return fits with every term, each to the training blocks of one fold."""
+        return () if self.first is None else tuple(fit for fit, _ in self.first.folds)
 
 
 def eliminate(
@@ -145,15 +152,14 @@ def eliminate(
             break
         correlated = correlated_terms(current.fit, out)
         retained = {k: v for k, v in retained.items() if k not in correlated}
-        removed.append(TermResult(out, trial.increase))
+        removed.append(TermResult(out, Trial(trial.increase)))
         progress(f"Without {out} … refitting the others")
         current = current.without_term(out, trial.fits_without)
-    stays = [TermResult(t, trial.increase, (), trial) for t, trial in retained.items()]
+    stays = [TermResult(t, trial) for t, trial in retained.items()]
     kept = [r for r in stays if r.increase.significant or r.term in known]
     kept.sort(key=lambda r: -r.increase.value)
     gone = [*removed, *(r for r in stays if r not in kept)]
-    halves = tuple(fit for fit, _ in first.folds)
-    return Elimination(full, begun, tuple(kept), tuple(gone), halves, first, current)
+    return Elimination(full, tuple(kept), tuple(gone), first, current)
 
 
 def without_elimination(full: MultiStepFit) -> Elimination:
@@ -163,14 +169,12 @@ def without_elimination(full: MultiStepFit) -> Elimination:
     the value without the effect.
     """
     each = [
-        TermResult(
-            t, LossIncrease(u, u - QUANTILE, u + QUANTILE, 1.0, 0.5 * (1 + erf(u / sqrt(2))))
-        )
+        TermResult(t, Trial(LossIncrease(u, u - QUANTILE, u + QUANTILE, 1.0, NORMAL.cdf(u))))
         for t, z2 in reversed(by_significance(full))
         for u in [sqrt(z2)]
     ]
     kept = tuple(r for r in each if r.increase.significant)
-    return Elimination(full, full, kept, tuple(r for r in each if not r.increase.significant))
+    return Elimination(full, kept, tuple(r for r in each if not r.increase.significant))
 
 
 def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
@@ -198,7 +202,7 @@ def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -
     """
     assert result.first is not None
     trial = without_term(result.first, "", seed=seed, instead=added)
-    return TermResult(name, trial.increase, (), trial)
+    return TermResult(name, trial)
 
 
 def with_confounded_terms(

@@ -16,69 +16,58 @@ parameter varies by recording, χ² of its values is converted to a normal devia
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from heli3dof.diagnosis.conclusion.single_recordings import CONSISTENT, SIGNIFICANT
+from heli3dof.diagnosis.conclusion.single_recordings import SIGNIFICANT, of_one_size
 from heli3dof.diagnosis.free_run.refits import recording_indices
 from heli3dof.identification.greybox.multistep import MultiStepFit
+from heli3dof.model.physics.parametrisation import first_parameters
 
 
-@dataclass(frozen=True)
-class HalvesComparison:
-    """The estimates of one term in the halves of the flights."""
+class NullDistance(NamedTuple):
+    """Distance of a term's first parameter θ from its value θ_0 without the effect."""
 
-    u: tuple[float, ...]
-    """u_h of each half"""
-    discrepancy: float
-    """δ of the first and the last half"""
-    by_prior: bool
-    """True if some estimate is mostly its prior"""
-
-    @property
-    def significant_in_both(self) -> bool:
-        one_sign = len({math.copysign(1.0, u) for u in self.u}) == 1
-        return one_sign and not self.by_prior and min(abs(u) for u in self.u) >= SIGNIFICANT
-
-    @property
-    def one_size(self) -> bool:
-        return self.discrepancy <= CONSISTENT
+    u: float
+    """(θ − θ_0)/σ; ∞ on a logarithmic scale"""
+    value: float
+    std: float
+    """θ and σ; of the scaled value on a logarithmic scale, 0 for one that varies by recording"""
+    mostly_prior: bool = False
 
 
-def compare_halves(halves: tuple[MultiStepFit, ...], name: str) -> HalvesComparison | None:
-    """Return the comparison for a term; None without two halves, or if the term has no σ."""
-    values = [null_distance(h, name) for h in halves]
-    if len(values) < 2 or any(v is None for v in values):
-        return None
-    known = [v for v in values if v is not None]
-    u = tuple(x[0] for x in known)
-    by_prior = any(x[3] for x in known)
-    (_, a, s, _), (_, b, t, _) = known[0], known[-1]
-    discrepancy = abs(a - b) / math.hypot(s, t) if s > 0 and t > 0 else 0.0
-    return HalvesComparison(u, discrepancy, by_prior)
+def compare_halves(halves: Sequence[MultiStepFit], name: str) -> tuple[bool, bool] | None:
+    """Return whether a term has (one size, a significant size) in both ``halves``.
 
-
-def null_distance(fit: MultiStepFit, name: str) -> tuple[float, float, float, bool] | None:
-    """Return (u = (θ − θ_0)/σ, θ, σ, `mostly_prior`) of the term's first parameter.
-
-    θ_0 is its value without the effect. On a logarithmic scale u = ∞, and θ, σ are of the scaled
-    value. None without a parameter or σ.
+    None without two halves, or if the term has no σ.
     """
-    p, mostly_prior = fit.problem, fit.mostly_prior
-    for j, f in enumerate(fit.structure.free):
-        if f.term != name:
-            continue
-        if f.log:
-            std = float(np.sqrt(fit.scaled_covariance[j, j]))
-            return math.inf, float(fit.z[j]), std, bool(mostly_prior[j])
-        if f.name in p.varying:
-            return equivalent_deviation(*chi_squared(fit, j)), 0.0, 0.0, False
-        value, std = float(fit.values[j]), float(fit.std[j])
-        if not std > 0:
-            return None
-        return (value - f.null) / std, value, std, bool(mostly_prior[j])
-    return None
+    known = [d for h in halves if (d := null_distance(h, name)) is not None]
+    return compared(*known) if len(known) == 2 else None
+
+
+def compared(a: NullDistance, b: NullDistance) -> tuple[bool, bool]:
+    """Return whether the estimates of both halves agree, and whether both are significant."""
+    one_sign = math.copysign(1.0, a.u) == math.copysign(1.0, b.u)
+    significant = one_sign and not (a.mostly_prior or b.mostly_prior)
+    significant = significant and min(abs(a.u), abs(b.u)) >= SIGNIFICANT
+    return of_one_size((a.value, a.std), (b.value, b.std)), significant
+
+
+def null_distance(fit: MultiStepFit, name: str) -> NullDistance | None:
+    """Return the distance of a term's first parameter; None without a parameter or σ."""
+    j = first_parameters(fit.structure.free).get(name)
+    if j is None:
+        return None
+    f, mostly_prior = fit.structure.free[j], bool(fit.mostly_prior[j])
+    if f.log:
+        std = float(np.sqrt(fit.scaled_covariance[j, j]))
+        return NullDistance(math.inf, float(fit.z[j]), std, mostly_prior)
+    if f.name in fit.problem.varying:
+        return NullDistance(equivalent_deviation(*chi_squared(fit, j)), 0.0, 0.0)
+    value, std = float(fit.values[j]), float(fit.std[j])
+    return NullDistance((value - f.null) / std, value, std, mostly_prior) if std > 0 else None
 
 
 def chi_squared(fit: MultiStepFit, j: int) -> tuple[float, int]:

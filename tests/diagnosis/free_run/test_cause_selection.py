@@ -16,7 +16,8 @@ from heli3dof.diagnosis.free_run.cause_selection import (
     select_causes,
     sizes,
 )
-from heli3dof.diagnosis.free_run.elimination import Elimination, LossIncrease, TermResult
+from heli3dof.diagnosis.free_run.elimination import Elimination, LossIncrease, TermResult, Trial
+from heli3dof.diagnosis.free_run.refits import FitWithFolds
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from tests.identification.known_flights import fly
@@ -51,10 +52,14 @@ def elimination_of(
 ) -> Elimination:
     return Elimination(
         fit,
-        fit,
-        tuple(TermResult(t, w) for t, w in kept.items()),
-        tuple(TermResult(t, w) for t, w in gone.items()),
+        tuple(TermResult(t, Trial(w)) for t, w in kept.items()),
+        tuple(TermResult(t, Trial(w)) for t, w in gone.items()),
     )
+
+
+def with_halves(result: Elimination, *halves: MultiStepFit) -> Elimination:
+    folds = tuple((half, half.problem) for half in halves)
+    return replace(result, first=FitWithFolds(result.fit, folds))
 
 
 def test_a_size_of_1_96_deviations_differs_from_zero_at_95_percent(flat: MultiStepFit) -> None:
@@ -86,8 +91,8 @@ def test_a_term_without_significance_in_one_half_is_only_kept(flat: MultiStepFit
     fit = determined(flat, {f"{YAW}.torque_Nm": 0.03}, 2e-3)
     significant, insignificant = fit, determined(flat, {f"{YAW}.torque_Nm": 0.001}, 2e-3)
     result = elimination_of(fit, {YAW: NEEDED}, {})
-    assert select_causes(replace(result, halves=(significant, significant)))[0]
-    doubted = replace(result, halves=(significant, insignificant))
+    assert select_causes(with_halves(result, significant, significant))[0]
+    doubted = with_halves(result, significant, insignificant)
     causes, kept = select_causes(doubted)
     assert not causes
     assert "different sizes" in contradicted(doubted, kept[0])
@@ -96,7 +101,7 @@ def test_a_term_without_significance_in_one_half_is_only_kept(flat: MultiStepFit
 
 def test_a_term_that_blocks_do_not_need_is_kept_with_its_reason(flat: MultiStepFit) -> None:
     fit = determined(flat, {f"{YAW}.torque_Nm": 0.03, f"{PITCH}.torque_Nm": 0.001}, 2e-3)
-    result = replace(elimination_of(fit, {PITCH: NEEDED}, {YAW: NOT_NEEDED}), halves=(fit, fit))
+    result = with_halves(elimination_of(fit, {PITCH: NEEDED}, {YAW: NOT_NEEDED}), fit, fit)
     causes, kept = select_causes(result)
     assert not causes
     reasons = {x["term"]: x["why"] for x in kept_terms(result, kept)}

@@ -99,7 +99,8 @@ def test_blocks_decide_the_causes_and_the_model_keeps_all_terms(
     assert result.fit is full
     assert {r.term for r in result.kept} == {"stiffness.pendulum.roll", "motor.lag"}
     assert [r.term for r in result.gone] == ["bias.torque.yaw"]
-    assert {t.name for t in result.begun.structure.terms} == set(names)
+    assert result.first is not None
+    assert {t.name for t in result.first.fit.structure.terms} == set(names)
     assert len(result.halves) == 2
 
 
@@ -114,7 +115,9 @@ def test_a_cause_is_confounded_with_what_replaces_it_without_loss(
     monkeypatch.setattr(module, "possible_replacements", lambda *_: ["motor.delay"])
     monkeypatch.setattr(module, "without_term", lambda *_, **__: module.Trial(increase))
     result = module.Elimination(full, full, (), (), last=FitWithFolds(full, ()))
-    (found,) = with_confounded_terms(result, [TermResult("motor.lag", increase)], seed=0)
+    (found,) = with_confounded_terms(
+        result, [TermResult("motor.lag", module.Trial(increase))], seed=0
+    )
     assert found.tied_with == tied
 
 
