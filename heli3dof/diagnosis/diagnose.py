@@ -24,7 +24,7 @@ from heli3dof.diagnosis.conclusion.encoder_scales import ROLL_OFFSET
 from heli3dof.diagnosis.conclusion.inertia_ties import last_step_with_causes, with_confounded_causes
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_if_recordings_disagree
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
-from heli3dof.diagnosis.conclusion.stand_ins import TorqueSearchResult, settle_unmodelled
+from heli3dof.diagnosis.conclusion.stand_ins import settle_unmodelled
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed
 from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
@@ -115,15 +115,13 @@ def _diagnosed(
     first = steps[0]
     clock.start("gain", "Measuring the gain on held-out data …")
     choices = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
-    fit, findings, dropped, after = adopted(fit, choices, held, seed=seed)
-    if dropped and not findings:  # the base fit has its own bias correction
-        fit = base_with_forms(base_fit, fit)
-        after = held_out(fit, held)
+    settled = adopted(fit, choices, held, seed=seed)
+    if settled.dropped and not settled.findings:  # the base fit has its own bias correction
+        fit = base_with_forms(base_fit, settled.fit)
+        settled = replace(settled, fit=fit, after=held_out(fit, held))
     clock.start("left", "Searching for unmodelled effects …")
     torque_flights = QUICK_TORQUE_FLIGHTS if quick else TORQUE_FLIGHTS
-    settled = settle_unmodelled(
-        setup, TorqueSearchResult(fit, findings, dropped, after), held, flights=torque_flights
-    )
+    settled = settle_unmodelled(setup, settled, held, flights=torque_flights)
     settled = replace(settled, findings=with_segment_ties(settled.findings))
     if not setup.controller_is_known:
         clock.progress("Fitting each recording separately …")

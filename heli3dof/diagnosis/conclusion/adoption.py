@@ -33,7 +33,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from heli3dof.axes import AXES
@@ -55,6 +55,7 @@ from heli3dof.diagnosis.result import (
 )
 from heli3dof.diagnosis.selection.select import SUFFICIENT, Choice, certainty
 from heli3dof.diagnosis.selection.steps import without
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import held_out, uncalibrated
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
@@ -76,14 +77,26 @@ that is estimated on the held-out data raises that mean by about √(2π) z, z t
 standard deviations."""
 
 
+@dataclass(frozen=True, eq=False)
+class AdoptionResult:
+    """The adopted causes with their fit, and the residual torques found in it."""
+
+    fit: CorrectedFit
+    findings: tuple[Finding, ...]
+    dropped: tuple[Dropped, ...]
+    after: HeldOut
+    """Results of ``fit`` on held-out data"""
+    residual_torques: tuple[ResidualTorque, ...] = ()
+    slow_noise: tuple[ResidualTorque, ...] = ()
+    """Torques that depend on time only"""
+    is_decided: bool = True
+    """False if neither causes nor base parameters are certain"""
+
+
 def adopted(
     fit: CorrectedFit, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int
-) -> tuple[CorrectedFit, tuple[Finding, ...], tuple[Dropped, ...], HeldOut]:
-    """Adopt or drop each of the ``choices``, which ``fit`` contains.
-
-    Returns (fit with the adopted causes, these causes, dropped causes, results of this fit on
-    held-out data).
-    """
+) -> AdoptionResult:
+    """Adopt or drop each of the ``choices``, which ``fit`` contains."""
     kept, dropped = list(choices), list[Dropped]()
     while True:
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term.name), len(kept))  # type: ignore[misc]
@@ -96,7 +109,8 @@ def adopted(
         ]
         failing = [i for i, why in enumerate(against) if why]
         if not failing:
-            return fit, _findings(fit, kept, reduced, gains), tuple(dropped), after
+            findings = _findings(fit, kept, reduced, gains)
+            return AdoptionResult(fit, findings, tuple(dropped), after)
         worst = min(failing, key=lambda i: (min(margins[i], 1.0), log_likelihood_gain(gains[i])))
         cause = kept.pop(worst)
         dropped.append(Dropped(cause.term.name, gains[worst], against[worst], choice=cause))

@@ -8,9 +8,9 @@ adopted or dropped. The search is repeated until there is no further stand-in.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from heli3dof.diagnosis.conclusion.adoption import adopted
+from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted
 from heli3dof.diagnosis.conclusion.formula_contest import replaced_by_formula
 from heli3dof.diagnosis.conclusion.unconfirmed import marked_unconfirmed, with_resemblance
 from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
@@ -23,31 +23,14 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     significant_torques,
     split_off_slow_noise,
 )
-from heli3dof.diagnosis.validation.gain import HeldOut
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.recording.recording import Recording
 
 
-@dataclass(frozen=True, eq=False)
-class TorqueSearchResult:
-    """The adopted causes with their fit, and the residual torques found in it."""
-
-    fit: CorrectedFit
-    findings: tuple[Finding, ...]
-    dropped: tuple[Dropped, ...]
-    after: HeldOut
-    """Results of ``fit`` on held-out data"""
-    residual_torques: tuple[ResidualTorque, ...] = ()
-    slow_noise: tuple[ResidualTorque, ...] = ()
-    """Torques that depend on time only"""
-    is_decided: bool = True
-    """False if neither causes nor base parameters are certain"""
-
-
 def settle_unmodelled(
-    setup: Setup, start: TorqueSearchResult, holdout: Sequence[Recording], *, flights: int
-) -> TorqueSearchResult:
+    setup: Setup, start: AdoptionResult, holdout: Sequence[Recording], *, flights: int
+) -> AdoptionResult:
     """Search the fit of ``start`` for residual torques; drop causes that a torque explains better.
 
     ``flights``: number of flights simulated without residual torque, per search.
@@ -90,8 +73,8 @@ def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
 
 
 def _undecided(
-    start: TorqueSearchResult, left: tuple[ResidualTorque, ...], removed: Sequence[Finding]
-) -> TorqueSearchResult:
+    start: AdoptionResult, left: tuple[ResidualTorque, ...], removed: Sequence[Finding]
+) -> AdoptionResult:
     """Return ``start`` with all its causes marked "…-like", and with the residual torques ``left``.
 
     A formula explained the flight better than the causes ``removed``, but without these causes no
@@ -107,8 +90,8 @@ def _undecided(
 
 
 def _without_stand_ins(
-    setup: Setup, now: TorqueSearchResult, names: Sequence[str], holdout: Sequence[Recording]
-) -> TorqueSearchResult:
+    setup: Setup, now: AdoptionResult, names: Sequence[str], holdout: Sequence[Recording]
+) -> AdoptionResult:
     """Return the result without the causes ``names``; refit the others, adopt or drop each."""
     found = now.fit
     for f in now.findings:
@@ -119,12 +102,12 @@ def _without_stand_ins(
 
 
 def _adopted_again(
-    setup: Setup, now: TorqueSearchResult, found: CorrectedFit, names: Sequence[str],
+    setup: Setup, now: AdoptionResult, found: CorrectedFit, names: Sequence[str],
     holdout: Sequence[Recording],
-) -> TorqueSearchResult:  # fmt: skip
+) -> AdoptionResult:  # fmt: skip
     """Return the result for ``found``, the fit without ``names``; adopt or drop its causes."""
     kept = [f.choice for f in now.findings if f.term.name not in names]
     gains = {f.term.name: f.gain for f in now.findings}
-    found, findings, dropped, after = adopted(found, kept, holdout, seed=setup.seed)
-    replaced = tuple(Dropped(n, gains[n], STANDS_IN) for n in names)
-    return TorqueSearchResult(found, findings, (*now.dropped, *replaced, *dropped), after)
+    result = adopted(found, kept, holdout, seed=setup.seed)
+    replaced = (Dropped(n, gains[n], STANDS_IN) for n in names)
+    return replace(result, dropped=(*now.dropped, *replaced, *result.dropped))

@@ -200,11 +200,9 @@ def test_backlash_that_shrinks_below_a_count_without_another_cause_is_dropped(
     monkeypatch.setattr(adoption, "_findings", lambda fit, kept, less, gains: tuple(kept))
     backlash = encoder_of(0.5, (), BACKLASH, BACKLASH)
     both = fit_of(encoder__backlash__pitch=0.5, mass__change=0.015)
-    _, kept, dropped, _ = adopted(
-        both, [backlash, choice(1443.0, (), mass__change=1443.0)], [], seed=0
-    )
-    assert [c.term.name for c in cast(Any, kept)] == named
-    assert [(d.name, d.why) for d in dropped] == (
+    result = adopted(both, [backlash, choice(1443.0, (), mass__change=1443.0)], [], seed=0)
+    assert [c.term.name for c in result.findings] == named
+    assert [(d.name, d.why) for d in result.dropped] == (
         [] if named else [(MASS, DOES_NOT_PAY), (BACKLASH, WITHIN_A_COUNT)]
     )
 

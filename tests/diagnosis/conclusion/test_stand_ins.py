@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.conclusion import stand_ins
+from heli3dof.diagnosis.conclusion.adoption import AdoptionResult
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.selection.steps import screening_step
@@ -84,7 +85,7 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
     def adopted(fit: Any, kept: Any, holdout: Any, *, seed: int) -> Any:
         assert [c.term.name for c in kept] == [BACKLASH]
         assert fit.is_corrected
-        return fit, (finding("drag.quadratic.yaw"),), (), None
+        return AdoptionResult(fit, (finding("drag.quadratic.yaw"),), (), cast(Any, None))
 
     def finding(name: str) -> Any:
         choice = SimpleNamespace(term=SimpleNamespace(name=name, effect=SimpleNamespace(of_base=0)))
@@ -98,6 +99,6 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
     monkeypatch.setattr(stand_ins, "marked_unconfirmed", lambda findings, fit: findings)
     fit = SimpleNamespace(is_corrected=False, problem=None, optimum=None)
     setup = SimpleNamespace(recordings=(), seed=0)
-    start = stand_ins.TorqueSearchResult(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
+    start = AdoptionResult(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
     last = stand_ins.settle_unmodelled(cast(Any, setup), start, [], flights=8)
     assert [f.term.name for f in last.findings] == named
