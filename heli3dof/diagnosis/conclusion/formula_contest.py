@@ -33,9 +33,9 @@ from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
 from heli3dof.diagnosis.selection.rivals import ROUNDS, likelihoods, odds
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.selection.steps import without
+from heli3dof.diagnosis.unmodelled.torque_evidence import evidence_without_nulls
 from heli3dof.diagnosis.unmodelled.torque_formula import (
     PRODUCTS,
-    filtered_fit,
     product_scores,
     variable_of,
 )
@@ -143,9 +143,9 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
 
 def with_best_product(fit: CorrectedFit) -> Formula:
     """Return ``fit`` extended by a torque c φ, φ the product of quantities that explains most."""
-    flown = filtered_fit(fit)
+    x = evidence_without_nulls(fit)
     axes = np.flatnonzero(fit.problem.data.axes)
-    scores = {int(i): product_scores(flown, int(i)) for i in axes}
+    scores = {int(i): product_scores(x, int(i)) for i in axes}
     i = max(scores, key=lambda i: float(scores[i][0].max()))
     S, c = scores[i]
     k = int(S.argmax())

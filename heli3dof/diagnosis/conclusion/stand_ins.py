@@ -45,7 +45,7 @@ def settle_unmodelled(
     while True:
         scores = evidence(now.fit, setup.recordings, flights=flights, seed=setup.seed)
         if scores.null is None and certain is None:
-            certain = significant_formula(now.fit)
+            certain = significant_formula(scores)
         left, slow_noise = split_off_slow_noise(significant_torques(scores, certain))
         if not now.fit.is_corrected:
             left = tuple(x for x in left if not is_biased(now.fit, x.axis))

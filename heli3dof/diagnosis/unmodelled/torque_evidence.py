@@ -13,7 +13,8 @@ information. D (K, E) are the derivatives by K coefficients of free-form torques
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from heli3dof.identification.bias_correction.coloured_noise import (
     significant_ratio,
 )
 from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.bias_correction.perturbation import Path, path
 from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
 from heli3dof.identification.greybox.likelihood import score_and_information
 from heli3dof.model.control.voltage_replay import controller_is_known
@@ -35,8 +37,6 @@ from heli3dof.recording.recording import Recording
 
 RANK_TOLERANCE = 1e-4
 """Directions with less than this share of the largest information are dropped. Chosen."""
-MIN_NULLS = 6
-"""Least number of null simulations. Chosen; not derived."""
 CONSTANT_MEMORY_S = 1.5
 """s, correlation time allowed for in the score of a constant torque. Chosen; not derived."""
 
@@ -54,19 +54,14 @@ class Nuisance:
     """(B, p) scores in the null simulations"""
 
     @staticmethod
-    def of_fit(fit: CorrectedFit, flight: LinearisedRun, null: Scores | None) -> Nuisance:
+    def of_fit(fit: CorrectedFit, flight: LinearisedRun) -> Nuisance:
         problem, o = fit.problem, fit.optimum
         # Not the fit's own tangents: without convergence these belong to an earlier point.
         tangents = problem.tangents(o.theta, flight.at)
         g, H = score_and_information(flight.at, tangents)
         prior = problem.prior_precision * (o.theta - problem.prior_mean)
-        n = len(g)
-        return Nuisance(
-            tangents,
-            H + np.diag(problem.prior_precision),
-            g - prior,
-            np.zeros((0, n)) if null is None else null.g,
-        )
+        A = H + np.diag(problem.prior_precision)
+        return Nuisance(tangents, A, g - prior, np.zeros((0, len(g))))
 
     def with_torque(
         self,
@@ -107,22 +102,38 @@ class Evidence:
     nuisance: Nuisance
     """The fit's parameters only"""
 
+    @cached_property
+    def path(self) -> Path:
+        """Return the filter's states with derivatives, for a torque's effect on the innovations."""
+        problem, o = self.fit.problem, self.fit.optimum
+        return path(problem.structure, problem.values(o.theta), problem.data, self.flight.at)
+
+    @property
+    def unbiased_g(self) -> np.ndarray:
+        """Return the score (n,) of the fit's scaled parameters, without the filter's bias."""
+        return self.nuisance.g if self.fit.bias is None else self.nuisance.g - self.fit.bias
+
+
+def evidence_without_nulls(fit: CorrectedFit) -> Evidence:
+    """Return the evidence for torques in the fitted recordings, without simulated flights."""
+    flight = linearised_run(fit)
+    library = hats(flight, np.flatnonzero(fit.problem.data.axes))
+    return Evidence(fit, flight, library, None, Nuisance.of_fit(fit, flight))
+
 
 def evidence(
     fit: CorrectedFit, recordings: Sequence[Recording], *, flights: int, seed: int
 ) -> Evidence:
     """Return the evidence for torques in the recordings that ``fit`` was fitted to.
 
-    It includes max(``flights``, `MIN_NULLS`) null simulations, if the controller is known and
-    stabilises the fitted rig.
+    It includes null simulations of ``flights``, if the controller is known and stabilises the
+    fitted rig.
     """
-    flight = linearised_run(fit)
-    library = hats(flight, np.flatnonzero(fit.problem.data.axes))
-    null = None
-    if fit.is_corrected and controller_is_known(recordings):
-        flights = max(flights, MIN_NULLS)
-        null = simulated_scores(fit, recordings, library, flights=flights, seed=seed)
-    return Evidence(fit, flight, library, null, Nuisance.of_fit(fit, flight, null))
+    x = evidence_without_nulls(fit)
+    if not (fit.is_corrected and controller_is_known(recordings)):
+        return x
+    null = simulated_scores(fit, recordings, x.library, flights=flights, seed=seed)
+    return replace(x, null=null, nuisance=replace(x.nuisance, g_null=null.g))
 
 
 def coloured_noise_ratio(
