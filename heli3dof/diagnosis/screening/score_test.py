@@ -134,12 +134,10 @@ class Screen:
         probes = list(self.plain)
         for scan, information in zip(self.scans, self.scan_informations, strict=True):
             unit = self._unit(evaluation, scan.term)
-            peak = scan.peak(evaluation, L[0], unit, information)
-            z.append(peak.z)
-            amplitude.append(peak.values[0])
-            probes.append(
-                Probe(scan.term, peak.values, peak.values[0], time_shifts=peak.time_shifts)
-            )
+            peak_z, values, time_shifts = scan.peak(evaluation, L[0], unit, information)
+            z.append(peak_z)
+            amplitude.append(values[0])
+            probes.append(Probe(scan.term, values, values[0], time_shifts=time_shifts))
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
