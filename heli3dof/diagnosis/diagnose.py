@@ -137,7 +137,7 @@ def _diagnosed(
     off = off_nominal(settled.fit, std_inflation=inflation) if settled.is_decided else ()
     if not settled.fit.is_corrected:
         off = confirmed(off, settled.fit, settled.after, held, seed=seed)
-    off = tuple(with_confounded_causes(o, last_step_with_causes(steps, settled.fit)) for o in off)
+    off = with_confounded_causes(off, last_step_with_causes(steps, settled.fit))
     clock.stop()
     about = {
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,

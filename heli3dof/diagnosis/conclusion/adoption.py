@@ -56,7 +56,7 @@ from heli3dof.diagnosis.result import (
 from heli3dof.diagnosis.selection.select import SUFFICIENT, Choice, certainty
 from heli3dof.diagnosis.selection.steps import without
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
-from heli3dof.diagnosis.validation.cross_validation import held_out, uncalibrated
+from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.identification.bias_correction.correction import CorrectedFit, model_at
@@ -213,7 +213,7 @@ def fitted(
         if i == 0:
             return after if extended is base else held_out(base, holdout)
         if i == 1:
-            return uncalibrated(base, holdout)
+            return held_out(base, holdout, base.problem.scaled(base.structure.values_of({})))
         return simulation_error(nominal_model, holdout or train, truth=at, seed=seed)
 
     before, uncalibrated_base, wrong = parallel_map(part, 3)

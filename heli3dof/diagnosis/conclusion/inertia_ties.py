@@ -33,6 +33,7 @@ import numpy as np
 
 from heli3dof.diagnosis.base_parameters import THRUST_GAIN, OffNominal
 from heli3dof.diagnosis.screening.screening import LARGE, one_sided
+from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia
 from heli3dof.diagnosis.selection.steps import Step
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust_scale
@@ -45,16 +46,20 @@ PARAMETERS = ("mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw")
 """Findings, in the order of the base's free parameters"""
 
 
-def with_confounded_causes(off: OffNominal, step: Step) -> OffNominal:
-    """Return ``off``; its ``tied_with`` names the effects that are confounded with it."""
-    if off.term.name == THRUST_GAIN:
-        return replace(off, tied_with=confounded_with_thrust_gain(step))
-    if off.term.name not in PARAMETERS:
-        return off
-    tied = confounded_causes(step, PARAMETERS.index(off.term.name))
-    if off.term.effect.name == "inertia":
-        tied = tuple(dict.fromkeys((*tied, *(f.term.name for f in step.instead_of_inertia))))
-    return replace(off, tied_with=tied)
+def with_confounded_causes(off: Sequence[OffNominal], step: Step) -> tuple[OffNominal, ...]:
+    """Return ``off``; the ``tied_with`` of each names the effects that are confounded with it."""
+    is_inertia = [o.term.effect.name == "inertia" for o in off]
+    alternatives = [f.term.name for f in instead_of_inertia(step)] if any(is_inertia) else []
+
+    def confounded(o: OffNominal) -> tuple[str, ...]:
+        if o.term.name == THRUST_GAIN:
+            return confounded_with_thrust_gain(step)
+        return confounded_causes(step, PARAMETERS.index(o.term.name))
+
+    return tuple(
+        replace(o, tied_with=tuple(dict.fromkeys((*confounded(o), *alternatives * with_fits))))
+        for o, with_fits in zip(off, is_inertia, strict=True)
+    )
 
 
 def last_step_with_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:

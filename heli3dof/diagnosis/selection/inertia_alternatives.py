@@ -9,8 +9,6 @@ fit puts all of them within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from heli3dof.diagnosis.base_parameters import (
     base_parameters,
     finding_of,
@@ -32,16 +30,15 @@ MAX_FITS = 6
 def instead_of_inertia(s: Screening) -> list[CandidateFit]:
     """Return the fits of candidates that bring all inertias off nominal back within tolerance.
 
-    The result is empty if no inertia is off nominal. ``Z2`` of each fit is set to its score.
+    The result is empty if no inertia is off nominal.
     """
     off = [o.term.name for o in off_nominal(s.fit, std_inflation=std_inflation(s.fit))]
     inertias = {n for n in off if n.startswith("inertia")}
     if not inertias:
         return []
     fits = fit_candidates(s, possible_alternatives(s))
-    back = [f for f in fits if within(Estimate(f.problem, f.optimum), inertias)]
-    # Z² is too small after the base has absorbed the effect, so the score replaces it.
-    return [replace(f, Z2=f.score) for f in back if f.score > -TIE]
+    likely = (f for f in fits if f.score > -TIE)
+    return [f for f in likely if within(Estimate(f.problem, f.optimum), inertias)]
 
 
 def possible_alternatives(s: Screening) -> list[tuple[Term, float, int]]:

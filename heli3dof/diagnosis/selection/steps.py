@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -25,7 +25,6 @@ from heli3dof.diagnosis.screening.nulls import formula_nulls, simulated_nulls
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, correction_starts
-from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia
 from heli3dof.diagnosis.selection.rivals import compared_by_simulation
 from heli3dof.diagnosis.selection.select import Choice, best_choice, choose
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
@@ -69,11 +68,6 @@ class Step(Screening):
             for b in range(TRIAL_FLIGHTS)
         ]
         return [t for t in tried if exceeds_nulls(t, problem, o.theta, o.noise, flown)]
-
-    @cached_property
-    def instead_of_inertia(self) -> list[CandidateFit]:
-        """Return fits of the candidates whose effect an inertia may have absorbed."""
-        return instead_of_inertia(self)
 
     def chosen(self, setup: Setup, earlier_score: float | None) -> Step:
         """Return this step with the next cause chosen, or None as its ``choice``.

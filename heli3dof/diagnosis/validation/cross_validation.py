@@ -83,8 +83,8 @@ def on_holdout(
     return _summed_over_cells(problem.data, "holdout", results)
 
 
-def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
-    """Evaluate a fit by cross-validation: on each block, with parameters estimated without it."""
+def on_blocks(fit: Estimate, blocks: int = BLOCKS, *, theta: np.ndarray | None = None) -> HeldOut:
+    """Evaluate a fit on each block, with parameters estimated without it, or with ``theta``."""
     problem, o, d = fit.problem, fit.optimum, fit.problem.data
     at = problem.run(o.theta, o.noise)
     tangents = problem.tangents(o.theta, at)
@@ -92,28 +92,22 @@ def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
     cuts = _blocks(d, blocks)
 
     def evaluate_block(k: int) -> RowResults:
-        theta = _estimate_without(fit, at, tangents, cuts[k])
-        return _evaluate(problem, theta, o.noise, cuts[k])
+        own = _estimate_without(fit, at, tangents, cuts[k]) if theta is None else theta
+        return _evaluate(problem, own, o.noise, cuts[k])
 
     return _summed_over_cells(
         d, "blocks left out", parallel_map(evaluate_block, len(cuts), what="blocks")
     )
 
 
-def uncalibrated(fit: Estimate, holdout: Sequence[Recording]) -> HeldOut:
-    """Evaluate the fit's model with the profile's parameters, on the same rows as `held_out`."""
-    problem, noise = fit.problem, fit.optimum.noise
-    theta = problem.scaled(fit.structure.values_of({}))
-    if holdout:
-        return on_holdout(fit, holdout, theta)
-    cuts = _blocks(problem.data, BLOCKS)
-    results = parallel_map(lambda k: _evaluate(problem, theta, noise, cuts[k]), len(cuts))
-    return _summed_over_cells(problem.data, "blocks left out", results)
+def held_out(
+    fit: Estimate, holdout: Sequence[Recording], theta: np.ndarray | None = None
+) -> HeldOut:
+    """Evaluate a fit on the hold-out recordings if there are any, else by cross-validation.
 
-
-def held_out(fit: Estimate, holdout: Sequence[Recording]) -> HeldOut:
-    """Evaluate a fit on the hold-out recordings if there are any, else by cross-validation."""
-    return on_holdout(fit, holdout) if holdout else on_blocks(fit)
+    With ``theta`` (n,), its model with these parameters is evaluated on the same rows.
+    """
+    return on_holdout(fit, holdout, theta) if holdout else on_blocks(fit, theta=theta)
 
 
 def _blocks(d: Data, blocks: int) -> list[tuple[int, int]]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.base_parameters import OffNominal
+from heli3dof.diagnosis.conclusion import inertia_ties
 from heli3dof.diagnosis.conclusion.inertia_ties import (
     confounded_causes,
     last_step_with_causes,
@@ -37,9 +38,7 @@ def step(absorbed: float, v: float, Z: float, ratio: float = 1.4) -> Any:
     )
     nulls = SimpleNamespace(std=np.ones(1))
     Zs = np.array([Z])
-    return cast(
-        Any, SimpleNamespace(fit=fit, screen=screen, nulls=nulls, Z=Zs, instead_of_inertia=[])
-    )
+    return cast(Any, SimpleNamespace(fit=fit, screen=screen, nulls=nulls, Z=Zs))
 
 
 def test_an_effect_that_absorbs_the_inertia_without_a_trace_is_confounded_with_it() -> None:
@@ -88,9 +87,8 @@ LOW = OffNominal(term("motor.thrust_gain"), 1 / 1.6, 0.03, 200.0)
 
 def test_a_thrust_gain_is_confounded_with_an_effect_that_scales_the_whole_base() -> None:
     # ln 1.6 − ln(1/0.85) = 0.31 to explain: at 0.25 for each volt 1.23 V, and √v = 6 shows Z = 7.4.
-    assert with_confounded_causes(LOW, scaled_base(0.25, 36.0, 7.4)).tied_with == (
-        "motor.dead_zone",
-    )
+    (low,) = with_confounded_causes([LOW], scaled_base(0.25, 36.0, 7.4))
+    assert low.tied_with == ("motor.dead_zone",)
 
 
 @pytest.mark.parametrize(
@@ -103,12 +101,16 @@ def test_a_thrust_gain_is_confounded_with_an_effect_that_scales_the_whole_base()
     ],
 )
 def test_otherwise_a_thrust_gain_is_not_confounded(share: float, v: float, Z: float) -> None:
-    assert with_confounded_causes(LOW, scaled_base(share, v, Z)).tied_with == ()
+    (low,) = with_confounded_causes([LOW], scaled_base(share, v, Z))
+    assert low.tied_with == ()
 
 
-def test_an_inertia_is_confounded_with_other_effects() -> None:
+def test_an_inertia_is_confounded_with_other_effects(monkeypatch: pytest.MonkeyPatch) -> None:
+    drag = SimpleNamespace(term=term("drag.quadratic.roll"))
+    monkeypatch.setattr(inertia_ties, "instead_of_inertia", lambda step: [drag])
     off = OffNominal(term("inertia.roll"), 1.4, 0.03, 200.0)
-    assert with_confounded_causes(off, step(0.1, 0.01, 0.0)).tied_with == ("motor.thrust_curve",)
+    (roll,) = with_confounded_causes([off], step(0.1, 0.01, 0.0))
+    assert roll.tied_with == ("motor.thrust_curve", "drag.quadratic.roll")
 
 
 def test_the_last_step_with_the_same_causes_is_used() -> None:
