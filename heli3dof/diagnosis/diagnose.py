@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from heli3dof.diagnosis.base_parameters import off_nominal, std_inflation
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
@@ -50,14 +51,21 @@ from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.recording import Recording
 from heli3dof.stage_clock import Progress, StageClock
 
-FLIGHTS, QUICK_FLIGHTS = 64, 16
-"""Number of null simulations of the first score test, without and with ``quick``. Chosen."""
-FURTHER_SHARE = 0.5
-"""Number of null simulations of a later score test, as a share of the first test's. Chosen."""
-ROUND_FLIGHTS, QUICK_ROUND_FLIGHTS = 12, 6
-"""Number of simulated flights of a bias correction, without and with ``quick``. Chosen."""
-TORQUE_FLIGHTS, QUICK_TORQUE_FLIGHTS = 24, 8
-"""Number of null simulations of the torque search, without and with ``quick``. Chosen."""
+
+class Effort(NamedTuple):
+    """Numbers of simulated flights. Chosen."""
+
+    nulls: int
+    """Null simulations of the first score test"""
+    later_nulls: int
+    """Null simulations of each further score test"""
+    correction: int
+    """Flights of a bias correction"""
+    torque_nulls: int
+    """Null simulations of the torque search"""
+
+
+FULL, QUICK = Effort(64, 32, 12, 24), Effort(16, 8, 6, 8)
 
 
 def diagnose(
@@ -73,7 +81,7 @@ def diagnose(
 
     ``base``: the simulation to diagnose, "rigid" (nonlinear rigid body) or "hover" (the paper's
     linear model; the rigid body is then a candidate, ``geometry``). ``quick``: fewer simulated
-    flights (`QUICK_FLIGHTS` instead of `FLIGHTS`), and no cross-validation if the logs have no
+    flights (`QUICK` instead of `FULL`), and no cross-validation if the logs have no
     reliable likelihood. Gains are measured on ``holdout``; without it, they are cross-validated.
     ``progress`` receives progress messages.
 
@@ -107,11 +115,11 @@ def _diagnosed(
         return diagnose_without_likelihood(
             train, held, faults, why=why, base=base, quick=quick, seed=seed, progress=clock.progress
         )
-    flights = QUICK_FLIGHTS if quick else FLIGHTS
-    setup = Setup(tuple(train), seed, QUICK_ROUND_FLIGHTS if quick else ROUND_FLIGHTS, base)
+    effort = QUICK if quick else FULL
+    setup = Setup(tuple(train), seed, effort.correction, base)
     clock.start("base", "Fitting the base simulation and simulating its bias …")
     base_fit = fit_base(setup)
-    steps, fit = forward_selection(setup, base_fit, flights, clock)
+    steps, fit = forward_selection(setup, base_fit, effort, clock)
     first = steps[0]
     clock.start("gain", "Measuring the gain on held-out data …")
     choices = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
@@ -120,8 +128,7 @@ def _diagnosed(
         fit = base_with_forms(base_fit, settled.fit)
         settled = replace(settled, fit=fit, after=held_out(fit, held))
     clock.start("left", "Searching for unmodelled effects …")
-    torque_flights = QUICK_TORQUE_FLIGHTS if quick else TORQUE_FLIGHTS
-    settled = settle_unmodelled(setup, settled, held, flights=torque_flights)
+    settled = settle_unmodelled(setup, settled, held, flights=effort.torque_nulls)
     settled = replace(settled, findings=with_segment_ties(settled.findings))
     if not setup.controller_is_known:
         clock.progress("Fitting each recording separately …")
@@ -159,19 +166,16 @@ def _diagnosed(
 
 
 def forward_selection(
-    setup: Setup, base: CorrectedFit, flights: int, clock: StageClock
+    setup: Setup, base: CorrectedFit, effort: Effort, clock: StageClock
 ) -> tuple[list[Step], CorrectedFit]:
-    """Return (steps of forward selection, final fit); the last step may have found no effect.
-
-    ``flights``: number of null simulations in the first step; further steps have fewer.
-    """
+    """Return (steps of forward selection, final fit); the last step may have found no effect."""
     fit, steps = base, list[Step]()
     # An inertia off nominal counts as an earlier cause (rule 4 of `selection.select`).
     off_nominal_parameters = off_nominal(base, std_inflation=std_inflation(base))
     inertias = [o.flight_score for o in off_nominal_parameters if o.term.effect.name == "inertia"]
     score, remaining = max(inertias, default=None), MAX_CAUSES
     while remaining:
-        n = flights if not steps else max(8, round(FURTHER_SHARE * flights))
+        n = effort.later_nulls if steps else effort.nulls
         nulls = f"against {n} simulated nulls" if setup.controller_is_known else "every candidate"
         clock.start(f"screen {len(steps) + 1}", f"Screening {nulls} …")
         step = screening_step(setup, fit, n)

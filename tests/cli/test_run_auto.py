@@ -46,8 +46,7 @@ def whole() -> diagnosing.Diagnosis:
     """A real diagnosis, whose verdict the tests replace."""
     part = flown("rich", 18.0, device=LEVEL, seed=1250)
     with pytest.MonkeyPatch.context() as few:
-        few.setattr(diagnosing, "QUICK_FLIGHTS", 4)
-        few.setattr(diagnosing, "QUICK_ROUND_FLIGHTS", 2)
+        few.setattr(diagnosing, "QUICK", diagnosing.QUICK._replace(nulls=4, correction=2))
         return diagnosing.diagnose(part.between(6.0, 18.0), quick=True)
 
 
