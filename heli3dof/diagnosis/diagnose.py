@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from heli3dof.diagnosis.base_parameters import off_nominal, std_inflation
+from heli3dof.diagnosis.base_parameters import off_nominal
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
 from heli3dof.diagnosis.conclusion.conclude import conclude
 from heli3dof.diagnosis.conclusion.encoder_scales import ROLL_OFFSET
@@ -140,8 +140,7 @@ def _diagnosed(
     base_fit = base_with_forms(base_fit, settled.fit)
     result = fitted(base_fit, settled.fit, extended.fit, extended.after, train, held, seed=seed)
     clock.start("off", "Comparing the calibration with the profile …")
-    inflation = std_inflation(settled.fit)
-    off = off_nominal(settled.fit, std_inflation=inflation) if settled.is_decided else ()
+    off = off_nominal(settled.fit) if settled.is_decided else ()
     if not settled.fit.is_corrected:
         off = confirmed(off, settled.fit, settled.after, held, seed=seed)
     off = with_confounded_causes(off, last_step_with_causes(steps, settled.fit))
@@ -171,8 +170,7 @@ def forward_selection(
     """Return (steps of forward selection, final fit); the last step may have found no effect."""
     fit, steps = base, list[Step]()
     # An inertia off nominal counts as an earlier cause (rule 4 of `selection.select`).
-    off_nominal_parameters = off_nominal(base, std_inflation=std_inflation(base))
-    inertias = [o.flight_score for o in off_nominal_parameters if o.term.effect.name == "inertia"]
+    inertias = [o.flight_score for o in off_nominal(base) if o.term.effect.name == "inertia"]
     score, remaining = max(inertias, default=None), MAX_CAUSES
     while remaining:
         n = effort.later_nulls if steps else effort.nulls

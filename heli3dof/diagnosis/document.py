@@ -13,7 +13,7 @@ from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
 from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning.free_run_plan import why_none
-from heli3dof.diagnosis.profile_update import Measured, profile_keys, ratios
+from heli3dof.diagnosis.profile_update import profile_keys, ratios
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
@@ -138,17 +138,11 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
     ]
 
 
-def _measured(f: Fitted | None) -> dict[str, Measured]:
-    """Return the base parameters in SI by name; empty if none were fitted."""
-    numbers = () if f is None else f.calibration
-    return {c.name: Measured(c.nominal, c.value, c.std) for c in numbers}
-
-
 def _profile(f: Fitted | None) -> list[dict[str, Any]]:
     """Return the calibrated values by the profile's keys, as `profile update` writes them."""
     if f is None:
         return []
-    keys = profile_keys(_measured(f), f.model.profile)
+    keys = profile_keys({c.name: c for c in f.calibration}, f.model.profile)
     return [{"key": k, "was": m.nominal, "value": m.value, "std": m.std} for k, m in keys.items()]
 
 
@@ -162,7 +156,7 @@ def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
     held = {f"K_f/J_{a}" for a in AXES if f.final is not None and is_biased(f.final, a)}
     return [
         {"ratio": n, "nominal": m.nominal, "value": m.value, "std": m.std}
-        for n, m in ratios(_measured(f), f.model.profile).items()
+        for n, m in ratios({c.name: c for c in f.calibration}, f.model.profile).items()
         if n not in held
     ]
 

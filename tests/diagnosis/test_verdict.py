@@ -158,7 +158,7 @@ def test_a_confounded_base_parameter_requests_the_plan_that_separates_it() -> No
 
 def test_beyond_tolerance_has_three_values() -> None:
     numbers = tuple(
-        BaseParameter(name, 1.0, value, 0.03, "kg·m²", 0.03)
+        BaseParameter(1.0, value, 0.03, name, "kg·m²", 0.03)
         for name, value in (
             ("K_f", 1.0),
             ("T_g", 0.79),
@@ -191,7 +191,7 @@ def test_a_log_without_a_likelihood_has_the_keys_of_the_profile_too() -> None:
     profile = default_profile()
     values = {"K_f": 1.2 * profile.motor.K_f, "T_g": 1.5 * profile.trim_torque}
     values |= dict(zip(("J_roll", "J_pitch", "J_yaw"), profile.inertias, strict=True))
-    numbers = tuple(BaseParameter(n, 1.0, v, 0.03 * v, "", 0.03) for n, v in values.items())
+    numbers = tuple(BaseParameter(1.0, v, 0.03 * v, n, "", 0.03) for n, v in values.items())
     fitted = SimpleNamespace(
         refit=None, final=None, open=None, model=SimpleNamespace(profile=profile),
         gain=SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on=""),

@@ -161,8 +161,7 @@ def diagnose_without_likelihood(
         base_parameters(MeanTrimFit(adopted)),
         None if poor else open_terms(result, model, causes, only_kept),
     )  # fmt: skip
-    off = off_nominal(MeanTrimFit(result.fit), std_inflation=1.0)
-    off = () if poor else with_thrust_gain_ties(off)
+    off = () if poor else with_thrust_gain_ties(off_nominal(MeanTrimFit(result.fit)))
     of_base = {o.term.name for o in off}
     findings = tuple(f for f in findings if not poor and f.term.name not in of_base)
     if quick:

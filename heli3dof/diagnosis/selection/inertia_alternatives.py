@@ -13,7 +13,6 @@ from heli3dof.diagnosis.base_parameters import (
     base_parameters,
     finding_of,
     off_nominal,
-    std_inflation,
 )
 from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, fit_candidates
@@ -32,7 +31,7 @@ def instead_of_inertia(s: Screening) -> list[CandidateFit]:
 
     The result is empty if no inertia is off nominal.
     """
-    off = [o.term.name for o in off_nominal(s.fit, std_inflation=std_inflation(s.fit))]
+    off = [o.term.name for o in off_nominal(s.fit)]
     inertias = {n for n in off if n.startswith("inertia")}
     if not inertias:
         return []

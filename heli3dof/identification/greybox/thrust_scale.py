@@ -34,6 +34,15 @@ SCALE_QUANTILE = 2.0  # standard deviations, chosen
 
 
 @dataclass(frozen=True)
+class Measured:
+    """A parameter of the base simulation, in SI: nominal value, estimate, standard deviation."""
+
+    nominal: float
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
 class ThrustScale:
     """The ratio k of the thrust gain to the profile's, and the standard deviation of ln k."""
 

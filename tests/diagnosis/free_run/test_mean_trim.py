@@ -53,17 +53,17 @@ def test_a_torque_that_the_mean_takes_from_the_trim_torque_adds_no_uncertainty(
 
 
 def test_a_heavier_arm_is_a_mass_imbalance(known: MultiStepFit) -> None:
-    (found,) = off_nominal(MeanTrimFit(changed(known, T_g=1.6)), std_inflation=1.0)
+    (found,) = off_nominal(MeanTrimFit(changed(known, T_g=1.6)))
     assert found.term.name == "mass.imbalance"
 
 
 def test_three_inertias_off_by_one_factor_are_one_thrust_gain(known: MultiStepFit) -> None:
     fit = MeanTrimFit(changed(known, T_g=0.6, J_roll=0.6, J_pitch=0.6, J_yaw=0.6))
-    assert [o.term.name for o in off_nominal(fit, std_inflation=1.0)] == ["motor.thrust_gain"]
+    assert [o.term.name for o in off_nominal(fit)] == ["motor.thrust_gain"]
     K_f, *others = base_parameters(fit)
     assert K_f.value / K_f.nominal == pytest.approx(1 / 0.6, rel=0.1)
     assert all(c.value / c.nominal == pytest.approx(1.0, abs=0.1) for c in others)
 
 
 def test_a_rig_within_its_profile_has_no_finding(known: MultiStepFit) -> None:
-    assert off_nominal(MeanTrimFit(known), std_inflation=1.0) == ()
+    assert off_nominal(MeanTrimFit(known)) == ()

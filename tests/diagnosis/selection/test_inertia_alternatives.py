@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 
-from heli3dof.diagnosis.base_parameters import off_nominal, std_inflation
+from heli3dof.diagnosis.base_parameters import off_nominal
 from heli3dof.diagnosis.conclusion.inertia_ties import with_confounded_causes
 from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia, within
 from heli3dof.diagnosis.selection.steps import Step, screening_step
@@ -32,7 +32,7 @@ def first_step(hide: str, seed: int) -> tuple[Setup, Step]:
 @pytest.mark.parametrize("hide", [SLOW, HEAVY])
 def test_a_slow_torque_and_a_wrong_inertia_both_move_the_roll_inertia(hide: str) -> None:
     _, step = first_step(hide, 1202)
-    off = off_nominal(step.fit, std_inflation=std_inflation(step.fit))
+    off = off_nominal(step.fit)
     assert [o.term.name for o in off] == ["inertia.roll"]
 
 
@@ -49,7 +49,7 @@ def test_a_slow_torque_is_confounded_with_the_inertia_that_absorbed_it() -> None
     torque, frequency = best.problem.values(best.optimum.theta)[-3:-1]
     assert torque == pytest.approx(0.12, abs=0.012)
     assert frequency == pytest.approx(0.366, abs=0.003)
-    (off,) = off_nominal(step.fit, std_inflation=std_inflation(step.fit))
+    (off,) = off_nominal(step.fit)
     (tied,) = with_confounded_causes([off], step)
     assert "disturbance.periodic.roll" in tied.tied_with
 
