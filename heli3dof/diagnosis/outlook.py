@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from heli3dof.identification.greybox.multistep import MultiStepFit
-from heli3dof.model.greybox.model import GreyBoxModel
 
 MIN_CERTAINTY = 0.5
 """Certainty below which no plan is expected to give a decision. Chosen."""
@@ -50,8 +49,6 @@ class UndecidedTerms:
     """
 
     fit: MultiStepFit
-    model: GreyBoxModel
-    """The fitted model, to be simulated"""
     names: tuple[str, ...]
     """Names of the terms, most important first"""
     tied: bool = False

@@ -147,15 +147,12 @@ def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
     """Return Z²/ρ divided by the threshold of Z²; below 1, the cause may be coloured noise.
 
     Z is the cause's standardised score, ρ the factor by which coloured noise increases its
-    variance. The result is infinite without coloured noise, without a threshold, and if the
-    effect is part of the rigid body's equations (`Effect.of_base`).
+    variance. The result is infinite without coloured noise, and if the effect is part of the rigid
+    body's equations (`Effect.of_base`).
     """
-    if choice.threshold <= 0 or choice.term.effect.of_base:
+    if choice.term.effect.of_base:
         return math.inf
-    j = first_parameters(fit.free).get(choice.term.name)
-    if j is None:
-        return math.inf
-    rho = float(fit.coloured_noise_factor[j])
+    rho = float(fit.coloured_noise_factor[first_parameters(fit.free)[choice.term.name]])
     return math.inf if rho <= 1 else choice.Z2 / rho / choice.threshold
 
 

@@ -38,7 +38,6 @@ from heli3dof.diagnosis.outlook import UndecidedTerms
 from heli3dof.diagnosis.validation.gain import LEVEL
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.thrust_scale import thrust_scale
-from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.physics.parametrisation import first_parameters
 
 MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly that of the prior"
@@ -93,7 +92,7 @@ def confidence(result: Elimination, r: TermResult) -> float:
 
 
 def open_terms(
-    result: Elimination, model: GreyBoxModel, causes: list[TermResult], only_kept: list[TermResult]
+    result: Elimination, causes: list[TermResult], only_kept: list[TermResult]
 ) -> UndecidedTerms:
     """Return the terms on which a further flight should decide.
 
@@ -106,9 +105,9 @@ def open_terms(
             for other in r.tied_with:
                 if other not in {t.name for t in fit.structure.terms}:
                     fit = refit(fit, "", other)
-            return UndecidedTerms(fit, model, (r.term, *r.tied_with), tied=True)
+            return UndecidedTerms(fit, (r.term, *r.tied_with), tied=True)
     needed = [r.term for r in only_kept if r not in result.gone]
-    return UndecidedTerms(result.fit, model, tuple(needed or not_identifiable(result.fit, causes)))
+    return UndecidedTerms(result.fit, tuple(needed or not_identifiable(result.fit, causes)))
 
 
 def kept_terms(result: Elimination, only_kept: list[TermResult]) -> list[dict[str, Any]]:

@@ -159,7 +159,7 @@ def diagnose_without_likelihood(
         free_run_gain(before, before if poor else after, against, seed), None, None,
         _profile_error(tested, simpler), unfitted,
         base_parameters(MeanTrimFit(adopted)),
-        None if poor else open_terms(result, model, causes, only_kept),
+        None if poor else open_terms(result, causes, only_kept),
     )  # fmt: skip
     off = () if poor else with_thrust_gain_ties(off_nominal(MeanTrimFit(result.fit)))
     of_base = {o.term.name for o in off}

@@ -1,8 +1,8 @@
 """Find a residual torque that depends on a variable, from a multi-step fit's errors in weak form.
 
 The errors in weak form (`heli3dof.identification.greybox.weak_form`) are mean residual
-accelerations over spans of `SPAN_S`. Multiplied by the inertia J, they are torques τ, one per span
-and axis. τ̂ is a sum of `KNOTS` hat functions of a variable's mean over the span. Ridge regression
+accelerations over spans of `SPANS_S[0]`. Multiplied by the inertia J, they are torques τ, one per
+span and axis. τ̂ is a sum of `KNOTS` hat functions of a variable's mean over the span. Ridge regression
 fits τ̂ to every other block of `BLOCK_S`; the others test it. Then the blocks change roles.
 
     share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²      over the test spans, mean of the training spans
@@ -20,9 +20,8 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.identification.greybox.multistep import MultiStepFit
-from heli3dof.identification.greybox.weak_form import SPANS_S, SmoothedFlight, log_of, residuals
+from heli3dof.identification.greybox.weak_form import SmoothedFlight, log_of, residuals
 
-SPAN_S = SPANS_S[0]
 BLOCK_S = 3.0
 KNOTS = 5
 RIDGE = 1.0

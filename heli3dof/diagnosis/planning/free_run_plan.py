@@ -40,7 +40,8 @@ from heli3dof.diagnosis.planning.plan_flights import fly_task, is_stable, task_o
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.identification.greybox.freeflight import problem_of
-from heli3dof.identification.greybox.multistep import MultiStep, least_squares_problem
+from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, least_squares_problem
+from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import parallel_map
 
 MAX_TERMS = 3
@@ -82,20 +83,21 @@ def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
 
 
 def next_free_flight(
-    open_: UndecidedTerms, *, plans: Sequence[str] | None = None, seed: int = 0
+    open_: UndecidedTerms, model: GreyBoxModel, *, plans: Sequence[str] | None = None, seed: int = 0
 ) -> NextExperiment | None:
     """Return the recommended plan; None if no term is undecided or no plan is feasible.
 
-    ``plans``: names of the plans to compare; by default all.
+    ``model``: the fitted model, to be simulated. ``plans``: names of the plans to compare; by
+    default all.
     """
-    parameters, profile = open_parameters(open_), open_.model.profile
-    if not parameters or not is_stable(open_.model, profile):
+    parameters = open_parameters(open_)
+    if not parameters or not is_stable(model, model.profile):
         return None
     loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
     H = marginal(open_.fit.information, open_.fit.problem.n)
 
     def std_after(i: int) -> np.ndarray | None:
-        A = information(open_, loaded[i], seed)
+        A = information(open_.fit, model, loaded[i], seed)
         return None if A is None else np.sqrt(np.diag(np.linalg.inv(H + A)))
 
     deviations = parallel_map(std_after, len(loaded), what="plans")
@@ -140,14 +142,13 @@ def probability_significant(u: float) -> float:
     return 0.5 * (1 + math.erf((u - QUANTILE) / math.sqrt(2)))
 
 
-def information(open_: UndecidedTerms, plan: Plan, seed: int) -> np.ndarray | None:
+def information(fit: MultiStepFit, model: GreyBoxModel, plan: Plan, seed: int) -> np.ndarray | None:
     """Return the information (n, n) of a flight of ``plan`` on parameters shared by recordings.
 
     The flight is simulated; None if it is not feasible.
     """
-    fit = open_.fit
-    task = task_of(plan, open_.model.profile, seed)
-    flight = None if task is None else fly_task(task, open_.model)
+    task = task_of(plan, model.profile, seed)
+    flight = None if task is None else fly_task(task, model)
     if flight is None:
         return None
     try:

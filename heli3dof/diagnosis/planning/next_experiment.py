@@ -121,7 +121,7 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
     parameter off nominal is confounded with other causes.
     """
     if found.fitted is not None and found.fitted.open is not None:
-        return next_free_flight(found.fitted.open, seed=seed)
+        return next_free_flight(found.fitted.open, found.fitted.model, seed=seed)
     if found.fitted is None or found.fitted.base is None:
         return None
     base: Estimate = found.fitted.base

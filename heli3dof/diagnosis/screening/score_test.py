@@ -80,7 +80,7 @@ class Screen:
         self.weight = recorded.at.w
         full = np.einsum("ij,j,ij->i", self.D, recorded.at.w, self.D)
         self.cross = cross = (recorded.T * recorded.at.w) @ self.D.T
-        self.A = A = recorded.H + np.diag(problem.prior_precision)
+        A = recorded.H + np.diag(problem.prior_precision)
         self.solved = np.linalg.solve(A, cross)
         v = full - np.einsum("ij,ij->j", cross, self.solved)
         testable = v > 1e-6 * np.maximum(full, LEAST_INFORMATION)

@@ -32,7 +32,6 @@ from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.bias_correction.perturbation import Path, path
 from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
 from heli3dof.identification.greybox.likelihood import score_and_information
-from heli3dof.model.control.voltage_replay import controller_is_known
 from heli3dof.recording.recording import Recording
 
 RANK_TOLERANCE = 1e-4
@@ -126,11 +125,10 @@ def evidence(
 ) -> Evidence:
     """Return the evidence for torques in the recordings that ``fit`` was fitted to.
 
-    It includes null simulations of ``flights``, if the controller is known and stabilises the
-    fitted rig.
+    It includes ``flights`` null simulations if simulated flights corrected the fit's bias.
     """
     x = evidence_without_nulls(fit)
-    if not (fit.is_corrected and controller_is_known(recordings)):
+    if not fit.is_corrected:
         return x
     null = simulated_scores(fit, recordings, x.library, flights=flights, seed=seed)
     return replace(x, null=null, nuisance=replace(x.nuisance, g_null=null.g))

@@ -78,8 +78,8 @@ def simulation_error(
     The noise floor is the error that would remain if ``truth`` (default: ``model``) were the true
     model. Raises RecordingError if no row is usable.
     """
-    problem, e = model_errors(model, recordings, HORIZONS_S)
-    floor, by = floor_deg(truth or model, recordings, HORIZONS_S, seed=seed)
+    problem, e = model_errors(model, recordings)
+    floor, by = floor_deg(truth or model, recordings, seed=seed)
     coloured = coloured_variance(truth or model, recordings, HORIZONS_S)
     floor = np.sqrt(floor**2 + np.degrees(1.0) ** 2 * coloured)
     worst = _worst(problem.data, e, recordings)
