@@ -154,8 +154,7 @@ def _diagnosed(
     without_verdict = Diagnosis(
         *names, "", faults, result, settled.findings, off,
         (*settled.dropped, *extended.dropped),
-        residual_torques=extended.torques, torque_terms=extended.terms,
-        slow_noise=settled.slow_noise, about=about,
+        residual_torques=extended.torques, slow_noise=settled.slow_noise, about=about,
         not_identifiable=tuple(n for n in first.not_identifiable if not term(n).effect.formal),
     )  # fmt: skip
     return conclude(

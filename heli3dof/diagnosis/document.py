@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -25,6 +24,7 @@ from heli3dof.diagnosis.result import (
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
 from heli3dof.integrity import Fault
+from heli3dof.model.effects import term
 
 
 def diagnosis_document(
@@ -57,10 +57,9 @@ def diagnosis_document(
         "findings": [_cause(x) for x in d.in_order],
         "not_identifiable": list(d.not_identifiable),
         "leftover": [
-            _residual_torque(x, term)
-            for x, term in itertools.zip_longest(d.residual_torques, d.torque_terms)
-        ]
-        + [_remainder(r) for r in d.remainders],
+            *(_residual_torque(x) for x in d.residual_torques),
+            *(_remainder(r) for r in d.remainders),
+        ],
         "slow_noise": [
             {
                 "axis": x.axis,
@@ -221,8 +220,9 @@ def _cause_object(
     }
 
 
-def _residual_torque(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
+def _residual_torque(x: ResidualTorque) -> dict[str, Any]:
     """Return the JSON object of an unmodelled torque, with its term in the extended model."""
+    t = x.term
     f = t if t is not None and t.proposal.is_formula else None
     return {
         "axis": x.axis,
@@ -247,7 +247,7 @@ def _remainder(r: UnexplainedError) -> dict[str, Any]:
     """Return an unexplained error as the JSON object of a torque that depends on nothing known."""
     torque = ResidualTorque(r.axis, "", 0.0, (), (), 0.0, 0.0)
     return {
-        **_residual_torque(torque, None),
+        **_residual_torque(torque),
         **dict.fromkeys(("depends_on", "score", "confidence")),
         "error_deg": {
             "simulation": r.simulation_deg,
@@ -259,7 +259,7 @@ def _remainder(r: UnexplainedError) -> dict[str, Any]:
 
 def _coefficient(f: TorqueTerm) -> dict[str, Any]:
     value, std = f.values["coefficient"]
-    return {"value": value, "std": std, "unit": f.units["coefficient"]}
+    return {"value": value, "std": std, "unit": term(f.proposal.term).effect.parameters[0].unit}
 
 
 def _recommendation(n: NextExperiment) -> dict[str, Any]:

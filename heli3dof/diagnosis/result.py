@@ -108,8 +108,6 @@ class TorqueTerm:
     proposal: Proposal
     values: dict[str, tuple[float, float]]
     """Parameter → (value, standard deviation) in the extended model, SI units"""
-    units: dict[str, str]
-    """Parameter → its unit"""
     gain: Gain
     """Gain of the model with this torque over the model without"""
 
@@ -142,8 +140,6 @@ class Diagnosis:
     """Base parameters that differ from nominal by more than the profile's tolerance"""
     dropped: tuple[Dropped, ...] = ()
     residual_torques: tuple[ResidualTorque, ...] = ()
-    torque_terms: tuple[TorqueTerm | None, ...] = ()
-    """The extended model's term for each of ``residual_torques``; None: it contains none"""
     remainders: tuple[UnexplainedError, ...] = ()
     """Errors that neither causes nor noise explain, see `remainders`"""
     slow_noise: tuple[ResidualTorque, ...] = ()

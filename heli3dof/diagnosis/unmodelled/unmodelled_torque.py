@@ -33,7 +33,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -53,6 +53,9 @@ from heli3dof.diagnosis.unmodelled.torque_evidence import (
 from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, scores_in_blocks
 from heli3dof.identification.bias_correction.coloured_noise import CHANCE
 from heli3dof.identification.greybox.estimate import Estimate
+
+if TYPE_CHECKING:
+    from heli3dof.diagnosis.result import TorqueTerm
 
 MAX_TORQUES = 3
 """Largest number of residual torques. Chosen; not derived."""
@@ -96,6 +99,8 @@ class ResidualTorque:
     """Other variables that explain almost as much, by falling x"""
     resembles: str | None = None
     """A cause with nearly the same trace, as ``friction.viscous.yaw-like``"""
+    term: TorqueTerm | None = None
+    """The term of the extended model for this torque, if any"""
 
     @property
     def is_slow_noise(self) -> bool:
