@@ -27,13 +27,13 @@ effect has the inertia within tolerance and explains the flight equally well
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.diagnosis.base_parameters import THRUST_GAIN, OffNominal
 from heli3dof.diagnosis.screening.screening import LARGE, one_sided
 from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia
+from heli3dof.diagnosis.selection.select import with_ties
 from heli3dof.diagnosis.selection.steps import Step
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust_scale
@@ -57,7 +57,7 @@ def with_confounded_causes(off: Sequence[OffNominal], step: Step) -> tuple[OffNo
         return confounded_causes(step, PARAMETERS.index(o.term.name))
 
     return tuple(
-        replace(o, tied_with=tuple(dict.fromkeys((*confounded(o), *alternatives * with_fits))))
+        with_ties(o, (*confounded(o), *alternatives * with_fits))
         for o, with_fits in zip(off, is_inertia, strict=True)
     )
 

@@ -2,8 +2,9 @@
 
 The errors in weak form (`heli3dof.identification.greybox.weak_form`) are mean residual
 accelerations over spans of `SPANS_S[0]`. Multiplied by the inertia J, they are torques τ, one per
-span and axis. τ̂ is a sum of `KNOTS` hat functions of a variable's mean over the span. Ridge regression
-fits τ̂ to every other block of `BLOCK_S`; the others test it. Then the blocks change roles.
+span and axis. τ̂ is a sum of `KNOTS` hat functions of a variable's mean over the span. Ridge
+regression fits τ̂ to every other block of `BLOCK_S`; the others test it. Then the blocks change
+roles.
 
     share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²      over the test spans, mean of the training spans
 

@@ -26,11 +26,13 @@ simulated without the cause. The rules (`best_choice`):
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
+from heli3dof.diagnosis.base_parameters import OffNominal
 from heli3dof.diagnosis.screening.grid_trials import GridTrial
 from heli3dof.diagnosis.screening.nulls import DRIFT
 from heli3dof.diagnosis.screening.screening import Screening
@@ -68,6 +70,14 @@ class Choice:
     """Threshold of Z², from the nulls"""
     by_flights: bool = False
     """True if it was chosen by simulated flights of its rivals (`selection.rivals`), not scores."""
+
+
+Cause = TypeVar("Cause", Choice, OffNominal)
+
+
+def with_ties(cause: Cause, names: Iterable[str]) -> Cause:
+    """Return the cause; its ``tied_with`` also contains ``names``, each name once."""
+    return replace(cause, tied_with=tuple(dict.fromkeys((*cause.tied_with, *names))))
 
 
 def choose(

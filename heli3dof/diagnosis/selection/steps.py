@@ -26,7 +26,7 @@ from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, correction_starts
 from heli3dof.diagnosis.selection.rivals import compared_by_simulation
-from heli3dof.diagnosis.selection.select import Choice, best_choice, choose
+from heli3dof.diagnosis.selection.select import Choice, best_choice, choose, with_ties
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
@@ -119,12 +119,9 @@ def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
 def _with_rivals(choice: Choice | None, Z2: Mapping[str, float]) -> Choice | None:
     if choice is None:
         return None
-    remain = [
-        c.term.name
-        for c in choice.candidates[1:]
-        if c.term.name not in choice.tied_with and 2 * Z2.get(c.term.name, np.inf) < c.Z2
-    ]
-    return replace(choice, tied_with=(*choice.tied_with, *remain))
+    others = choice.candidates[1:]
+    remain = (c.term.name for c in others if 2 * Z2.get(c.term.name, np.inf) < c.Z2)
+    return with_ties(choice, remain)
 
 
 def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
