@@ -34,7 +34,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import base_parameters, effect_size, in_SI
@@ -206,17 +205,12 @@ def fitted(
     # With the base fit's noise, the error on a rig with these numbers is the noise floor.
     nominal_model = replace(nominal_model, noise=base.optimum.noise[:3])
 
-    def part(i: int) -> Any:
-        if i == 0:
-            return after if extended is base else held_out(base, holdout)
-        if i == 1:
-            return held_out(base, holdout, base.problem.scaled(base.structure.values_of({})))
-        return simulation_error(nominal_model, holdout or train, truth=at, seed=seed)
-
-    before, uncalibrated_base, wrong = parallel_map(part, 3)
+    before = after if extended is base else held_out(base, holdout)
+    uncalibrated = held_out(base, holdout, base.problem.scaled(base.structure.values_of({})))
+    wrong = simulation_error(nominal_model, holdout or train, truth=at, seed=seed)
     return Fitted(
         base, fit, model, gain(before, after, seed=seed), before, after, wrong,
-        refit=gain(uncalibrated_base, before, seed=seed), calibration=base_parameters(fit),
+        refit=gain(uncalibrated, before, seed=seed), calibration=base_parameters(fit),
     )  # fmt: skip
 
 

@@ -22,7 +22,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.base_parameters import FALSE_ALARMS
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
     carried_over,
@@ -31,6 +30,7 @@ from heli3dof.diagnosis.free_run.refits import (
     restructured,
 )
 from heli3dof.diagnosis.screening.catalogue import Probe, candidates, probes
+from heli3dof.diagnosis.screening.nulls import bonferroni
 from heli3dof.diagnosis.screening.screening import one_sided
 from heli3dof.diagnosis.selection.select import MAX_CAUSES
 from heli3dof.diagnosis.sensitivity.projection import project_out
@@ -97,22 +97,11 @@ def score_tests(fit: MultiStepFit) -> list[Candidate]:
     return sorted(best.values(), key=lambda c: -c.Z2)
 
 
-def threshold(tests: int) -> float:
-    """Return the value that the largest Z² of ``tests`` tests exceeds with chance `FALSE_ALARMS`.
-
-    >>> round(threshold(60), 1)
-    16.4
-    """
-    from scipy.stats import chi2
-
-    return float(chi2.isf(FALSE_ALARMS / tests, 1))
-
-
 def with_further_effects(fit: MultiStepFit) -> MultiStepFit:
     """Return the fit with further effects of the catalogue that reduce its cost significantly."""
     for _ in range(MAX_CAUSES):
         tests = score_tests(fit)
-        least = threshold(len(tests))
+        least = bonferroni(len(tests))
         names = [c.name for c in tests if least <= c.Z2][:MAX_FITS]
         wider = [refit(fit, "", instead=name) for name in names]
         best = min(wider, key=lambda w: w.cost, default=fit)

@@ -21,11 +21,11 @@ than a term of likely size.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
 from heli3dof.diagnosis.free_run.elimination import (
+    NORMAL,
     Elimination,
     TermResult,
     correlated_terms,
@@ -46,7 +46,7 @@ MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly th
 def probability_nonzero(fit: MultiStepFit, name: str) -> float:
     """Return the confidence level P (see the module) of a term; 1 without a null value or a σ."""
     distance = null_distance(fit, name)
-    return 1.0 if distance is None else math.erf(abs(distance.u) / math.sqrt(2))
+    return 1.0 if distance is None else 2 * NORMAL.cdf(abs(distance.u)) - 1
 
 
 def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResult]]:

@@ -27,7 +27,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.free_run.elimination import QUANTILE
+from heli3dof.diagnosis.free_run.elimination import NORMAL, QUANTILE
 from heli3dof.diagnosis.free_run.refits import STAGE_S
 from heli3dof.diagnosis.outlook import (
     MIN_CERTAINTY,
@@ -139,7 +139,7 @@ def probability_significant(u: float) -> float:
     >>> round(p(1.96), 2), round(p(4.0), 2)
     (0.5, 0.98)
     """
-    return 0.5 * (1 + math.erf((u - QUANTILE) / math.sqrt(2)))
+    return NORMAL.cdf(u - QUANTILE)
 
 
 def information(fit: MultiStepFit, model: GreyBoxModel, plan: Plan, seed: int) -> np.ndarray | None:

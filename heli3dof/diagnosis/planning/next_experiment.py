@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from statistics import NormalDist
 
 import numpy as np
 
@@ -189,9 +190,7 @@ def _probability_decided(margin: float) -> float:
     >>> p(6.0), round(p(30.0), 3), p(-1.0)
     (0.5, 0.986, 0.0)
     """
-    if margin <= 0:
-        return 0.0
-    return 0.5 * (1 + math.erf((margin - TIE) / (2 * math.sqrt(2 * margin))))
+    return 1 - NormalDist(margin, 2 * math.sqrt(margin)).cdf(TIE) if margin > 0 else 0.0
 
 
 def _outlooks(

@@ -12,13 +12,11 @@ import math
 
 import numpy as np
 
-EULER = 0.5772156649
-
 
 def gumbel(largest: np.ndarray, *, least: float = 0.0) -> tuple[float, float]:
     """Return (location μ, scale β) of the Gumbel distribution of maxima (B,); β ≥ ``least``."""
     beta = max(float(np.sqrt(6) * largest.std(ddof=1) / np.pi), least)
-    return float(largest.mean()) - EULER * beta, beta
+    return float(largest.mean()) - np.euler_gamma * beta, beta
 
 
 def beyond(share: float) -> float:

@@ -157,13 +157,22 @@ def _shrunk_std(z: np.ndarray) -> np.ndarray:
     return np.asarray(np.maximum(np.sqrt(both), 1.0))
 
 
-def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
-    """Return the scores' distribution without any effect, by formula instead of simulation."""
+def bonferroni(tests: int) -> float:
+    """Return the value that the largest Z² of ``tests`` tests exceeds with chance `FALSE_ALARMS`.
+
+    >>> round(bonferroni(60), 1)
+    16.4
+    """
     from scipy.stats import chi2
 
+    return float(chi2.isf(FALSE_ALARMS / tests, 1))
+
+
+def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
+    """Return the scores' distribution without any effect, by formula instead of simulation."""
     n = len(screen.names)
     root = float(np.sqrt(max(fit.inflation, 1.0)))
     return Nulls(
-        np.zeros(n), np.full(n, root), root**2, 2 * float(chi2.isf(FALSE_ALARMS / n, 1)), 1e6, 0,
+        np.zeros(n), np.full(n, root), root**2, 2 * bonferroni(n), 1e6, 0,
         "Bonferroni over the probes, doubled: the controller is unknown",
     )  # fmt: skip

@@ -227,7 +227,7 @@ def without(fit: CorrectedFit, name: str) -> CorrectedFit:
 def _refit(fit: CorrectedFit, keep: np.ndarray, problem: Likelihood) -> CorrectedFit:
     """Return the fit of ``problem``, which has the parameters ``keep`` ((n,) bool) of ``fit``."""
     theta, noise = fit.optimum.theta[keep], fit.optimum.noise
-    bias = np.zeros(len(theta)) if fit.bias is None else fit.bias[keep]
+    bias = fit.score_bias[keep]
     noise_bias = np.zeros(3) if fit.noise_bias is None else fit.noise_bias
     refit = maximise_corrected(problem, theta, noise, ScoreBias(bias, noise_bias, theta, noise))
     if out_of_range(fit, keep, refit):

@@ -101,10 +101,17 @@ class LinearisedRun:
         return np.asarray(out)
 
     def variable(self, name: str) -> np.ndarray:
-        """Return the variable ``name`` of `UNITS` (N,) in SI units; ``*`` is a product."""
+        """Return the variable ``name`` of `UNITS` (N,) in SI units.
+
+        The name may also be a sine (``sin(roll)``), an absolute value (``abs(roll)``), or a product
+        of two of all these.
+        """
         if "*" in name:
             one, other = name.split("*")
             return np.asarray(self.variable(one) * self.variable(other))
+        if name.endswith(")"):
+            function = np.sin if name.startswith("sin(") else np.abs
+            return np.asarray(function(self.variable(name[4:-1])))
         if name.endswith("_slope"):
             return self.slope_of(self.variable(name.removesuffix("_slope")))
         front, back = self.data.V.T

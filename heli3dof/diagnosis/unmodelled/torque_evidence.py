@@ -107,11 +107,6 @@ class Evidence:
         problem, o = self.fit.problem, self.fit.optimum
         return path(problem.structure, problem.values(o.theta), problem.data, self.flight.at)
 
-    @property
-    def unbiased_g(self) -> np.ndarray:
-        """Return the score (n,) of the fit's scaled parameters, without the filter's bias."""
-        return self.nuisance.g if self.fit.bias is None else self.nuisance.g - self.fit.bias
-
 
 def evidence_without_nulls(fit: CorrectedFit) -> Evidence:
     """Return the evidence for torques in the fitted recordings, without simulated flights."""

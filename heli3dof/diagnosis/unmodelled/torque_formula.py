@@ -37,7 +37,7 @@ from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, hats, sums_along
 from heli3dof.diagnosis.sensitivity.projection import project_out
-from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, LinearisedRun
+from heli3dof.diagnosis.sensitivity.residual_torque import UNITS
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     Evidence,
     evidence_without_nulls,
@@ -174,18 +174,8 @@ def product_traces(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarra
     """
     p, flight = x.path, x.flight
     middle = (p.chunk[:, 0] + p.chunk[:, 1]) // 2
-    phi = np.array([value(flight, product)[middle] for product in products])
+    phi = np.array([np.nan_to_num(flight.variable(name))[middle] for name in products])
     return traces_of(p, phi[:, :, None] * flight.B[middle][None, :, :, axis])
-
-
-def value(flight: LinearisedRun, product: str) -> np.ndarray:
-    """Return (N,) the product along the flight, in SI units."""
-    out = np.ones(len(flight.data.t))
-    for name in product.split("*"):
-        kind, _, inner = name.rstrip(")").rpartition("(")
-        q = flight.variable(inner)
-        out = out * (np.sin(q) if kind == "sin" else np.abs(q) if kind == "abs" else q)
-    return np.nan_to_num(out)
 
 
 def projected(x: Evidence, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -197,7 +187,7 @@ def projected(x: Evidence, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     weighted = D * at.w
     cross = weighted @ nuisance.tangents.T
     solved = np.linalg.solve(nuisance.A, cross.T)
-    return D @ at.g - solved.T @ x.unbiased_g, weighted @ D.T - cross @ solved
+    return D @ at.g - solved.T @ (nuisance.g - x.fit.score_bias), weighted @ D.T - cross @ solved
 
 
 def spline_score(x: Evidence, axis: int, variable: str) -> tuple[float, int]:

@@ -36,14 +36,18 @@ import numpy as np
 
 from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, HeldOut, Predictions
 from heli3dof.diagnosis.validation.own_values import rows_of_recordings, with_own_values
-from heli3dof.diagnosis.validation.prediction import prediction_errors, starts_of, with_blocks
+from heli3dof.diagnosis.validation.prediction import (
+    prediction_errors,
+    problem_of,
+    starts_of,
+    with_blocks,
+)
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.evaluation import fixed_parameters
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import FilterRun, Likelihood, score_and_information
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_SETTLED
-from heli3dof.identification.greybox.usable_runs import usable_runs
-from heli3dof.model.estimation.filter_data import LEAD_S, Data, data_of
+from heli3dof.model.estimation.filter_data import LEAD_S, Data
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
@@ -70,9 +74,7 @@ def on_holdout(
     fit: Estimate, recordings: Sequence[Recording], theta: np.ndarray | None = None
 ) -> HeldOut:
     """Evaluate a fit, or its model with parameters θ (n,), on recordings it was not fitted to."""
-    runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
-    problem = Likelihood(data_of(recordings, runs), fit.structure)
-    optimum = fit.optimum
+    problem, optimum = problem_of(fit.structure, recordings), fit.optimum
     theta = optimum.theta if theta is None else theta
 
     def evaluate_recording(rows: tuple[int, int]) -> RowResults:
@@ -144,8 +146,7 @@ def _estimate_without(
     for _, start, stop in problem.data.blocks:
         counted[start:stop] = True
     remains = counted[at.row]
-    bias = getattr(fit, "bias", None)
-    bias_of_rows = np.zeros(len(theta)) if bias is None else bias * float(remains.mean())
+    bias_of_rows = fit.score_bias * float(remains.mean())
     g, H = score_and_information(
         replace(at, g=np.where(remains, at.g, 0.0), w=np.where(remains, at.w, 0.0)), tangents
     )

@@ -50,7 +50,7 @@ def coloured_variance(
 
 def torque_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
     """Return the scores u (m, 3) of a constant acceleration of each axis in m blocks."""
-    problem, noise = problem_of(model, [recording]), noise_of(model)
+    problem, noise = problem_of(model.structure, [recording]), noise_of(model)
     (rows,) = rows_of_recordings(problem.data)
     theta = with_own_values(problem, problem.scaled(model.values), noise, rows)
     at = problem.run(theta, noise, keep=2)

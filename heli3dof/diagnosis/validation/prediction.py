@@ -25,6 +25,7 @@ from heli3dof.model.estimation.ekf_quantised import RATE_0
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.prediction import NOISE
+from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
@@ -61,10 +62,10 @@ def mean_square(e: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
-def problem_of(model: GreyBoxModel, recordings: Sequence[Recording]) -> Likelihood:
-    """Return the likelihood of the recordings' usable runs of rows under the model's structure."""
+def problem_of(structure: Structure, recordings: Sequence[Recording]) -> Likelihood:
+    """Return the likelihood of the recordings' usable runs of rows, for a model ``structure``."""
     runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
-    return Likelihood(data_of(recordings, runs), model.structure)
+    return Likelihood(data_of(recordings, runs), structure)
 
 
 def noise_of(model: GreyBoxModel) -> np.ndarray:
@@ -110,7 +111,7 @@ def model_errors(
     horizons_s: Sequence[float] = HORIZONS_S,
 ) -> tuple[Likelihood, PredictionErrors]:
     """Return the likelihood of the recordings, and the model's prediction errors on them."""
-    problem = problem_of(model, recordings)
+    problem = problem_of(model.structure, recordings)
     theta = problem.scaled(model.values)
     X = problem.run(theta, noise_of(model), keep=2).X
     assert X is not None
@@ -145,7 +146,7 @@ def covariance_floor_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -
     """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, from the filter's variances."""
     from heli3dof.diagnosis.validation.prediction_passes import prediction_variances
 
-    problem = problem_of(model, recordings)
+    problem = problem_of(model.structure, recordings)
     noise = noise_of(model)
     flight = linearised_run_at(problem, problem.scaled(model.values), noise)
     d, at = flight.data, flight.at

@@ -9,7 +9,6 @@ from typing import cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.screening.gumbel import EULER
 from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, hats, sums_along
 from heli3dof.diagnosis.sensitivity.residual_torque import linearised_run
@@ -190,7 +189,7 @@ def test_a_gumbel_tail_fitted_to_few_nulls_has_the_stated_probability(n: int) ->
     """
     x = np.random.default_rng(0).gumbel(size=(100_000, n))
     scale = np.sqrt(6) * x.std(axis=1, ddof=1) / np.pi
-    location = x.mean(axis=1) - EULER * scale
+    location = x.mean(axis=1) - np.euler_gamma * scale
 
     def share(stretched: float) -> float:
         return float(-np.expm1(-np.exp(-(location + THRESHOLD_SCALES * stretched * scale))).mean())
