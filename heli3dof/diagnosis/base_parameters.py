@@ -27,9 +27,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import FALSE_ALARMS
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.identification.greybox.thrust_scale import (
+    BASE,
     SCALE_QUANTILE,
     Measured,
     ThrustScale,
@@ -39,11 +41,8 @@ from heli3dof.identification.greybox.thrust_scale import (
 from heli3dof.model.effects import Term, term
 from heli3dof.model.physics.parametrisation import first_parameters
 
-FALSE_ALARMS = 0.003
-"""Probability of a false finding in a recording of a rig without any effect. Chosen."""
 THRUST_GAIN = "motor.thrust_gain"
 """Finding that K_f is off nominal, which changes T_g and all inertias alike"""
-FAMILY = 5  # tested parameters: K_f, T_g and three inertias
 STD_INFLATION = 3.0  # f of fits without edge rates, chosen
 
 
@@ -73,14 +72,14 @@ class BaseParameter(Measured):
 
 
 def quantile() -> float:
-    """Return q, the one-sided normal quantile for `FALSE_ALARMS` shared by `FAMILY` tests.
+    """Return q, the one-sided normal quantile for `FALSE_ALARMS` shared by all base parameters.
 
     >>> round(quantile(), 2)
     3.24
     """
     from scipy.stats import norm
 
-    return float(norm.isf(FALSE_ALARMS / FAMILY))
+    return float(norm.isf(FALSE_ALARMS / len(BASE)))
 
 
 def base_parameters(fit: PhysicalFit) -> tuple[BaseParameter, ...]:

@@ -28,9 +28,9 @@ from heli3dof.diagnosis.conclusion.segments import with_segment_ties
 from heli3dof.diagnosis.conclusion.stand_ins import settle_unmodelled
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed
+from heli3dof.diagnosis.constants import MAX_CAUSES
 from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
 from heli3dof.diagnosis.result import Diagnosis
-from heli3dof.diagnosis.selection.select import MAX_CAUSES
 from heli3dof.diagnosis.selection.steps import (
     Step,
     base_with_forms,

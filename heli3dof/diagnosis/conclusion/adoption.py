@@ -42,6 +42,7 @@ from heli3dof.diagnosis.conclusion.unknown_controller import (
     is_biased,
     unbiased_axes,
 )
+from heli3dof.diagnosis.constants import SUFFICIENT, TIE
 from heli3dof.diagnosis.result import (
     COLOURED,
     DOES_NOT_PAY,
@@ -52,7 +53,7 @@ from heli3dof.diagnosis.result import (
     Finding,
     Fitted,
 )
-from heli3dof.diagnosis.selection.select import SUFFICIENT, Choice, certainty
+from heli3dof.diagnosis.selection.select import Choice, certainty
 from heli3dof.diagnosis.selection.steps import without
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import held_out
@@ -67,7 +68,7 @@ from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 OFFSET, BACKLASH = "encoder.offset", "encoder.backlash"
-MIN_GAIN = 3.0
+MIN_GAIN = TIE / 2
 """Least gain in log-likelihood in condition 2: a likelihood ratio of e³ = 20. Chosen."""
 LARGE_GAIN = 12.0
 """Least gain in log-likelihood in condition 3. Without the effect, the mean of exp Δℓ on held-out

@@ -17,9 +17,9 @@ inertias:
     pitch   |x_p + ln k| ≤ e   and   |x_ψ − ln k| ≤ e
     roll    1/k = 1 + δ/rest   and   |x_r + ln k| ≤ e
 
-Each inequality allows `SIGMAS` standard deviations more. Without a finding, a scale error of yaw or
-pitch within the tolerance is not detectable. A scale error of roll is detectable if the roll offset
-rest (1 − 1/(1 + ε)) is.
+Each inequality allows `SIGMAS_95` standard deviations more. Without a finding, a scale error of yaw
+or pitch within the tolerance is not detectable. A scale error of roll is detectable if the roll
+offset rest (1 − 1/(1 + ε)) is.
 """
 
 from __future__ import annotations
@@ -32,12 +32,11 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import THRUST_GAIN, BaseParameter, OffNominal
+from heli3dof.diagnosis.constants import SIGMAS_95
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.selection.select import with_ties
 from heli3dof.model.effects import term
 
-SIGMAS = 2.0
-"""Standard deviations of x by which the inequalities are wider. Chosen; not derived."""
 EFFECT = "encoder.scale"
 WITH_MASS = ("inertia.", "mass.imbalance")
 """Base parameters that no flight separates from the thrust gain"""
@@ -154,7 +153,7 @@ def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bo
     x: logarithm of the ratio of an inertia to its nominal value, and its standard deviation.
     """
     value, std = x
-    return abs(value - shift) <= math.log1p(tolerance) + SIGMAS * std
+    return abs(value - shift) <= math.log1p(tolerance) + SIGMAS_95 * std
 
 
 def _zero_error(f: Finding, T_g: float) -> float:

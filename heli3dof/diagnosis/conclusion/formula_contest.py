@@ -8,7 +8,7 @@ most (`unmodelled.torque_formula`). Let ℓ_s be the log-likelihood with the cau
 filter updates), ℓ_φ the one with the formula. With K formulas and the fit's variance inflation κ
 (`Estimate.inflation`), the formula replaces the causes if
 
-    2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `selection.select.TIE`
+    2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `constants.TIE`
 
 The second summand is BIC for the causes' further parameters, the third the prior odds against
 one formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the
@@ -28,10 +28,10 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding
+from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.screening.grid_trials import widened
 from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
 from heli3dof.diagnosis.selection.rivals import ROUNDS, likelihoods, odds
-from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.selection.steps import without
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence_without_nulls
 from heli3dof.diagnosis.unmodelled.torque_formula import (

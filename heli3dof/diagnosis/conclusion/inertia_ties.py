@@ -14,7 +14,7 @@ and at most those for the opposite limit. v_i is the information of probe i, std
 deviation of its score in flights simulated without it. Effect i is confounded with parameter j if
 
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
-2. the measured Z_i lies within this range of Z, widened by `MAX_DEVIATION`.
+2. the measured Z_i lies within this range of Z, widened by `SIGMAS_99`.
 
 A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For it, α runs over the
 sizes for which the corrected parameters θ_j − α b_ji give a K_f within the tolerance.
@@ -31,15 +31,14 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from heli3dof.diagnosis.base_parameters import THRUST_GAIN, OffNominal
-from heli3dof.diagnosis.screening.screening import LARGE, one_sided
+from heli3dof.diagnosis.constants import LARGE, SIGMAS_99
+from heli3dof.diagnosis.screening.screening import one_sided
 from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia
 from heli3dof.diagnosis.selection.select import with_ties
 from heli3dof.diagnosis.selection.steps import Step
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust_scale
 
-MAX_DEVIATION = 3.0
-"""Standard deviations of Z by which its range is widened. Chosen; not derived."""
 SIZES = 21
 """Number of trial sizes, from zero to the largest. Chosen; not derived."""
 PARAMETERS = ("mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw")
@@ -138,6 +137,6 @@ def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> 
         most = np.clip(most, -largest / abs(p.size), largest / abs(p.size))
         z_per_unit = float(np.sqrt(screen.v[i])) / float(step.nulls.std[i])
         low, high = sorted((least * z_per_unit, most * z_per_unit))
-        return bool(low - MAX_DEVIATION < float(Z[i]) < high + MAX_DEVIATION)
+        return bool(low - SIGMAS_99 < float(Z[i]) < high + SIGMAS_99)
 
     return tuple(dict.fromkeys(screen.plain[i].name for i, *a in amounts if is_plausible(i, *a)))

@@ -18,6 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import MAX_COMPARED
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import Choice, with_ties
@@ -30,8 +31,6 @@ MIN_CLEARANCE = 1.0
 """Least difference of the scores that separates two causes, in units of s. Chosen; not derived."""
 MIN_SCORE_SHARE = 0.5
 """Share of the first cause's score below which a cause is not compared. Chosen."""
-MAX_COMPARED = 3
-"""Largest number of causes compared with the first. Chosen; not derived."""
 
 
 def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:

@@ -6,7 +6,7 @@ fitted alone with the same terms. A term's first parameter has the estimate θ_i
 and the null value θ_0 (no effect). The recordings confirm the cause if both hold:
 
     significant:   max_i |θ_i − θ_0|/σ_i ≥ `SIGNIFICANT`
-    of one size:   |θ_i − θ_j| ≤ `CONSISTENT` √(σ_i² + σ_j²)     for all i, j
+    of one size:   |θ_i − θ_j| ≤ `SIGMAS_99` √(σ_i² + σ_j²)     for all i, j
 
 Recordings that cannot be fitted are ignored. If fewer than two are left, every cause is confirmed.
 A periodic torque and an added mass are neither fitted nor tested here: only a scan finds their
@@ -19,6 +19,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
+from heli3dof.diagnosis.constants import SIGMAS_99
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
@@ -30,8 +31,6 @@ from heli3dof.recording.recording import Recording
 SIGNIFICANT = 1.645
 """Least distance from θ_0 in standard deviations: the one-sided 95 % quantile of the normal
 distribution"""
-CONSISTENT = 3.0
-"""Largest difference of two estimates of one size, in its standard deviations. Chosen."""
 
 
 def not_confirmed(names: Sequence[str], recordings: Sequence[Recording]) -> set[str]:
@@ -59,8 +58,8 @@ def confirmed(sizes: Sequence[tuple[float, float]]) -> bool:
 
 
 def of_one_size(a: tuple[float, float], b: tuple[float, float]) -> bool:
-    """Return whether estimates (value, σ) differ by at most `CONSISTENT` σ of the difference."""
-    return abs(a[0] - b[0]) <= CONSISTENT * math.hypot(a[1], b[1])
+    """Return whether estimates (value, σ) differ by at most `SIGMAS_99` σ of the difference."""
+    return abs(a[0] - b[0]) <= SIGMAS_99 * math.hypot(a[1], b[1])
 
 
 def size(fit: Estimate, name: str) -> tuple[float, float]:

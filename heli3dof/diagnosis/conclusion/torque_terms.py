@@ -72,13 +72,13 @@ def with_torques(
             else:
                 kept.append((torque, None))
     scale = thrust_scale(fit)
-    torques = (
+    left = (
         replace(t, term=TorqueTerm(adopted[0], in_SI(fit, scale, adopted[0].term), adopted[1]))
         if adopted
         else t
         for t, adopted in kept
     )
-    return Extended(fit, after, tuple(torques), tuple(dropped))
+    return Extended(fit, after, tuple(left), tuple(dropped))
 
 
 def fit_with(setup: Setup, fit: CorrectedFit, proposal: Proposal) -> CorrectedFit:

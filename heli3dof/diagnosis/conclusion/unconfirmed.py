@@ -2,7 +2,7 @@
 
 A cause is unconfirmed if one of these holds:
 
-- Its size differs from zero by less than `MIN_SIGMAS` standard deviations.
+- Its size differs from zero by less than `SIGMAS_95` standard deviations.
 - It does not significantly improve the prediction of held-out data.
 """
 
@@ -12,14 +12,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from heli3dof.diagnosis.base_parameters import effect_size
+from heli3dof.diagnosis.constants import SIGMAS_95
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import pays
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.physics.parametrisation import first_parameters
-
-MIN_SIGMAS = 2.0
-"""Standard deviations by which a size must differ from zero. Chosen; not derived."""
 
 
 def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
@@ -29,9 +27,9 @@ def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Find
 
 
 def insignificant(fit: Estimate) -> set[str]:
-    """Return the terms whose first parameter is within `MIN_SIGMAS` σ of having no effect."""
+    """Return the terms whose first parameter is within `SIGMAS_95` σ of having no effect."""
     sizes = {name: effect_size(fit, name) for name in first_parameters(fit.free)}
-    return {name for name, s in sizes.items() if s and abs(s[0]) < MIN_SIGMAS * s[1]}
+    return {name for name, s in sizes.items() if s and abs(s[0]) < SIGMAS_95 * s[1]}
 
 
 def with_resemblance(

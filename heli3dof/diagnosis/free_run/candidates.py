@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import LEAST_SHARE, MAX_CAUSES, MAX_COMPARED
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
     carried_over,
@@ -32,7 +33,6 @@ from heli3dof.diagnosis.free_run.refits import (
 from heli3dof.diagnosis.screening.catalogue import Probe, candidates, probes
 from heli3dof.diagnosis.screening.nulls import bonferroni
 from heli3dof.diagnosis.screening.screening import one_sided
-from heli3dof.diagnosis.selection.select import MAX_CAUSES
 from heli3dof.diagnosis.sensitivity.projection import project_out
 from heli3dof.identification.greybox.multistep import (
     MultiStep,
@@ -43,10 +43,6 @@ from heli3dof.parallel import parallel_map
 
 CORRELATED = 0.5
 """|Correlation| above which two effects may be confounded. Chosen."""
-LEAST_SHARE = 1e-6
-"""Least v/(d·d) of a tested probe; below it, the fit's parameters produce the same change."""
-MAX_FITS = 3
-"""Most candidates that are fitted in full per step of the forward selection. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +98,7 @@ def with_further_effects(fit: MultiStepFit) -> MultiStepFit:
     for _ in range(MAX_CAUSES):
         tests = score_tests(fit)
         least = bonferroni(len(tests))
-        names = [c.name for c in tests if least <= c.Z2][:MAX_FITS]
+        names = [c.name for c in tests if least <= c.Z2][:MAX_COMPARED]
         wider = [refit(fit, "", instead=name) for name in names]
         best = min(wider, key=lambda w: w.cost, default=fit)
         if fit.cost - best.cost < least:

@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from heli3dof.diagnosis.constants import LEVEL
 from heli3dof.diagnosis.free_run.elimination import (
     NORMAL,
     Elimination,
@@ -35,7 +36,6 @@ from heli3dof.diagnosis.free_run.halves import compare_halves, null_distance
 from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
 from heli3dof.diagnosis.free_run.refits import refit
 from heli3dof.diagnosis.outlook import UndecidedTerms
-from heli3dof.diagnosis.validation.gain import LEVEL
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.thrust_scale import thrust_scale
 from heli3dof.model.physics.parametrisation import first_parameters

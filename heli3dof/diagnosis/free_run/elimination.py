@@ -13,10 +13,10 @@ Prediction windows overlap, so the bootstrap resamples cells (block bootstrap).
 1. The terms are tested, the least significant first. A term stays if one of these applies; the
    first term that does not stay is removed:
 
-   - Need: the `LEVEL` bootstrap interval of Δ on held-out blocks lies above zero.
-   - Prior knowledge: the prior mean is more than `SIGMAS` prior deviations from the null value.
+   - Need: the `constants.LEVEL` bootstrap interval of Δ on held-out blocks lies above zero.
+   - Prior knowledge: the prior mean is more than `SIGMAS_99` prior deviations from the null value.
    - Training cost: the cost Q of the multi-step fit on the training blocks increases by
-     `SIGMAS`² or more without the term. Without such a term the model is wrong, and the tests
+     `SIGMAS_99`² or more without the term. Without such a term the model is wrong, and the tests
      of the other terms are invalid.
 2. The model is refitted. Retained terms correlated with the removed one are tested again.
 3. `free_run.cause_selection` selects the causes among the terms that stay by need or prior
@@ -40,6 +40,7 @@ from statistics import NormalDist
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import SIGMAS_99
 from heli3dof.diagnosis.free_run.candidates import CORRELATED, possible_replacements, score_tests
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
@@ -56,8 +57,6 @@ from heli3dof.model.greybox.multistep import Flight, errors
 from heli3dof.parallel import parallel_map
 from heli3dof.stage_clock import Progress
 
-SIGMAS = 3.0
-"""Standard deviations from which prior knowledge or the training cost keeps a term. Chosen."""
 QUANTILE = 1.96
 """97.5 % quantile of the normal distribution: two-sided significance at 5 %."""
 NORMAL = NormalDist()
@@ -143,7 +142,7 @@ def eliminate(
             if (
                 not trial.increase.significant
                 and name not in known
-                and training_cost(current, trial) < SIGMAS**2
+                and training_cost(current, trial) < SIGMAS_99**2
             ):
                 out = name
                 break
@@ -219,7 +218,7 @@ def with_confounded_terms(
 
     def replaces(other: str, name: str) -> bool:
         if result.last is None:
-            return refit(fit, name, other).cost - fit.cost < SIGMAS**2
+            return refit(fit, name, other).cost - fit.cost < SIGMAS_99**2
         return without_term(result.last, name, seed=seed, instead=other).increase.low <= 0
 
     out = []
@@ -231,13 +230,13 @@ def with_confounded_terms(
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
-    """Return the terms with a prior mean more than `SIGMAS` prior σ from the value of no effect."""
+    """Return the terms with a prior mean over `SIGMAS_99` prior σ from the value of no effect."""
     out = set()
     sd = 1 / np.sqrt(np.diag(problem.prior))
     for j, f in enumerate(problem.structure.free):
         if f.term is None or f.log or f.name in problem.varying:
             continue
-        if abs(problem.start[j] - f.scaled(f.null)) > SIGMAS * sd[j]:
+        if abs(problem.start[j] - f.scaled(f.null)) > SIGMAS_99 * sd[j]:
             out.add(f.term)
     return out
 

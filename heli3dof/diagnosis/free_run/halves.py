@@ -7,7 +7,7 @@ term has no effect.
 
     u_h = (θ_h − θ_0)/σ_h                      significant in both: min_h |u_h| ≥ `SIGNIFICANT`,
                                                all u_h of one sign, none mostly the prior
-    δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of one size: δ ≤ `CONSISTENT`
+    δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of one size: δ ≤ `SIGMAS_99`
 
 Both fits share the prior, which pulls both halves to one size; hence the last condition. If the
 parameter varies by recording, χ² of its values is converted to a normal deviate u_h, and δ is 0.

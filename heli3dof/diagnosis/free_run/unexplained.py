@@ -4,7 +4,7 @@
 end of the climb, once with rotors initially at rest, once at steady speed: the true initial speed
 depends on earlier voltages. After `SPUN_UP_S` the difference is negligible. From there, the
 measured mean of p̈ (pitch, rad/s²) is compared with the model's along the measured path, in weak
-form. The take-off is reported if the two means differ by `SIGNIFICANT` standard deviations of the
+form. The take-off is reported if the two means differ by `SIGMAS_95` standard deviations of the
 model's mean (from the parameters' covariance) or more.
 
 **Creep.** Both motors have one constant voltage V. Mean roll early and late (`EARLY_S`, `LATE_S`)
@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.diagnosis.conclusion.recordings_agree import constant_voltage
+from heli3dof.diagnosis.constants import SIGMAS_95
 from heli3dof.diagnosis.free_run.explanations import arm_torque, hover_voltage, settles_at
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.weak_form import DIFFERENCE, SPANS_S, log_of, residuals
@@ -35,9 +36,8 @@ from heli3dof.model.physics.integrator import readings
 from heli3dof.recording.recording import Recording
 
 SPUN_UP_S = 0.35
-SIGNIFICANT = 2.0
 LONGEST_S = 5.0
-"""Take-off: s after lift-off, limit in standard deviations, s of the longest climb. Chosen."""
+"""Take-off: s after lift-off, s of the longest climb. Chosen."""
 EARLY_S = (8.0, 18.0)
 """s after the voltage step: interval that averages its oscillation. Chosen."""
 LATE_S = 10.0
@@ -77,7 +77,7 @@ def take_off(fit: MultiStepFit, i: int, recording: Recording) -> Iterator[dict[s
     X = np.full((len(roll), 6), np.nan)
     X[k] = _state_at_rest(p.structure, values, flight.y[k])
     measured, model, std = _pitch_acceleration(fit, i, k, n)
-    if abs(measured - model) < SIGNIFICANT * std:
+    if abs(measured - model) < SIGMAS_95 * std:
         return
     rises = float(np.degrees(roll[k + n] - roll[k]))
     at_rest, at_speed = (

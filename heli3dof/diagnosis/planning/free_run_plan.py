@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import MAX_COMPARED
 from heli3dof.diagnosis.free_run.elimination import NORMAL, QUANTILE
 from heli3dof.diagnosis.free_run.refits import STAGE_S
 from heli3dof.diagnosis.outlook import (
@@ -43,9 +44,6 @@ from heli3dof.identification.greybox.freeflight import problem_of
 from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, least_squares_problem
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import parallel_map
-
-MAX_TERMS = 3
-"""Largest number of open terms for which one plan is recommended. Chosen."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ class OpenParameter:
 
 
 def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
-    """Return one parameter of each undecided term that a plan can determine (≤ `MAX_TERMS`)."""
+    """Return one parameter of each undecided term that a plan can determine (≤ `MAX_COMPARED`)."""
     fit, out = open_.fit, []
     for name in open_.names:
         for j, f in enumerate(fit.structure.free):
@@ -79,7 +77,7 @@ def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
                     size = max(size, f.typical)
                 out.append(OpenParameter(name, j, size, float(fit.std[j]), slope, f.unit))
                 break
-    return out[:MAX_TERMS]
+    return out[:MAX_COMPARED]
 
 
 def next_free_flight(

@@ -23,6 +23,7 @@ from statistics import NormalDist
 import numpy as np
 
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
+from heli3dof.diagnosis.constants import MAX_CAUSES, TIE
 from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, PlanForecast, percent
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
 from heli3dof.diagnosis.planning.plan_flights import Task, fly_task, is_stable, task_of
@@ -31,7 +32,6 @@ from heli3dof.diagnosis.screening.catalogue import Probe, probes
 from heli3dof.diagnosis.screening.grid_trials import widened
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan, named_plans
 from heli3dof.identification.bias_correction.correction import model_at
@@ -45,8 +45,6 @@ from heli3dof.parallel import parallel_map
 
 MOST_FLIGHTS = 20
 """Largest number of flights that are recommended; beyond it, measuring by hand is less work."""
-MAX_CAUSES = 4
-"""Largest number of confounded causes that are simulated: the first ones. Chosen."""
 
 
 def fitted_cause(candidate: CandidateFit) -> Probe:

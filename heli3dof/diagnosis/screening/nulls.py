@@ -30,7 +30,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.base_parameters import FALSE_ALARMS
+from heli3dof.diagnosis.constants import DRIFT, FALSE_ALARMS
+from heli3dof.diagnosis.screening.catalogue import candidates
 from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
 from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
 from heli3dof.identification.bias_correction.correction import (
@@ -43,10 +44,6 @@ from heli3dof.model.effects import Term
 from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
-DRIFT = 0.25
-"""Uncertainty of the nulls' mean score, relative to that mean. Chosen; not derived."""
-FORMAL_CANDIDATES = 2
-"""Formal effects (other forms of the body's equations) that are candidates in the first screen"""
 COMMON = 8
 """Weight of the probes' common variance, in flights. Chosen; not derived."""
 GUMBEL_FROM = 30
@@ -78,14 +75,15 @@ class Nulls:
         """Return the threshold of a term's Z².
 
         A term that is another form of the rigid body's equations has its own threshold, with
-        Bonferroni's correction for `FORMAL_CANDIDATES` tests.
+        Bonferroni's correction for the number of such candidates of the base simulation.
         """
         from scipy.stats import t
 
         if not term.effect.formal:
             return self.threshold
+        forms = sum(other.effect.formal for other in candidates())
         spread = 1 + 1 / self.flights if self.flights else 2.0
-        return float(spread * t.isf(FALSE_ALARMS / (2 * FORMAL_CANDIDATES), self.freedom) ** 2)
+        return float(spread * t.isf(FALSE_ALARMS / (2 * forms), self.freedom) ** 2)
 
     def confidence(self, Z2: float) -> float:
         """Return the probability exp(−P p) that none of P squared scores reaches Z² by chance.

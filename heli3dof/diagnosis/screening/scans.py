@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import ACCURACY_S, LEAST_SHARE
 from heli3dof.identification.bias_correction.evaluation import Evaluation
 from heli3dof.identification.bias_correction.perturbation import forward
 from heli3dof.model.effects import Term
@@ -31,8 +32,8 @@ LOWEST_HZ, HIGHEST_HZ = 0.08, 8.0
 """Scanned frequencies; the recorded time holds at least two periods. Chosen; not derived."""
 KNOTS = 9
 """Frequencies with a computed information; instants: two more. Chosen; not derived."""
-BIN_S, INSTANT_S = 0.02, 0.05
-"""Sampling period of λ for the Fourier transform; distance of scanned instants. Chosen."""
+BIN_S = 0.02
+"""Sampling period of λ for the Fourier transform. Chosen."""
 Information = tuple[np.ndarray, np.ndarray]
 """(K,) knots in Hz or s, and (K,) v at the knots"""
 
@@ -51,7 +52,7 @@ def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.nd
     cross = (evaluation.T * evaluation.at.w) @ D.T
     full = np.einsum("ij,j,ij->i", D, evaluation.at.w, D)
     v = full - np.einsum("ij,ij->j", cross, np.linalg.solve(A, cross))
-    return np.asarray(np.where(v > 1e-6 * np.maximum(full, 1e-30), v, np.nan))
+    return np.asarray(np.where(v > LEAST_SHARE * np.maximum(full, 1e-30), v, np.nan))
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ class Instants:
         if not ok.any():
             return 0.0, (0.0, 0.0), ()
         low, high = float(when[ok][0]), float(when[ok][-1])
-        starts = np.arange(low, high, INSTANT_S)
+        starts = np.arange(low, high, ACCURACY_S)
         order = np.argsort(t, kind="stable")
         score = np.einsum("ci,ci->c", L, unit)[order]
         after = np.append(np.cumsum(score[::-1])[::-1], 0.0)

@@ -2,7 +2,7 @@
 
 In a short step flight, a slow torque has nearly the effect of a wrong inertia. The base fit absorbs
 the torque in the inertia J_j; a full fit with the torque returns J_j to nominal. If an inertia is
-significantly off nominal (`diagnosis.base_parameters`), terms with Z² > `MIN_Z2` are fitted in
+significantly off nominal (`diagnosis.base_parameters`), terms with Z² > `SIGMAS_95`² are fitted in
 full, at most `MAX_FITS`. A term is confounded with the inertias if its score exceeds −`TIE` and its
 fit puts all of them within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal) ≤ ln(1 + ε).
 """
@@ -14,14 +14,12 @@ from heli3dof.diagnosis.base_parameters import (
     finding_of,
     off_nominal,
 )
+from heli3dof.diagnosis.constants import SIGMAS_95, TIE
 from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, fit_candidates
-from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects import Term
 
-MIN_Z2 = 4.0
-"""Least Z² for a full fit: two standard deviations. Chosen; not derived."""
 MAX_FITS = 6
 """Most candidates fitted in full. Chosen; not derived."""
 
@@ -41,9 +39,9 @@ def instead_of_inertia(s: Screening) -> list[CandidateFit]:
 
 
 def possible_alternatives(s: Screening) -> list[tuple[Term, float, int]]:
-    """Return the ranked terms to fit: identifiable ones with Z² > `MIN_Z2`, at most `MAX_FITS`."""
+    """Return at most `MAX_FITS` ranked, identifiable terms with Z² > `SIGMAS_95`², to fit."""
     hidden = s.not_identifiable
-    shown = (r for r in s.ranked if r[1] > MIN_Z2 and r[0].name not in hidden)
+    shown = (r for r in s.ranked if r[1] > SIGMAS_95**2 and r[0].name not in hidden)
     return [r for r in shown if not r[0].effect.formal][:MAX_FITS]
 
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, LinearisedRun
+from heli3dof.model.effects.empirical import KNOTS
 
-KNOTS = 9
 TAIL = 0.005  # share of the samples beyond each outer knot, chosen
 MIN_RANGE = {"°": 0.005, "°/s": 0.02, "V": 0.2, "V²": 1.0, "V/s": 2.0, "s": 2.0}
 """Smallest range of a variable between the outer knots, by unit, in SI units. Chosen."""

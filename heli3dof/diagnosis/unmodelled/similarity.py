@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.constants import LEAST_SHARE
 from heli3dof.diagnosis.screening.catalogue import candidates, probes
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.sensitivity.projection import project_out
@@ -57,7 +58,7 @@ def similarity(
     projected = project_out(D, tangents, A, at.w)
     full, remaining = (np.einsum("ij,j,ij->i", D, at.w, x) for x in (D, projected))
     with_trace = projected @ (at.w * trace)
-    informative = remaining > 1e-6 * np.maximum(full, 1e-30)
+    informative = remaining > LEAST_SHARE * np.maximum(full, 1e-30)
     with np.errstate(invalid="ignore", divide="ignore"):
         cos = np.abs(np.where(informative, with_trace / np.sqrt(remaining[0] * remaining), 0.0))[1:]
     best = int(np.argmax(cos))

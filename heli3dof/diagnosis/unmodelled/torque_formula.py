@@ -13,7 +13,7 @@ filter updates):
 
     S_spline − S < κ (r − 1) ln N
 
-Of products whose S is within `selection.select.TIE` κ of the largest, the one with fewest factors
+Of products whose S is within `constants.TIE` κ of the largest, the one with fewest factors
 is proposed; the others are alternatives.
 
 If flights of the fit cannot be simulated, the best formula of each axis shows whether there is a
@@ -33,9 +33,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
-from heli3dof.diagnosis.selection.select import TIE
-from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, hats, sums_along
+from heli3dof.diagnosis.sensitivity.hat_functions import hats, sums_along
 from heli3dof.diagnosis.sensitivity.projection import project_out
 from heli3dof.diagnosis.sensitivity.residual_torque import UNITS
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
@@ -52,7 +52,7 @@ from heli3dof.identification.bias_correction.coloured_noise import MEMORY_S, fre
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.bias_correction.perturbation import forward as traces_of
 from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
-from heli3dof.model.effects.empirical import PREFIX, factors
+from heli3dof.model.effects.empirical import KNOTS, PREFIX, factors
 
 SINGLE = (
     "sin(roll)", "sin(pitch)", "sin(yaw)", "roll_rate", "pitch_rate", "yaw_rate", "voltage_sum",

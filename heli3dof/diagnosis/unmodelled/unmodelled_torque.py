@@ -38,9 +38,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.constants import MAX_COMPARED, TIE
 from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
-from heli3dof.diagnosis.selection.select import TIE
-from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, HatScores, sums_along
+from heli3dof.diagnosis.sensitivity.hat_functions import Hats, HatScores, sums_along
 from heli3dof.diagnosis.sensitivity.residual_torque import LinearisedRun
 from heli3dof.diagnosis.unmodelled.similarity import LIKE, named_traces, similarity
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
@@ -53,12 +53,11 @@ from heli3dof.diagnosis.unmodelled.torque_evidence import (
 from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, scores_in_blocks
 from heli3dof.identification.bias_correction.coloured_noise import CHANCE
 from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.model.effects.empirical import KNOTS
 
 if TYPE_CHECKING:
     from heli3dof.diagnosis.result import TorqueTerm
 
-MAX_TORQUES = 3
-"""Largest number of residual torques. Chosen; not derived."""
 ALTERNATIVE_SHARE = 0.5
 """Share of the best variable's x from which a variable is reported as alternative. Chosen."""
 MIN_SHARE = 0.05
@@ -135,7 +134,7 @@ def significant_torques(
     null, nuisance = evidence.null, evidence.nuisance
     named: tuple[list[str], np.ndarray] | None = None
     out: list[ResidualTorque] = []
-    while sum(not torque.is_slow_noise for torque in out) < MAX_TORQUES:
+    while sum(not torque.is_slow_noise for torque in out) < MAX_COMPARED:
         sums = sums_along(library, flight, nuisance.tangents)
         tests = score_tests(fit, flight, library, sums, nuisance, null)
         significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.constants import LEVEL
 
 HORIZON_S = 1.0
 """s, horizon of the predictions. Chosen."""
@@ -29,8 +30,6 @@ CELL_S = 2.0
 """s, length of a cell of the bootstrap; longer than the correlation of the noise. Chosen."""
 DRAWS = 2000
 """Number of bootstrap samples. Chosen."""
-LEVEL = 0.95
-"""Probability covered by the intervals: the usual 95 %."""
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,13 @@ n faster than h. A slow torque that the model lacks also counts as noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from statistics import NormalDist
 
 import numpy as np
 
 from heli3dof.diagnosis.validation.own_values import rows_of_recordings, with_own_values
 from heli3dof.diagnosis.validation.prediction import noise_of, problem_of
+from heli3dof.identification.bias_correction.coloured_noise import CHANCE
 from heli3dof.identification.bias_correction.perturbation import forward, path
 from heli3dof.identification.greybox.estimate import block_numbers
 from heli3dof.model.greybox.model import GreyBoxModel
@@ -33,7 +35,7 @@ from heli3dof.recording.recording import Recording
 
 BLOCK_S = 0.05
 """s; a tenth of the time over which torques of real rigs are correlated. Chosen."""
-SIGNIFICANT = 2.326
+SIGNIFICANT = NormalDist().inv_cdf(1 - CHANCE)
 """99 % quantile of the normal distribution"""
 
 

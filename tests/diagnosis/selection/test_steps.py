@@ -8,11 +8,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.screening.grid_trials import widened
 from heli3dof.diagnosis.selection import select
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import TIE, Choice
+from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.selection.steps import Step, bias_corrected, with_rivals_that_remain
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan

@@ -9,8 +9,8 @@ from typing import cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.selection.select import TIE
-from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, hats, sums_along
+from heli3dof.diagnosis.constants import TIE
+from heli3dof.diagnosis.sensitivity.hat_functions import Hats, hats, sums_along
 from heli3dof.diagnosis.sensitivity.residual_torque import linearised_run
 from heli3dof.diagnosis.unmodelled import torque_formula
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence, evidence_without_nulls
@@ -30,6 +30,7 @@ from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.model.effects import term
+from heli3dof.model.effects.empirical import KNOTS
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 from tests.flown import flown
