@@ -33,7 +33,7 @@ from heli3dof.diagnosis.free_run.refits import (
 from heli3dof.diagnosis.screening.catalogue import Probe, candidates, probes
 from heli3dof.diagnosis.screening.nulls import bonferroni
 from heli3dof.diagnosis.screening.screening import one_sided
-from heli3dof.diagnosis.sensitivity.projection import project_out
+from heli3dof.identification.bias_correction.perturbation import project_out
 from heli3dof.identification.greybox.multistep import (
     MultiStep,
     MultiStepFit,

@@ -21,10 +21,18 @@ Gumbel distribution of the nulls' own largest Z² is the threshold if it is high
 
 If the controller is unknown, no null can be simulated. Then Z = z/√κ with the fit's variance
 inflation κ, and the threshold is twice Bonferroni's for a normal distribution.
+
+**Gumbel distribution**, fitted to maxima by the method of moments:
+
+    P(x < X) = exp(−exp(−(X − μ)/β)),     β = √6 s/π,     μ = x̄ − γ β
+
+x̄ and s are mean and standard deviation of the maxima, γ is Euler's constant. A share α of all
+maxima exceeds μ + k β with k = −ln(−ln(1 − α)).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -32,7 +40,6 @@ import numpy as np
 
 from heli3dof.diagnosis.constants import DRIFT, FALSE_ALARMS
 from heli3dof.diagnosis.screening.catalogue import candidates
-from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
 from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
@@ -174,3 +181,18 @@ def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
         np.zeros(n), np.full(n, root), root**2, 2 * bonferroni(n), 1e6, 0,
         "Bonferroni over the probes, doubled: the controller is unknown",
     )  # fmt: skip
+
+
+def gumbel(largest: np.ndarray, *, least: float = 0.0) -> tuple[float, float]:
+    """Return (location μ, scale β) of the Gumbel distribution of maxima (B,); β ≥ ``least``."""
+    beta = max(float(np.sqrt(6) * largest.std(ddof=1) / np.pi), least)
+    return float(largest.mean()) - np.euler_gamma * beta, beta
+
+
+def beyond(share: float) -> float:
+    """Return k: the ``share`` of Gumbel-distributed maxima exceeds μ + k β (location, scale).
+
+    >>> round(beyond(0.0005), 2)
+    7.6
+    """
+    return -math.log(-math.log(1 - share))

@@ -35,9 +35,8 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
-from heli3dof.diagnosis.sensitivity.hat_functions import hats, sums_along
-from heli3dof.diagnosis.sensitivity.projection import project_out
-from heli3dof.diagnosis.sensitivity.residual_torque import UNITS
+from heli3dof.diagnosis.unmodelled.hat_functions import hats, sums_along
+from heli3dof.diagnosis.unmodelled.residual_torque import UNITS
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
     Evidence,
     evidence_without_nulls,
@@ -51,6 +50,7 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
 from heli3dof.identification.bias_correction.coloured_noise import MEMORY_S, freedom, long_run
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.bias_correction.perturbation import forward as traces_of
+from heli3dof.identification.bias_correction.perturbation import project_out
 from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
 from heli3dof.model.effects.empirical import KNOTS, PREFIX, factors
 
@@ -141,7 +141,7 @@ def significant_formula(x: Evidence) -> Place | None:
 
 
 def variable_of(product: str) -> str:
-    """Return the variable of `sensitivity.residual_torque.UNITS` that is nearest to a product.
+    """Return the variable of `unmodelled.residual_torque.UNITS` that is nearest to a product.
 
     >>> variable_of("voltage_front*voltage_back"), variable_of("abs(yaw_rate)*yaw_rate")
     ('voltage_product', 'yaw_rate')

@@ -1,7 +1,7 @@
 """Test each axis for a residual torque, which the fitted model lacks.
 
 It is a free function f(z) = Σ_j τ_j φ_j(z) of an angle, rate, voltage or the time z, with hat
-functions φ_j and coefficients τ_j in N·m (`sensitivity.hat_functions`). The `KNOTS` hat functions
+functions φ_j and coefficients τ_j in N·m (`unmodelled.hat_functions`). The `KNOTS` hat functions
 of one variable on one axis are a group. Rao's score test evaluates each group without a fit:
 
     S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(r)      without a residual torque
@@ -39,18 +39,21 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import MAX_COMPARED, TIE
-from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
-from heli3dof.diagnosis.sensitivity.hat_functions import Hats, HatScores, sums_along
-from heli3dof.diagnosis.sensitivity.residual_torque import LinearisedRun
-from heli3dof.diagnosis.unmodelled.similarity import LIKE, named_traces, similarity
+from heli3dof.diagnosis.screening.nulls import beyond, gumbel
+from heli3dof.diagnosis.unmodelled.hat_functions import Hats, HatScores, sums_along
+from heli3dof.diagnosis.unmodelled.residual_torque import LinearisedRun
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
+    LIKE,
     RANK_TOLERANCE,
     Evidence,
     Nuisance,
+    Scores,
     coloured_noise_ratio,
     informative_directions,
+    named_traces,
+    scores_in_blocks,
+    similarity,
 )
-from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, scores_in_blocks
 from heli3dof.identification.bias_correction.coloured_noise import CHANCE
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects.empirical import KNOTS
@@ -83,7 +86,7 @@ class ResidualTorque:
 
     axis: str
     depends_on: str
-    """One of `sensitivity.residual_torque.UNITS`"""
+    """One of `unmodelled.residual_torque.UNITS`"""
     share: float
     """Explained share of the variance of the axis's residual torque, averaged over `WINDOW_S`"""
     table: tuple[tuple[float, float], ...]

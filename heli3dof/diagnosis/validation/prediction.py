@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.sensitivity.residual_torque import linearised_run_at
+from heli3dof.diagnosis.unmodelled.residual_torque import linearised_run_at
 from heli3dof.errors import RecordingError
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.likelihood import Likelihood

@@ -71,7 +71,7 @@ class LinearisedRun:
 
         Both are (N, 3), in 1/(N·m) and s²/rad.
         """
-        from heli3dof.diagnosis.sensitivity.residual_torque_passes import gradient
+        from heli3dof.diagnosis.unmodelled.residual_torque_passes import gradient
 
         d, at = self.data, self.at
         nu, mu = np.zeros_like(self.slope), np.zeros_like(self.slope)
@@ -158,7 +158,7 @@ def along(
 
     ``theta`` (n,): parameters; X (N, 6): states.
     """
-    from heli3dof.diagnosis.sensitivity.residual_torque_passes import linear
+    from heli3dof.diagnosis.unmodelled.residual_torque_passes import linear
 
     d, hooks = problem.data, problem.structure.hooks
     s, par = problem.structure.arrays(problem.values(theta))
