@@ -98,7 +98,7 @@ RULES = (
     ),
     Rule(
         "full fits tie causes with an inertia",
-        DIAGNOSIS + "selection.inertia_alternatives:instead_of_inertia",
+        DIAGNOSIS + "conclusion.inertia_ties:instead_of_inertia",
         _always([]),
     ),
     Rule(
@@ -118,12 +118,12 @@ RULES = (
     ),
     Rule(
         "unconfirmed causes are marked as …-like",
-        DIAGNOSIS + "conclusion.unconfirmed:marked_unconfirmed",
+        DIAGNOSIS + "conclusion.stand_ins:marked_unconfirmed",
         _argument(0),
     ),
     Rule(
         "a residual torque is like a name",
-        DIAGNOSIS + "conclusion.unconfirmed:with_resemblance",
+        DIAGNOSIS + "conclusion.stand_ins:with_resemblance",
         lambda rule, left, names: tuple(left),
     ),
     Rule(

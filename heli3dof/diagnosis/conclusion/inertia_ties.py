@@ -19,9 +19,11 @@ deviation of its score in flights simulated without it. Effect i is confounded w
 A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For it, α runs over the
 sizes for which the corrected parameters θ_j − α b_ji give a K_f within the tolerance.
 
-An inertia is also confounded with an effect for another reason. A fit of all parameters with this
-effect has the inertia within tolerance and explains the flight equally well
-(`selection.inertia_alternatives`).
+In a short step flight, a slow torque has nearly the effect of a wrong inertia. The base fit absorbs
+the torque in the inertia J_j; a full fit with the torque returns J_j to nominal. If an inertia is
+significantly off nominal (`diagnosis.base_parameters`), terms with Z² > `SIGMAS_95`² are fitted in
+full, at most `MAX_FITS`. A term is confounded with the inertias if its score exceeds −`TIE` and its
+fit puts all of them within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal) ≤ ln(1 + ε).
 """
 
 from __future__ import annotations
@@ -30,15 +32,25 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from heli3dof.diagnosis.base_parameters import THRUST_GAIN, OffNominal
-from heli3dof.diagnosis.constants import LARGE, SIGMAS_99
-from heli3dof.diagnosis.screening.screening import one_sided
-from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia
+from heli3dof.diagnosis.base_parameters import (
+    THRUST_GAIN,
+    OffNominal,
+    base_parameters,
+    finding_of,
+    off_nominal,
+)
+from heli3dof.diagnosis.constants import LARGE, SIGMAS_95, SIGMAS_99, TIE
+from heli3dof.diagnosis.screening.screening import Screening, one_sided
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, fit_candidates
 from heli3dof.diagnosis.selection.select import with_ties
 from heli3dof.diagnosis.selection.steps import Step
 from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust_scale
+from heli3dof.model.effects import Term
 
+MAX_FITS = 6
+"""Most candidates fitted in full. Chosen; not derived."""
 SIZES = 21
 """Number of trial sizes, from zero to the largest. Chosen; not derived."""
 PARAMETERS = ("mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw")
@@ -140,3 +152,31 @@ def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> 
         return bool(low - SIGMAS_99 < float(Z[i]) < high + SIGMAS_99)
 
     return tuple(dict.fromkeys(screen.plain[i].name for i, *a in amounts if is_plausible(i, *a)))
+
+
+def instead_of_inertia(s: Screening) -> list[CandidateFit]:
+    """Return the fits of candidates that bring all inertias off nominal back within tolerance.
+
+    The result is empty if no inertia is off nominal.
+    """
+    off = [o.term.name for o in off_nominal(s.fit)]
+    inertias = {n for n in off if n.startswith("inertia")}
+    if not inertias:
+        return []
+    fits = fit_candidates(s, possible_alternatives(s))
+    likely = (f for f in fits if f.score > -TIE)
+    return [f for f in likely if within(Estimate(f.problem, f.optimum), inertias)]
+
+
+def possible_alternatives(s: Screening) -> list[tuple[Term, float, int]]:
+    """Return at most `MAX_FITS` ranked, identifiable terms with Z² > `SIGMAS_95`², to fit."""
+    hidden = s.not_identifiable
+    shown = (r for r in s.ranked if r[1] > SIGMAS_95**2 and r[0].name not in hidden)
+    return [r for r in shown if not r[0].effect.formal][:MAX_FITS]
+
+
+def within(fit: Estimate, names: set[str]) -> bool:
+    """Return True if ``fit`` has the parameters of the findings ``names`` within tolerance."""
+    tolerance = fit.structure.profile.tolerance
+    named = [c for c in base_parameters(fit) if finding_of(c.name) in names]
+    return all(c.excess(tolerance) <= 0 for c in named)

@@ -3,6 +3,11 @@
 A cause is a stand-in if a formula for a torque explains the flight better than the cause does
 (`conclusion.formula_contest`). Stand-ins are removed, the other causes are fitted again, and
 adopted or dropped. The search is repeated until there is no further stand-in.
+
+The remaining causes are marked "…-like" (unconfirmed) if one of these holds:
+
+- The size differs from no effect by less than `SIGMAS_95` standard deviations.
+- The cause does not significantly improve the prediction of held-out data.
 """
 
 from __future__ import annotations
@@ -10,10 +15,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from heli3dof.diagnosis.base_parameters import effect_size
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted
 from heli3dof.diagnosis.conclusion.formula_contest import replaced_by_formula
-from heli3dof.diagnosis.conclusion.unconfirmed import marked_unconfirmed, with_resemblance
 from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
+from heli3dof.diagnosis.constants import SIGMAS_95
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
 from heli3dof.diagnosis.selection.steps import bias_corrected, without
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence
@@ -23,8 +29,11 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     significant_torques,
     split_off_slow_noise,
 )
+from heli3dof.diagnosis.validation.gain import pays
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.setup import Setup
+from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.recording.recording import Recording
 
 
@@ -111,3 +120,29 @@ def _adopted_again(
     result = adopted(found, kept, holdout, seed=setup.seed)
     replaced = (Dropped(n, gains[n], STANDS_IN) for n in names)
     return replace(result, dropped=(*now.dropped, *replaced, *result.dropped))
+
+
+def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
+    """Return the findings; the unconfirmed ones are marked "…-like"."""
+    small = insignificant(fit)
+    return tuple(replace(f, unconfirmed=f.term.name in small or not pays(f.gain)) for f in findings)
+
+
+def insignificant(fit: Estimate) -> set[str]:
+    """Return the terms whose first parameter is within `SIGMAS_95` σ of having no effect."""
+    sizes = {name: effect_size(fit, name) for name in first_parameters(fit.free)}
+    return {name for name, s in sizes.items() if s and abs(s[0]) < SIGMAS_95 * s[1]}
+
+
+def with_resemblance(
+    residuals: Sequence[ResidualTorque], causes: Sequence[Finding]
+) -> tuple[ResidualTorque, ...]:
+    """Return the residual torques; if ``resembles`` of the first is None, it is set to a text.
+
+    The text names the first cause and those confounded with it, such as "motor.delay-like".
+    """
+    if not residuals or residuals[0].resembles is not None or not causes:
+        return tuple(residuals)
+    names = (causes[0].term.name, *causes[0].tied_with)
+    resembles = " or ".join(f"{name}-like" for name in names)
+    return (replace(residuals[0], resembles=resembles), *residuals[1:])

@@ -27,6 +27,7 @@ from heli3dof.diagnosis.conclusion.encoder_scales import with_thrust_gain_ties
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_like
 from heli3dof.diagnosis.free_run.candidates import with_further_effects
 from heli3dof.diagnosis.free_run.cause_selection import (
+    MeanTrimFit,
     confidence,
     kept_terms,
     not_identifiable,
@@ -42,7 +43,6 @@ from heli3dof.diagnosis.free_run.elimination import (
     with_confounded_terms,
     without_elimination,
 )
-from heli3dof.diagnosis.free_run.explanations import explanation_sentences
 from heli3dof.diagnosis.free_run.free_run_gain import (
     FreeRun,
     cross_validated,
@@ -50,10 +50,9 @@ from heli3dof.diagnosis.free_run.free_run_gain import (
     free_run_gain,
     predicts_better,
 )
-from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
 from heli3dof.diagnosis.free_run.refits import folds_of, refit
 from heli3dof.diagnosis.free_run.residual_torques import residual_torques
-from heli3dof.diagnosis.free_run.unexplained import unexplained_effects
+from heli3dof.diagnosis.free_run.unexplained import explanation_sentences, unexplained_effects
 from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import split_off_slow_noise
