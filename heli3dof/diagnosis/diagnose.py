@@ -20,7 +20,6 @@ from typing import NamedTuple
 
 from heli3dof.diagnosis.base_parameters import off_nominal
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
-from heli3dof.diagnosis.conclusion.conclude import conclude
 from heli3dof.diagnosis.conclusion.encoder_scales import ROLL_OFFSET
 from heli3dof.diagnosis.conclusion.inertia_ties import last_step_with_causes, with_confounded_causes
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_if_recordings_disagree
@@ -28,6 +27,7 @@ from heli3dof.diagnosis.conclusion.segments import with_segment_ties
 from heli3dof.diagnosis.conclusion.stand_ins import settle_unmodelled
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed
+from heli3dof.diagnosis.conclusion.verdict import conclude
 from heli3dof.diagnosis.constants import MAX_CAUSES
 from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
 from heli3dof.diagnosis.result import Diagnosis

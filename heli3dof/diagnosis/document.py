@@ -10,19 +10,19 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal, finding_of
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
-from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning.free_run_plan import why_none
-from heli3dof.diagnosis.profile_update import profile_keys, ratios
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
     Fitted,
+    NextExperiment,
     TorqueTerm,
     UnexplainedError,
     physical,
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
+from heli3dof.identification.profile_update import profile_keys, ratios
 from heli3dof.integrity import Fault
 from heli3dof.model.effects import term
 

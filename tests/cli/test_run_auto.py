@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from heli3dof.diagnosis import diagnose as diagnosing
-from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning import next_experiment as asking
+from heli3dof.diagnosis.result import NextExperiment
 from heli3dof.recording.mcap_files.reader import read_recording
 from tests.cli.running import heli3dof
 from tests.flown import flown

@@ -12,7 +12,7 @@ from typing import Any
 from heli3dof.axes import AXES
 from heli3dof.batch.analyses.base import Analysis, Document, Job, Row, bad_data, with_std
 from heli3dof.batch.bootstrap import block_replicate
-from heli3dof.diagnosis.cause_name import name_of
+from heli3dof.diagnosis import name_of
 
 
 def run(job: Job) -> Document:

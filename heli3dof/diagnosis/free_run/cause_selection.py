@@ -54,7 +54,7 @@ from heli3dof.diagnosis.free_run.elimination import (
     known_beforehand,
 )
 from heli3dof.diagnosis.free_run.refits import recording_indices, refit
-from heli3dof.diagnosis.outlook import UndecidedTerms
+from heli3dof.diagnosis.result import UndecidedTerms
 from heli3dof.identification.greybox.freeflight import WEIGHT
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.physical_fit import PhysicalFit

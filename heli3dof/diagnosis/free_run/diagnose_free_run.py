@@ -22,9 +22,9 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import base_parameters, off_nominal
-from heli3dof.diagnosis.conclusion.conclude import conclude
 from heli3dof.diagnosis.conclusion.encoder_scales import with_thrust_gain_ties
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_like
+from heli3dof.diagnosis.conclusion.verdict import conclude
 from heli3dof.diagnosis.free_run.candidates import with_further_effects
 from heli3dof.diagnosis.free_run.cause_selection import (
     MeanTrimFit,

@@ -30,14 +30,14 @@ import numpy as np
 from heli3dof.diagnosis.constants import MAX_COMPARED
 from heli3dof.diagnosis.free_run.elimination import NORMAL, QUANTILE
 from heli3dof.diagnosis.free_run.refits import STAGE_S
-from heli3dof.diagnosis.outlook import (
+from heli3dof.diagnosis.planning.plan_flights import fly_task, is_stable, task_of
+from heli3dof.diagnosis.result import (
     MIN_CERTAINTY,
     NextExperiment,
     PlanForecast,
     UndecidedTerms,
     percent,
 )
-from heli3dof.diagnosis.planning.plan_flights import fly_task, is_stable, task_of
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.identification.greybox.freeflight import problem_of

@@ -24,10 +24,17 @@ import numpy as np
 
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.constants import MAX_CAUSES, TIE
-from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, PlanForecast, percent
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
 from heli3dof.diagnosis.planning.plan_flights import Task, fly_task, is_stable, task_of
-from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis, Dropped
+from heli3dof.diagnosis.result import (
+    DOES_NOT_PAY,
+    MIN_CERTAINTY,
+    Diagnosis,
+    Dropped,
+    NextExperiment,
+    PlanForecast,
+    percent,
+)
 from heli3dof.diagnosis.screening.catalogue import Probe, probes
 from heli3dof.diagnosis.screening.grid_trials import widened
 from heli3dof.diagnosis.screening.score_test import Screen

@@ -7,9 +7,8 @@ import doctest
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis import outlook
+from heli3dof.diagnosis import result as results
 from heli3dof.diagnosis.free_run.refits import STAGE_S
-from heli3dof.diagnosis.outlook import NextExperiment, UndecidedTerms
 from heli3dof.diagnosis.planning import free_run_plan as module
 from heli3dof.diagnosis.planning.free_run_plan import (
     OpenParameter,
@@ -17,6 +16,7 @@ from heli3dof.diagnosis.planning.free_run_plan import (
     next_free_flight,
     open_parameters,
 )
+from heli3dof.diagnosis.result import NextExperiment, UndecidedTerms
 from heli3dof.identification.greybox.freeflight import model_of, problem_of
 from heli3dof.identification.greybox.multistep import search
 from heli3dof.identification.greybox.weak_form import weak_start
@@ -40,7 +40,7 @@ def flight_for(open_: UndecidedTerms, *plans: str) -> NextExperiment | None:
 
 def test_the_doctests_pass() -> None:
     assert doctest.testmod(module, extraglobs={"np": np}).failed == 0
-    assert doctest.testmod(outlook).failed == 0
+    assert doctest.testmod(results).failed == 0
 
 
 def test_a_flight_that_turns_determines_yaw_s_friction(open_: UndecidedTerms) -> None:

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning import next_experiment as module
 from heli3dof.diagnosis.planning.next_experiment import next_experiment, recommend, typical_cause
-from heli3dof.diagnosis.result import Diagnosis, Dropped
+from heli3dof.diagnosis.result import Diagnosis, Dropped, NextExperiment
 from heli3dof.diagnosis.screening.catalogue import Probe
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import Choice

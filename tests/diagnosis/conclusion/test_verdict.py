@@ -12,20 +12,19 @@ import pytest
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal
+from heli3dof.diagnosis.conclusion.verdict import remainders, verdict_of, without_causes
 from heli3dof.diagnosis.document import diagnosis_document
-from heli3dof.diagnosis.profile_update import Measured, ratios
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
     UnexplainedError,
     in_order,
-    remainders,
-    verdict_of,
 )
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.validation.gain import Gain, Interval
+from heli3dof.identification.profile_update import Measured, ratios
 from heli3dof.integrity import Fault, Kind
-from heli3dof.model.effects import terms
+from heli3dof.model.effects import term, terms
 from heli3dof.rig.profile import default_profile
 
 
@@ -207,3 +206,13 @@ def test_a_log_without_a_likelihood_has_the_keys_of_the_profile_too() -> None:
 def test_no_plan_separates_inertias_from_a_thrust_gain() -> None:
     tied = Diagnosis(("a",), (), "ambiguous", (), calibration_findings=(off("motor.thrust_gain"),))
     assert diagnosis_document(tied)["next_experiment"] is None
+
+
+def test_a_named_cause_is_identifiable() -> None:
+    none = cast(Any, None)
+    drag = Choice(term("drag.quadratic.roll"), 1144.0, 175.0, 1.0, ("friction.viscous.roll",), ())
+    causes = [
+        Finding(drag, {}, none, none), OffNominal(term("inertia.pitch"), 1.4, 0.05, 64.0),
+    ]  # fmt: skip
+    names = ["drag.quadratic.roll", "friction.viscous.roll", "inertia.pitch", "encoder.scale.yaw"]
+    assert without_causes(names, causes) == ("friction.viscous.roll", "encoder.scale.yaw")
