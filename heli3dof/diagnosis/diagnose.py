@@ -9,7 +9,7 @@ The gain of a cause is the decrease of the prediction error if the model contain
    the best candidates; both are repeated after each cause.
 4. Gain: causes that do not improve the prediction of held-out data are dropped.
 5. Residual torques: search for unmodelled torques. Causes that only compensated for one of them are
-   dropped (`conclusion.stand_ins`).
+   dropped (`conclusion.compensating_causes`).
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from typing import NamedTuple
 
 from heli3dof.diagnosis.base_parameters import off_nominal
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
+from heli3dof.diagnosis.conclusion.compensating_causes import search_residual_torques
 from heli3dof.diagnosis.conclusion.encoder_scales import ROLL_OFFSET
 from heli3dof.diagnosis.conclusion.inertia_ties import last_step_with_causes, with_confounded_causes
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_if_recordings_disagree
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
-from heli3dof.diagnosis.conclusion.stand_ins import settle_unmodelled
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed
 from heli3dof.diagnosis.conclusion.verdict import conclude
@@ -128,7 +128,7 @@ def _diagnosed(
         fit = base_with_forms(base_fit, settled.fit)
         settled = replace(settled, fit=fit, after=held_out(fit, held))
     clock.start("left", "Searching for unmodelled effects …")
-    settled = settle_unmodelled(setup, settled, held, flights=effort.torque_nulls)
+    settled = search_residual_torques(setup, settled, held, flights=effort.torque_nulls)
     settled = replace(settled, findings=with_segment_ties(settled.findings))
     if not setup.controller_is_known:
         clock.progress("Fitting each recording separately …")

@@ -28,7 +28,7 @@ COLOURED = "this recording's low-frequency noise explains as much"
 WITHIN_A_COUNT = "an encoder error within one count explains as much"
 WITHIN_ROUNDING = "predictions improve by less than the encoders' rounding"
 LIMIT_CYCLE = "an encoder limit cycle may explain as much, and no flights could be simulated"
-STANDS_IN = "it only compensated for an unmodelled torque"
+COMPENSATES = "it only compensated for an unmodelled torque"
 
 
 @dataclass(frozen=True, eq=False)

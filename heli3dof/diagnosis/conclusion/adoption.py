@@ -57,7 +57,7 @@ from heli3dof.diagnosis.selection.select import Choice, certainty
 from heli3dof.diagnosis.selection.steps import without
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import held_out
-from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
+from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, gain_interval_positive
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.identification.bias_correction.correction import CorrectedFit, model_at
 from heli3dof.identification.greybox.method import model_of
@@ -125,7 +125,7 @@ def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, firs
     """
     if margin < 1:
         return COLOURED if margin > 0 else WITHIN_A_COUNT
-    if not pays_enough(choice, g, first=first):
+    if not meets_adoption_condition(choice, g, first=first):
         return DOES_NOT_PAY
     if not fit.is_corrected:
         of_base, profile = choice.term.effect.of_base, fit.structure.profile
@@ -179,16 +179,16 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
     return False
 
 
-def pays_enough(choice: Choice, g: Gain, *, first: bool) -> bool:
+def meets_adoption_condition(choice: Choice, g: Gain, *, first: bool) -> bool:
     """Return whether a gain on held-out data suffices (one of the module's conditions 1 to 3)."""
     strong = first or choice.score >= SUFFICIENT
-    return convinces(g) or (strong and log_likelihood_gain(g) > MIN_GAIN)
+    return is_significant_gain(g) or (strong and log_likelihood_gain(g) > MIN_GAIN)
 
 
-def convinces(g: Gain) -> bool:
+def is_significant_gain(g: Gain) -> bool:
     """Return whether a gain suffices whatever the cause's score: condition 1 or 3."""
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
-    return pays(g) or (lower_error and log_likelihood_gain(g) > LARGE_GAIN)
+    return gain_interval_positive(g) or (lower_error and log_likelihood_gain(g) > LARGE_GAIN)
 
 
 def fitted(

@@ -29,7 +29,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding
 from heli3dof.diagnosis.constants import TIE
-from heli3dof.diagnosis.screening.grid_trials import widened
+from heli3dof.diagnosis.screening.grid_trials import with_term_added
 from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
 from heli3dof.diagnosis.selection.rivals import ROUNDS, likelihoods, odds
 from heli3dof.diagnosis.selection.steps import without
@@ -39,7 +39,7 @@ from heli3dof.diagnosis.unmodelled.torque_formula import (
     product_scores,
     variable_of,
 )
-from heli3dof.diagnosis.unmodelled.unmodelled_torque import Place
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import TorqueLocation
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import gain
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
@@ -58,7 +58,7 @@ class Formula:
 
     problem: Likelihood
     optimum: Optimum
-    place: Place
+    location: TorqueLocation
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ def predictions_agree(
     """Return whether the formula predicts its axis better than ``fit``, which has the causes."""
     wide = CorrectedFit(formula.problem, formula.optimum)
     g = gain(held_out(fit, holdout), held_out(wide, holdout), seed=setup.seed)
-    return exceeds_rounding(g, fit.structure.profile, axes=[formula.place.axis])
+    return exceeds_rounding(g, fit.structure.profile, axes=[formula.location.axis])
 
 
 def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
@@ -150,7 +150,7 @@ def with_best_product(fit: CorrectedFit) -> Formula:
     S, c = scores[i]
     k = int(S.argmax())
     o = fit.optimum
-    wide = widened(fit.problem, term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}"))
+    wide = with_term_added(fit.problem, term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}"))
     start = wide.structure.free[-1].scaled(float(c[k]))
     best = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)
-    return Formula(wide, best, Place(AXES[i], variable_of(PRODUCTS[k])))
+    return Formula(wide, best, TorqueLocation(AXES[i], variable_of(PRODUCTS[k])))

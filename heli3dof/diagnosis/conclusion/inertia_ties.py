@@ -165,7 +165,7 @@ def instead_of_inertia(s: Screening) -> list[CandidateFit]:
         return []
     fits = fit_candidates(s, possible_alternatives(s))
     likely = (f for f in fits if f.score > -TIE)
-    return [f for f in likely if within(Estimate(f.problem, f.optimum), inertias)]
+    return [f for f in likely if are_within_tolerance(Estimate(f.problem, f.optimum), inertias)]
 
 
 def possible_alternatives(s: Screening) -> list[tuple[Term, float, int]]:
@@ -175,7 +175,7 @@ def possible_alternatives(s: Screening) -> list[tuple[Term, float, int]]:
     return [r for r in shown if not r[0].effect.formal][:MAX_FITS]
 
 
-def within(fit: Estimate, names: set[str]) -> bool:
+def are_within_tolerance(fit: Estimate, names: set[str]) -> bool:
     """Return True if ``fit`` has the parameters of the findings ``names`` within tolerance."""
     tolerance = fit.structure.profile.tolerance
     named = [c for c in base_parameters(fit) if finding_of(c.name) in names]

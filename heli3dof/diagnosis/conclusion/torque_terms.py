@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.base_parameters import in_SI
-from heli3dof.diagnosis.conclusion.adoption import convinces, log_likelihood_gain
+from heli3dof.diagnosis.conclusion.adoption import is_significant_gain, log_likelihood_gain
 from heli3dof.diagnosis.result import Dropped, TorqueTerm
-from heli3dof.diagnosis.screening.grid_trials import widened
+from heli3dof.diagnosis.screening.grid_trials import with_term_added
 from heli3dof.diagnosis.selection.steps import bias_corrected
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal, proposals
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
@@ -61,7 +61,7 @@ def with_torques(
                 continue
             new = held_out(wider, holdout)
             g = gain(after, new, seed=setup.seed)
-            if convinces(g):
+            if is_significant_gain(g):
                 fit, after = wider, new
                 kept.append((torque, (proposal, g)))
                 break
@@ -84,7 +84,7 @@ def with_torques(
 def fit_with(setup: Setup, fit: CorrectedFit, proposal: Proposal) -> CorrectedFit:
     """Return ``fit`` extended by the proposal's term, refitted and bias-corrected."""
     o = fit.optimum
-    wide = widened(fit.problem, term(proposal.term))
+    wide = with_term_added(fit.problem, term(proposal.term))
     new = wide.structure.free[len(o.theta) :]
     start = [f.scaled(v) for f, v in zip(new, proposal.start, strict=True)]
     at = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)

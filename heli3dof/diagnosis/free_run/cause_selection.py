@@ -74,10 +74,10 @@ def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResul
     """Return (causes, terms that stay in the model but are no causes), as ordered in ``result``."""
     causes = [
         r
-        for r in result.kept
+        for r in result.needed
         if probability_nonzero(result.fit, r.term) >= LEVEL and not contradicted(result, r)
     ]
-    return causes, [*(r for r in result.kept if r not in causes), *result.gone]
+    return causes, [*(r for r in result.needed if r not in causes), *result.removed]
 
 
 def mostly_prior(fit: MultiStepFit, name: str) -> bool:
@@ -127,7 +127,7 @@ def open_terms(
                 if other not in {t.name for t in fit.structure.terms}:
                     fit = refit(fit, "", other)
             return UndecidedTerms(fit, (r.term, *r.tied_with), tied=True)
-    needed = [r.term for r in only_kept if r not in result.gone]
+    needed = [r.term for r in only_kept if r not in result.removed]
     return UndecidedTerms(result.fit, tuple(needed or not_identifiable(result.fit, causes)))
 
 
@@ -150,7 +150,7 @@ def _why(result: Elimination, r: TermResult) -> str:
         return MOSTLY_PRIOR
     if not result.halves:
         return "its size is not significant, and no blocks were left out"
-    if r in result.gone:
+    if r in result.removed:
         return "left-out blocks do not need it"
     if probability_nonzero(result.fit, r.term) >= LEVEL and (why := contradicted(result, r)):
         return f"left-out blocks need it, but {why}"

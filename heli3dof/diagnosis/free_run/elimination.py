@@ -79,7 +79,7 @@ class LossIncrease:
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class LeaveOneOut:
     """The result of leaving out or replacing one term."""
 
     increase: LossIncrease
@@ -93,7 +93,7 @@ class TermResult:
     """A term, and the increase of the held-out loss without it."""
 
     term: str
-    trial: Trial
+    trial: LeaveOneOut
     tied_with: tuple[str, ...] = ()
     """Effects confounded with the cause"""
 
@@ -108,9 +108,9 @@ class Elimination:
 
     fit: MultiStepFit
     """The fit with every term"""
-    kept: tuple[TermResult, ...]
+    needed: tuple[TermResult, ...]
     """Terms that are needed or known beforehand, by falling Δ"""
-    gone: tuple[TermResult, ...]
+    removed: tuple[TermResult, ...]
     """The removed terms in order, then those that only the cost on training blocks retained"""
     first: FitWithFolds | None = None
     last: FitWithFolds | None = None
@@ -127,11 +127,11 @@ def eliminate(
     full: MultiStepFit, *, seed: int = 0, progress: Progress = lambda s: None
 ) -> Elimination:
     """Return which terms of the fit ``full`` stay in a backward elimination (see the module)."""
-    begun = search(full.problem, full.z, full.noise, stages_s=(STAGE_S,))
+    at_common_scale = search(full.problem, full.z, full.noise, stages_s=(STAGE_S,))
     progress("Fitting each half of the blocks …")
-    first = current = FitWithFolds.of(begun)
+    first = current = FitWithFolds.of(at_common_scale)
     removed: list[TermResult] = []
-    retained: dict[str, Trial] = {}
+    retained: dict[str, LeaveOneOut] = {}
     known = known_beforehand(full.problem)
     while True:
         order = by_significance(current.fit)
@@ -151,14 +151,14 @@ def eliminate(
             break
         correlated = correlated_terms(current.fit, out)
         retained = {k: v for k, v in retained.items() if k not in correlated}
-        removed.append(TermResult(out, Trial(trial.increase)))
+        removed.append(TermResult(out, LeaveOneOut(trial.increase)))
         progress(f"Without {out} … refitting the others")
         current = current.without_term(out, trial.fits_without)
     stays = [TermResult(t, trial) for t, trial in retained.items()]
-    kept = [r for r in stays if r.increase.significant or r.term in known]
-    kept.sort(key=lambda r: -r.increase.value)
-    gone = [*removed, *(r for r in stays if r not in kept)]
-    return Elimination(full, tuple(kept), tuple(gone), first, current)
+    needed = [r for r in stays if r.increase.significant or r.term in known]
+    needed.sort(key=lambda r: -r.increase.value)
+    removed += [r for r in stays if r not in needed]
+    return Elimination(full, tuple(needed), tuple(removed), first, current)
 
 
 def without_elimination(full: MultiStepFit) -> Elimination:
@@ -168,12 +168,12 @@ def without_elimination(full: MultiStepFit) -> Elimination:
     the value without the effect.
     """
     each = [
-        TermResult(t, Trial(LossIncrease(u, u - QUANTILE, u + QUANTILE, 1.0, NORMAL.cdf(u))))
+        TermResult(t, LeaveOneOut(LossIncrease(u, u - QUANTILE, u + QUANTILE, 1.0, NORMAL.cdf(u))))
         for t, z2 in reversed(by_significance(full))
         for u in [sqrt(z2)]
     ]
-    kept = tuple(r for r in each if r.increase.significant)
-    return Elimination(full, kept, tuple(r for r in each if not r.increase.significant))
+    needed = tuple(r for r in each if r.increase.significant)
+    return Elimination(full, needed, tuple(r for r in each if not r.increase.significant))
 
 
 def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
@@ -258,7 +258,7 @@ def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
 
 def without_term(
     current: FitWithFolds, name: str, *, seed: int, instead: str | None = None
-) -> Trial:
+) -> LeaveOneOut:
     """Return the trial that leaves out term ``name``, or puts the term ``instead`` in its place.
 
     For a term that varies by recording, each recording is left out in turn if there are several.
@@ -273,7 +273,7 @@ def without_term(
             loss = [recording_losses(f, p, i, current.fit.scale) for f in (less, full)]
             return np.asarray(loss[0] - loss[1])
 
-        return Trial(bootstrap(np.concatenate(parallel_map(one, len(p.flights))), seed))
+        return LeaveOneOut(bootstrap(np.concatenate(parallel_map(one, len(p.flights))), seed))
 
     def each(i: int) -> tuple[MultiStepFit, np.ndarray]:
         fit, test = current.folds[i]
@@ -283,10 +283,12 @@ def without_term(
 
     results = parallel_map(each, len(current.folds))
     increase = bootstrap(np.concatenate([d for _, d in results]), seed)
-    return Trial(increase, tuple(fit for fit, _ in results), tuple(fit for fit, _ in current.folds))
+    return LeaveOneOut(
+        increase, tuple(fit for fit, _ in results), tuple(fit for fit, _ in current.folds)
+    )
 
 
-def training_cost(current: FitWithFolds, trial: Trial) -> float:
+def training_cost(current: FitWithFolds, trial: LeaveOneOut) -> float:
     """Return the increase of the cost Q on the training blocks without the trial's term.
 
     It is 0 if the trial left out whole recordings: such a trial stores no fits.

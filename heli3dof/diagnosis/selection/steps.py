@@ -19,7 +19,7 @@ from heli3dof.diagnosis.screening.grid_trials import (
     exceeds_nulls,
     terms_without_score,
     trials,
-    widened,
+    with_term_added,
 )
 from heli3dof.diagnosis.screening.nulls import formula_nulls, simulated_nulls
 from heli3dof.diagnosis.screening.score_test import Screen
@@ -169,7 +169,7 @@ def with_forms(
     """Return the likelihood with the terms of ``others`` added, and its refitted optimum."""
     theta = optimum.theta
     for c in others:
-        problem = widened(problem, c.term)
+        problem = with_term_added(problem, c.term)
         theta = np.append(theta, c.optimum.theta[-1])
     if not others:
         return problem, optimum

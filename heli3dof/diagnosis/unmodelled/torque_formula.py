@@ -44,8 +44,8 @@ from heli3dof.diagnosis.unmodelled.torque_evidence import (
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     TORQUE_FALSE_ALARMS,
-    Place,
     ResidualTorque,
+    TorqueLocation,
 )
 from heli3dof.identification.bias_correction.coloured_noise import MEMORY_S, freedom, long_run
 from heli3dof.identification.bias_correction.correction import CorrectedFit
@@ -113,14 +113,14 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     return out
 
 
-def significant_formula(x: Evidence) -> Place | None:
+def significant_formula(x: Evidence) -> TorqueLocation | None:
     """Return axis and variable of the best torque formula; None if it is not significant."""
     fit, flight, nuisance, at = x.fit, x.flight, x.nuisance, x.flight.at
     block = block_numbers(flight.data, BLOCK_S)[at.row]
     blocks, memory = int(block.max()) + 1, round(MEMORY_S / BLOCK_S)
     if blocks < 2 * (memory + 1):
         return None
-    best, place = 0.0, Place("", "")
+    best, location = 0.0, TorqueLocation("", "")
     axes = np.flatnonzero(fit.problem.data.axes)
     for i in axes:
         S, c = product_scores(x, int(i))
@@ -132,12 +132,12 @@ def significant_formula(x: Evidence) -> Place | None:
         variance = max(float(long_run(s[:, None], memory)[0, 0]), v * max(fit.inflation, 1.0))
         t2 = (c[k] * v) ** 2 / variance if variance > 0 else 0.0
         if t2 > best:
-            best, place = t2, Place(AXES[i], variable_of(PRODUCTS[k]))
+            best, location = t2, TorqueLocation(AXES[i], variable_of(PRODUCTS[k]))
     from scipy.stats import t as student
 
     p = TORQUE_FALSE_ALARMS / (2 * len(axes) * len(PRODUCTS))
     threshold = 2 * float(student.isf(p, freedom(blocks, memory))) ** 2
-    return place if best > threshold else None
+    return location if best > threshold else None
 
 
 def variable_of(product: str) -> str:

@@ -73,7 +73,7 @@ WINDOW_S = 0.1
 """s, over which torques are averaged. Chosen; not derived."""
 
 
-class Place(NamedTuple):
+class TorqueLocation(NamedTuple):
     """The axis on which a torque acts, and the variable of which it is a function."""
 
     axis: str
@@ -126,11 +126,11 @@ def split_off_slow_noise(
 
 
 def significant_torques(
-    evidence: Evidence, certain: Place | None = None
+    evidence: Evidence, proven: TorqueLocation | None = None
 ) -> tuple[ResidualTorque, ...]:
     """Return the significant torques, as functions of a measured variable or of time only.
 
-    They are in the order in which they were accepted. ``certain``: axis and variable of a torque
+    They are in the order in which they were accepted. ``proven``: axis and variable of a torque
     that another test has shown (`unmodelled.torque_formula`): it is accepted first, untested.
     """
     fit, flight, library = evidence.fit, evidence.flight, evidence.library
@@ -150,8 +150,8 @@ def significant_torques(
             for t in (_with_traces(evidence, nuisance, *s) for s in large)
             if _exceeds_coloured_noise(evidence, nuisance, tests, *t, is_coloured=is_coloured)
         )
-        if certain is not None and not out:
-            q = _group(library, tests, certain)
+        if proven is not None and not out:
+            q = _group(library, tests, proven)
             torque = _residual_torque(flight, library, tests, q)
             accepted = (t for t in [_with_traces(evidence, nuisance, q, torque)])
         best, new, D = next(accepted, (-1, None, np.zeros(0)))
@@ -167,13 +167,13 @@ def significant_torques(
     return tuple(out)
 
 
-def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
-    """Return the index of the group of hat functions for ``place``, an axis and a variable.
+def _group(library: Hats, tests: ScoreTests, location: TorqueLocation) -> int:
+    """Return the index of the group of hat functions for ``location``, an axis and a variable.
 
     A variable that hardly changes has no group. Then the axis's most significant group is returned.
     """
-    groups = [q for q, (i, _) in enumerate(library.groups) if AXES[i] == place.axis]
-    exact = [q for q in groups if library.groups[q][1] == place.variable]
+    groups = [q for q, (i, _) in enumerate(library.groups) if AXES[i] == location.axis]
+    exact = [q for q in groups if library.groups[q][1] == location.variable]
     return max(exact or groups, key=lambda q: float(tests.x[q]))
 
 

@@ -9,9 +9,9 @@ gain.
     Δℓ = Σ ln Z(after) − Σ ln Z(before)            Z: probability of a reading given earlier ones
 
 The 95 % intervals come from a block bootstrap whose blocks are cells of `CELL_S` seconds, because
-predictions overlap, and noise is correlated within a second. An extension `pays` if the interval of
-Δℓ lies above zero. RMSE alone may miss a real effect: modelling a periodic torque may lower it by
-only 2 %.
+predictions overlap, and noise is correlated within a second. A gain is significant if the interval
+of Δℓ lies above zero (`gain_interval_positive`). RMSE alone may miss a real effect: modelling a
+periodic torque may lower it by only 2 %.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ def removes_most(before: float, after: float, low: float) -> bool:
     return low > 0 and before**2 > 2 * after**2
 
 
-def pays(g: Gain) -> bool:
+def gain_interval_positive(g: Gain) -> bool:
     """Return True if held-out data are significantly more likely under the extended model."""
     return g.log_likelihood is not None and g.log_likelihood.low > 0
 

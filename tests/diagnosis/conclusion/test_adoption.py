@@ -13,7 +13,7 @@ from heli3dof.diagnosis.conclusion import adoption
 from heli3dof.diagnosis.conclusion.adoption import (
     adopted,
     coloured_noise_margin,
-    pays_enough,
+    meets_adoption_condition,
     size_confidence,
     within_a_count,
     without_mutual_ties,
@@ -89,13 +89,13 @@ def test_a_cause_is_adopted_if_held_out_data_confirm_it(
 ) -> None:
     gain = gained(value, low)
     choice = cast(Any, SimpleNamespace(score=SUFFICIENT - 1))
-    assert pays_enough(choice, gain, first=first) is adopted
+    assert meets_adoption_condition(choice, gain, first=first) is adopted
 
 
 @pytest.mark.parametrize(("score", "adopted"), [(SUFFICIENT - 1, False), (SUFFICIENT, True)])
 def test_a_further_cause_with_a_large_score_is_adopted(score: float, adopted: bool) -> None:
     choice = cast(Any, SimpleNamespace(score=score))
-    assert pays_enough(choice, gained(20.0, -1.0), first=False) is adopted
+    assert meets_adoption_condition(choice, gained(20.0, -1.0), first=False) is adopted
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_a_brief_effect_pays_by_its_odds_and_one_better_predicted_axis(
     value: float, less_deg: float, adopted: bool
 ) -> None:
     choice = cast(Any, SimpleNamespace(score=40.0))
-    assert pays_enough(choice, gained(value, -7.0, less_deg), first=False) is adopted
+    assert meets_adoption_condition(choice, gained(value, -7.0, less_deg), first=False) is adopted
 
 
 def found_with(rho: float) -> Any:

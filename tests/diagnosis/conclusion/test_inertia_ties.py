@@ -12,11 +12,11 @@ import pytest
 from heli3dof.diagnosis.base_parameters import OffNominal, off_nominal
 from heli3dof.diagnosis.conclusion import inertia_ties
 from heli3dof.diagnosis.conclusion.inertia_ties import (
+    are_within_tolerance,
     confounded_causes,
     instead_of_inertia,
     last_step_with_causes,
     with_confounded_causes,
-    within,
 )
 from heli3dof.diagnosis.selection.steps import Step, screening_step
 from heli3dof.experiment.fly import fly_plan
@@ -171,5 +171,5 @@ def test_a_slow_torque_is_confounded_with_the_inertia_that_absorbed_it() -> None
 
 def test_only_the_requested_parameter_counts() -> None:
     _, step = first_step(HEAVY, 1202)
-    assert not within(step.fit, {"inertia.roll"})
-    assert within(step.fit, {"inertia.yaw"})
+    assert not are_within_tolerance(step.fit, {"inertia.roll"})
+    assert are_within_tolerance(step.fit, {"inertia.yaw"})

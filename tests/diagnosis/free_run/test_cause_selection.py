@@ -22,7 +22,12 @@ from heli3dof.diagnosis.free_run.cause_selection import (
     select_causes,
     sizes,
 )
-from heli3dof.diagnosis.free_run.elimination import Elimination, LossIncrease, TermResult, Trial
+from heli3dof.diagnosis.free_run.elimination import (
+    Elimination,
+    LeaveOneOut,
+    LossIncrease,
+    TermResult,
+)
 from heli3dof.diagnosis.free_run.refits import FitWithFolds
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.identification.greybox.multistep import MultiStepFit
@@ -59,8 +64,8 @@ def elimination_of(
 ) -> Elimination:
     return Elimination(
         fit,
-        tuple(TermResult(t, Trial(w)) for t, w in kept.items()),
-        tuple(TermResult(t, Trial(w)) for t, w in gone.items()),
+        tuple(TermResult(t, LeaveOneOut(w)) for t, w in kept.items()),
+        tuple(TermResult(t, LeaveOneOut(w)) for t, w in gone.items()),
     )
 
 
@@ -118,7 +123,7 @@ def test_a_term_that_blocks_do_not_need_is_kept_with_its_reason(flat: MultiStepF
 
 def test_a_kept_weight_is_reported_with_one_value_per_recording(flat: MultiStepFit) -> None:
     result = elimination_of(flat, {}, {"mass.imbalance": NOT_NEEDED, YAW: NOT_NEEDED})
-    weight, friction = kept_terms(result, list(result.gone))
+    weight, friction = kept_terms(result, list(result.removed))
     assert weight["why"].startswith("with one value per recording")
     assert not friction["why"].startswith("with")
 
@@ -128,8 +133,8 @@ def test_confidence_is_the_lesser_probability_and_known_terms_need_no_blocks(
 ) -> None:
     fit = determined(flat, {f"{YAW}.torque_Nm": 0.03, "motor.rotor_curve.exponent": 1.8}, 2e-3)
     result = elimination_of(fit, {YAW: NEEDED, "motor.rotor_curve": NOT_NEEDED}, {})
-    assert confidence(result, result.kept[0]) == pytest.approx(0.99)
-    assert confidence(result, result.kept[1]) > 0.99
+    assert confidence(result, result.needed[0]) == pytest.approx(0.99)
+    assert confidence(result, result.needed[1]) > 0.99
 
 
 def test_a_size_is_listed_with_its_prior(flat: MultiStepFit) -> None:

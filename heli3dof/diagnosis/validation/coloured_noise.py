@@ -25,7 +25,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from heli3dof.diagnosis.validation.own_values import rows_of_recordings, with_own_values
+from heli3dof.diagnosis.validation.per_recording_values import rows_of_recordings, with_own_values
 from heli3dof.diagnosis.validation.prediction import noise_of, problem_of
 from heli3dof.identification.bias_correction.coloured_noise import CHANCE
 from heli3dof.identification.bias_correction.perturbation import forward, path

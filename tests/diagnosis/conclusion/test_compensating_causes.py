@@ -9,9 +9,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.conclusion import stand_ins
+from heli3dof.diagnosis.conclusion import compensating_causes as compensating_causes
 from heli3dof.diagnosis.conclusion.adoption import AdoptionResult
-from heli3dof.diagnosis.conclusion.stand_ins import (
+from heli3dof.diagnosis.conclusion.compensating_causes import (
     insignificant,
     marked_unconfirmed,
     with_resemblance,
@@ -49,7 +49,7 @@ def test_an_unmodelled_torque_gets_no_asserted_name() -> None:
     result = diagnose(product("rich", 1303, 30.0), quick=True)
     assert result.verdict == "unexplained"
     assert result.residual_torques[0].axis == "pitch"
-    # Its stand-in about hover is either dropped or reported as "-like".
+    # The cause that compensates for it about hover is either dropped or reported as "-like".
     assert all(f.unconfirmed for f in result.findings)
     named = {f.term.name for f in result.findings} | {d.name for d in result.dropped}
     assert "motor.thrust_mismatch" in named
@@ -101,16 +101,16 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
         choice = SimpleNamespace(term=SimpleNamespace(name=name, effect=SimpleNamespace(of_base=0)))
         return SimpleNamespace(choice=choice, term=choice.term, gain=None)
 
-    monkeypatch.setattr(stand_ins, "bias_corrected", settled_again)
-    monkeypatch.setattr(stand_ins, "adopted", adopted)
-    monkeypatch.setattr(stand_ins, "evidence", lambda *a, **k: SimpleNamespace(null=()))
-    monkeypatch.setattr(stand_ins, "replaced_by_formula", lambda *a: None)
-    monkeypatch.setattr(stand_ins, "significant_torques", lambda *a: ())
-    monkeypatch.setattr(stand_ins, "marked_unconfirmed", lambda findings, fit: findings)
+    monkeypatch.setattr(compensating_causes, "bias_corrected", settled_again)
+    monkeypatch.setattr(compensating_causes, "adopted", adopted)
+    monkeypatch.setattr(compensating_causes, "evidence", lambda *a, **k: SimpleNamespace(null=()))
+    monkeypatch.setattr(compensating_causes, "replaced_by_formula", lambda *a: None)
+    monkeypatch.setattr(compensating_causes, "significant_torques", lambda *a: ())
+    monkeypatch.setattr(compensating_causes, "marked_unconfirmed", lambda findings, fit: findings)
     fit = SimpleNamespace(is_corrected=False, problem=None, optimum=None)
     setup = SimpleNamespace(recordings=(), seed=0)
     start = AdoptionResult(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
-    last = stand_ins.settle_unmodelled(cast(Any, setup), start, [], flights=8)
+    last = compensating_causes.search_residual_torques(cast(Any, setup), start, [], flights=8)
     assert [f.term.name for f in last.findings] == named
 
 

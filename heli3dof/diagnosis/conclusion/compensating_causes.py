@@ -1,8 +1,8 @@
-"""Search for residual torques, and drop the causes that only stand in for one.
+"""Search for residual torques, and drop the causes that only compensate for one.
 
-A cause is a stand-in if a formula for a torque explains the flight better than the cause does
-(`conclusion.formula_contest`). Stand-ins are removed, the other causes are fitted again, and
-adopted or dropped. The search is repeated until there is no further stand-in.
+A cause compensates for a torque if a formula for it explains the flight better than the cause does
+(`conclusion.formula_contest`). Such causes are removed, the others are fitted again, and adopted or
+dropped. The search is repeated until no further cause is removed.
 
 The remaining causes are marked "…-like" (unconfirmed) if one of these holds:
 
@@ -20,7 +20,7 @@ from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted
 from heli3dof.diagnosis.conclusion.formula_contest import replaced_by_formula
 from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
 from heli3dof.diagnosis.constants import SIGMAS_95
-from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
+from heli3dof.diagnosis.result import COMPENSATES, Dropped, Finding
 from heli3dof.diagnosis.selection.steps import bias_corrected, without
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence
 from heli3dof.diagnosis.unmodelled.torque_formula import significant_formula
@@ -29,7 +29,7 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     significant_torques,
     split_off_slow_noise,
 )
-from heli3dof.diagnosis.validation.gain import pays
+from heli3dof.diagnosis.validation.gain import gain_interval_positive
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate
@@ -37,7 +37,7 @@ from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.recording.recording import Recording
 
 
-def settle_unmodelled(
+def search_residual_torques(
     setup: Setup, start: AdoptionResult, holdout: Sequence[Recording], *, flights: int
 ) -> AdoptionResult:
     """Search the fit of ``start`` for residual torques; drop causes that a torque explains better.
@@ -49,23 +49,23 @@ def settle_unmodelled(
         start = (
             start if not again.is_corrected else _adopted_again(setup, start, again, (), holdout)
         )
-    now, removed, certain = start, list[Finding](), None
+    now, removed, proven = start, list[Finding](), None
     first: tuple[ResidualTorque, ...] | None = None
     while True:
         scores = evidence(now.fit, setup.recordings, flights=flights, seed=setup.seed)
-        if scores.null is None and certain is None:
-            certain = significant_formula(scores)
-        left, slow_noise = split_off_slow_noise(significant_torques(scores, certain))
+        if scores.null is None and proven is None:
+            proven = significant_formula(scores)
+        left, slow_noise = split_off_slow_noise(significant_torques(scores, proven))
         if not now.fit.is_corrected:
             left = tuple(x for x in left if not is_biased(now.fit, x.axis))
         causes = replaceable_causes(now.findings)
         contest = replaced_by_formula(setup, now.fit, causes, holdout)
         if contest is None:
             break
-        names, certain = contest.causes, contest.formula.place
+        names, proven = contest.causes, contest.formula.location
         first = left if first is None else first
         removed += [f for f in now.findings if f.term.name in names]
-        now = _without_stand_ins(setup, now, names, holdout)
+        now = _without(setup, now, names, holdout)
     if first is not None and not left:
         return _undecided(start, first, removed)
     return replace(
@@ -98,7 +98,7 @@ def _undecided(
     )
 
 
-def _without_stand_ins(
+def _without(
     setup: Setup, now: AdoptionResult, names: Sequence[str], holdout: Sequence[Recording]
 ) -> AdoptionResult:
     """Return the result without the causes ``names``; refit the others, adopt or drop each."""
@@ -118,14 +118,17 @@ def _adopted_again(
     kept = [f.choice for f in now.findings if f.term.name not in names]
     gains = {f.term.name: f.gain for f in now.findings}
     result = adopted(found, kept, holdout, seed=setup.seed)
-    replaced = (Dropped(n, gains[n], STANDS_IN) for n in names)
+    replaced = (Dropped(n, gains[n], COMPENSATES) for n in names)
     return replace(result, dropped=(*now.dropped, *replaced, *result.dropped))
 
 
 def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
     """Return the findings; the unconfirmed ones are marked "…-like"."""
     small = insignificant(fit)
-    return tuple(replace(f, unconfirmed=f.term.name in small or not pays(f.gain)) for f in findings)
+    return tuple(
+        replace(f, unconfirmed=f.term.name in small or not gain_interval_positive(f.gain))
+        for f in findings
+    )
 
 
 def insignificant(fit: Estimate) -> set[str]:
