@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from heli3dof.axes import AXES
@@ -38,10 +39,8 @@ def diagnosis_document(
     adopted) and ``about``.
     """
     f = d.fitted
-    about, following = (
-        dict(d.about),
-        _catalogue_recommendation(d) if upcoming is None else _recommendation(upcoming),
-    )
+    about = dict(d.about)
+    following = _catalogue_recommendation(d) if upcoming is None else _recommendation(upcoming)
     if following is None and f is not None and f.final is None:
         about["no_next_experiment"] = why_none(f.open)
     return {
@@ -65,7 +64,7 @@ def diagnosis_document(
                 "axis": x.axis,
                 "rms_Nm": x.size_Nm,
                 "share": x.share,
-                "table": [list(r) for r in x.table],
+                "table": list(map(list, x.table)),
             }
             for x in d.slow_noise
         ],
@@ -82,30 +81,16 @@ def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
     """Return an axis' prediction error with the profile's numbers, and its noise floor."""
     if f is None:
         return {"rmse_deg": None, "noise_floor_deg": None, "horizon_s": HORIZON_S}
-    error, floor = (_finite_or_none(x) for x in f.simulation_error.at(HORIZON_S, axis))
-    return {
-        "rmse_deg": error,
-        "noise_floor_deg": floor,
-        "horizon_s": HORIZON_S,
-        "by_horizon": [
-            {
-                "horizon_s": h,
-                "rmse_deg": _finite_or_none(f.simulation_error.at(h, axis)[0]),
-                "noise_floor_deg": _finite_or_none(f.simulation_error.at(h, axis)[1]),
-            }
-            for h in f.simulation_error.horizons_s
-        ],
-        "worst": [
-            {
-                "recording": w.recording,
-                "start_s": w.start_s,
-                "stop_s": w.stop_s,
-                "rmse_deg": w.rmse_deg,
-            }
-            for w in f.simulation_error.worst
-            if w.axis == axis
-        ],
-    }
+    e = f.simulation_error
+
+    def at(horizon_s: float) -> dict[str, Any]:
+        error, floor = map(_finite_or_none, e.at(horizon_s, axis))
+        return {"rmse_deg": error, "noise_floor_deg": floor, "horizon_s": horizon_s}
+
+    worst = [asdict(w) for w in e.worst if w.axis == axis]
+    for w in worst:
+        del w["axis"]
+    return {**at(HORIZON_S), "by_horizon": [at(h) for h in e.horizons_s], "worst": worst}
 
 
 def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
@@ -162,31 +147,23 @@ def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
 
 def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
     """Return the held-out RMSE before and after a model change, and intervals of the reduction."""
-    no_values = dict.fromkeys(AXES)
-    out: dict[str, Any] = {
-        "holdout_rmse_deg": {
-            "before": no_values if g is None else dict(g.before),
-            "after": no_values if g is None else dict(g.after),
-        },
-        "holdout_log_likelihood": None
-        if g is None or g.log_likelihood is None
-        else g.log_likelihood.value,
-    }
-    if f is not None:
-        out["holdout_rmse_deg"]["noise_floor"] = dict(f.noise_floor)
-    elif g is None:
-        out["holdout_rmse_deg"]["noise_floor"] = no_values
+    rmse: dict[str, Any] = {"before": dict.fromkeys(AXES), "after": dict.fromkeys(AXES)}
     if g is not None:
-        log_likelihood = g.log_likelihood
-        out["holdout_log_likelihood_interval"] = (
-            None if log_likelihood is None else [log_likelihood.low, log_likelihood.high]
-        )
-        out["rmse_reduction_deg"] = {
-            a: None if x is None else {"value": x.value, "interval": [x.low, x.high]}
-            for a, x in g.rmse_deg.items()
-        }
-        out["measured_on"] = g.on
-    return out
+        rmse = {"before": dict(g.before), "after": dict(g.after)}
+    if f is not None or g is None:
+        rmse["noise_floor"] = dict.fromkeys(AXES) if f is None else dict(f.noise_floor)
+    if g is None:
+        return {"holdout_rmse_deg": rmse, "holdout_log_likelihood": None}
+    likelihood = g.log_likelihood
+    return {
+        "holdout_rmse_deg": rmse,
+        "holdout_log_likelihood": likelihood and likelihood.value,
+        "holdout_log_likelihood_interval": likelihood and [likelihood.low, likelihood.high],
+        "rmse_reduction_deg": {
+            a: x and {"value": x.value, "interval": [x.low, x.high]} for a, x in g.rmse_deg.items()
+        },
+        "measured_on": g.on,
+    }
 
 
 def _cause(x: Fault | Finding | OffNominal) -> dict[str, Any]:
@@ -270,12 +247,7 @@ def _recommendation(n: NextExperiment) -> dict[str, Any]:
         "why": n.why,
         "certainty": n.certainty,
         "ranking": [
-            {
-                "plan": o.plan,
-                "duration_s": o.duration_s,
-                "margin": o.margin,
-                "certainty": o.certainty,
-            }
+            {k: getattr(o, k) for k in ("plan", "duration_s", "margin", "certainty")}
             for o in n.ranking
         ],
     }

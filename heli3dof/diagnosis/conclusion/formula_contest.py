@@ -29,7 +29,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding
 from heli3dof.diagnosis.constants import TIE
-from heli3dof.diagnosis.screening.grid_trials import with_term_added
+from heli3dof.diagnosis.screening.grid_trials import with_term_at
 from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
 from heli3dof.diagnosis.selection.rivals import ROUNDS, likelihoods, odds
 from heli3dof.diagnosis.selection.steps import without
@@ -150,7 +150,7 @@ def with_best_product(fit: CorrectedFit) -> Formula:
     S, c = scores[i]
     k = int(S.argmax())
     o = fit.optimum
-    wide = with_term_added(fit.problem, term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}"))
-    start = wide.structure.free[-1].scaled(float(c[k]))
-    best = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)
+    torque = term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}")
+    wide, start = with_term_at(fit.problem, o.theta, torque, (float(c[k]),))
+    best = maximise_corrected(wide, start, o.noise, None)
     return Formula(wide, best, TorqueLocation(AXES[i], variable_of(PRODUCTS[k])))

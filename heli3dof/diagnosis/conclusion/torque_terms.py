@@ -16,7 +16,7 @@ import numpy as np
 from heli3dof.diagnosis.base_parameters import in_SI
 from heli3dof.diagnosis.conclusion.adoption import is_significant_gain, log_likelihood_gain
 from heli3dof.diagnosis.result import Dropped, TorqueTerm
-from heli3dof.diagnosis.screening.grid_trials import with_term_added
+from heli3dof.diagnosis.screening.grid_trials import with_term_at
 from heli3dof.diagnosis.selection.steps import bias_corrected
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal, proposals
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
@@ -84,8 +84,6 @@ def with_torques(
 def fit_with(setup: Setup, fit: CorrectedFit, proposal: Proposal) -> CorrectedFit:
     """Return ``fit`` extended by the proposal's term, refitted and bias-corrected."""
     o = fit.optimum
-    wide = with_term_added(fit.problem, term(proposal.term))
-    new = wide.structure.free[len(o.theta) :]
-    start = [f.scaled(v) for f, v in zip(new, proposal.start, strict=True)]
-    at = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)
+    wide, start = with_term_at(fit.problem, o.theta, term(proposal.term), proposal.start)
+    at = maximise_corrected(wide, start, o.noise, None)
     return bias_corrected(setup, wide, at, fit)

@@ -80,15 +80,9 @@ def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResul
     return causes, [*(r for r in result.needed if r not in causes), *result.removed]
 
 
-def mostly_prior(fit: MultiStepFit, name: str) -> bool:
-    """Return whether the estimate of a term's first parameter is mostly its prior."""
-    j = first_parameters(fit.structure.free).get(name)
-    return j is not None and bool(fit.mostly_prior[j])
-
-
 def contradicted(result: Elimination, r: TermResult) -> str:
     """Return why the recordings do not confirm the term ``r`` as a cause; empty if they do."""
-    if mostly_prior(result.fit, r.term):
+    if (d := null_distance(result.fit, r.term)) is not None and d.mostly_prior:
         return MOSTLY_PRIOR
     halves = compare_halves(result.halves, r.term)
     if halves is None:
@@ -146,7 +140,7 @@ def kept_terms(result: Elimination, only_kept: list[TermResult]) -> list[dict[st
 
 
 def _why(result: Elimination, r: TermResult) -> str:
-    if mostly_prior(result.fit, r.term):
+    if (d := null_distance(result.fit, r.term)) is not None and d.mostly_prior:
         return MOSTLY_PRIOR
     if not result.halves:
         return "its size is not significant, and no blocks were left out"

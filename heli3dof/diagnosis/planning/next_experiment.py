@@ -36,7 +36,7 @@ from heli3dof.diagnosis.result import (
     percent,
 )
 from heli3dof.diagnosis.screening.catalogue import Probe, probes
-from heli3dof.diagnosis.screening.grid_trials import with_term_added
+from heli3dof.diagnosis.screening.grid_trials import with_term_at
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.errors import UsageError
@@ -250,7 +250,5 @@ def _margin(z: np.ndarray, i: int, starts: np.ndarray) -> float:
 
 def _model_with(base: Estimate, cause: Probe) -> GreyBoxModel:
     """Return the base model with ``cause``."""
-    o, problem = base.optimum, with_term_added(base.problem, cause.term)
-    new = problem.structure.free[len(o.theta) :]
-    scaled = [f.scaled(v) for f, v in zip(new, cause.values, strict=True)]
-    return model_at(problem, np.append(o.theta, scaled), o.noise)
+    o = base.optimum
+    return model_at(*with_term_at(base.problem, o.theta, cause.term, cause.values), o.noise)
