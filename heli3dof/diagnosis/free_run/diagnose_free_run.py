@@ -114,7 +114,7 @@ def diagnose_without_likelihood(
     cross-validation: the estimates alone select causes, marked "…-like". Then the gain is measured
     on the training data if there are no held-out data.
     """
-    whole, partial = _all_angles(train), _lacking_angles([*train, *held])
+    whole, partial = _all_angles(train), [r for r in (*train, *held) if len(r.axes) < len(AXES)]
     flights = [r for r in whole if len(flight_of(r).starts) >= LEAST_STARTS]
     held_out = _all_angles(held)
     tested, on = (held_out, "holdout") if held_out else (whole, "the recordings themselves")
@@ -224,10 +224,6 @@ def _predicted(fit: Fit, whole: Sequence[Recording], held: Sequence[Recording]) 
 
 def _all_angles(recordings: Sequence[Recording]) -> list[Recording]:
     return [r for r in recordings if len(r.axes) == len(AXES)]
-
-
-def _lacking_angles(recordings: Sequence[Recording]) -> list[Recording]:
-    return [r for r in recordings if len(r.axes) < len(AXES)]
 
 
 def _finding(result: Elimination, r: TermResult, gained: Gain) -> Finding:

@@ -49,7 +49,7 @@ from heli3dof.diagnosis.free_run.refits import (
     recording_indices,
     refit,
 )
-from heli3dof.diagnosis.validation.gain import DRAWS, interval
+from heli3dof.diagnosis.validation.gain import DRAWS, Interval, interval
 from heli3dof.identification.greybox.multistep import FAR, MultiStep, MultiStepFit, robust, search
 from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
@@ -63,12 +63,9 @@ NORMAL = NormalDist()
 
 
 @dataclass(frozen=True)
-class LossIncrease:
+class LossIncrease(Interval):
     """Increase Δ of the held-out loss without a term, with its bootstrap interval."""
 
-    value: float
-    low: float
-    high: float
     std: float
     positive: float
     """Share of the draws above zero"""

@@ -54,8 +54,6 @@ LOW_V = (2.0, 3.5)
 """V: two voltages in the dead zone of one motor, as users observe it"""
 LEAST_HOVER = 2.0
 """Least ratio of hover voltage to the higher `LOW_V` at which a dead zone is reported. Chosen."""
-SLOPE_RATIO = 2.0
-"""Largest ratio of two slopes that agree. Chosen; not derived."""
 PENDULUM = "stiffness.pendulum.roll.torque_Nm"
 EXPONENT = "motor.rotor_curve.exponent"
 SPUN_UP_S = 0.35
@@ -71,7 +69,7 @@ LEAST_CREEP_DEG = 1.0
 LEAST_ERROR_DEG = 2.0
 """°: least height above the table; least creep or model error that is reported. Chosen."""
 LARGEST_RATIO = 2.0
-"""Growths with a larger ratio are of different size. Chosen."""
+"""Growths or slopes with a larger ratio are of different size. Chosen."""
 
 
 def unexplained_effects(
@@ -333,7 +331,7 @@ def pendulum_sentence(
     ratio = (model_10 - model_minus_10) / (at_10 - at_minus_10)
     if not ratio > 0:
         return []
-    also = "" if 1 / SLOPE_RATIO < ratio < SLOPE_RATIO else ", unlike the measurement"
+    also = "" if 1 / LARGEST_RATIO < ratio < LARGEST_RATIO else ", unlike the measurement"
     changes = "rises" if at_10 > at_minus_10 else "falls"
     return [
         f"The hover voltage {changes} with roll because the arm is a pendulum "
