@@ -4,11 +4,11 @@ from .comparison.document import comparison_document as comparison_document
 from .comparison.metrics import flight_metrics as flight_metrics
 from .diagnosis.diagnose import diagnose as diagnose
 from .diagnosis.document import diagnosis_document as diagnosis_document
-from .diagnosis.outlook import NextExperiment as NextExperiment
 from .diagnosis.planning.next_experiment import next_experiment as next_experiment
 from .diagnosis.planning.run_auto import AutoResult as AutoResult
 from .diagnosis.planning.run_auto import run_auto as run_auto
 from .diagnosis.result import Diagnosis as Diagnosis
+from .diagnosis.result import NextExperiment as NextExperiment
 from .errors import CheckFailed as CheckFailed
 from .errors import DeviceError as DeviceError
 from .errors import Heli3dofError as Heli3dofError

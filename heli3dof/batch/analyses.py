@@ -11,7 +11,7 @@ from typing import Any
 from heli3dof.axes import AXES
 from heli3dof.batch.bootstrap import block_replicate
 from heli3dof.batch.thrust_columns import thrust_columns
-from heli3dof.diagnosis.cause_name import name_of
+from heli3dof.diagnosis import name_of
 from heli3dof.integrity import Kind, integrity
 from heli3dof.model.base import Model
 from heli3dof.recording.info import read_with_info

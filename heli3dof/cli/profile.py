@@ -161,7 +161,7 @@ def update(
     """Write a profile with measured numbers: profile update --from MODEL --profile rig.toml."""
     from rich.table import Table
 
-    from heli3dof.diagnosis.profile_update import (
+    from heli3dof.identification.profile_update import (
         applied,
         changes,
         check_same_rig,

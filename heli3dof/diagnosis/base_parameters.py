@@ -27,32 +27,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import FALSE_ALARMS
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.identification.greybox.thrust_scale import (
+    BASE,
     SCALE_QUANTILE,
+    Measured,
     ThrustScale,
     edge,
     thrust_scale,
 )
 from heli3dof.model.effects import Term, term
+from heli3dof.model.physics.parametrisation import first_parameters
 
-FALSE_ALARMS = 0.003
-"""Probability of a false finding in a recording of a rig without any effect. Chosen."""
 THRUST_GAIN = "motor.thrust_gain"
 """Finding that K_f is off nominal, which changes T_g and all inertias alike"""
-FAMILY = 5  # tested parameters: K_f, T_g and three inertias
 STD_INFLATION = 3.0  # f of fits without edge rates, chosen
 
 
 @dataclass(frozen=True)
-class BaseParameter:
+class BaseParameter(Measured):
     """The estimate of one of the profile's parameters, in SI."""
 
     name: str
-    nominal: float
-    value: float
-    std: float
     unit: str
     noise_std: float = 0.0
     """σ, the relative standard deviation by the flights' noise"""
@@ -72,36 +70,27 @@ class BaseParameter:
         """
         return abs(self.x) - abs(edge(self.x, tolerance))
 
-    def is_significant(self, beyond: float, quantile: float, std: float) -> bool:
-        """Return whether ``beyond`` > √((`SCALE_QUANTILE` σ_k)² + (``quantile`` · ``std``)²).
-
-        ``beyond``: result of `excess`. σ_k is the standard deviation of ln K_f, ``std`` that of the
-        parameter's logarithm by the flights' noise.
-        """
-        return beyond > float(np.hypot(SCALE_QUANTILE * self.scale, quantile * std))
-
 
 def quantile() -> float:
-    """Return q, the one-sided normal quantile for `FALSE_ALARMS` shared by `FAMILY` tests.
+    """Return q, the one-sided normal quantile for `FALSE_ALARMS` shared by all base parameters.
 
     >>> round(quantile(), 2)
     3.24
     """
     from scipy.stats import norm
 
-    return float(norm.isf(FALSE_ALARMS / FAMILY))
+    return float(norm.isf(FALSE_ALARMS / len(BASE)))
 
 
 def base_parameters(fit: PhysicalFit) -> tuple[BaseParameter, ...]:
     """Return thrust gain K_f, trim torque T_g and three inertias, in SI and in this order."""
     scale = thrust_scale(fit)
     K_f = fit.structure.profile.motor.K_f
-    out = [
-        BaseParameter("K_f", K_f, K_f * scale.k, K_f * scale.k * scale.std, "N/V", 0.0, scale.std)
-    ]
+    k = K_f * scale.k
+    out = [BaseParameter(K_f, k, k * scale.std, "K_f", "N/V", 0.0, scale.std)]
     for f, v, s in zip(fit.free[:4], fit.values[:4], fit.std[:4], strict=True):
         value, std = scale.to_si(float(v), float(s), f.unit)
-        out.append(BaseParameter(f.name, f.start, value, std, f.unit, float(s / abs(v)), scale.std))
+        out.append(BaseParameter(f.start, value, std, f.name, f.unit, float(s / abs(v)), scale.std))
     return tuple(out)
 
 
@@ -121,30 +110,27 @@ class OffNominal:
     """Causes confounded with it (`conclusion.inertia_ties`)"""
 
 
-def off_nominal(
-    fit: PhysicalFit, *, std_inflation: float = STD_INFLATION
-) -> tuple[OffNominal, ...]:
+def off_nominal(fit: PhysicalFit) -> tuple[OffNominal, ...]:
     """Return the base parameters that significantly differ from nominal by more than the tolerance.
 
-    The largest `OffNominal.score` comes first. ``std_inflation``: factor by which the test
-    multiplies the standard deviations that the flights' noise causes.
+    The largest `OffNominal.score` comes first.
     """
-    tolerance = fit.structure.profile.tolerance
+    tolerance, q = fit.structure.profile.tolerance, quantile() * std_inflation(fit)
     out = [
         _off(c)
         for c in base_parameters(fit)
-        if c.is_significant(c.excess(tolerance), quantile(), std_inflation * c.noise_std)
+        if c.excess(tolerance) > np.hypot(SCALE_QUANTILE * c.scale, q * c.noise_std)
     ]
     return tuple(sorted(out, key=lambda o: -o.score))
 
 
-def std_inflation(fit: CorrectedFit) -> float:
-    """Return the ``std_inflation`` that `off_nominal` needs for a fit by likelihood.
+def std_inflation(fit: PhysicalFit) -> float:
+    """Return the factor f by which `off_nominal` multiplies standard deviations by noise.
 
-    It is 1 for a fit that also uses how often encoder counts change
-    (`closed_loop_fit.edge_rates`), else `STD_INFLATION`.
+    It is `STD_INFLATION` for a fit by likelihood alone, else 1.
     """
-    return STD_INFLATION if fit.covariance_with_edge_rates is None else 1.0
+    by_likelihood = isinstance(fit, CorrectedFit) and fit.covariance_with_edge_rates is None
+    return STD_INFLATION if by_likelihood else 1.0
 
 
 def finding_of(parameter: str) -> str:
@@ -165,6 +151,17 @@ def _off(c: BaseParameter) -> OffNominal:
     if c.name == "T_g":
         return OffNominal(cause, c.value - c.nominal, c.std, score, flight_score)
     return OffNominal(cause, ratio, ratio_std, score, flight_score)
+
+
+def effect_size(fit: PhysicalFit, name: str) -> tuple[float, float] | None:
+    """Return (v − v_0, σ) of a term's first parameter v; v_0 is its value without the effect.
+
+    None if the fit lacks the term, or if v is on a logarithmic scale, which has no v_0.
+    """
+    j = first_parameters(fit.free).get(name)
+    if j is None or fit.free[j].log:
+        return None
+    return float(fit.values[j]) - fit.free[j].null, float(fit.std[j])
 
 
 def in_SI(fit: PhysicalFit, scale: ThrustScale, name: str) -> dict[str, tuple[float, float]]:

@@ -9,31 +9,28 @@ The gain of a cause is the decrease of the prediction error if the model contain
    the best candidates; both are repeated after each cause.
 4. Gain: causes that do not improve the prediction of held-out data are dropped.
 5. Residual torques: search for unmodelled torques. Causes that only compensated for one of them are
-   dropped (`conclusion.stand_ins`).
+   dropped (`conclusion.compensating_causes`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
-from heli3dof.diagnosis.base_parameters import (
-    base_parameters,
-    off_nominal,
-    std_inflation,
-)
+from heli3dof.diagnosis.base_parameters import off_nominal
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
-from heli3dof.diagnosis.conclusion.conclude import conclude
+from heli3dof.diagnosis.conclusion.compensating_causes import search_residual_torques
 from heli3dof.diagnosis.conclusion.encoder_scales import ROLL_OFFSET
 from heli3dof.diagnosis.conclusion.inertia_ties import last_step_with_causes, with_confounded_causes
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_if_recordings_disagree
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
-from heli3dof.diagnosis.conclusion.stand_ins import TorqueSearchResult, settle_unmodelled
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed
+from heli3dof.diagnosis.conclusion.verdict import conclude
+from heli3dof.diagnosis.constants import MAX_CAUSES
 from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
 from heli3dof.diagnosis.result import Diagnosis
-from heli3dof.diagnosis.selection.select import MAX_CAUSES
 from heli3dof.diagnosis.selection.steps import (
     Step,
     base_with_forms,
@@ -54,14 +51,21 @@ from heli3dof.recording.logs.corrections import corrected
 from heli3dof.recording.recording import Recording
 from heli3dof.stage_clock import Progress, StageClock
 
-FLIGHTS, QUICK_FLIGHTS = 64, 16
-"""Number of null simulations of the first score test, without and with ``quick``. Chosen."""
-FURTHER_SHARE = 0.5
-"""Number of null simulations of a later score test, as a share of the first test's. Chosen."""
-ROUND_FLIGHTS, QUICK_ROUND_FLIGHTS = 12, 6
-"""Number of simulated flights of a bias correction, without and with ``quick``. Chosen."""
-TORQUE_FLIGHTS, QUICK_TORQUE_FLIGHTS = 24, 8
-"""Number of null simulations of the torque search, without and with ``quick``. Chosen."""
+
+class Effort(NamedTuple):
+    """Numbers of simulated flights. Chosen."""
+
+    nulls: int
+    """Null simulations of the first score test"""
+    later_nulls: int
+    """Null simulations of each further score test"""
+    correction: int
+    """Flights of a bias correction"""
+    torque_nulls: int
+    """Null simulations of the torque search"""
+
+
+FULL, QUICK = Effort(64, 32, 12, 24), Effort(16, 8, 6, 8)
 
 
 def diagnose(
@@ -77,7 +81,7 @@ def diagnose(
 
     ``base``: the simulation to diagnose, "rigid" (nonlinear rigid body) or "hover" (the paper's
     linear model; the rigid body is then a candidate, ``geometry``). ``quick``: fewer simulated
-    flights (`QUICK_FLIGHTS` instead of `FLIGHTS`), and no cross-validation if the logs have no
+    flights (`QUICK` instead of `FULL`), and no cross-validation if the logs have no
     reliable likelihood. Gains are measured on ``holdout``; without it, they are cross-validated.
     ``progress`` receives progress messages.
 
@@ -111,23 +115,20 @@ def _diagnosed(
         return diagnose_without_likelihood(
             train, held, faults, why=why, base=base, quick=quick, seed=seed, progress=clock.progress
         )
-    flights = QUICK_FLIGHTS if quick else FLIGHTS
-    setup = Setup(tuple(train), seed, QUICK_ROUND_FLIGHTS if quick else ROUND_FLIGHTS, base)
+    effort = QUICK if quick else FULL
+    setup = Setup(tuple(train), seed, effort.correction, base)
     clock.start("base", "Fitting the base simulation and simulating its bias …")
     base_fit = fit_base(setup)
-    steps, fit = forward_selection(setup, base_fit, flights, clock)
+    steps, fit = forward_selection(setup, base_fit, effort, clock)
     first = steps[0]
     clock.start("gain", "Measuring the gain on held-out data …")
     choices = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
-    fit, findings, dropped, after = adopted(fit, choices, held, seed=seed)
-    if dropped and not findings:  # the base fit has its own bias correction
-        fit = base_with_forms(base_fit, fit)
-        after = held_out(fit, held)
+    settled = adopted(fit, choices, held, seed=seed)
+    if settled.dropped and not settled.findings:  # the base fit has its own bias correction
+        fit = base_with_forms(base_fit, settled.fit)
+        settled = replace(settled, fit=fit, after=held_out(fit, held))
     clock.start("left", "Searching for unmodelled effects …")
-    torque_flights = QUICK_TORQUE_FLIGHTS if quick else TORQUE_FLIGHTS
-    settled = settle_unmodelled(
-        setup, TorqueSearchResult(fit, findings, dropped, after), held, flights=torque_flights
-    )
+    settled = search_residual_torques(setup, settled, held, flights=effort.torque_nulls)
     settled = replace(settled, findings=with_segment_ties(settled.findings))
     if not setup.controller_is_known:
         clock.progress("Fitting each recording separately …")
@@ -139,11 +140,10 @@ def _diagnosed(
     base_fit = base_with_forms(base_fit, settled.fit)
     result = fitted(base_fit, settled.fit, extended.fit, extended.after, train, held, seed=seed)
     clock.start("off", "Comparing the calibration with the profile …")
-    inflation = std_inflation(settled.fit)
-    off = off_nominal(settled.fit, std_inflation=inflation) if settled.is_decided else ()
+    off = off_nominal(settled.fit) if settled.is_decided else ()
     if not settled.fit.is_corrected:
         off = confirmed(off, settled.fit, settled.after, held, seed=seed)
-    off = tuple(with_confounded_causes(o, last_step_with_causes(steps, settled.fit)) for o in off)
+    off = with_confounded_causes(off, last_step_with_causes(steps, settled.fit))
     clock.stop()
     about = {
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
@@ -154,31 +154,25 @@ def _diagnosed(
     without_verdict = Diagnosis(
         *names, "", faults, result, settled.findings, off,
         (*settled.dropped, *extended.dropped),
-        residual_torques=extended.torques, torque_terms=extended.terms,
-        slow_noise=settled.slow_noise, about=about,
+        residual_torques=extended.torques, slow_noise=settled.slow_noise, about=about,
         not_identifiable=tuple(n for n in first.not_identifiable if not term(n).effect.formal),
     )  # fmt: skip
     return conclude(
-        without_verdict, base_parameters(settled.fit), train[0].profile, setup.axes,
-        level_deg=first.detectable_size(ROLL_OFFSET),
+        without_verdict, setup.axes, level_deg=first.detectable_size(ROLL_OFFSET),
         ambiguous_if_unconfirmed=not setup.controller_is_known,
     )  # fmt: skip
 
 
 def forward_selection(
-    setup: Setup, base: CorrectedFit, flights: int, clock: StageClock
+    setup: Setup, base: CorrectedFit, effort: Effort, clock: StageClock
 ) -> tuple[list[Step], CorrectedFit]:
-    """Return (steps of forward selection, final fit); the last step may have found no effect.
-
-    ``flights``: number of null simulations in the first step; further steps have fewer.
-    """
+    """Return (steps of forward selection, final fit); the last step may have found no effect."""
     fit, steps = base, list[Step]()
     # An inertia off nominal counts as an earlier cause (rule 4 of `selection.select`).
-    off_nominal_parameters = off_nominal(base, std_inflation=std_inflation(base))
-    inertias = [o.flight_score for o in off_nominal_parameters if o.term.effect.name == "inertia"]
+    inertias = [o.flight_score for o in off_nominal(base) if o.term.effect.name == "inertia"]
     score, remaining = max(inertias, default=None), MAX_CAUSES
     while remaining:
-        n = flights if not steps else max(8, round(FURTHER_SHARE * flights))
+        n = effort.later_nulls if steps else effort.nulls
         nulls = f"against {n} simulated nulls" if setup.controller_is_known else "every candidate"
         clock.start(f"screen {len(steps) + 1}", f"Screening {nulls} …")
         step = screening_step(setup, fit, n)

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-import itertools
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.base_parameters import (
-    BaseParameter,
-    OffNominal,
-    base_parameters,
-    finding_of,
-)
+from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal, finding_of
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
-from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning.free_run_plan import why_none
-from heli3dof.diagnosis.profile_update import Measured, profile_keys, ratios
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
     Fitted,
+    NextExperiment,
     TorqueTerm,
     UnexplainedError,
     physical,
 )
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
+from heli3dof.identification.profile_update import profile_keys, ratios
 from heli3dof.integrity import Fault
+from heli3dof.model.effects import term
 
 
 def diagnosis_document(
@@ -42,10 +39,8 @@ def diagnosis_document(
     adopted) and ``about``.
     """
     f = d.fitted
-    about, following = (
-        dict(d.about),
-        _catalogue_recommendation(d) if upcoming is None else _recommendation(upcoming),
-    )
+    about = dict(d.about)
+    following = _catalogue_recommendation(d) if upcoming is None else _recommendation(upcoming)
     if following is None and f is not None and f.final is None:
         about["no_next_experiment"] = why_none(f.open)
     return {
@@ -61,16 +56,15 @@ def diagnosis_document(
         "findings": [_cause(x) for x in d.in_order],
         "not_identifiable": list(d.not_identifiable),
         "leftover": [
-            _residual_torque(x, term)
-            for x, term in itertools.zip_longest(d.residual_torques, d.torque_terms)
-        ]
-        + [_remainder(r) for r in d.remainders],
+            *(_residual_torque(x) for x in d.residual_torques),
+            *(_remainder(r) for r in d.remainders),
+        ],
         "slow_noise": [
             {
                 "axis": x.axis,
                 "rms_Nm": x.size_Nm,
                 "share": x.share,
-                "table": [list(r) for r in x.table],
+                "table": list(map(list, x.table)),
             }
             for x in d.slow_noise
         ],
@@ -87,30 +81,16 @@ def _simulation_error(f: Fitted | None, axis: str) -> dict[str, Any]:
     """Return an axis' prediction error with the profile's numbers, and its noise floor."""
     if f is None:
         return {"rmse_deg": None, "noise_floor_deg": None, "horizon_s": HORIZON_S}
-    error, floor = (_finite_or_none(x) for x in f.simulation_error.at(HORIZON_S, axis))
-    return {
-        "rmse_deg": error,
-        "noise_floor_deg": floor,
-        "horizon_s": HORIZON_S,
-        "by_horizon": [
-            {
-                "horizon_s": h,
-                "rmse_deg": _finite_or_none(f.simulation_error.at(h, axis)[0]),
-                "noise_floor_deg": _finite_or_none(f.simulation_error.at(h, axis)[1]),
-            }
-            for h in f.simulation_error.horizons_s
-        ],
-        "worst": [
-            {
-                "recording": w.recording,
-                "start_s": w.start_s,
-                "stop_s": w.stop_s,
-                "rmse_deg": w.rmse_deg,
-            }
-            for w in f.simulation_error.worst
-            if w.axis == axis
-        ],
-    }
+    e = f.simulation_error
+
+    def at(horizon_s: float) -> dict[str, Any]:
+        error, floor = map(_finite_or_none, e.at(horizon_s, axis))
+        return {"rmse_deg": error, "noise_floor_deg": floor, "horizon_s": horizon_s}
+
+    worst = [asdict(w) for w in e.worst if w.axis == axis]
+    for w in worst:
+        del w["axis"]
+    return {**at(HORIZON_S), "by_horizon": [at(h) for h in e.horizons_s], "worst": worst}
 
 
 def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
@@ -138,25 +118,15 @@ def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
             "tolerance": tolerance,
             "beyond_tolerance": beyond(c),
         }
-        for c in _base(f)
+        for c in f.calibration
     ]
-
-
-def _measured(f: Fitted | None) -> dict[str, Measured]:
-    """Return the base parameters in SI by name; empty if none were fitted."""
-    numbers = () if f is None else _base(f)
-    return {c.name: Measured(c.nominal, c.value, c.std) for c in numbers}
-
-
-def _base(f: Fitted) -> tuple[BaseParameter, ...]:
-    return f.calibration if f.final is None else base_parameters(f.final)
 
 
 def _profile(f: Fitted | None) -> list[dict[str, Any]]:
     """Return the calibrated values by the profile's keys, as `profile update` writes them."""
     if f is None:
         return []
-    keys = profile_keys(_measured(f), f.model.profile)
+    keys = profile_keys({c.name: c for c in f.calibration}, f.model.profile)
     return [{"key": k, "was": m.nominal, "value": m.value, "std": m.std} for k, m in keys.items()]
 
 
@@ -170,88 +140,66 @@ def _ratios(f: Fitted | None) -> list[dict[str, Any]]:
     held = {f"K_f/J_{a}" for a in AXES if f.final is not None and is_biased(f.final, a)}
     return [
         {"ratio": n, "nominal": m.nominal, "value": m.value, "std": m.std}
-        for n, m in ratios(_measured(f), f.model.profile).items()
+        for n, m in ratios({c.name: c for c in f.calibration}, f.model.profile).items()
         if n not in held
     ]
 
 
 def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
     """Return the held-out RMSE before and after a model change, and intervals of the reduction."""
-    no_values = dict.fromkeys(AXES)
-    out: dict[str, Any] = {
-        "holdout_rmse_deg": {
-            "before": no_values if g is None else dict(g.before),
-            "after": no_values if g is None else dict(g.after),
-        },
-        "holdout_log_likelihood": None
-        if g is None or g.log_likelihood is None
-        else g.log_likelihood.value,
-    }
-    if f is not None:
-        out["holdout_rmse_deg"]["noise_floor"] = dict(f.noise_floor)
-    elif g is None:
-        out["holdout_rmse_deg"]["noise_floor"] = no_values
+    rmse: dict[str, Any] = {"before": dict.fromkeys(AXES), "after": dict.fromkeys(AXES)}
     if g is not None:
-        log_likelihood = g.log_likelihood
-        out["holdout_log_likelihood_interval"] = (
-            None if log_likelihood is None else [log_likelihood.low, log_likelihood.high]
-        )
-        out["rmse_reduction_deg"] = {
-            a: None if x is None else {"value": x.value, "interval": [x.low, x.high]}
-            for a, x in g.rmse_deg.items()
-        }
-        out["measured_on"] = g.on
-    return out
+        rmse = {"before": dict(g.before), "after": dict(g.after)}
+    if f is not None or g is None:
+        rmse["noise_floor"] = dict.fromkeys(AXES) if f is None else dict(f.noise_floor)
+    if g is None:
+        return {"holdout_rmse_deg": rmse, "holdout_log_likelihood": None}
+    likelihood = g.log_likelihood
+    return {
+        "holdout_rmse_deg": rmse,
+        "holdout_log_likelihood": likelihood and likelihood.value,
+        "holdout_log_likelihood_interval": likelihood and [likelihood.low, likelihood.high],
+        "rmse_reduction_deg": {
+            a: x and {"value": x.value, "interval": [x.low, x.high]} for a, x in g.rmse_deg.items()
+        },
+        "measured_on": g.on,
+    }
 
 
 def _cause(x: Fault | Finding | OffNominal) -> dict[str, Any]:
-    if isinstance(x, Finding):
-        return _finding(x)
-    return _off_nominal(x) if isinstance(x, OffNominal) else _fault(x)
+    """Return the JSON object of a cause; a fault or a base parameter has an empty ``gain``."""
+    if isinstance(x, Fault):
+        value, std = next(iter(x.parameters.values()), (0.0, 0.0))
+        score = (value / std) ** 2 if std > 0 else 0.0
+        return _cause_object(x.effect, x.axis, x.parameters, score, x.confidence)
+    effect, axis = x.term.effect, x.term.axis
+    if isinstance(x, OffNominal):
+        values = {effect.parameters[0].name: (x.value, x.std)}
+        return _cause_object(effect.name, axis, values, x.score, 1.0, x.tied_with)
+    out = _cause_object(
+        effect.name, axis, x.values, x.score, x.choice.confidence, x.tied_with, x.gain
+    )
+    return {**out, "like": x.unconfirmed}
 
 
-def _finding(f: Finding) -> dict[str, Any]:
+def _cause_object(
+    effect: str | None, axis: str | None, values: Mapping[str, tuple[float, float]], score: float,
+    confidence: float, tied_with: Sequence[str] = (), gain: Gain | None = None,
+) -> dict[str, Any]:  # fmt: skip
     return {
-        "effect": f.term.effect.name,
-        "axis": f.term.axis,
-        "parameters": {n: {"value": v, "std": s} for n, (v, s) in f.values.items()},
-        "score": f.score,
-        "confidence": f.choice.confidence,
-        "tied_with": list(f.tied_with),
-        "like": f.unconfirmed,
-        "gain": _gain(f.gain),
+        "effect": effect,
+        "axis": axis,
+        "parameters": {n: {"value": v, "std": s} for n, (v, s) in values.items()},
+        "score": score,
+        "confidence": confidence,
+        "tied_with": list(tied_with),
+        "gain": _gain(gain),
     }
 
 
-def _fault(f: Fault) -> dict[str, Any]:
-    """Return the JSON object of a recording's fault; ``gain`` is empty, as no model changes."""
-    value, std = next(iter(f.parameters.values()), (0.0, 0.0))
-    return {
-        "effect": f.effect,
-        "axis": f.axis,
-        "parameters": {n: {"value": v, "std": s} for n, (v, s) in f.parameters.items()},
-        "score": (value / std) ** 2 if std > 0 else 0.0,
-        "confidence": f.confidence,
-        "tied_with": [],
-        "gain": _gain(None),
-    }
-
-
-def _off_nominal(x: OffNominal) -> dict[str, Any]:
-    """Return the JSON object of a base parameter off nominal, with an empty ``gain``."""
-    return {
-        "effect": x.term.effect.name,
-        "axis": x.term.axis,
-        "parameters": {x.term.effect.parameters[0].name: {"value": x.value, "std": x.std}},
-        "score": x.score,
-        "confidence": 1.0,
-        "tied_with": list(x.tied_with),
-        "gain": _gain(None),
-    }
-
-
-def _residual_torque(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
+def _residual_torque(x: ResidualTorque) -> dict[str, Any]:
     """Return the JSON object of an unmodelled torque, with its term in the extended model."""
+    t = x.term
     f = t if t is not None and t.proposal.is_formula else None
     return {
         "axis": x.axis,
@@ -274,32 +222,21 @@ def _residual_torque(x: ResidualTorque, t: TorqueTerm | None) -> dict[str, Any]:
 
 def _remainder(r: UnexplainedError) -> dict[str, Any]:
     """Return an unexplained error as the JSON object of a torque that depends on nothing known."""
+    torque = ResidualTorque(r.axis, "", 0.0, (), (), 0.0, 0.0)
     return {
-        "axis": r.axis,
-        "depends_on": None,
-        "share": 0.0,
-        "table": [],
-        "std": [],
-        "score": None,
-        "confidence": None,
-        "also": [],
-        "like": None,
-        "term": None,
-        "formula": None,
-        "formula_parameters": {},
-        "formula_alternatives": [],
+        **_residual_torque(torque),
+        **dict.fromkeys(("depends_on", "score", "confidence")),
         "error_deg": {
             "simulation": r.simulation_deg,
             "extended_model": r.extended_deg,
             "noise_floor": r.noise_deg,
         },
-        "gain": _gain(None),
     }
 
 
 def _coefficient(f: TorqueTerm) -> dict[str, Any]:
     value, std = f.values["coefficient"]
-    return {"value": value, "std": std, "unit": f.units["coefficient"]}
+    return {"value": value, "std": std, "unit": term(f.proposal.term).effect.parameters[0].unit}
 
 
 def _recommendation(n: NextExperiment) -> dict[str, Any]:
@@ -310,12 +247,7 @@ def _recommendation(n: NextExperiment) -> dict[str, Any]:
         "why": n.why,
         "certainty": n.certainty,
         "ranking": [
-            {
-                "plan": o.plan,
-                "duration_s": o.duration_s,
-                "margin": o.margin,
-                "certainty": o.certainty,
-            }
+            {k: getattr(o, k) for k in ("plan", "duration_s", "margin", "certainty")}
             for o in n.ranking
         ],
     }

@@ -10,23 +10,25 @@ from typing import Any
 from heli3dof.arrays import FloatArray
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal
-from heli3dof.diagnosis.outlook import UndecidedTerms
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain, HeldOut
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
 from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.integrity import Fault
 from heli3dof.model.effects import Term
 from heli3dof.model.greybox.model import GreyBoxModel
 
+MIN_CERTAINTY = 0.5
+"""Certainty below which no plan is expected to give a decision. Chosen."""
 DOES_NOT_PAY = "held-out data do not confirm its gain"
 COLOURED = "this recording's low-frequency noise explains as much"
 WITHIN_A_COUNT = "an encoder error within one count explains as much"
 WITHIN_ROUNDING = "predictions improve by less than the encoders' rounding"
 LIMIT_CYCLE = "an encoder limit cycle may explain as much, and no flights could be simulated"
-STANDS_IN = "it only compensated for an unmodelled torque"
+COMPENSATES = "it only compensated for an unmodelled torque"
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +92,7 @@ class Fitted:
     refit: Gain | None = None
     """Gain of the refitted base simulation over the one with the profile's numbers"""
     calibration: tuple[BaseParameter, ...] = ()
-    """The base parameters if there is no ``final`` that contains them"""
+    """The base parameters of the fit with the causes"""
     open: UndecidedTerms | None = None
     """Open terms; None if a likelihood was fitted, or the extended model was not adopted"""
 
@@ -108,8 +110,6 @@ class TorqueTerm:
     proposal: Proposal
     values: dict[str, tuple[float, float]]
     """Parameter → (value, standard deviation) in the extended model, SI units"""
-    units: dict[str, str]
-    """Parameter → its unit"""
     gain: Gain
     """Gain of the model with this torque over the model without"""
 
@@ -142,10 +142,8 @@ class Diagnosis:
     """Base parameters that differ from nominal by more than the profile's tolerance"""
     dropped: tuple[Dropped, ...] = ()
     residual_torques: tuple[ResidualTorque, ...] = ()
-    torque_terms: tuple[TorqueTerm | None, ...] = ()
-    """The extended model's term for each of ``residual_torques``; None: it contains none"""
     remainders: tuple[UnexplainedError, ...] = ()
-    """Errors that neither causes nor noise explain, see `remainders`"""
+    """Errors that neither causes nor noise explain (`conclusion.verdict`)"""
     slow_noise: tuple[ResidualTorque, ...] = ()
     """Residual torques that depend on time only, such as a draught's: no model can predict them"""
     not_identifiable: tuple[str, ...] = ()
@@ -182,74 +180,55 @@ def physical(causes: Sequence[Fault | Finding | OffNominal]) -> list[Finding | O
     return [f for f in causes if not isinstance(f, Fault)]
 
 
-def verdict_of(
-    findings: Sequence[Fault | Finding | OffNominal],
-    left: Sequence[ResidualTorque | UnexplainedError],
-    refit: Gain | None = None,
-    *,
-    ambiguous: bool = False,
-) -> str:
-    """Return the verdict, such as "explained", on the ``findings``, which `in_order` has ordered.
+@dataclass(frozen=True)
+class PlanForecast:
+    """Expected result of a plan: its evidence, in units of 2 ln L, and its ``certainty``.
 
-    ``left``: the residual torques, and the errors that the causes leave (`remainders`).
-    ``refit``: the gain of refitting the profile's numbers. ``ambiguous``: the first physical cause
-    is uncertain. Faults of a recording affect the verdict only if there is no physical cause.
+    ``margins``: evidence for each simulated cause against the others (`planning.next_experiment`),
+    or for each undecided parameter (`planning.free_run_plan`). Causes not simulated have none.
+    ``certainty``: probability that a flight of the plan decides.
     """
-    if left:
-        return "unexplained"
-    causes = physical(findings)
-    if not causes:
-        if refit is not None and refit.of_calibration:
-            return "off_calibration"
-        return "explained" if findings else "nothing_found"
-    return "ambiguous" if causes[0].tied_with or ambiguous else "explained"
+
+    plan: str
+    duration_s: float
+    margins: tuple[float, ...]
+    certainty: float
+
+    @property
+    def margin(self) -> float:
+        return min(self.margins)
 
 
-def remainders(
-    f: Fitted,
-    findings: Sequence[Fault | Finding | OffNominal],
-    slow_noise: Sequence[ResidualTorque] = (),
-) -> tuple[UnexplainedError, ...]:
-    """Return the errors that remain, largest first; empty if the causes explain most of the error.
+@dataclass(frozen=True)
+class NextExperiment:
+    """The recommended plan, the causes it separates, its ``certainty``, and all plans by rank."""
 
-    On held-out data, e_0 is the RMSE of the simulation with the profile's numbers and e_1 that of
-    the extended model; e_n is the noise floor (0 if unknown). Most of the error remains if, with
-    sums over the axes,
+    plan: str
+    separates: tuple[str, ...]
+    why: str
+    certainty: float | None
+    ranking: tuple[PlanForecast, ...] = field(default=())
 
-        Σ max(e_1² − e_n², 0) > ½ Σ e_0²
 
-    The result contains the axes that satisfy this inequality on their own. An axis with slow noise
-    and without a noise floor is left out. Without a physical cause there is no claim to refute, so
-    the result is empty.
+@dataclass(frozen=True, eq=False)
+class UndecidedTerms:
+    """Terms of a fit to free-run predictions on which a further flight should decide.
+
+    They are a cause and those confounded with it. Without any, they are terms that improve held-out
+    predictions but are no causes. Without these, they are terms that are not identifiable.
     """
-    if not physical(findings) or f.refit is None:
-        return ()
-    each = []
-    slow = {x.axis for x in slow_noise}
-    for axis in AXES:
-        e_0, e_1 = f.refit.before.get(axis), f.gain.after.get(axis)
-        e_n = f.simulation_error.at(HORIZON_S, axis)[1]
-        if axis in slow and not isfinite(e_n):
-            continue
-        if e_0 is not None and e_1 is not None and isfinite(e_0) and isfinite(e_1):
-            each.append(UnexplainedError(axis, e_0, e_1, e_n if isfinite(e_n) else None))
-    if sum(map(_unexplained, each)) <= sum(r.simulation_deg**2 for r in each) / 2:
-        return ()
-    most = (r for r in each if _unexplained(r) > r.simulation_deg**2 / 2)
-    return tuple(sorted(most, key=_unexplained, reverse=True))
+
+    fit: MultiStepFit
+    names: tuple[str, ...]
+    """Names of the terms, most important first"""
+    tied: bool = False
+    """True if the terms are confounded"""
 
 
-def _unexplained(r: UnexplainedError) -> float:
-    """Return the mean square in deg² that neither the extended model nor noise explains."""
-    return float(max(r.extended_deg**2 - (r.noise_deg or 0.0) ** 2, 0.0))
+def percent(probability: float) -> str:
+    """Return a forecast probability as text, never as 100 %.
 
-
-def confounded_names(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
-    """Return the names of effects that are faults of a recording, or confounded with a cause."""
-    names: list[str] = []
-    for f in causes:
-        if isinstance(f, Fault):
-            names.append(f"{f.effect}.{f.axis}")
-        else:
-            names += f.tied_with
-    return tuple(names)
+    >>> percent(0.999), percent(0.873)
+    ('> 99 %', '87 %')
+    """
+    return "> 99 %" if probability > 0.99 else f"{probability * 100:.0f} %"

@@ -9,7 +9,7 @@ import pytest
 
 from heli3dof.batch.engines import Lost
 from heli3dof.batch.engines.replications import replications_on, replications_on_cluster
-from heli3dof.diagnosis.diagnose import diagnose
+from heli3dof.diagnosis.diagnose import Effort, diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.errors import DeviceError
 from heli3dof.parallel import distribute, replicate
@@ -49,8 +49,7 @@ def document() -> dict[str, Any]:
 def test_a_diagnosis_has_the_same_numbers_on_an_engine(monkeypatch: pytest.MonkeyPatch) -> None:
     """All functions of replications are picklable; few replications, so that it is fast."""
     pytest.importorskip("cloudpickle")
-    for name, count in (("FLIGHTS", 6), ("ROUND_FLIGHTS", 3), ("TORQUE_FLIGHTS", 4)):
-        monkeypatch.setattr(f"heli3dof.diagnosis.diagnose.QUICK_{name}", count)
+    monkeypatch.setattr("heli3dof.diagnosis.diagnose.QUICK", Effort(6, 8, 3, 6))
     engine = Elsewhere()
     with distribute(replications_on(engine)):
         elsewhere = document()

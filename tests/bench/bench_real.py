@@ -13,8 +13,8 @@ from heli3dof.comparison.prediction import ConstantAngles
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.free_run.elimination import eliminate
-from heli3dof.diagnosis.free_run.explanations import settles_at
 from heli3dof.diagnosis.free_run.refits import STAGE_S, carried_over, restructured
+from heli3dof.diagnosis.free_run.unexplained import settles_at
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.identification.greybox.freeflight import (
     fit_freeflight,
@@ -214,8 +214,8 @@ def folds(trial: Trial) -> list[Figure]:
         flown = [r.rows(slice(run.start, run.stop)) for r in test for run in usable_runs(r, 0)]
         full = fit_freeflight(train)
         result = eliminate(full)
-        gone = [r.term for r in result.gone]
-        less = restructured(result.fit.problem, [r.term for r in result.kept])
+        gone = [r.term for r in result.removed]
+        less = restructured(result.fit.problem, [r.term for r in result.needed])
         z, _ = carried_over(result.fit, less)
         scarce = search(less, z, result.fit.noise, stages_s=(STAGE_S,), fixed=result.fit.scale)
         errors = [error_deg(model_of(f, train, ""), flown, 3.0) for f in (result.fit, scarce)]

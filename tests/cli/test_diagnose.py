@@ -41,8 +41,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def result(flight: Path) -> Result:
     with pytest.MonkeyPatch.context() as few:
-        few.setattr(module, "QUICK_FLIGHTS", 8, raising=False)
-        few.setattr(module, "QUICK_ROUND_FLIGHTS", 4, raising=False)
+        few.setattr(module, "QUICK", module.QUICK._replace(nulls=8, correction=4))
         model = flight.with_name("extended.json")
         page = ("--report", flight.with_name("page.html"))
         return heli3dof("diagnose", flight, "--quick", "-o", model, *page, "--json", "--seed", "3")
@@ -137,7 +136,7 @@ def test_the_extended_model_is_a_model_file_and_is_never_overwritten(
 def test_a_bad_recording_is_printed_and_exits_with_5(
     flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "QUICK_FLIGHTS", 2)
+    monkeypatch.setattr(module, "QUICK", module.QUICK._replace(nulls=2))
     whole = module.diagnose
 
     def at_fault(*args: Any, holdout: Any = None, **options: Any) -> module.Diagnosis:

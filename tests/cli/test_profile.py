@@ -233,8 +233,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result, Resul
         return heli3dof("diagnose", flight, "--quick", "-o", model, "--json", "--seed", 1)
 
     with pytest.MonkeyPatch.context() as few:
-        few.setattr(diagnose, "QUICK_FLIGHTS", 8, raising=False)
-        few.setattr(diagnose, "QUICK_ROUND_FLIGHTS", 4, raising=False)
+        few.setattr(diagnose, "QUICK", diagnose.QUICK._replace(nulls=8, correction=4))
         few.setattr("heli3dof.experiment.plan.load_plan", lambda name: first_part(name, 32.0))
         before = diagnosed(believed, "before", 1250)
         (folder / "diagnosis.json").write_text(before.out)

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from heli3dof.diagnosis import diagnose as diagnosing
-from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.planning import next_experiment as asking
+from heli3dof.diagnosis.result import NextExperiment
 from heli3dof.recording.mcap_files.reader import read_recording
 from tests.cli.running import heli3dof
 from tests.flown import flown
@@ -46,8 +46,7 @@ def whole() -> diagnosing.Diagnosis:
     """A real diagnosis, whose verdict the tests replace."""
     part = flown("rich", 18.0, device=LEVEL, seed=1250)
     with pytest.MonkeyPatch.context() as few:
-        few.setattr(diagnosing, "QUICK_FLIGHTS", 4)
-        few.setattr(diagnosing, "QUICK_ROUND_FLIGHTS", 2)
+        few.setattr(diagnosing, "QUICK", diagnosing.QUICK._replace(nulls=4, correction=2))
         return diagnosing.diagnose(part.between(6.0, 18.0), quick=True)
 
 

@@ -12,6 +12,7 @@ from typing import Any, cast
 import pytest
 
 from heli3dof.diagnosis import diagnose as module
+from heli3dof.diagnosis.conclusion.adoption import AdoptionResult
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.result import Dropped
 from heli3dof.experiment.fly import fly_plan
@@ -55,7 +56,8 @@ def test_without_an_adopted_cause_the_result_is_the_base_fit(
 
     def drop_all(fit: Any, choices: Sequence[Any], held: Any, *, seed: int) -> Any:
         assert [c.term.name for c in choices] == ["stiffness.cable.yaw"]
-        return fit, (), (Dropped("stiffness.cable.yaw", cast(Any, None)),), None
+        dropped = (Dropped("stiffness.cable.yaw", cast(Any, None)),)
+        return AdoptionResult(fit, (), dropped, cast(Any, None))
 
     monkeypatch.setattr(module, "adopted", drop_all)
     fitted = diagnose(recording, quick=True).fitted

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.diagnosis.conclusion.torque_terms import fit_with
-from heli3dof.diagnosis.diagnose import ROUND_FLIGHTS
+from heli3dof.diagnosis.diagnose import FULL
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
@@ -44,7 +44,7 @@ START = 0.01
 def true_term(name: str, recording: Recording) -> dict[str, Any]:
     """RMSE in degrees by axis, 1 s ahead on blocks left out: of the base and with the true term."""
     recording = with_known_controller(sampling_times(recording))
-    setup = Setup((recording,), 0, ROUND_FLIGHTS)
+    setup = Setup((recording,), 0, FULL.correction)
     base = fit_base(setup)
     product = PRODUCTS[name]
     proposal = Proposal(f"empirical.{product}.{axis_of(name)}", (START,), product, True)

@@ -85,7 +85,7 @@ RULES = (
     ),
     Rule(
         "a cause must gain on held-out data",
-        DIAGNOSIS + "conclusion.adoption:pays_enough",
+        DIAGNOSIS + "conclusion.adoption:meets_adoption_condition",
         _always(True),
     ),
     Rule(
@@ -98,7 +98,7 @@ RULES = (
     ),
     Rule(
         "full fits tie causes with an inertia",
-        DIAGNOSIS + "selection.inertia_alternatives:instead_of_inertia",
+        DIAGNOSIS + "conclusion.inertia_ties:instead_of_inertia",
         _always([]),
     ),
     Rule(
@@ -118,12 +118,12 @@ RULES = (
     ),
     Rule(
         "unconfirmed causes are marked as …-like",
-        DIAGNOSIS + "conclusion.unconfirmed:marked_unconfirmed",
+        DIAGNOSIS + "conclusion.compensating_causes:marked_unconfirmed",
         _argument(0),
     ),
     Rule(
         "a residual torque is like a name",
-        DIAGNOSIS + "conclusion.unconfirmed:with_resemblance",
+        DIAGNOSIS + "conclusion.compensating_causes:with_resemblance",
         lambda rule, left, names: tuple(left),
     ),
     Rule(
@@ -218,7 +218,7 @@ RULES = (
     ),
     Rule(
         "the noise floor contains coloured noise",
-        DIAGNOSIS + "validation.noise_colour:coloured_variance",
+        DIAGNOSIS + "validation.coloured_noise:coloured_variance",
         lambda rule, model, recordings, horizons_s: np.zeros((len(horizons_s), len(AXES))),
     ),
 )

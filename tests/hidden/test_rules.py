@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from heli3dof.diagnosis.conclusion import stand_ins, unconfirmed
+from heli3dof.diagnosis.conclusion import adoption, unknown_controller
 from tests.hidden.rules import BY_NAME, RULES, noted, outline, replaced
 
 
@@ -14,16 +14,16 @@ def test_every_rule_is_a_function_of_the_diagnosis() -> None:
 
 
 def test_a_function_is_replaced_wherever_it_was_imported() -> None:
-    own = unconfirmed.marked_unconfirmed
+    own = unknown_controller.exceeds_rounding
 
-    def other(findings: object) -> object:
-        return findings
+    def other(gain: object) -> bool:
+        return True
 
     with replaced(own, other):
-        assert unconfirmed.marked_unconfirmed is other
-        assert stand_ins.marked_unconfirmed is other  # type: ignore[attr-defined]
-    assert unconfirmed.marked_unconfirmed is own
-    assert stand_ins.marked_unconfirmed is own  # type: ignore[attr-defined]
+        assert unknown_controller.exceeds_rounding is other
+        assert adoption.exceeds_rounding is other  # type: ignore[attr-defined]
+    assert unknown_controller.exceeds_rounding is own
+    assert adoption.exceeds_rounding is own  # type: ignore[attr-defined]
 
 
 def test_a_rule_is_noted_if_its_outcome_differs_from_leaving_it_out() -> None:

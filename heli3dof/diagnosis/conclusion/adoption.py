@@ -33,16 +33,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.base_parameters import in_SI
+from heli3dof.diagnosis.base_parameters import base_parameters, effect_size, in_SI
 from heli3dof.diagnosis.conclusion.unknown_controller import (
     exceeds_rounding,
     is_biased,
     unbiased_axes,
 )
+from heli3dof.diagnosis.constants import SUFFICIENT, TIE
 from heli3dof.diagnosis.result import (
     COLOURED,
     DOES_NOT_PAY,
@@ -53,10 +53,11 @@ from heli3dof.diagnosis.result import (
     Finding,
     Fitted,
 )
-from heli3dof.diagnosis.selection.select import SUFFICIENT, Choice, certainty
+from heli3dof.diagnosis.selection.select import Choice, certainty
 from heli3dof.diagnosis.selection.steps import without
-from heli3dof.diagnosis.validation.cross_validation import held_out, uncalibrated
-from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, pays
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.diagnosis.validation.cross_validation import held_out
+from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain, gain_interval_positive
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.identification.bias_correction.correction import CorrectedFit, model_at
 from heli3dof.identification.greybox.method import model_of
@@ -67,7 +68,7 @@ from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 OFFSET, BACKLASH = "encoder.offset", "encoder.backlash"
-MIN_GAIN = 3.0
+MIN_GAIN = TIE / 2
 """Least gain in log-likelihood in condition 2: a likelihood ratio of e³ = 20. Chosen."""
 LARGE_GAIN = 12.0
 """Least gain in log-likelihood in condition 3. Without the effect, the mean of exp Δℓ on held-out
@@ -76,14 +77,26 @@ that is estimated on the held-out data raises that mean by about √(2π) z, z t
 standard deviations."""
 
 
+@dataclass(frozen=True, eq=False)
+class AdoptionResult:
+    """The adopted causes with their fit, and the residual torques found in it."""
+
+    fit: CorrectedFit
+    findings: tuple[Finding, ...]
+    dropped: tuple[Dropped, ...]
+    after: HeldOut
+    """Results of ``fit`` on held-out data"""
+    residual_torques: tuple[ResidualTorque, ...] = ()
+    slow_noise: tuple[ResidualTorque, ...] = ()
+    """Torques that depend on time only"""
+    is_decided: bool = True
+    """False if neither causes nor base parameters are certain"""
+
+
 def adopted(
     fit: CorrectedFit, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int
-) -> tuple[CorrectedFit, tuple[Finding, ...], tuple[Dropped, ...], HeldOut]:
-    """Adopt or drop each of the ``choices``, which ``fit`` contains.
-
-    Returns (fit with the adopted causes, these causes, dropped causes, results of this fit on
-    held-out data).
-    """
+) -> AdoptionResult:
+    """Adopt or drop each of the ``choices``, which ``fit`` contains."""
     kept, dropped = list(choices), list[Dropped]()
     while True:
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term.name), len(kept))  # type: ignore[misc]
@@ -96,7 +109,8 @@ def adopted(
         ]
         failing = [i for i, why in enumerate(against) if why]
         if not failing:
-            return fit, _findings(fit, kept, reduced, gains), tuple(dropped), after
+            findings = _findings(fit, kept, reduced, gains)
+            return AdoptionResult(fit, findings, tuple(dropped), after)
         worst = min(failing, key=lambda i: (min(margins[i], 1.0), log_likelihood_gain(gains[i])))
         cause = kept.pop(worst)
         dropped.append(Dropped(cause.term.name, gains[worst], against[worst], choice=cause))
@@ -111,7 +125,7 @@ def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, firs
     """
     if margin < 1:
         return COLOURED if margin > 0 else WITHIN_A_COUNT
-    if not pays_enough(choice, g, first=first):
+    if not meets_adoption_condition(choice, g, first=first):
         return DOES_NOT_PAY
     if not fit.is_corrected:
         of_base, profile = choice.term.effect.of_base, fit.structure.profile
@@ -133,15 +147,12 @@ def coloured_noise_margin(fit: CorrectedFit, choice: Choice) -> float:
     """Return Z²/ρ divided by the threshold of Z²; below 1, the cause may be coloured noise.
 
     Z is the cause's standardised score, ρ the factor by which coloured noise increases its
-    variance. The result is infinite without coloured noise, without a threshold, and if the
-    effect is part of the rigid body's equations (`Effect.of_base`).
+    variance. The result is infinite without coloured noise, and if the effect is part of the rigid
+    body's equations (`Effect.of_base`).
     """
-    if choice.threshold <= 0 or choice.term.effect.of_base:
+    if choice.term.effect.of_base:
         return math.inf
-    j = first_parameters(fit.free).get(choice.term.name)
-    if j is None:
-        return math.inf
-    rho = float(fit.coloured_noise_factor[j])
+    rho = float(fit.coloured_noise_factor[first_parameters(fit.free)[choice.term.name]])
     return math.inf if rho <= 1 else choice.Z2 / rho / choice.threshold
 
 
@@ -168,16 +179,16 @@ def within_a_count(fit: CorrectedFit, choice: Choice) -> bool:
     return False
 
 
-def pays_enough(choice: Choice, g: Gain, *, first: bool) -> bool:
+def meets_adoption_condition(choice: Choice, g: Gain, *, first: bool) -> bool:
     """Return whether a gain on held-out data suffices (one of the module's conditions 1 to 3)."""
     strong = first or choice.score >= SUFFICIENT
-    return convinces(g) or (strong and log_likelihood_gain(g) > MIN_GAIN)
+    return is_significant_gain(g) or (strong and log_likelihood_gain(g) > MIN_GAIN)
 
 
-def convinces(g: Gain) -> bool:
+def is_significant_gain(g: Gain) -> bool:
     """Return whether a gain suffices whatever the cause's score: condition 1 or 3."""
     lower_error = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
-    return pays(g) or (lower_error and log_likelihood_gain(g) > LARGE_GAIN)
+    return gain_interval_positive(g) or (lower_error and log_likelihood_gain(g) > LARGE_GAIN)
 
 
 def fitted(
@@ -195,17 +206,12 @@ def fitted(
     # With the base fit's noise, the error on a rig with these numbers is the noise floor.
     nominal_model = replace(nominal_model, noise=base.optimum.noise[:3])
 
-    def part(i: int) -> Any:
-        if i == 0:
-            return after if extended is base else held_out(base, holdout)
-        if i == 1:
-            return uncalibrated(base, holdout)
-        return simulation_error(nominal_model, holdout or train, truth=at, seed=seed)
-
-    before, uncalibrated_base, wrong = parallel_map(part, 3)
+    before = after if extended is base else held_out(base, holdout)
+    uncalibrated = held_out(base, holdout, base.problem.scaled(base.structure.values_of({})))
+    wrong = simulation_error(nominal_model, holdout or train, truth=at, seed=seed)
     return Fitted(
         base, fit, model, gain(before, after, seed=seed), before, after, wrong,
-        refit=gain(uncalibrated_base, before, seed=seed),
+        refit=gain(uncalibrated, before, seed=seed), calibration=base_parameters(fit),
     )  # fmt: skip
 
 
@@ -235,10 +241,8 @@ def size_confidence(fit: CorrectedFit, name: str) -> float:
     """
     from scipy.stats import norm
 
-    j = first_parameters(fit.free).get(name)
-    if j is None or fit.free[j].log or not math.isfinite(fit.free[j].null):
-        return 1.0
-    return float(norm.cdf(abs(float(fit.values[j]) - fit.free[j].null) / float(fit.std[j])))
+    size = effect_size(fit, name)
+    return 1.0 if size is None else float(norm.cdf(abs(size[0]) / size[1]))
 
 
 def without_mutual_ties(choices: Sequence[Choice], formal: Sequence[str] = ()) -> list[Choice]:

@@ -17,9 +17,9 @@ inertias:
     pitch   |x_p + ln k| ≤ e   and   |x_ψ − ln k| ≤ e
     roll    1/k = 1 + δ/rest   and   |x_r + ln k| ≤ e
 
-Each inequality allows `SIGMAS` standard deviations more. Without a finding, a scale error of yaw or
-pitch within the tolerance is not detectable. A scale error of roll is detectable if the roll offset
-rest (1 − 1/(1 + ε)) is.
+Each inequality allows `SIGMAS_95` standard deviations more. Without a finding, a scale error of yaw
+or pitch within the tolerance is not detectable. A scale error of roll is detectable if the roll
+offset rest (1 − 1/(1 + ε)) is.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import THRUST_GAIN, BaseParameter, OffNominal
+from heli3dof.diagnosis.constants import SIGMAS_95
 from heli3dof.diagnosis.result import Finding
+from heli3dof.diagnosis.selection.select import with_ties
 from heli3dof.model.effects import term
 
-SIGMAS = 2.0
-"""Standard deviations of x by which the inequalities are wider. Chosen; not derived."""
 EFFECT = "encoder.scale"
 WITH_MASS = ("inertia.", "mass.imbalance")
 """Base parameters that no flight separates from the thrust gain"""
@@ -66,12 +66,8 @@ def with_scale_ties(
             ties[f.term.name] = (f"{EFFECT}.roll",)
             if x["J_roll"][0] * ln_k < 0:
                 ties["inertia.roll"] = (f"{EFFECT}.roll",)
-    return (
-        tuple(_with_ties(f, ties.get(f.term.name, ())) for f in findings),
-        tuple(
-            replace(o, tied_with=_joined(o.tied_with, ties.get(o.term.name, ()))) for o in off
-        ),
-    )  # fmt: skip
+    tied = (replace(f, choice=with_ties(f.choice, ties.get(f.term.name, ()))) for f in findings)
+    return tuple(tied), tuple(with_ties(o, ties.get(o.term.name, ())) for o in off)
 
 
 def undetectable_scales(
@@ -125,7 +121,7 @@ def with_thrust_gain_ties(off: Sequence[OffNominal]) -> tuple[OffNominal, ...]:
     def others(o: OffNominal) -> tuple[str, ...]:
         return inertias if o.term.name == THRUST_GAIN else (THRUST_GAIN,)
 
-    return tuple(replace(o, tied_with=_joined(o.tied_with, others(o))) for o in off)
+    return tuple(with_ties(o, others(o)) for o in off)
 
 
 def _inertia_ties(
@@ -157,7 +153,7 @@ def _is_consistent(x: tuple[float, float], shift: float, tolerance: float) -> bo
     x: logarithm of the ratio of an inertia to its nominal value, and its standard deviation.
     """
     value, std = x
-    return abs(value - shift) <= math.log1p(tolerance) + SIGMAS * std
+    return abs(value - shift) <= math.log1p(tolerance) + SIGMAS_95 * std
 
 
 def _zero_error(f: Finding, T_g: float) -> float:
@@ -179,11 +175,3 @@ def _ln_k(zero_error: float, rest_rad: float) -> float:
 def _is_possible(ln_k: float) -> bool:
     k = term(f"{EFFECT}.yaw").effect.parameters[0]
     return bool(np.isfinite(ln_k)) and k.low <= math.exp(ln_k) <= k.high
-
-
-def _with_ties(f: Finding, names: Sequence[str]) -> Finding:
-    return replace(f, choice=replace(f.choice, tied_with=_joined(f.tied_with, names)))
-
-
-def _joined(first: Sequence[str], second: Sequence[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((*first, *second)))

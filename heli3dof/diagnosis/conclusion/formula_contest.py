@@ -8,7 +8,7 @@ most (`unmodelled.torque_formula`). Let ℓ_s be the log-likelihood with the cau
 filter updates), ℓ_φ the one with the formula. With K formulas and the fit's variance inflation κ
 (`Estimate.inflation`), the formula replaces the causes if
 
-    2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `selection.select.TIE`
+    2 (ℓ_φ − ℓ_s)/κ + (n_s − 1) ln N − 2 ln K > `constants.TIE`
 
 The second summand is BIC for the causes' further parameters, the third the prior odds against
 one formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the
@@ -28,18 +28,18 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.conclusion.unknown_controller import exceeds_rounding
-from heli3dof.diagnosis.screening.grid_trials import widened
+from heli3dof.diagnosis.constants import TIE
+from heli3dof.diagnosis.screening.grid_trials import with_term_at
 from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
 from heli3dof.diagnosis.selection.rivals import ROUNDS, likelihoods, odds
-from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.diagnosis.selection.steps import without
+from heli3dof.diagnosis.unmodelled.torque_evidence import evidence_without_nulls
 from heli3dof.diagnosis.unmodelled.torque_formula import (
     PRODUCTS,
-    filtered_fit,
     product_scores,
     variable_of,
 )
-from heli3dof.diagnosis.unmodelled.unmodelled_torque import Place
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import TorqueLocation
 from heli3dof.diagnosis.validation.cross_validation import held_out
 from heli3dof.diagnosis.validation.gain import gain
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
@@ -58,7 +58,7 @@ class Formula:
 
     problem: Likelihood
     optimum: Optimum
-    place: Place
+    location: TorqueLocation
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ def predictions_agree(
     """Return whether the formula predicts its axis better than ``fit``, which has the causes."""
     wide = CorrectedFit(formula.problem, formula.optimum)
     g = gain(held_out(fit, holdout), held_out(wide, holdout), seed=setup.seed)
-    return exceeds_rounding(g, fit.structure.profile, axes=[formula.place.axis])
+    return exceeds_rounding(g, fit.structure.profile, axes=[formula.location.axis])
 
 
 def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
@@ -143,14 +143,14 @@ def contest(fit: CorrectedFit, ln_causes: float, causes: tuple[str, ...]) -> Con
 
 def with_best_product(fit: CorrectedFit) -> Formula:
     """Return ``fit`` extended by a torque c φ, φ the product of quantities that explains most."""
-    flown = filtered_fit(fit)
+    x = evidence_without_nulls(fit)
     axes = np.flatnonzero(fit.problem.data.axes)
-    scores = {int(i): product_scores(flown, int(i)) for i in axes}
+    scores = {int(i): product_scores(x, int(i)) for i in axes}
     i = max(scores, key=lambda i: float(scores[i][0].max()))
     S, c = scores[i]
     k = int(S.argmax())
     o = fit.optimum
-    wide = widened(fit.problem, term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}"))
-    start = wide.structure.free[-1].scaled(float(c[k]))
-    best = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)
-    return Formula(wide, best, Place(AXES[i], variable_of(PRODUCTS[k])))
+    torque = term(f"{PREFIX}{PRODUCTS[k]}.{AXES[i]}")
+    wide, start = with_term_at(fit.problem, o.theta, torque, (float(c[k]),))
+    best = maximise_corrected(wide, start, o.noise, None)
+    return Formula(wide, best, TorqueLocation(AXES[i], variable_of(PRODUCTS[k])))

@@ -14,47 +14,63 @@ and at most those for the opposite limit. v_i is the information of probe i, std
 deviation of its score in flights simulated without it. Effect i is confounded with parameter j if
 
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
-2. the measured Z_i lies within this range of Z, widened by `MAX_DEVIATION`.
+2. the measured Z_i lies within this range of Z, widened by `SIGMAS_99`.
 
 A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For it, α runs over the
 sizes for which the corrected parameters θ_j − α b_ji give a K_f within the tolerance.
 
-An inertia is also confounded with an effect for another reason. A fit of all parameters with this
-effect has the inertia within tolerance and explains the flight equally well
-(`selection.inertia_alternatives`).
+In a short step flight, a slow torque has nearly the effect of a wrong inertia. The base fit absorbs
+the torque in the inertia J_j; a full fit with the torque returns J_j to nominal. If an inertia is
+significantly off nominal (`diagnosis.base_parameters`), terms with Z² > `SIGMAS_95`² are fitted in
+full, at most `MAX_FITS`. A term is confounded with the inertias if its score exceeds −`TIE` and its
+fit puts all of them within the profile's tolerance ε: ln(1 − ε) ≤ ln(J_j/J_j,nominal) ≤ ln(1 + ε).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.base_parameters import THRUST_GAIN, OffNominal
-from heli3dof.diagnosis.screening.screening import LARGE, one_sided
+from heli3dof.diagnosis.base_parameters import (
+    THRUST_GAIN,
+    OffNominal,
+    base_parameters,
+    finding_of,
+    off_nominal,
+)
+from heli3dof.diagnosis.constants import LARGE, SIGMAS_95, SIGMAS_99, TIE
+from heli3dof.diagnosis.screening.screening import Screening, one_sided
+from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, fit_candidates
+from heli3dof.diagnosis.selection.select import with_ties
 from heli3dof.diagnosis.selection.steps import Step
 from heli3dof.identification.bias_correction.correction import CorrectedFit
+from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.thrust_scale import edge, of_ratios, thrust_scale
+from heli3dof.model.effects import Term
 
-MAX_DEVIATION = 3.0
-"""Standard deviations of Z by which its range is widened. Chosen; not derived."""
+MAX_FITS = 6
+"""Most candidates fitted in full. Chosen; not derived."""
 SIZES = 21
 """Number of trial sizes, from zero to the largest. Chosen; not derived."""
 PARAMETERS = ("mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw")
 """Findings, in the order of the base's free parameters"""
 
 
-def with_confounded_causes(off: OffNominal, step: Step) -> OffNominal:
-    """Return ``off``; its ``tied_with`` names the effects that are confounded with it."""
-    if off.term.name == THRUST_GAIN:
-        return replace(off, tied_with=confounded_with_thrust_gain(step))
-    if off.term.name not in PARAMETERS:
-        return off
-    tied = confounded_causes(step, PARAMETERS.index(off.term.name))
-    if off.term.effect.name == "inertia":
-        tied = tuple(dict.fromkeys((*tied, *(f.term.name for f in step.instead_of_inertia))))
-    return replace(off, tied_with=tied)
+def with_confounded_causes(off: Sequence[OffNominal], step: Step) -> tuple[OffNominal, ...]:
+    """Return ``off``; the ``tied_with`` of each names the effects that are confounded with it."""
+    is_inertia = [o.term.effect.name == "inertia" for o in off]
+    alternatives = [f.term.name for f in instead_of_inertia(step)] if any(is_inertia) else []
+
+    def confounded(o: OffNominal) -> tuple[str, ...]:
+        if o.term.name == THRUST_GAIN:
+            return confounded_with_thrust_gain(step)
+        return confounded_causes(step, PARAMETERS.index(o.term.name))
+
+    return tuple(
+        with_ties(o, (*confounded(o), *alternatives * with_fits))
+        for o, with_fits in zip(off, is_inertia, strict=True)
+    )
 
 
 def last_step_with_causes(steps: Sequence[Step], fit: CorrectedFit) -> Step:
@@ -133,6 +149,34 @@ def plausible_terms(step: Step, amounts: Iterable[tuple[int, float, float]]) -> 
         most = np.clip(most, -largest / abs(p.size), largest / abs(p.size))
         z_per_unit = float(np.sqrt(screen.v[i])) / float(step.nulls.std[i])
         low, high = sorted((least * z_per_unit, most * z_per_unit))
-        return bool(low - MAX_DEVIATION < float(Z[i]) < high + MAX_DEVIATION)
+        return bool(low - SIGMAS_99 < float(Z[i]) < high + SIGMAS_99)
 
     return tuple(dict.fromkeys(screen.plain[i].name for i, *a in amounts if is_plausible(i, *a)))
+
+
+def instead_of_inertia(s: Screening) -> list[CandidateFit]:
+    """Return the fits of candidates that bring all inertias off nominal back within tolerance.
+
+    The result is empty if no inertia is off nominal.
+    """
+    off = [o.term.name for o in off_nominal(s.fit)]
+    inertias = {n for n in off if n.startswith("inertia")}
+    if not inertias:
+        return []
+    fits = fit_candidates(s, possible_alternatives(s))
+    likely = (f for f in fits if f.score > -TIE)
+    return [f for f in likely if are_within_tolerance(Estimate(f.problem, f.optimum), inertias)]
+
+
+def possible_alternatives(s: Screening) -> list[tuple[Term, float, int]]:
+    """Return at most `MAX_FITS` ranked, identifiable terms with Z² > `SIGMAS_95`², to fit."""
+    hidden = s.not_identifiable
+    shown = (r for r in s.ranked if r[1] > SIGMAS_95**2 and r[0].name not in hidden)
+    return [r for r in shown if not r[0].effect.formal][:MAX_FITS]
+
+
+def are_within_tolerance(fit: Estimate, names: set[str]) -> bool:
+    """Return True if ``fit`` has the parameters of the findings ``names`` within tolerance."""
+    tolerance = fit.structure.profile.tolerance
+    named = [c for c in base_parameters(fit) if finding_of(c.name) in names]
+    return all(c.excess(tolerance) <= 0 for c in named)

@@ -18,9 +18,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import MAX_COMPARED
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import Choice
+from heli3dof.diagnosis.selection.select import Choice, with_ties
 from heli3dof.diagnosis.validation.cross_validation import row_by_row
 from heli3dof.parallel import parallel_map
 
@@ -30,8 +31,6 @@ MIN_CLEARANCE = 1.0
 """Least difference of the scores that separates two causes, in units of s. Chosen; not derived."""
 MIN_SCORE_SHARE = 0.5
 """Share of the first cause's score below which a cause is not compared. Chosen."""
-MAX_COMPARED = 3
-"""Largest number of causes compared with the first. Chosen; not derived."""
 
 
 def with_segment_ties(findings: Sequence[Finding]) -> tuple[Finding, ...]:
@@ -61,14 +60,14 @@ def tied_by_segments(choice: Choice, adopted: set[str]) -> Choice:
     if not compared:
         return choice
     by_cell = parallel_map(lambda i: log_likelihood_cells([best, *compared][i]), len(compared) + 1)
-    tied, confidence = list(choice.tied_with), choice.confidence
+    tied, confidence = [], choice.confidence
     for c, d in zip(compared, by_cell[1:], strict=True):
         probability = ranking_probability(best.score - c.score, ranking_std(by_cell[0] - d))
         if probability < ranking_probability(MIN_CLEARANCE, 1.0):
             tied.append(c.term.name)
         else:
             confidence = min(confidence, probability)
-    return replace(choice, tied_with=tuple(tied), confidence=confidence)
+    return with_ties(replace(choice, confidence=confidence), tied)
 
 
 def log_likelihood_cells(c: CandidateFit) -> np.ndarray:

@@ -9,14 +9,14 @@ term.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from heli3dof.diagnosis.base_parameters import in_SI
-from heli3dof.diagnosis.conclusion.adoption import convinces, log_likelihood_gain
+from heli3dof.diagnosis.conclusion.adoption import is_significant_gain, log_likelihood_gain
 from heli3dof.diagnosis.result import Dropped, TorqueTerm
-from heli3dof.diagnosis.screening.grid_trials import widened
+from heli3dof.diagnosis.screening.grid_trials import with_term_at
 from heli3dof.diagnosis.selection.steps import bias_corrected
 from heli3dof.diagnosis.unmodelled.torque_formula import Proposal, proposals
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
@@ -25,7 +25,7 @@ from heli3dof.diagnosis.validation.gain import Gain, HeldOut, gain
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.setup import Setup
-from heli3dof.identification.greybox.thrust_scale import ThrustScale, thrust_scale
+from heli3dof.identification.greybox.thrust_scale import thrust_scale
 from heli3dof.model.effects import term
 from heli3dof.recording.recording import Recording
 
@@ -38,9 +38,7 @@ class Extended:
     after: HeldOut
     """Results of ``fit`` on held-out data"""
     torques: tuple[ResidualTorque, ...]
-    """The torques that are not dropped"""
-    terms: tuple[TorqueTerm | None, ...]
-    """One for each of ``torques``; None if no term for it could be fitted"""
+    """The torques that are not dropped, each with its term if one could be fitted"""
     dropped: tuple[Dropped, ...]
     """For each dropped torque, the proposal with the largest log-likelihood gain"""
 
@@ -63,7 +61,7 @@ def with_torques(
                 continue
             new = held_out(wider, holdout)
             g = gain(after, new, seed=setup.seed)
-            if convinces(g):
+            if is_significant_gain(g):
                 fit, after = wider, new
                 kept.append((torque, (proposal, g)))
                 break
@@ -74,20 +72,18 @@ def with_torques(
             else:
                 kept.append((torque, None))
     scale = thrust_scale(fit)
-    terms = (None if a is None else _sized(fit, scale, *a) for _, a in kept)
-    return Extended(fit, after, tuple(t for t, _ in kept), tuple(terms), tuple(dropped))
-
-
-def _sized(fit: CorrectedFit, scale: ThrustScale, proposal: Proposal, won: Gain) -> TorqueTerm:
-    units = {p.name: p.unit for p in term(proposal.term).effect.parameters}
-    return TorqueTerm(proposal, in_SI(fit, scale, proposal.term), units, won)
+    left = (
+        replace(t, term=TorqueTerm(adopted[0], in_SI(fit, scale, adopted[0].term), adopted[1]))
+        if adopted
+        else t
+        for t, adopted in kept
+    )
+    return Extended(fit, after, tuple(left), tuple(dropped))
 
 
 def fit_with(setup: Setup, fit: CorrectedFit, proposal: Proposal) -> CorrectedFit:
     """Return ``fit`` extended by the proposal's term, refitted and bias-corrected."""
     o = fit.optimum
-    wide = widened(fit.problem, term(proposal.term))
-    new = wide.structure.free[len(o.theta) :]
-    start = [f.scaled(v) for f, v in zip(new, proposal.start, strict=True)]
-    at = maximise_corrected(wide, np.append(o.theta, start), o.noise, None)
+    wide, start = with_term_at(fit.problem, o.theta, term(proposal.term), proposal.start)
+    at = maximise_corrected(wide, start, o.noise, None)
     return bias_corrected(setup, wide, at, fit)

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.base_parameters import FALSE_ALARMS
+from heli3dof.diagnosis.constants import LEAST_SHARE, MAX_CAUSES, MAX_COMPARED
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
     carried_over,
@@ -31,9 +31,9 @@ from heli3dof.diagnosis.free_run.refits import (
     restructured,
 )
 from heli3dof.diagnosis.screening.catalogue import Probe, candidates, probes
+from heli3dof.diagnosis.screening.nulls import bonferroni
 from heli3dof.diagnosis.screening.screening import one_sided
-from heli3dof.diagnosis.selection.select import MAX_CAUSES
-from heli3dof.diagnosis.sensitivity.projection import project_out
+from heli3dof.identification.bias_correction.perturbation import project_out
 from heli3dof.identification.greybox.multistep import (
     MultiStep,
     MultiStepFit,
@@ -43,10 +43,6 @@ from heli3dof.parallel import parallel_map
 
 CORRELATED = 0.5
 """|Correlation| above which two effects may be confounded. Chosen."""
-LEAST_SHARE = 1e-6
-"""Least v/(d·d) of a tested probe; below it, the fit's parameters produce the same change."""
-MAX_FITS = 3
-"""Most candidates that are fitted in full per step of the forward selection. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +72,7 @@ def score_tests(fit: MultiStepFit) -> list[Candidate]:
     terms = [t for t in candidates(present) if not t.effect.formal]
     tested = [q for t in terms for q in probes(t, V)]
     r = _residuals(fit, p, fit.z)
-    H = fit.tangents @ fit.tangents.T + p.prior
+    H = fit.information
     step = np.linalg.solve(H, fit.tangents @ r + p.prior @ (fit.z - p.start))
     q = r - step @ fit.tangents
 
@@ -97,23 +93,12 @@ def score_tests(fit: MultiStepFit) -> list[Candidate]:
     return sorted(best.values(), key=lambda c: -c.Z2)
 
 
-def threshold(tests: int) -> float:
-    """Return the value that the largest Z² of ``tests`` tests exceeds with chance `FALSE_ALARMS`.
-
-    >>> round(threshold(60), 1)
-    16.4
-    """
-    from scipy.stats import chi2
-
-    return float(chi2.isf(FALSE_ALARMS / tests, 1))
-
-
 def with_further_effects(fit: MultiStepFit) -> MultiStepFit:
     """Return the fit with further effects of the catalogue that reduce its cost significantly."""
     for _ in range(MAX_CAUSES):
         tests = score_tests(fit)
-        least = threshold(len(tests))
-        names = [c.name for c in tests if least <= c.Z2][:MAX_FITS]
+        least = bonferroni(len(tests))
+        names = [c.name for c in tests if least <= c.Z2][:MAX_COMPARED]
         wider = [refit(fit, "", instead=name) for name in names]
         best = min(wider, key=lambda w: w.cost, default=fit)
         if fit.cost - best.cost < least:

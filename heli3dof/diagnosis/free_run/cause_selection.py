@@ -10,36 +10,56 @@ of these hold:
 
 - Without it, held-out blocks are predicted worse, or its prior already excludes that it has no
   effect (a term known beforehand, `free_run.elimination`).
-- P ≥ `LEVEL`, and σ ≤ `PRIOR_SHARE` σ_prior.
-- The estimates from both halves of the data agree, and each is significant (`free_run.halves`). A
-  half is every other block of each flight. For a term known beforehand it is enough that they
-  agree.
+- P ≥ `LEVEL`, and the estimate is not mostly the prior (`MultiStepFit.mostly_prior`).
+- The estimates from both halves of the data agree, and each is significant. A half is every other
+  block of each flight. For a term known beforehand it is enough that they agree.
 
 All other terms stay in the model with their priors: a term set to zero predicts new motion worse
 than a term of likely size.
+
+**Trim torque.** A multi-step fit has the trim torque T_g and one torque τ_i for each recording
+(`mass.imbalance`). No recording separates the mean τ̄ of these torques from T_g. So T_g + τ̄
+replaces T_g, and zero replaces τ̄ (`MeanTrimFit`). The result has the covariance J C Jᵀ. C is the
+covariance of the fit, J the derivatives of the new parameters by the old ones.
+
+**Halves.** A fit's σ contains noise, but not errors of the model's form, which shift an estimate
+from one half of the flights to the other. So each fold's training blocks (`free_run.refits`) are
+fitted alone. θ_h ± σ_h is the estimate of a term's first parameter in half h.
+
+    u_h = (θ_h − θ_0)/σ_h                      significant in both: min_h |u_h| ≥ `SIGNIFICANT`,
+                                               all u_h of one sign, none mostly the prior
+    δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of one size: δ ≤ `SIGMAS_99`
+
+Both fits share the prior, which pulls both halves to one size; hence the last condition. If the
+parameter varies by recording, χ² of its values is converted to a normal deviate u_h, and δ is 0.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from heli3dof.diagnosis.conclusion.recordings_agree import SIGNIFICANT, of_one_size
+from heli3dof.diagnosis.constants import LEVEL
 from heli3dof.diagnosis.free_run.elimination import (
+    NORMAL,
     Elimination,
     TermResult,
     correlated_terms,
     known_beforehand,
 )
-from heli3dof.diagnosis.free_run.halves import PRIOR_SHARE, compare_halves, null_distance
-from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
-from heli3dof.diagnosis.free_run.refits import refit
-from heli3dof.diagnosis.outlook import UndecidedTerms
-from heli3dof.diagnosis.validation.gain import LEVEL
+from heli3dof.diagnosis.free_run.refits import recording_indices, refit
+from heli3dof.diagnosis.result import UndecidedTerms
+from heli3dof.identification.greybox.freeflight import WEIGHT
 from heli3dof.identification.greybox.multistep import MultiStepFit
+from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.identification.greybox.thrust_scale import thrust_scale
-from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.model.physics.parametrisation import first_parameters
+from heli3dof.model.physics.parametrisation import Structure, first_parameters
 
 MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly that of the prior"
 
@@ -47,41 +67,30 @@ MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly th
 def probability_nonzero(fit: MultiStepFit, name: str) -> float:
     """Return the confidence level P (see the module) of a term; 1 without a null value or a σ."""
     distance = null_distance(fit, name)
-    return 1.0 if distance is None else math.erf(abs(distance[0]) / math.sqrt(2))
+    return 1.0 if distance is None else 2 * NORMAL.cdf(abs(distance.u)) - 1
 
 
 def select_causes(result: Elimination) -> tuple[list[TermResult], list[TermResult]]:
     """Return (causes, terms that stay in the model but are no causes), as ordered in ``result``."""
     causes = [
         r
-        for r in result.kept
+        for r in result.needed
         if probability_nonzero(result.fit, r.term) >= LEVEL and not contradicted(result, r)
     ]
-    return causes, [*(r for r in result.kept if r not in causes), *result.gone]
-
-
-def mostly_prior(fit: MultiStepFit, name: str) -> bool:
-    """Return whether a term's estimate is mostly its prior: σ > `PRIOR_SHARE` σ_prior.
-
-    The result is False for a term that varies by recording.
-    """
-    free = fit.structure.free
-    j = first_parameters(free).get(name)
-    if j is None or free[j].name in fit.problem.varying:
-        return False
-    return bool(fit.std[j] > PRIOR_SHARE * fit.prior_std[j])
+    return causes, [*(r for r in result.needed if r not in causes), *result.removed]
 
 
 def contradicted(result: Elimination, r: TermResult) -> str:
     """Return why the recordings do not confirm the term ``r`` as a cause; empty if they do."""
-    if mostly_prior(result.fit, r.term):
+    if (d := null_distance(result.fit, r.term)) is not None and d.mostly_prior:
         return MOSTLY_PRIOR
     halves = compare_halves(result.halves, r.term)
     if halves is None:
         return ""
-    if not halves.one_size:
+    one_size, significant = halves
+    if not one_size:
         return "the two halves of the data give it different sizes"
-    if halves.significant_in_both or r.term in known_beforehand(result.fit.problem):
+    if significant or r.term in known_beforehand(result.fit.problem):
         return ""
     return "it is not significant in each half of the data"
 
@@ -98,7 +107,7 @@ def confidence(result: Elimination, r: TermResult) -> float:
 
 
 def open_terms(
-    result: Elimination, model: GreyBoxModel, causes: list[TermResult], only_kept: list[TermResult]
+    result: Elimination, causes: list[TermResult], only_kept: list[TermResult]
 ) -> UndecidedTerms:
     """Return the terms on which a further flight should decide.
 
@@ -111,9 +120,9 @@ def open_terms(
             for other in r.tied_with:
                 if other not in {t.name for t in fit.structure.terms}:
                     fit = refit(fit, "", other)
-            return UndecidedTerms(fit, model, (r.term, *r.tied_with), tied=True)
-    needed = [r.term for r in only_kept if r not in result.gone]
-    return UndecidedTerms(result.fit, model, tuple(needed or not_identifiable(result.fit, causes)))
+            return UndecidedTerms(fit, (r.term, *r.tied_with), tied=True)
+    needed = [r.term for r in only_kept if r not in result.removed]
+    return UndecidedTerms(result.fit, tuple(needed or not_identifiable(result.fit, causes)))
 
 
 def kept_terms(result: Elimination, only_kept: list[TermResult]) -> list[dict[str, Any]]:
@@ -131,11 +140,11 @@ def kept_terms(result: Elimination, only_kept: list[TermResult]) -> list[dict[st
 
 
 def _why(result: Elimination, r: TermResult) -> str:
-    if mostly_prior(result.fit, r.term):
+    if (d := null_distance(result.fit, r.term)) is not None and d.mostly_prior:
         return MOSTLY_PRIOR
     if not result.halves:
         return "its size is not significant, and no blocks were left out"
-    if r in result.gone:
+    if r in result.removed:
         return "left-out blocks do not need it"
     if probability_nonzero(result.fit, r.term) >= LEVEL and (why := contradicted(result, r)):
         return f"left-out blocks need it, but {why}"
@@ -163,13 +172,104 @@ def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
 
 
 def not_identifiable(fit: MultiStepFit, causes: list[TermResult]) -> Iterator[str]:
-    """Yield the terms, except causes, with σ > `PRIOR_SHARE` σ_prior for all their parameters."""
+    """Yield the terms, except causes, of which all parameters are mostly their priors."""
     cause_names = {r.term for r in causes}
     for t in fit.structure.terms:
         vague = [
-            s > PRIOR_SHARE * p
-            for f, s, p in zip(fit.structure.free, fit.std, fit.prior_std, strict=True)
+            is_vague
+            for f, is_vague in zip(fit.structure.free, fit.mostly_prior, strict=True)
             if f.term == t.name and f.name not in fit.problem.varying
         ]
         if vague and all(vague) and t.name not in cause_names:
             yield t.name
+
+
+@dataclass(frozen=True, eq=False)
+class MeanTrimFit(PhysicalFit):
+    """A fit whose trim torque T_g includes the mean of the torques that differ by recording."""
+
+    fit: MultiStepFit
+
+    @property
+    def structure(self) -> Structure:
+        return self.fit.structure
+
+    @cached_property
+    def _combination(self) -> np.ndarray:
+        names = self.structure.names
+        J = np.eye(len(names))
+        if WEIGHT in names:
+            T_g, weight = names.index("T_g"), names.index(WEIGHT)
+            J[T_g, weight], J[weight, weight] = 1.0, 0.0
+        return J
+
+    @property
+    def theta(self) -> np.ndarray:
+        values = self._combination @ self.fit.values
+        return np.array([f.scaled(v) for f, v in zip(self.free, values, strict=True)])
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        return np.asarray(self._combination @ self.fit.covariance @ self._combination.T)
+
+
+class NullDistance(NamedTuple):
+    """Distance of a term's first parameter θ from its value θ_0 without the effect."""
+
+    u: float
+    """(θ − θ_0)/σ; ∞ on a logarithmic scale"""
+    value: float
+    std: float
+    """θ and σ; of the scaled value on a logarithmic scale, 0 for one that varies by recording"""
+    mostly_prior: bool = False
+
+
+def compare_halves(halves: Sequence[MultiStepFit], name: str) -> tuple[bool, bool] | None:
+    """Return whether a term has (one size, a significant size) in both ``halves``.
+
+    None without two halves, or if the term has no σ.
+    """
+    known = [d for h in halves if (d := null_distance(h, name)) is not None]
+    return compared(*known) if len(known) == 2 else None
+
+
+def compared(a: NullDistance, b: NullDistance) -> tuple[bool, bool]:
+    """Return whether the estimates of both halves agree, and whether both are significant."""
+    one_sign = math.copysign(1.0, a.u) == math.copysign(1.0, b.u)
+    significant = one_sign and not (a.mostly_prior or b.mostly_prior)
+    significant = significant and min(abs(a.u), abs(b.u)) >= SIGNIFICANT
+    return of_one_size((a.value, a.std), (b.value, b.std)), significant
+
+
+def null_distance(fit: MultiStepFit, name: str) -> NullDistance | None:
+    """Return the distance of a term's first parameter; None without a parameter or σ."""
+    j = first_parameters(fit.structure.free).get(name)
+    if j is None:
+        return None
+    f, mostly_prior = fit.structure.free[j], bool(fit.mostly_prior[j])
+    if f.log:
+        std = float(np.sqrt(fit.scaled_covariance[j, j]))
+        return NullDistance(math.inf, float(fit.z[j]), std, mostly_prior)
+    if f.name in fit.problem.varying:
+        return NullDistance(equivalent_deviation(*chi_squared(fit, j)), 0.0, 0.0)
+    value, std = float(fit.values[j]), float(fit.std[j])
+    return NullDistance((value - f.null) / std, value, std, mostly_prior) if std > 0 else None
+
+
+def chi_squared(fit: MultiStepFit, j: int) -> tuple[float, int]:
+    """Return χ² of parameter j's values in n recordings about its null value, and n."""
+    at, f = recording_indices(fit.problem, j), fit.structure.free[j]
+    C = fit.scaled_covariance[np.ix_(at, at)]
+    d = fit.z[at] - f.scaled(f.null)
+    return float(d @ np.linalg.solve(C, d)), len(at)
+
+
+def equivalent_deviation(chi2: float, freedom: int) -> float:
+    """Return the standard normal deviate with the two-sided p-value of ``chi2``.
+
+    ``freedom``: degrees of freedom of ``chi2``.
+    """
+    from scipy.stats import chi2 as law
+    from scipy.stats import norm
+
+    return float(norm.isf(max(law.sf(chi2, freedom), 1e-300) / 2))

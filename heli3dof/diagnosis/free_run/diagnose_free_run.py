@@ -22,11 +22,12 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import base_parameters, off_nominal
-from heli3dof.diagnosis.conclusion.conclude import conclude
 from heli3dof.diagnosis.conclusion.encoder_scales import with_thrust_gain_ties
 from heli3dof.diagnosis.conclusion.recordings_agree import marked_like
+from heli3dof.diagnosis.conclusion.verdict import conclude
 from heli3dof.diagnosis.free_run.candidates import with_further_effects
 from heli3dof.diagnosis.free_run.cause_selection import (
+    MeanTrimFit,
     confidence,
     kept_terms,
     not_identifiable,
@@ -37,13 +38,11 @@ from heli3dof.diagnosis.free_run.cause_selection import (
 from heli3dof.diagnosis.free_run.elimination import (
     Elimination,
     TermResult,
-    Trial,
     eliminate,
     result_by_adding,
     with_confounded_terms,
     without_elimination,
 )
-from heli3dof.diagnosis.free_run.explanations import explanation_sentences
 from heli3dof.diagnosis.free_run.free_run_gain import (
     FreeRun,
     cross_validated,
@@ -51,10 +50,9 @@ from heli3dof.diagnosis.free_run.free_run_gain import (
     free_run_gain,
     predicts_better,
 )
-from heli3dof.diagnosis.free_run.mean_trim import MeanTrimFit
 from heli3dof.diagnosis.free_run.refits import folds_of, refit
 from heli3dof.diagnosis.free_run.residual_torques import residual_torques
-from heli3dof.diagnosis.free_run.unexplained import unexplained_effects
+from heli3dof.diagnosis.free_run.unexplained import explanation_sentences, unexplained_effects
 from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import split_off_slow_noise
@@ -116,7 +114,7 @@ def diagnose_without_likelihood(
     cross-validation: the estimates alone select causes, marked "…-like". Then the gain is measured
     on the training data if there are no held-out data.
     """
-    whole, partial = _all_angles(train), _lacking_angles([*train, *held])
+    whole, partial = _all_angles(train), [r for r in (*train, *held) if len(r.axes) < len(AXES)]
     flights = [r for r in whole if len(flight_of(r).starts) >= LEAST_STARTS]
     held_out = _all_angles(held)
     tested, on = (held_out, "holdout") if held_out else (whole, "the recordings themselves")
@@ -160,10 +158,9 @@ def diagnose_without_likelihood(
         free_run_gain(before, before if poor else after, against, seed), None, None,
         _profile_error(tested, simpler), unfitted,
         base_parameters(MeanTrimFit(adopted)),
-        None if poor else open_terms(result, model, causes, only_kept),
+        None if poor else open_terms(result, causes, only_kept),
     )  # fmt: skip
-    calibrated = MeanTrimFit(result.fit)
-    off = () if poor else with_thrust_gain_ties(off_nominal(calibrated, std_inflation=1.0))
+    off = () if poor else with_thrust_gain_ties(off_nominal(MeanTrimFit(result.fit)))
     of_base = {o.term.name for o in off}
     findings = tuple(f for f in findings if not poor and f.term.name not in of_base)
     if quick:
@@ -187,13 +184,7 @@ def diagnose_without_likelihood(
         off, dropped, residual_torques=residual, slow_noise=slow_noise, about=about,
         not_identifiable=tuple(not_identifiable(result.fit, causes)),
     )  # fmt: skip
-    return conclude(
-        without_verdict,
-        base_parameters(calibrated),
-        whole[0].profile,
-        AXES,
-        ambiguous_if_unconfirmed=quick,
-    )
+    return conclude(without_verdict, AXES, ambiguous_if_unconfirmed=quick)
 
 
 def _without_each(
@@ -212,12 +203,12 @@ def _without_each(
     def one(i: int) -> tuple[FreeRun, FreeRun]:
         r = causes[i]
         if full is not None:
-            less = refit(result.begun, *removal.get(r.term, (r.term,)))
+            begun = result.fit if result.first is None else result.first.fit
+            less = refit(begun, *removal.get(r.term, (r.term,)))
             return _predicted(less, whole, held), full
         assert result.last is not None
-        trial = r.trial or Trial(r.increase)
-        fits_with = trial.fits_with or tuple(fit for fit, _ in result.last.folds)
-        fits_without = trial.fits_without or [refit(f, r.term) for f in fits_with]
+        fits_with = r.trial.fits_with or tuple(fit for fit, _ in result.last.folds)
+        fits_without = r.trial.fits_without or [refit(f, r.term) for f in fits_with]
         a, b = (
             cross_validated([model_of(f, whole, "") for f in fits], whole)
             for fits in (fits_without, fits_with)
@@ -233,10 +224,6 @@ def _predicted(fit: Fit, whole: Sequence[Recording], held: Sequence[Recording]) 
 
 def _all_angles(recordings: Sequence[Recording]) -> list[Recording]:
     return [r for r in recordings if len(r.axes) == len(AXES)]
-
-
-def _lacking_angles(recordings: Sequence[Recording]) -> list[Recording]:
-    return [r for r in recordings if len(r.axes) < len(AXES)]
 
 
 def _finding(result: Elimination, r: TermResult, gained: Gain) -> Finding:

@@ -13,10 +13,10 @@ Prediction windows overlap, so the bootstrap resamples cells (block bootstrap).
 1. The terms are tested, the least significant first. A term stays if one of these applies; the
    first term that does not stay is removed:
 
-   - Need: the `LEVEL` bootstrap interval of Δ on held-out blocks lies above zero.
-   - Prior knowledge: the prior mean is more than `SIGMAS` prior deviations from the null value.
+   - Need: the `constants.LEVEL` bootstrap interval of Δ on held-out blocks lies above zero.
+   - Prior knowledge: the prior mean is more than `SIGMAS_99` prior deviations from the null value.
    - Training cost: the cost Q of the multi-step fit on the training blocks increases by
-     `SIGMAS`² or more without the term. Without such a term the model is wrong, and the tests
+     `SIGMAS_99`² or more without the term. Without such a term the model is wrong, and the tests
      of the other terms are invalid.
 2. The model is refitted. Retained terms correlated with the removed one are tested again.
 3. `free_run.cause_selection` selects the causes among the terms that stay by need or prior
@@ -35,10 +35,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import erf, sqrt
+from math import sqrt
+from statistics import NormalDist
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import SIGMAS_99
 from heli3dof.diagnosis.free_run.candidates import CORRELATED, possible_replacements, score_tests
 from heli3dof.diagnosis.free_run.refits import (
     STAGE_S,
@@ -47,7 +49,7 @@ from heli3dof.diagnosis.free_run.refits import (
     recording_indices,
     refit,
 )
-from heli3dof.diagnosis.validation.gain import DRAWS, LEVEL
+from heli3dof.diagnosis.validation.gain import DRAWS, Interval, interval
 from heli3dof.identification.greybox.multistep import FAR, MultiStep, MultiStepFit, robust, search
 from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
@@ -55,19 +57,15 @@ from heli3dof.model.greybox.prediction import Flight, errors
 from heli3dof.parallel import parallel_map
 from heli3dof.stage_clock import Progress
 
-SIGMAS = 3.0
-"""Standard deviations from which prior knowledge or the training cost keeps a term. Chosen."""
 QUANTILE = 1.96
 """97.5 % quantile of the normal distribution: two-sided significance at 5 %."""
+NORMAL = NormalDist()
 
 
 @dataclass(frozen=True)
-class LossIncrease:
+class LossIncrease(Interval):
     """Increase Δ of the held-out loss without a term, with its bootstrap interval."""
 
-    value: float
-    low: float
-    high: float
     std: float
     positive: float
     """Share of the draws above zero"""
@@ -78,7 +76,7 @@ class LossIncrease:
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class LeaveOneOut:
     """The result of leaving out or replacing one term."""
 
     increase: LossIncrease
@@ -92,10 +90,13 @@ class TermResult:
     """A term, and the increase of the held-out loss without it."""
 
     term: str
-    increase: LossIncrease
+    trial: LeaveOneOut
     tied_with: tuple[str, ...] = ()
     """Effects confounded with the cause"""
-    trial: Trial | None = None
+
+    @property
+    def increase(self) -> LossIncrease:
+        return self.trial.increase
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,28 +105,30 @@ class Elimination:
 
     fit: MultiStepFit
     """The fit with every term"""
-    begun: MultiStepFit
-    """The fit with every term, converged at the error scales s that all refits share"""
-    kept: tuple[TermResult, ...]
+    needed: tuple[TermResult, ...]
     """Terms that are needed or known beforehand, by falling Δ"""
-    gone: tuple[TermResult, ...]
+    removed: tuple[TermResult, ...]
     """The removed terms in order, then those that only the cost on training blocks retained"""
-    halves: tuple[MultiStepFit, ...] = ()
-    """Fits with every term, each to the training blocks of one fold"""
     first: FitWithFolds | None = None
     last: FitWithFolds | None = None
-    """``begun`` and the fit after the last removal, with folds; None without cross-validation"""
+    """Fits with every term and after the last removal, with folds; None without cross-validation.
+    All refits share the error scales s at which ``first`` converged."""
+
+    @property
+    def halves(self) -> tuple[MultiStepFit, ...]:
+        """Return fits with every term, each to the training blocks of one fold."""
+        return () if self.first is None else tuple(fit for fit, _ in self.first.folds)
 
 
 def eliminate(
     full: MultiStepFit, *, seed: int = 0, progress: Progress = lambda s: None
 ) -> Elimination:
     """Return which terms of the fit ``full`` stay in a backward elimination (see the module)."""
-    begun = search(full.problem, full.z, full.noise, stages_s=(STAGE_S,))
+    at_common_scale = search(full.problem, full.z, full.noise, stages_s=(STAGE_S,))
     progress("Fitting each half of the blocks …")
-    first = current = FitWithFolds.of(begun)
+    first = current = FitWithFolds.of(at_common_scale)
     removed: list[TermResult] = []
-    retained: dict[str, Trial] = {}
+    retained: dict[str, LeaveOneOut] = {}
     known = known_beforehand(full.problem)
     while True:
         order = by_significance(current.fit)
@@ -136,7 +139,7 @@ def eliminate(
             if (
                 not trial.increase.significant
                 and name not in known
-                and training_cost(current, trial) < SIGMAS**2
+                and training_cost(current, trial) < SIGMAS_99**2
             ):
                 out = name
                 break
@@ -145,15 +148,14 @@ def eliminate(
             break
         correlated = correlated_terms(current.fit, out)
         retained = {k: v for k, v in retained.items() if k not in correlated}
-        removed.append(TermResult(out, trial.increase))
+        removed.append(TermResult(out, LeaveOneOut(trial.increase)))
         progress(f"Without {out} … refitting the others")
         current = current.without_term(out, trial.fits_without)
-    stays = [TermResult(t, trial.increase, (), trial) for t, trial in retained.items()]
-    kept = [r for r in stays if r.increase.significant or r.term in known]
-    kept.sort(key=lambda r: -r.increase.value)
-    gone = [*removed, *(r for r in stays if r not in kept)]
-    halves = tuple(fit for fit, _ in first.folds)
-    return Elimination(full, begun, tuple(kept), tuple(gone), halves, first, current)
+    stays = [TermResult(t, trial) for t, trial in retained.items()]
+    needed = [r for r in stays if r.increase.significant or r.term in known]
+    needed.sort(key=lambda r: -r.increase.value)
+    removed += [r for r in stays if r not in needed]
+    return Elimination(full, tuple(needed), tuple(removed), first, current)
 
 
 def without_elimination(full: MultiStepFit) -> Elimination:
@@ -163,14 +165,12 @@ def without_elimination(full: MultiStepFit) -> Elimination:
     the value without the effect.
     """
     each = [
-        TermResult(
-            t, LossIncrease(u, u - QUANTILE, u + QUANTILE, 1.0, 0.5 * (1 + erf(u / sqrt(2))))
-        )
+        TermResult(t, LeaveOneOut(LossIncrease(u, u - QUANTILE, u + QUANTILE, 1.0, NORMAL.cdf(u))))
         for t, z2 in reversed(by_significance(full))
         for u in [sqrt(z2)]
     ]
-    kept = tuple(r for r in each if r.increase.significant)
-    return Elimination(full, full, kept, tuple(r for r in each if not r.increase.significant))
+    needed = tuple(r for r in each if r.increase.significant)
+    return Elimination(full, needed, tuple(r for r in each if not r.increase.significant))
 
 
 def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
@@ -178,8 +178,7 @@ def by_significance(full: MultiStepFit) -> list[tuple[str, float]]:
 
     θ_0 is the value without the effect, on a logarithmic scale the lower bound.
     """
-    p, out = full.problem, {}
-    C = np.linalg.inv(full.tangents @ full.tangents.T + p.prior)
+    p, C, out = full.problem, full.scaled_covariance, {}
     for t in full.structure.terms:
         z2 = 0.0
         for j, f in enumerate(full.structure.free):
@@ -199,7 +198,7 @@ def result_by_adding(result: Elimination, added: str, name: str, *, seed: int) -
     """
     assert result.first is not None
     trial = without_term(result.first, "", seed=seed, instead=added)
-    return TermResult(name, trial.increase, (), trial)
+    return TermResult(name, trial)
 
 
 def with_confounded_terms(
@@ -216,7 +215,7 @@ def with_confounded_terms(
 
     def replaces(other: str, name: str) -> bool:
         if result.last is None:
-            return refit(fit, name, other).cost - fit.cost < SIGMAS**2
+            return refit(fit, name, other).cost - fit.cost < SIGMAS_99**2
         return without_term(result.last, name, seed=seed, instead=other).increase.low <= 0
 
     out = []
@@ -228,13 +227,13 @@ def with_confounded_terms(
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
-    """Return the terms with a prior mean more than `SIGMAS` prior σ from the value of no effect."""
+    """Return the terms with a prior mean over `SIGMAS_99` prior σ from the value of no effect."""
     out = set()
     sd = 1 / np.sqrt(np.diag(problem.prior))
     for j, f in enumerate(problem.structure.free):
         if f.term is None or f.log or f.name in problem.varying:
             continue
-        if abs(problem.start[j] - f.scaled(f.null)) > SIGMAS * sd[j]:
+        if abs(problem.start[j] - f.scaled(f.null)) > SIGMAS_99 * sd[j]:
             out.add(f.term)
     return out
 
@@ -256,7 +255,7 @@ def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
 
 def without_term(
     current: FitWithFolds, name: str, *, seed: int, instead: str | None = None
-) -> Trial:
+) -> LeaveOneOut:
     """Return the trial that leaves out term ``name``, or puts the term ``instead`` in its place.
 
     For a term that varies by recording, each recording is left out in turn if there are several.
@@ -271,7 +270,7 @@ def without_term(
             loss = [recording_losses(f, p, i, current.fit.scale) for f in (less, full)]
             return np.asarray(loss[0] - loss[1])
 
-        return Trial(bootstrap(np.concatenate(parallel_map(one, len(p.flights))), seed))
+        return LeaveOneOut(bootstrap(np.concatenate(parallel_map(one, len(p.flights))), seed))
 
     def each(i: int) -> tuple[MultiStepFit, np.ndarray]:
         fit, test = current.folds[i]
@@ -281,10 +280,12 @@ def without_term(
 
     results = parallel_map(each, len(current.folds))
     increase = bootstrap(np.concatenate([d for _, d in results]), seed)
-    return Trial(increase, tuple(fit for fit, _ in results), tuple(fit for fit, _ in current.folds))
+    return LeaveOneOut(
+        increase, tuple(fit for fit, _ in results), tuple(fit for fit, _ in current.folds)
+    )
 
 
-def training_cost(current: FitWithFolds, trial: Trial) -> float:
+def training_cost(current: FitWithFolds, trial: LeaveOneOut) -> float:
     """Return the increase of the cost Q on the training blocks without the trial's term.
 
     It is 0 if the trial left out whole recordings: such a trial stores no fits.
@@ -341,12 +342,5 @@ def bootstrap(increase: np.ndarray, seed: int) -> LossIncrease:
     """Return the mean of the loss increases (m,) in m cells, with its bootstrap interval."""
     rng = np.random.default_rng([seed, 7])
     means = increase[rng.integers(0, len(increase), (DRAWS, len(increase)))].mean(axis=1)
-    tail = 50 * (1 - LEVEL)
-    low, high = np.percentile(means, [tail, 100 - tail])
-    return LossIncrease(
-        float(increase.mean()),
-        float(low),
-        float(high),
-        float(means.std()),
-        float((means > 0).mean()),
-    )
+    positive = float((means > 0).mean())
+    return LossIncrease(float(increase.mean()), *interval(means), float(means.std()), positive)

@@ -17,7 +17,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.free_run.refits import WINDOW_S, split_windows
-from heli3dof.diagnosis.validation.gain import DRAWS, HORIZON_S, Gain, rmse_decreases
+from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain, HeldOut, Predictions, gain
 from heli3dof.diagnosis.validation.prediction import FAR
 from heli3dof.identification.greybox.freeflight import flight_of
 from heli3dof.model.greybox.model import GreyBoxModel
@@ -52,11 +52,6 @@ class FreeRun:
     def select(self, rows: np.ndarray) -> FreeRun:
         """Return the predictions that ``rows`` (S,) bool selects."""
         return FreeRun(self.e[rows], self.cell[rows])
-
-    def rmse_deg(self, horizon_s: float) -> np.ndarray:
-        """Return the RMSE (3,) in degrees at this horizon."""
-        e = self.e[:, round(horizon_s / STEP_S) - 1]
-        return np.asarray(np.degrees(np.sqrt(np.nanmean(e**2, axis=0))))
 
     def over_deg(self) -> dict[str, float]:
         """Return {axis: RMSE over `WINDOW_S`} in degrees."""
@@ -97,16 +92,15 @@ def free_run_errors(model: GreyBoxModel, recording: Recording, ahead: np.ndarray
 
 def free_run_gain(before: FreeRun, after: FreeRun, on: str, seed: int) -> Gain:
     """Return the decrease of the RMSE at 1 s from ``before`` to ``after``, with its intervals."""
-    k = round(HORIZON_S / STEP_S) - 1
     names, cell = np.unique(before.cell, return_inverse=True)
-    m = len(names)
+    none = np.zeros(0)
 
-    def by_cell(x: np.ndarray) -> np.ndarray:
-        return np.column_stack([np.bincount(cell, x[:, i], m) for i in range(x.shape[1])])
+    def held_out(x: FreeRun) -> HeldOut:
+        e = x.e[:, round(HORIZON_S / STEP_S) - 1]
+        squares, counts = (
+            np.column_stack([np.bincount(cell, v, len(names)) for v in of_e.T])
+            for of_e in (np.nan_to_num(e) ** 2, np.isfinite(e))
+        )
+        return HeldOut(none, squares, counts, none, none, on, Predictions(*[none] * 4))
 
-    b, a = (by_cell(np.nan_to_num(x.e[:, k]) ** 2) for x in (before, after))
-    counts = by_cell(np.isfinite(before.e[:, k]).astype(float))
-    drawn = np.random.default_rng([seed, 5]).integers(0, m, (DRAWS, m))
-    decreases = rmse_decreases(b, a, counts, drawn)
-    rmse = [dict(zip(AXES, x.rmse_deg(HORIZON_S).tolist(), strict=True)) for x in (before, after)]
-    return Gain(on, rmse[0], rmse[1], decreases, None)
+    return gain(held_out(before), held_out(after), seed=seed)

@@ -15,6 +15,7 @@ import numpy as np
 from heli3dof.identification.greybox.levenberg_marquardt import FRESH, follow_on
 from heli3dof.identification.greybox.multistep import (
     SETTLED,
+    STAGES_S,
     MultiStep,
     MultiStepFit,
     least_squares_problem,
@@ -25,7 +26,7 @@ from heli3dof.model.greybox.prediction import Flight
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.parallel import parallel_map
 
-STAGE_S = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
+STAGE_S = STAGES_S[-1]
 WINDOW_S = STAGE_S[-1]
 BLOCK_S = 2 * WINDOW_S
 """s: prediction horizons, length of a prediction window and of a fold's blocks. Chosen."""

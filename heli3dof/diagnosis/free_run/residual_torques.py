@@ -1,9 +1,10 @@
 """Find a residual torque that depends on a variable, from a multi-step fit's errors in weak form.
 
 The errors in weak form (`heli3dof.identification.greybox.weak_form`) are mean residual
-accelerations over spans of `SPAN_S`. Multiplied by the inertia J, they are torques τ, one per span
-and axis. τ̂ is a sum of `KNOTS` hat functions of a variable's mean over the span. Ridge regression
-fits τ̂ to every other block of `BLOCK_S`; the others test it. Then the blocks change roles.
+accelerations over spans of `SPANS_S[0]`. Multiplied by the inertia J, they are torques τ, one per
+span and axis. τ̂ is a sum of `KNOTS` hat functions of a variable's mean over the span. Ridge
+regression fits τ̂ to every other block of `WINDOW_S`; the others test it. Then the blocks change
+roles.
 
     share = 1 − Σ (τ − τ̂)² / Σ (τ − mean)²      over the test spans, mean of the training spans
 
@@ -18,18 +19,17 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.free_run.refits import WINDOW_S
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.identification.greybox.multistep import MultiStepFit
-from heli3dof.identification.greybox.weak_form import SPANS_S, SmoothedFlight, log_of, residuals
+from heli3dof.identification.greybox.weak_form import SmoothedFlight, log_of, residuals
 
-SPAN_S = SPANS_S[0]
-BLOCK_S = 3.0
 KNOTS = 5
 RIDGE = 1.0
 LEAST = 0.10
 NEARLY = 0.8
 DRAWS = 500
-"""Chosen; not derived: blocks (s), knots, ridge penalty, limits of the share, bootstrap draws"""
+"""Chosen; not derived: knots, ridge penalty, limits of the share, bootstrap draws"""
 
 
 def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
@@ -123,7 +123,7 @@ def _cross_validated_share(
     The share is on test spans; the confidence is the fraction of bootstrap samples in which it is
     positive. ``y``, ``z``, ``t`` (n,): torque in N·m, variable and time in s of each span.
     """
-    block = np.floor(t / BLOCK_S).astype(int)
+    block = np.floor(t / WINDOW_S).astype(int)
     knots = _knots(z)
     A = _hats(z, knots)
     explained, total = np.zeros(len(y)), np.zeros(len(y))

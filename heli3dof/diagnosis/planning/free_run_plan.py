@@ -27,25 +27,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.free_run.elimination import QUANTILE
-from heli3dof.diagnosis.free_run.halves import PRIOR_SHARE
+from heli3dof.diagnosis.constants import MAX_COMPARED
+from heli3dof.diagnosis.free_run.elimination import NORMAL, QUANTILE
 from heli3dof.diagnosis.free_run.refits import STAGE_S
-from heli3dof.diagnosis.outlook import (
+from heli3dof.diagnosis.planning.plan_flights import fly_task, is_stable, task_of
+from heli3dof.diagnosis.result import (
     MIN_CERTAINTY,
     NextExperiment,
     PlanForecast,
     UndecidedTerms,
     percent,
 )
-from heli3dof.diagnosis.planning.plan_flights import fly_task, is_stable, task_of
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.identification.greybox.freeflight import problem_of
 from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, least_squares_problem
+from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import parallel_map
-
-MAX_TERMS = 3
-"""Largest number of open terms for which one plan is recommended. Chosen."""
 
 
 @dataclass(frozen=True)
@@ -69,34 +67,35 @@ class OpenParameter:
 
 
 def open_parameters(open_: UndecidedTerms) -> list[OpenParameter]:
-    """Return one parameter of each undecided term that a plan can determine (≤ `MAX_TERMS`)."""
+    """Return one parameter of each undecided term that a plan can determine (≤ `MAX_COMPARED`)."""
     fit, out = open_.fit, []
     for name in open_.names:
         for j, f in enumerate(fit.structure.free):
             if f.term == name and f.name not in fit.problem.varying and not f.log:
                 size, slope = abs(float(fit.values[j]) - f.null), float(fit.slopes[j])
-                if fit.std[j] > PRIOR_SHARE * fit.prior_std[j]:  # little more than the prior
+                if fit.mostly_prior[j]:
                     size = max(size, f.typical)
                 out.append(OpenParameter(name, j, size, float(fit.std[j]), slope, f.unit))
                 break
-    return out[:MAX_TERMS]
+    return out[:MAX_COMPARED]
 
 
 def next_free_flight(
-    open_: UndecidedTerms, *, plans: Sequence[str] | None = None, seed: int = 0
+    open_: UndecidedTerms, model: GreyBoxModel, *, plans: Sequence[str] | None = None, seed: int = 0
 ) -> NextExperiment | None:
     """Return the recommended plan; None if no term is undecided or no plan is feasible.
 
-    ``plans``: names of the plans to compare; by default all.
+    ``model``: the fitted model, to be simulated. ``plans``: names of the plans to compare; by
+    default all.
     """
-    parameters, profile = open_parameters(open_), open_.model.profile
-    if not parameters or not is_stable(open_.model, profile):
+    parameters = open_parameters(open_)
+    if not parameters or not is_stable(model, model.profile):
         return None
     loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
-    H = np.linalg.inv(_common_covariance(open_.fit))
+    H = marginal(open_.fit.information, open_.fit.problem.n)
 
     def std_after(i: int) -> np.ndarray | None:
-        A = information(open_, loaded[i], seed)
+        A = information(open_.fit, model, loaded[i], seed)
         return None if A is None else np.sqrt(np.diag(np.linalg.inv(H + A)))
 
     deviations = parallel_map(std_after, len(loaded), what="plans")
@@ -138,17 +137,16 @@ def probability_significant(u: float) -> float:
     >>> round(p(1.96), 2), round(p(4.0), 2)
     (0.5, 0.98)
     """
-    return 0.5 * (1 + math.erf((u - QUANTILE) / math.sqrt(2)))
+    return NORMAL.cdf(u - QUANTILE)
 
 
-def information(open_: UndecidedTerms, plan: Plan, seed: int) -> np.ndarray | None:
+def information(fit: MultiStepFit, model: GreyBoxModel, plan: Plan, seed: int) -> np.ndarray | None:
     """Return the information (n, n) of a flight of ``plan`` on parameters shared by recordings.
 
     The flight is simulated; None if it is not feasible.
     """
-    fit = open_.fit
-    task = task_of(plan, open_.model.profile, seed)
-    flight = None if task is None else fly_task(task, open_.model)
+    task = task_of(plan, model.profile, seed)
+    flight = None if task is None else fly_task(task, model)
     if flight is None:
         return None
     try:
@@ -181,12 +179,6 @@ def coupling(p: MultiStep) -> np.ndarray:
     L = p.prior.copy()
     L[: p.n, : p.n] -= replace(p, flights=(), data=(), rows=()).prior
     return L
-
-
-def _common_covariance(fit: MultiStepFit) -> np.ndarray:
-    """Return the covariance (n, n) of the scaled parameters that all recordings share."""
-    H = fit.tangents @ fit.tangents.T + fit.problem.prior
-    return np.asarray(np.linalg.inv(H)[: fit.problem.n, : fit.problem.n])
 
 
 def _why(best: PlanForecast, parameters: Sequence[OpenParameter], tied: bool) -> str:

@@ -16,22 +16,32 @@ is
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from statistics import NormalDist
 
 import numpy as np
 
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
-from heli3dof.diagnosis.outlook import MIN_CERTAINTY, NextExperiment, PlanForecast, percent
+from heli3dof.diagnosis.constants import MAX_CAUSES, TIE
 from heli3dof.diagnosis.planning.free_run_plan import next_free_flight
 from heli3dof.diagnosis.planning.plan_flights import Task, fly_task, is_stable, task_of
-from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis, Dropped
+from heli3dof.diagnosis.result import (
+    DOES_NOT_PAY,
+    MIN_CERTAINTY,
+    Diagnosis,
+    Dropped,
+    NextExperiment,
+    PlanForecast,
+    percent,
+)
 from heli3dof.diagnosis.screening.catalogue import Probe, probes
+from heli3dof.diagnosis.screening.grid_trials import with_term_at
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import TIE
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan, named_plans
+from heli3dof.identification.bias_correction.correction import model_at
 from heli3dof.identification.bias_correction.evaluation import evaluate
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.row_selection import usable_runs
@@ -40,51 +50,37 @@ from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import parallel_map
 
-COMPLETED_AT_ONCE = 2
-"""Number of plans simulated for all causes before the best is determined again. Chosen."""
 MOST_FLIGHTS = 20
 """Largest number of flights that are recommended; beyond it, measuring by hand is less work."""
-MAX_CAUSES = 4
-"""Largest number of confounded causes that are simulated: the first ones. Chosen."""
 
 
-@dataclass(frozen=True)
-class Cause:
-    """An effect with the parameter values at which it is simulated."""
+def fitted_cause(candidate: CandidateFit) -> Probe:
+    """Return the candidate's term with the values of its full fit."""
+    values = candidate.problem.values(candidate.optimum.theta)
+    return _cause(candidate.term, values[-len(candidate.term.effect.parameters) :])
 
-    term: Term
-    values: tuple[float, ...]
 
-    @classmethod
-    def fitted(cls, candidate: CandidateFit) -> Cause:
-        """Return the candidate's term as a cause, with the values of its full fit."""
-        values = candidate.problem.values(candidate.optimum.theta)
-        n = len(candidate.term.effect.parameters)
-        return cls(candidate.term, tuple(float(v) for v in values[-n:]))
+def typical_cause(name: str) -> Probe:
+    """Return the term ``name`` at its start value, or at its typical size if it has none.
 
-    @classmethod
-    def typical(cls, name: str) -> Cause:
-        """Return the cause ``name`` at its start value, or at its typical size if it has none.
+    The size is negative if the upper bound excludes a positive one.
+    """
+    t = term(name)
+    first, *rest = t.effect.parameters
+    size = first.typical if first.null + first.typical < first.high else -first.typical
+    size = size if first.log else first.null + size
+    size = size if first.start is None else first.start
+    return _cause(t, (size, *(p.typical for p in rest)))
 
-        The size is negative if the upper bound excludes a positive one.
-        """
-        t = term(name)
-        first, *rest = t.effect.parameters
-        size = first.typical if first.null + first.typical < first.high else -first.typical
-        size = size if first.log else first.null + size
-        size = size if first.start is None else first.start
-        return cls(t, (size, *(p.typical for p in rest)))
 
-    @property
-    def probe(self) -> Probe:
-        """Return the cause as a probe of the score test."""
-        first = self.term.effect.parameters[0]
-        return Probe(self.term, self.values, self.values[0] - first.null)
+def _cause(t: Term, values: Iterable[float]) -> Probe:
+    first, *others = map(float, values)
+    return Probe(t, (first, *others), first - t.effect.parameters[0].null)
 
 
 def recommend(
     base: Estimate,
-    causes: Sequence[Cause],
+    causes: Sequence[Probe],
     *,
     plans: Sequence[str] | None = None,
     seed: int = 0,
@@ -97,14 +93,15 @@ def recommend(
     causes = list(causes)[:MAX_CAUSES]
     names = [c.term.name for c in causes]
     V = base.problem.data.V
-    probe_groups = [[*probes(c.term, V), c.probe] for c in causes]
+    groups = [[*probes(c.term, V), c] for c in causes]
     profile = base.structure.profile
-    models = [_model_with(base, c) for c in (None, *causes)]
+    o = base.optimum
+    models = [model_at(base.problem, o.theta, o.noise), *(_model_with(base, c) for c in causes)]
     tasks = []
     if all(is_stable(model, profile) for model in models):
         loaded = [load_plan(p) for p in (named_plans() if plans is None else plans)]
         tasks = [t for t in (task_of(plan, profile, seed) for plan in loaded) if t is not None]
-    outlooks = _outlooks(base, tasks, models, probe_groups)
+    outlooks = _outlooks(base, tasks, models, groups)
     if not outlooks:
         raise UsageError(
             f"No plan separates {', '.join(names)} on this rig.",
@@ -130,7 +127,7 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
     parameter off nominal is confounded with other causes.
     """
     if found.fitted is not None and found.fitted.open is not None:
-        return next_free_flight(found.fitted.open, seed=seed)
+        return next_free_flight(found.fitted.open, found.fitted.model, seed=seed)
     if found.fitted is None or found.fitted.base is None:
         return None
     base: Estimate = found.fitted.base
@@ -139,11 +136,11 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
             best, *others = finding.choice.candidates
             if names := separable_by_flight(finding.term.name, finding.tied_with):
                 tied = [c for c in others if c.term.name in names]
-                return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
+                return recommend(base, [fitted_cause(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
         open_ = [_dropped_cause(x) for x in found.dropped if x.why == DOES_NOT_PAY]
         open_ = open_ or [
-            Cause.typical(name) for name in separable_by_flight("", found.not_identifiable)[:1]
+            typical_cause(name) for name in separable_by_flight("", found.not_identifiable)[:1]
         ]
         if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
@@ -153,9 +150,9 @@ def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None
         return None
 
 
-def _dropped_cause(x: Dropped) -> Cause:
+def _dropped_cause(x: Dropped) -> Probe:
     """Return the dropped cause at its fitted size, or the typical one if it was not fitted."""
-    return Cause.typical(x.name) if x.choice is None else Cause.fitted(x.choice.candidates[0])
+    return typical_cause(x.name) if x.choice is None else fitted_cause(x.choice.candidates[0])
 
 
 def _why(best: PlanForecast, names: Sequence[str]) -> str:
@@ -198,79 +195,38 @@ def _probability_decided(margin: float) -> float:
     >>> p(6.0), round(p(30.0), 3), p(-1.0)
     (0.5, 0.986, 0.0)
     """
-    if margin <= 0:
-        return 0.0
-    return 0.5 * (1 + math.erf((margin - TIE) / (2 * math.sqrt(2 * margin))))
+    return 1 - NormalDist(margin, 2 * math.sqrt(margin)).cdf(TIE) if margin > 0 else 0.0
 
 
 def _outlooks(
     base: Estimate,
     tasks: Sequence[Task],
     models: Sequence[GreyBoxModel],
-    probe_groups: Sequence[Sequence[Probe]],
+    groups: Sequence[Sequence[Probe]],
 ) -> list[PlanForecast]:
-    """Return the feasible plans' forecasts; ``models``: base model, then base with each cause.
+    """Return the forecasts of the plans that all ``models`` can fly.
 
-    The first plan is simulated with all causes, the others at first only with the cause that had
-    the smallest margin. A further cause can only lower a plan's rank. So a plan that ranks below
-    the best one simulated with all causes is abandoned.
+    ``models``: the base model, then one with each cause. ``groups``: the probes of each cause.
     """
-    base_scores: dict[Task, np.ndarray] = {}
-    margins: dict[Task, dict[int, float]] = {}
-
-    def fly(jobs: Sequence[tuple[Task, int]]) -> None:
-        """Simulate each (plan, index of cause) in ``jobs``; remove plans that are not feasible."""
-        base_jobs = [
-            (t, 0) for t in dict.fromkeys(task for task, _ in jobs) if t not in base_scores
-        ]
-        all_jobs = [*base_jobs, *((task, i + 1) for task, i in jobs)]
-        scores = parallel_map(
-            lambda j: _scores(base, all_jobs[j][0], models[all_jobs[j][1]], probe_groups),
-            len(all_jobs),
+    n, flat = len(models), [p for group in groups for p in group]
+    starts = np.cumsum([0, *map(len, groups[:-1])])
+    z = parallel_map(lambda k: _scores(base, tasks[k // n], models[k % n], flat), n * len(tasks))
+    out = []
+    for i, task in enumerate(tasks):
+        without, *with_cause = z[n * i : n * (i + 1)]
+        margins = tuple(
+            _margin(x - without, j, starts)
+            for j, x in enumerate(with_cause)
+            if x is not None and without is not None
         )
-        infeasible = {task for (task, _), z in zip(all_jobs, scores, strict=True) if z is None}
-        for (task, which), z in zip(all_jobs, scores, strict=True):
-            if task in infeasible:
-                margins.pop(task, None)
-            elif z is not None and which == 0:
-                base_scores[task] = z
-            elif z is not None:
-                m = _margin(z - base_scores[task], which - 1, probe_groups)
-                margins.setdefault(task, {})[which - 1] = m
-
-    def best_rank(task: Task) -> float:
-        """Return the smallest margin of the causes simulated so far, divided by the duration."""
-        return min(margins[task].values()) / task.plan.duration_s
-
-    causes = list(range(len(models) - 1))
-    remaining = list(tasks)
-    while remaining and not margins:
-        pilot = remaining.pop(0)
-        fly([(pilot, i) for i in causes])
-        causes.sort(key=lambda i: margins.get(pilot, {}).get(i, 0.0))
-    fly([(task, causes[0]) for task in remaining])
-    while True:
-        ranked = sorted(margins, key=best_rank, reverse=True)
-        best = max(
-            (best_rank(t) for t in ranked if len(margins[t]) == len(causes)), default=-np.inf
-        )
-        ranked = [t for t in ranked if len(margins[t]) < len(causes) and best_rank(t) > best]
-        if not ranked:
-            break
-        fly([(t, i) for t in ranked[:COMPLETED_AT_ONCE] for i in causes if i not in margins[t]])
-    return [
-        PlanForecast(
-            task.plan.name,
-            task.plan.duration_s,
-            tuple(m[i] for i in sorted(m)),
-            float(np.mean([_probability_decided(v) for v in m.values()])),
-        )
-        for task, m in margins.items()
-    ]
+        if len(margins) == n - 1:
+            certainty = float(np.mean([_probability_decided(m) for m in margins]))
+            out.append(PlanForecast(task.plan.name, task.plan.duration_s, margins, certainty))
+    return out
 
 
 def _scores(
-    base: Estimate, task: Task, model: GreyBoxModel, probe_groups: Sequence[Sequence[Probe]]
+    base: Estimate, task: Task, model: GreyBoxModel, probes: Sequence[Probe]
 ) -> np.ndarray | None:
     """Return the scores z of P probes on a simulated flight; None if it is not feasible."""
     flight = fly_task(task, model)
@@ -280,27 +236,19 @@ def _scores(
     problem = replace(base.problem, data=data_of([flight], runs))
     optimum = base.optimum
     evaluation = evaluate(problem, optimum.theta, optimum.noise, with_noise_derivatives=False)
-    probes = [p for group in probe_groups for p in group]
     return Screen(problem, optimum.theta, evaluation, probes).score(evaluation, prior=False).z
 
 
-def _margin(z: np.ndarray, i: int, probe_groups: Sequence[Sequence[Probe]]) -> float:
+def _margin(z: np.ndarray, i: int, starts: np.ndarray) -> float:
     """Return the largest z² of cause ``i`` minus the largest z² of the other causes.
 
-    ``z`` (P,): scores of P probes on a flight simulated with cause ``i``.
+    ``z`` (P,): scores on a flight simulated with cause ``i``; ``starts``: each cause's first probe.
     """
-    ends = np.cumsum([len(group) for group in probe_groups])[:-1]
-    highest = [float(part.max()) for part in np.split(z**2, ends)]
-    return highest[i] - max((b for j, b in enumerate(highest) if j != i), default=0.0)
+    highest = np.maximum.reduceat(z**2, starts)
+    return float(highest[i] - np.delete(highest, i).max(initial=0.0))
 
 
-def _model_with(base: Estimate, cause: Cause | None) -> GreyBoxModel:
-    """Return the base model with ``cause``; the base model itself if that is None."""
-    new = () if cause is None else (cause.term,)
-    structure = base.structure.with_terms(*new)
-    values = np.concatenate([base.values, () if cause is None else cause.values])
-    return GreyBoxModel(
-        "world", structure.profile, tuple(t.name for t in structure.terms), values,
-        base.optimum.noise[:3], np.full((len(values), len(values)), np.nan),
-        jitter_s=float(base.optimum.noise[3]),
-    )  # fmt: skip
+def _model_with(base: Estimate, cause: Probe) -> GreyBoxModel:
+    """Return the base model with ``cause``."""
+    o = base.optimum
+    return model_at(*with_term_at(base.problem, o.theta, cause.term, cause.values), o.noise)

@@ -25,8 +25,7 @@ from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile, default_profile
 
 if TYPE_CHECKING:
-    from heli3dof.diagnosis.outlook import NextExperiment
-    from heli3dof.diagnosis.result import Diagnosis
+    from heli3dof.diagnosis.result import Diagnosis, NextExperiment
 
 Message = Callable[[str], None]
 Fly = Callable[[Plan, Path, int], Recording]

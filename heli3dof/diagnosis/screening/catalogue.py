@@ -9,7 +9,7 @@ instant is scanned instead (`screening.scans`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,5 +70,5 @@ def probes(term: Term, V: np.ndarray) -> list[Probe]:
 
 def scans(terms: Sequence[Term]) -> list[Scan]:
     """Return a scan of each term in ``terms`` that has a frequency or an instant to scan."""
-    kinds: dict[str, Callable[[Term], Scan]] = {"frequency": Frequencies, "instant": Instants}
+    kinds: dict[str, type[Scan]] = {"frequency": Frequencies, "instant": Instants}
     return [kinds[t.effect.scan](t) for t in terms if t.effect.scan]

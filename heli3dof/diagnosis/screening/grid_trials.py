@@ -66,7 +66,7 @@ def trials(
     base = float(problem.run(theta, noise, keep=0).loglik.sum())
 
     def one(k: int) -> GridTrial:
-        ext = widened(problem, untested[k])
+        ext = with_term_added(problem, untested[k])
         best = GridTrial(untested[k], 0.0, -np.inf)
         for value in untested[k].effect.starts:
             at = np.append(theta, ext.structure.free[-1].scaled(value))
@@ -87,8 +87,7 @@ def exceeds_nulls(
     nulls: Sequence[Data],
 ) -> bool:
     """Return True if the trial's Δℓ exceeds that of every null flight by `MIN_TRIAL_GAIN`."""
-    ext = widened(problem, trial.term)
-    at = np.append(theta, ext.structure.free[-1].scaled(trial.value))
+    ext, at = with_term_at(problem, theta, trial.term, (trial.value,))
 
     def one(b: int) -> float:
         extended = replace(ext, data=nulls[b]).run(at, noise, keep=0).loglik.sum()
@@ -99,9 +98,21 @@ def exceeds_nulls(
     return bool(trial.gain > gains.max() + MIN_TRIAL_GAIN)
 
 
-def widened(problem: Likelihood, term: Term) -> Likelihood:
+def with_term_added(problem: Likelihood, term: Term) -> Likelihood:
     """Return the likelihood of the model with ``term`` added."""
     return replace(problem, structure=problem.structure.with_terms(term))
+
+
+def with_term_at(
+    problem: Likelihood, theta: np.ndarray, term: Term, values: Sequence[float]
+) -> tuple[Likelihood, np.ndarray]:
+    """Return the likelihood with ``term`` added, and θ (n + m,) with ``values`` of its parameters.
+
+    ``theta`` (n,): the parameters of ``problem``. ``values``: of the first parameters of the term.
+    """
+    ext = with_term_added(problem, term)
+    new = zip(ext.structure.free[len(theta) :], values, strict=False)
+    return ext, np.append(theta, [f.scaled(v) for f, v in new])
 
 
 def fit_start(

@@ -21,17 +21,25 @@ Gumbel distribution of the nulls' own largest Z² is the threshold if it is high
 
 If the controller is unknown, no null can be simulated. Then Z = z/√κ with the fit's variance
 inflation κ, and the threshold is twice Bonferroni's for a normal distribution.
+
+**Gumbel distribution**, fitted to maxima by the method of moments:
+
+    P(x < X) = exp(−exp(−(X − μ)/β)),     β = √6 s/π,     μ = x̄ − γ β
+
+x̄ and s are mean and standard deviation of the maxima, γ is Euler's constant. A share α of all
+maxima exceeds μ + k β with k = −ln(−ln(1 − α)).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.base_parameters import FALSE_ALARMS
-from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
+from heli3dof.diagnosis.constants import DRIFT, FALSE_ALARMS
+from heli3dof.diagnosis.screening.catalogue import candidates
 from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
@@ -43,10 +51,6 @@ from heli3dof.model.effects import Term
 from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
-DRIFT = 0.25
-"""Uncertainty of the nulls' mean score, relative to that mean. Chosen; not derived."""
-FORMAL_CANDIDATES = 2
-"""Formal effects (other forms of the body's equations) that are candidates in the first screen"""
 COMMON = 8
 """Weight of the probes' common variance, in flights. Chosen; not derived."""
 GUMBEL_FROM = 30
@@ -78,14 +82,15 @@ class Nulls:
         """Return the threshold of a term's Z².
 
         A term that is another form of the rigid body's equations has its own threshold, with
-        Bonferroni's correction for `FORMAL_CANDIDATES` tests.
+        Bonferroni's correction for the number of such candidates of the base simulation.
         """
         from scipy.stats import t
 
         if not term.effect.formal:
             return self.threshold
+        forms = sum(other.effect.formal for other in candidates())
         spread = 1 + 1 / self.flights if self.flights else 2.0
-        return float(spread * t.isf(FALSE_ALARMS / (2 * FORMAL_CANDIDATES), self.freedom) ** 2)
+        return float(spread * t.isf(FALSE_ALARMS / (2 * forms), self.freedom) ** 2)
 
     def confidence(self, Z2: float) -> float:
         """Return the probability exp(−P p) that none of P squared scores reaches Z² by chance.
@@ -157,13 +162,37 @@ def _shrunk_std(z: np.ndarray) -> np.ndarray:
     return np.asarray(np.maximum(np.sqrt(both), 1.0))
 
 
-def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
-    """Return the scores' distribution without any effect, by formula instead of simulation."""
+def bonferroni(tests: int) -> float:
+    """Return the value that the largest Z² of ``tests`` tests exceeds with chance `FALSE_ALARMS`.
+
+    >>> round(bonferroni(60), 1)
+    16.4
+    """
     from scipy.stats import chi2
 
+    return float(chi2.isf(FALSE_ALARMS / tests, 1))
+
+
+def formula_nulls(fit: CorrectedFit, screen: Screen) -> Nulls:
+    """Return the scores' distribution without any effect, by formula instead of simulation."""
     n = len(screen.names)
     root = float(np.sqrt(max(fit.inflation, 1.0)))
     return Nulls(
-        np.zeros(n), np.full(n, root), root**2, 2 * float(chi2.isf(FALSE_ALARMS / n, 1)), 1e6, 0,
+        np.zeros(n), np.full(n, root), root**2, 2 * bonferroni(n), 1e6, 0,
         "Bonferroni over the probes, doubled: the controller is unknown",
     )  # fmt: skip
+
+
+def gumbel(largest: np.ndarray, *, least: float = 0.0) -> tuple[float, float]:
+    """Return (location μ, scale β) of the Gumbel distribution of maxima (B,); β ≥ ``least``."""
+    beta = max(float(np.sqrt(6) * largest.std(ddof=1) / np.pi), least)
+    return float(largest.mean()) - np.euler_gamma * beta, beta
+
+
+def beyond(share: float) -> float:
+    """Return k: the ``share`` of Gumbel-distributed maxima exceeds μ + k β (location, scale).
+
+    >>> round(beyond(0.0005), 2)
+    7.6
+    """
+    return -math.log(-math.log(1 - share))

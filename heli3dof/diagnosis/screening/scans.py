@@ -20,10 +20,10 @@ that χ² with 2 degrees exceeds as rarely: z² = S − 2 ln Σ_{k < R} (S/2)^k/
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import ACCURACY_S, LEAST_SHARE
 from heli3dof.identification.bias_correction.evaluation import Evaluation
 from heli3dof.identification.bias_correction.perturbation import forward
 from heli3dof.model.effects import Term
@@ -32,45 +32,15 @@ LOWEST_HZ, HIGHEST_HZ = 0.08, 8.0
 """Scanned frequencies; the recorded time holds at least two periods. Chosen; not derived."""
 KNOTS = 9
 """Frequencies with a computed information; instants: two more. Chosen; not derived."""
-BIN_S, INSTANT_S = 0.02, 0.05
-"""Sampling period of λ for the Fourier transform; distance of scanned instants. Chosen."""
+BIN_S = 0.02
+"""Sampling period of λ for the Fourier transform. Chosen."""
 Information = tuple[np.ndarray, np.ndarray]
 """(K,) knots in Hz or s, and (K,) v at the knots"""
 
 
-@dataclass(frozen=True)
-class Peak:
-    """The largest score of a scan, and the torque that has it."""
-
-    z: float
-    values: tuple[float, ...]
-    """The term's parameters"""
-    time_shifts: tuple[float, ...] = ()
-    """s to add to the time of each recording; () for none"""
-
-
-class Scan(Protocol):
-    """A score test of one term at all values of its frequency or instant."""
-
-    @property
-    def term(self) -> Term: ...
-
-    def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return (frequencies or instants, information v of a unit torque at each).
-
-        ``unit`` (C, 3): the torque's acceleration, rad/s². ``A`` (n, n): the fit's information.
-        """
-        ...
-
-    def peak(
-        self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
-    ) -> Peak:
-        """Return the largest z; the first of its ``values`` is the estimated size.
-
-        ``L`` (C, 3): derivative of the log-likelihood with respect to the acceleration in C
-        chunks of time. ``unit`` (C, 3): acceleration in rad/s² by one unit of the first parameter.
-        """
-        ...
+Peak = tuple[float, tuple[float, ...], tuple[float, ...]]
+"""The largest score z of a scan, the parameters of the torque that has it (the first is its size),
+and the s to add to the time of each recording; () for none"""
 
 
 def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.ndarray:
@@ -82,7 +52,7 @@ def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.nd
     cross = (evaluation.T * evaluation.at.w) @ D.T
     full = np.einsum("ij,j,ij->i", D, evaluation.at.w, D)
     v = full - np.einsum("ij,ij->j", cross, np.linalg.solve(A, cross))
-    return np.asarray(np.where(v > 1e-6 * np.maximum(full, 1e-30), v, np.nan))
+    return np.asarray(np.where(v > LEAST_SHARE * np.maximum(full, 1e-30), v, np.nan))
 
 
 @dataclass(frozen=True)
@@ -92,6 +62,10 @@ class Frequencies:
     term: Term
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
+        """Return frequencies, and the information v of a unit torque at each.
+
+        ``unit`` (C, 3): the torque's acceleration, rad/s². ``A`` (n, n): the fit's information.
+        """
         t = evaluation.path.t
         length = max(float(np.ptp(t)), 1.0)
         f = np.geomspace(max(LOWEST_HZ, 2.0 / length), HIGHEST_HZ, KNOTS)
@@ -103,6 +77,11 @@ class Frequencies:
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> Peak:
+        """Return the peak over all frequencies.
+
+        ``L`` (C, 3): derivative of the log-likelihood with respect to the acceleration in C
+        chunks of time. ``unit`` (C, 3): acceleration in rad/s² by one unit of the first parameter.
+        """
         knots, v = information
         t, source = evaluation.path.t, evaluation.path.source
         bins = np.round((t - t.min()) / BIN_S).astype(np.int64)
@@ -112,7 +91,7 @@ class Frequencies:
         f = f[inside]
         ok = np.isfinite(v)
         if not ok.any():
-            return Peak(0.0, (0.0, 1.0, 0.0))
+            return 0.0, (0.0, 1.0, 0.0), ()
         v_at_f = np.exp(np.interp(np.log(f), np.log(knots[ok]), np.log(v[ok])))
         score = np.einsum("ci,ci->c", L, unit)
         u = np.zeros((source.max() + 1, len(f)), dtype=complex)  # a row for each recording
@@ -131,7 +110,7 @@ class Frequencies:
         R = int(used.sum())
         time_shifts = tuple(map(float, ahead)) if R > 1 else ()
         values = (total / float(v_at_f[k]), float(f[k]), phase)
-        return Peak(np.sqrt(as_one_recording(float(S[k]), R)), values, time_shifts)
+        return float(np.sqrt(as_one_recording(float(S[k]), R))), values, time_shifts
 
 
 def as_one_recording(S: float, R: int) -> float:
@@ -155,6 +134,7 @@ class Instants:
     term: Term
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
+        """Return instants, and the information v of a unit torque from each on."""
         t = evaluation.path.t
         when = np.linspace(t.min(), t.max(), KNOTS + 4)[1:-1]
         v = _informations(evaluation, (t >= when[:, None])[:, :, None] * unit, A)
@@ -163,13 +143,14 @@ class Instants:
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> Peak:
+        """Return the peak over all instants."""
         when, v = information
         t = evaluation.path.t
         ok = np.isfinite(v)
         if not ok.any():
-            return Peak(0.0, (0.0, 0.0))
+            return 0.0, (0.0, 0.0), ()
         low, high = float(when[ok][0]), float(when[ok][-1])
-        starts = np.arange(low, high, INSTANT_S)
+        starts = np.arange(low, high, ACCURACY_S)
         order = np.argsort(t, kind="stable")
         score = np.einsum("ci,ci->c", L, unit)[order]
         after = np.append(np.cumsum(score[::-1])[::-1], 0.0)
@@ -178,4 +159,8 @@ class Instants:
         z2 = u**2 / v_at_start
         k = int(np.argmax(z2))
         amount = float(u[k] / v_at_start[k])
-        return Peak(float(np.sqrt(z2[k])), (amount, float(starts[k])))
+        return float(np.sqrt(z2[k])), (amount, float(starts[k])), ()
+
+
+Scan = Frequencies | Instants
+"""A score test of one term at all values of its frequency or instant"""

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.constants import LEAST_SHARE
 from heli3dof.diagnosis.screening.catalogue import Probe
 from heli3dof.diagnosis.screening.scans import Scan
 from heli3dof.identification.bias_correction.evaluation import Evaluation
@@ -54,8 +55,9 @@ class ScreenResult:
 
 
 LEAST_INFORMATION = 1e-12
-"""Least δc W δc with which v is compared. A probe with v < 1e-6 of it changes the readings by less
-than 1e-9 of their noise: only rounding, as for a wrong yaw zero, on which no prediction depends."""
+"""Least δc W δc with which v is compared. A probe with v < `LEAST_SHARE` of it changes the readings
+by less than 1e-9 of their noise: only rounding, as for a wrong yaw zero, on which no prediction
+depends."""
 Changes = tuple[list[int], np.ndarray, np.ndarray | None, np.ndarray | None]
 """The n plain probes of a term: their indices, accelerations (n, C, 3), and if the effect changes
 the readings, misreadings (n, E) and those at the start of each block (n, B, 3)"""
@@ -80,10 +82,10 @@ class Screen:
         self.weight = recorded.at.w
         full = np.einsum("ij,j,ij->i", self.D, recorded.at.w, self.D)
         self.cross = cross = (recorded.T * recorded.at.w) @ self.D.T
-        self.A = A = recorded.H + np.diag(problem.prior_precision)
+        A = recorded.H + np.diag(problem.prior_precision)
         self.solved = np.linalg.solve(A, cross)
         v = full - np.einsum("ij,ij->j", cross, self.solved)
-        testable = v > 1e-6 * np.maximum(full, LEAST_INFORMATION)
+        testable = v > LEAST_SHARE * np.maximum(full, LEAST_INFORMATION)
         self.v = np.where(testable, v, np.inf)
         self.scan_informations = [
             s.information(recorded, self._unit(recorded, s.term), A) for s in self.scans
@@ -134,12 +136,10 @@ class Screen:
         probes = list(self.plain)
         for scan, information in zip(self.scans, self.scan_informations, strict=True):
             unit = self._unit(evaluation, scan.term)
-            peak = scan.peak(evaluation, L[0], unit, information)
-            z.append(peak.z)
-            amplitude.append(peak.values[0])
-            probes.append(
-                Probe(scan.term, peak.values, peak.values[0], time_shifts=peak.time_shifts)
-            )
+            peak_z, values, time_shifts = scan.peak(evaluation, L[0], unit, information)
+            z.append(peak_z)
+            amplitude.append(values[0])
+            probes.append(Probe(scan.term, values, values[0], time_shifts=time_shifts))
         return ScreenResult(tuple(probes), np.array(z), np.array(amplitude))
 
     def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:

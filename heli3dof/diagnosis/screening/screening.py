@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import LARGE, SIGMAS_99
 from heli3dof.diagnosis.screening.catalogue import Probe
 from heli3dof.diagnosis.screening.nulls import Nulls
 from heli3dof.diagnosis.screening.score_test import Screen, ScreenResult
@@ -19,8 +20,6 @@ from heli3dof.model.effects import Term
 
 ONE_SIDED = 0.25
 """One-sided: the range below the null value is a smaller share of that above. Chosen."""
-LARGE = 5.0
-"""Largest plausible size of a parameter, in typical sizes. Chosen; not derived."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,14 +60,14 @@ class Screening:
 
     @cached_property
     def not_identifiable(self) -> tuple[str, ...]:
-        """Return the names of the terms whose first parameter has 3 σ > `LARGE` typical sizes.
+        """Return the terms whose first parameter has `SIGMAS_99` σ > `LARGE` typical sizes.
 
         They are ordered by σ in typical sizes, smallest first. Limits that the recordings do not
         reach are included.
         """
         best: dict[str, float] = {}
         for p, s, v in zip(self.screen.plain, self._sigma, self.screen.v, strict=True):
-            share = 3 * float(s) / (LARGE * p.term.effect.parameters[0].typical)
+            share = SIGMAS_99 * float(s) / (LARGE * p.term.effect.parameters[0].typical)
             if not p.grows:  # a limit is identifiable if the recordings reach it
                 share = 0.0 if np.isfinite(v) else np.inf
             best[p.name] = min(best.get(p.name, np.inf), share)

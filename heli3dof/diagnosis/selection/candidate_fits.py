@@ -22,7 +22,7 @@ import numpy as np
 from heli3dof.diagnosis.screening.grid_trials import (
     GridTrial,
     fit_start,
-    widened,
+    with_term_added,
 )
 from heli3dof.diagnosis.screening.score_test import ScreenResult
 from heli3dof.diagnosis.screening.screening import Screening
@@ -86,7 +86,7 @@ def fit_candidates(
 
     def one(k: int) -> CandidateFit | None:
         term, Z2, i = ranked[k]
-        ext = widened(problem, term)
+        ext = with_term_added(problem, term)
         time_shifts = result.probes[i].time_shifts
         if any(f.per_recording for f in problem.structure.free):
             time_shifts = ()
@@ -129,7 +129,7 @@ def fit_candidates(
 
     def trial(k: int) -> CandidateFit | None:
         term = tried[k].term
-        ext = widened(problem, term)
+        ext = with_term_added(problem, term)
         start, noise = fit_start(ext, level.theta, level.noise, term)
         new = ext.structure.free[len(o.theta) :]
         no_slope = np.append(bias, np.zeros(len(new)))

@@ -8,7 +8,7 @@ have mean m_k and standard deviation s_k. With Student's density t of B − 1 de
 
     f_k(d) = t_{B−1}((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
-If the score bias of a rival is large (|z̄|/√κ > `LARGE_BIAS`, with the nulls' mean score z̄ and
+If the score bias of a rival is large (|z̄|/√κ > `SIGMAS_99`, with the nulls' mean score z̄ and
 inflation κ), the rival k with the largest min_j W_kj is the cause. Rivals j with W_kj < `TIE` are
 confounded with it. The confidence in k is at most the `certainty` that follows from the smallest
 W_kj of the other rivals. If no score bias is large, the scores decide, and nothing is simulated.
@@ -21,13 +21,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import MAX_COMPARED, SIGMAS_99, TIE
 from heli3dof.diagnosis.screening.nulls import Nulls
 from heli3dof.diagnosis.selection.candidate_fits import (
     CandidateFit,
     bic_penalty,
     correction_starts,
 )
-from heli3dof.diagnosis.selection.select import TIE, Choice, certainty
+from heli3dof.diagnosis.selection.select import Choice, certainty
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
     correct,
@@ -37,12 +38,8 @@ from heli3dof.identification.bias_correction.correction import (
 from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
-LARGE_BIAS = 3.0
-"""|z̄|/√κ above which the linear bias correction is not trusted. Chosen; not derived."""
 MIN_RELATIVE_Z2 = 0.3
 """Least Z² of a rival, relative to the largest. Chosen; not derived."""
-MAX_RIVALS = 3
-"""Rivals compared, the chosen cause included. Chosen; not derived."""
 FLIGHTS, ROUNDS = 12, 6
 """B, flights simulated from each rival; rounds of its bias correction. Chosen; not derived."""
 MIN_STD = 1.0
@@ -60,8 +57,8 @@ def rivals(choice: Choice, nulls: Nulls) -> list[CandidateFit]:
         return []
     least = MIN_RELATIVE_Z2 * max(c.Z2 for c in [best, *others])
     close = sorted((c for c in others if least < c.Z2), key=lambda c: -c.Z2)
-    compared = [best, *close[: MAX_RIVALS - 1]]
-    return compared if close and max(relative_bias(nulls, compared)) > LARGE_BIAS else []
+    compared = [best, *close[: MAX_COMPARED - 1]]
+    return compared if close and max(relative_bias(nulls, compared)) > SIGMAS_99 else []
 
 
 def relative_bias(nulls: Nulls, candidates: Sequence[CandidateFit]) -> list[float]:

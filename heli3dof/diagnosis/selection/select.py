@@ -26,31 +26,25 @@ simulated without the cause. The rules (`best_choice`):
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
+from heli3dof.diagnosis.base_parameters import OffNominal
+from heli3dof.diagnosis.constants import DRIFT, SUFFICIENT, TIE
 from heli3dof.diagnosis.screening.grid_trials import GridTrial
-from heli3dof.diagnosis.screening.nulls import DRIFT
 from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, fit_candidates
 from heli3dof.model.effects import Term
 
 MAX_FITS = 10
 """Most screened terms fitted per step. Chosen; not derived."""
-MIN_RELATIVE_Z2 = 0.1
-"""Least Z² for a full fit, relative to the largest. Chosen; not derived."""
-TIE = 6.0
-"""Difference of scores that chance may cause: odds of e³ = 20. Chosen; not derived."""
 FORMULA_ERROR = 0.03
 """Relative error of a score caused by an inexact formula of an effect. Chosen; not derived."""
 MIN_SHARE = 0.1
-"""Least score of a further cause, relative to the largest earlier one. Chosen; not derived."""
-SUFFICIENT = 100.0
-"""Score that is enough for any further cause. Chosen; not derived."""
-MAX_CAUSES = 4
-"""Most causes of a diagnosis. Chosen; not derived."""
+"""Least Z² for a full fit, and least score of a further cause, relative to the largest. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +62,14 @@ class Choice:
     """Threshold of Z², from the nulls"""
     by_flights: bool = False
     """True if it was chosen by simulated flights of its rivals (`selection.rivals`), not scores."""
+
+
+Cause = TypeVar("Cause", Choice, OffNominal)
+
+
+def with_ties(cause: Cause, names: Iterable[str]) -> Cause:
+    """Return the cause; its ``tied_with`` also contains ``names``, each name once."""
+    return replace(cause, tied_with=tuple(dict.fromkeys((*cause.tied_with, *names))))
 
 
 def choose(
@@ -88,7 +90,7 @@ def candidates_to_fit(s: Screening) -> list[tuple[Term, float, int]]:
     """Return at most `MAX_FITS` terms to fit; none if no Z² reaches `Nulls.threshold`."""
     if not s.ranked or s.ranked[0][1] < s.nulls.threshold:
         return []
-    return [r for r in s.ranked[:MAX_FITS] if r[1] >= MIN_RELATIVE_Z2 * s.ranked[0][1]]
+    return [r for r in s.ranked[:MAX_FITS] if r[1] >= MIN_SHARE * s.ranked[0][1]]
 
 
 def best_choice(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -19,15 +19,14 @@ from heli3dof.diagnosis.screening.grid_trials import (
     exceeds_nulls,
     terms_without_score,
     trials,
-    widened,
+    with_term_added,
 )
 from heli3dof.diagnosis.screening.nulls import formula_nulls, simulated_nulls
 from heli3dof.diagnosis.screening.score_test import Screen
 from heli3dof.diagnosis.screening.screening import Screening
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit, correction_starts
-from heli3dof.diagnosis.selection.inertia_alternatives import instead_of_inertia
 from heli3dof.diagnosis.selection.rivals import compared_by_simulation
-from heli3dof.diagnosis.selection.select import Choice, best_choice, choose
+from heli3dof.diagnosis.selection.select import Choice, best_choice, choose, with_ties
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.correction import (
     CorrectedFit,
@@ -69,11 +68,6 @@ class Step(Screening):
             for b in range(TRIAL_FLIGHTS)
         ]
         return [t for t in tried if exceeds_nulls(t, problem, o.theta, o.noise, flown)]
-
-    @cached_property
-    def instead_of_inertia(self) -> list[CandidateFit]:
-        """Return fits of the candidates whose effect an inertia may have absorbed."""
-        return instead_of_inertia(self)
 
     def chosen(self, setup: Setup, earlier_score: float | None) -> Step:
         """Return this step with the next cause chosen, or None as its ``choice``.
@@ -125,12 +119,9 @@ def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
 def _with_rivals(choice: Choice | None, Z2: Mapping[str, float]) -> Choice | None:
     if choice is None:
         return None
-    remain = [
-        c.term.name
-        for c in choice.candidates[1:]
-        if c.term.name not in choice.tied_with and 2 * Z2.get(c.term.name, np.inf) < c.Z2
-    ]
-    return replace(choice, tied_with=(*choice.tied_with, *remain))
+    others = choice.candidates[1:]
+    remain = (c.term.name for c in others if 2 * Z2.get(c.term.name, np.inf) < c.Z2)
+    return with_ties(choice, remain)
 
 
 def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
@@ -178,7 +169,7 @@ def with_forms(
     """Return the likelihood with the terms of ``others`` added, and its refitted optimum."""
     theta = optimum.theta
     for c in others:
-        problem = widened(problem, c.term)
+        problem = with_term_added(problem, c.term)
         theta = np.append(theta, c.optimum.theta[-1])
     if not others:
         return problem, optimum
@@ -236,7 +227,7 @@ def without(fit: CorrectedFit, name: str) -> CorrectedFit:
 def _refit(fit: CorrectedFit, keep: np.ndarray, problem: Likelihood) -> CorrectedFit:
     """Return the fit of ``problem``, which has the parameters ``keep`` ((n,) bool) of ``fit``."""
     theta, noise = fit.optimum.theta[keep], fit.optimum.noise
-    bias = np.zeros(len(theta)) if fit.bias is None else fit.bias[keep]
+    bias = fit.score_bias[keep]
     noise_bias = np.zeros(3) if fit.noise_bias is None else fit.noise_bias
     refit = maximise_corrected(problem, theta, noise, ScoreBias(bias, noise_bias, theta, noise))
     if out_of_range(fit, keep, refit):

@@ -3,40 +3,65 @@
 A fit has p scaled parameters θ (`FreeParameter.scaled`), with prior mean θ_0 and information Λ.
 T (p, E) are the derivatives ∂c/∂θ of the E predicted readings c; w (E,) is the readings'
 information. D (K, E) are the derivatives by K coefficients of free-form torques
-(`sensitivity.hat_functions`). Then
+(`unmodelled.hat_functions`). Then
 
     A = T w Tᵀ + Λ        g = T ∂ ln L/∂c − Λ(θ − θ_0)      information and score of θ
     V = D w Dᵀ            u = D ∂ ln L/∂c                   information and score of the torques
     X = T w Dᵀ                                              information shared by both
+
+In B simulated flights of the fitted rig, which contain no residual torque, the scores by θ omit the
+prior, so their mean is the filter's bias ḡ (`bias_correction.correction`). Without simulated
+flights, the scores are computed for half-second blocks of the recorded flight.
+
+**Similarity.** δ (E,) is the change of the readings by a torque, δ_p that by probe p of a named
+cause (`screening.score_test`). With θ projected out, their correlation is
+
+    cos = ⟨δ, δ_p⟩/√(⟨δ, δ⟩⟨δ_p, δ_p⟩),      ⟨a, b⟩ = Σ w a b − (T w a)ᵀ A⁻¹ (T w b)
+
+If |cos| exceeds `LIKE`, the torque is reported as "…-like".
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from heli3dof.diagnosis.sensitivity.hat_functions import Hats, hats
-from heli3dof.diagnosis.sensitivity.projection import project_out
-from heli3dof.diagnosis.sensitivity.residual_torque import LinearisedRun, linearised_run
-from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, simulated_scores
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.constants import LEAST_SHARE
+from heli3dof.diagnosis.screening.catalogue import candidates, probes
+from heli3dof.diagnosis.screening.score_test import Screen
+from heli3dof.diagnosis.unmodelled.hat_functions import Hats, hats
+from heli3dof.diagnosis.unmodelled.residual_torque import (
+    LinearisedRun,
+    linearised_run,
+    linearised_run_at,
+)
 from heli3dof.identification.bias_correction.coloured_noise import (
     MEMORY_S,
     freedom,
     long_run,
     significant_ratio,
 )
-from heli3dof.identification.bias_correction.correction import CorrectedFit
-from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
+from heli3dof.identification.bias_correction.correction import (
+    CorrectedFit,
+    model_at,
+    simulate_again,
+)
+from heli3dof.identification.bias_correction.evaluation import evaluate
+from heli3dof.identification.bias_correction.perturbation import Path, path, project_out
+from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate, block_numbers
 from heli3dof.identification.greybox.likelihood import score_and_information
-from heli3dof.model.control.voltage_replay import controller_is_known
+from heli3dof.model.estimation.ekf_quantised import FilterRun
+from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
+LIKE = 0.9
+"""|cos| from which torque and cause count as similar. Chosen; not derived."""
 RANK_TOLERANCE = 1e-4
 """Directions with less than this share of the largest information are dropped. Chosen."""
-MIN_NULLS = 6
-"""Least number of null simulations. Chosen; not derived."""
 CONSTANT_MEMORY_S = 1.5
 """s, correlation time allowed for in the score of a constant torque. Chosen; not derived."""
 
@@ -54,19 +79,14 @@ class Nuisance:
     """(B, p) scores in the null simulations"""
 
     @staticmethod
-    def of_fit(fit: CorrectedFit, flight: LinearisedRun, null: Scores | None) -> Nuisance:
+    def of_fit(fit: CorrectedFit, flight: LinearisedRun) -> Nuisance:
         problem, o = fit.problem, fit.optimum
         # Not the fit's own tangents: without convergence these belong to an earlier point.
         tangents = problem.tangents(o.theta, flight.at)
         g, H = score_and_information(flight.at, tangents)
         prior = problem.prior_precision * (o.theta - problem.prior_mean)
-        n = len(g)
-        return Nuisance(
-            tangents,
-            H + np.diag(problem.prior_precision),
-            g - prior,
-            np.zeros((0, n)) if null is None else null.g,
-        )
+        A = H + np.diag(problem.prior_precision)
+        return Nuisance(tangents, A, g - prior, np.zeros((0, len(g))))
 
     def with_torque(
         self,
@@ -107,22 +127,32 @@ class Evidence:
     nuisance: Nuisance
     """The fit's parameters only"""
 
+    @cached_property
+    def path(self) -> Path:
+        """Return the filter's states with derivatives, for a torque's effect on the innovations."""
+        problem, o = self.fit.problem, self.fit.optimum
+        return path(problem.structure, problem.values(o.theta), problem.data, self.flight.at)
+
+
+def evidence_without_nulls(fit: CorrectedFit) -> Evidence:
+    """Return the evidence for torques in the fitted recordings, without simulated flights."""
+    flight = linearised_run(fit)
+    library = hats(flight, np.flatnonzero(fit.problem.data.axes))
+    return Evidence(fit, flight, library, None, Nuisance.of_fit(fit, flight))
+
 
 def evidence(
     fit: CorrectedFit, recordings: Sequence[Recording], *, flights: int, seed: int
 ) -> Evidence:
     """Return the evidence for torques in the recordings that ``fit`` was fitted to.
 
-    It includes max(``flights``, `MIN_NULLS`) null simulations, if the controller is known and
-    stabilises the fitted rig.
+    It includes ``flights`` null simulations if simulated flights corrected the fit's bias.
     """
-    flight = linearised_run(fit)
-    library = hats(flight, np.flatnonzero(fit.problem.data.axes))
-    null = None
-    if fit.is_corrected and controller_is_known(recordings):
-        flights = max(flights, MIN_NULLS)
-        null = simulated_scores(fit, recordings, library, flights=flights, seed=seed)
-    return Evidence(fit, flight, library, null, Nuisance.of_fit(fit, flight, null))
+    x = evidence_without_nulls(fit)
+    if not fit.is_corrected:
+        return x
+    null = simulated_scores(fit, recordings, x.library, flights=flights, seed=seed)
+    return replace(x, null=null, nuisance=replace(x.nuisance, g_null=null.g))
 
 
 def coloured_noise_ratio(
@@ -180,3 +210,85 @@ def informative_directions(V: np.ndarray, full: np.ndarray) -> np.ndarray:
     return np.asarray(
         vectors[:, values > RANK_TOLERANCE * max(float(np.linalg.eigvalsh(full)[-1]), 1e-300)]
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Scores of the coefficients of J hat (triangular) functions, and of n parameters.
+
+    They are from B simulated flights, or from B blocks of a recorded flight (see the module).
+    """
+
+    u: np.ndarray
+    """(B, J) scores of the hat functions"""
+    g: np.ndarray
+    """(B, n) scores of the fit's scaled parameters"""
+
+
+def simulated_scores(
+    fit: Estimate, recordings: Sequence[Recording], library: Hats, *, flights: int, seed: int
+) -> Scores:
+    """Return the scores in ``flights`` simulated flights of the fitted rig, with its controller."""
+    model = model_at(fit.problem, fit.optimum.theta, fit.optimum.noise)
+
+    def one(b: int) -> tuple[np.ndarray, np.ndarray]:
+        data = simulate_again(model, recordings, fit.problem.data, (seed, 31, b))
+        problem = replace(fit.problem, data=data)
+        o = fit.optimum
+        flight = linearised_run_at(problem, o.theta, o.noise)
+        return library.scores(flight), problem.tangents(o.theta, flight.at) @ flight.at.g
+
+    scores = replicate(one, flights, what="flights")
+    return Scores(np.array([u for u, _ in scores]), np.array([g for _, g in scores]))
+
+
+def scores_in_blocks(flight: LinearisedRun, library: Hats, tangents: np.ndarray) -> Scores:
+    """Return the scores in half-second blocks of the flight.
+
+    ``tangents`` (p, E): derivatives of the E predicted readings by p parameters, whose scores are
+    returned as ``g`` (B, p), a row for each block.
+    """
+    which = block_numbers(flight.data, BLOCK_S)
+    count = int(which.max()) + 1
+    at = which[flight.at.row]
+    g = np.column_stack([np.bincount(at, row * flight.at.g, count) for row in tangents])
+    return Scores(library.scores(flight, which), g)
+
+
+def named_traces(fit: Estimate) -> tuple[list[str], np.ndarray]:
+    """Return names and changes (P, E) of E readings, by P probes of causes that ``fit`` lacks."""
+    problem, o = fit.problem, fit.optimum
+    axes = [a for a, measured in zip(AXES, problem.data.axes, strict=True) if measured]
+    fitted = [t.name for t in fit.structure.terms]
+    named = [
+        p
+        for t in candidates(fitted, axes)
+        if not t.effect.formal
+        for p in probes(t, problem.data.V)
+    ]
+    evaluation = evaluate(problem, o.theta, o.noise, with_noise_derivatives=False)
+    return [p.name for p in named], Screen(problem, o.theta, evaluation, named).D
+
+
+def similarity(
+    named: tuple[list[str], np.ndarray],
+    at: FilterRun,
+    trace: np.ndarray,
+    tangents: np.ndarray,
+    A: np.ndarray,
+) -> tuple[str, float]:
+    """Return (most similar cause, |cos|) of a torque that changes predictions by ``trace`` (E,).
+
+    ``named``: from `named_traces`. ``tangents`` T (p, E), A (p, p): of the parameters projected
+    out, as in the module docstring.
+    """
+    names, D = named
+    D = np.vstack([trace, D])
+    projected = project_out(D, tangents, A, at.w)
+    full, remaining = (np.einsum("ij,j,ij->i", D, at.w, x) for x in (D, projected))
+    with_trace = projected @ (at.w * trace)
+    informative = remaining > LEAST_SHARE * np.maximum(full, 1e-30)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cos = np.abs(np.where(informative, with_trace / np.sqrt(remaining[0] * remaining), 0.0))[1:]
+    best = int(np.argmax(cos))
+    return names[best], float(cos[best])

@@ -13,7 +13,7 @@ filter updates):
 
     S_spline − S < κ (r − 1) ln N
 
-Of products whose S is within `selection.select.TIE` κ of the largest, the one with fewest factors
+Of products whose S is within `constants.TIE` κ of the largest, the one with fewest factors
 is proposed; the others are alternatives.
 
 If flights of the fit cannot be simulated, the best formula of each axis shows whether there is a
@@ -33,23 +33,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.selection.candidate_fits import bic_penalty
-from heli3dof.diagnosis.selection.select import TIE
-from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, hats, sums_along
-from heli3dof.diagnosis.sensitivity.projection import project_out
-from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, LinearisedRun, linearised_run
-from heli3dof.diagnosis.unmodelled.torque_evidence import Nuisance, informative_directions
+from heli3dof.diagnosis.unmodelled.hat_functions import hats, sums_along
+from heli3dof.diagnosis.unmodelled.residual_torque import UNITS
+from heli3dof.diagnosis.unmodelled.torque_evidence import (
+    Evidence,
+    evidence_without_nulls,
+    informative_directions,
+)
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     TORQUE_FALSE_ALARMS,
-    Place,
     ResidualTorque,
+    TorqueLocation,
 )
 from heli3dof.identification.bias_correction.coloured_noise import MEMORY_S, freedom, long_run
 from heli3dof.identification.bias_correction.correction import CorrectedFit
-from heli3dof.identification.bias_correction.perturbation import Path, path
 from heli3dof.identification.bias_correction.perturbation import forward as traces_of
+from heli3dof.identification.bias_correction.perturbation import project_out
 from heli3dof.identification.greybox.estimate import BLOCK_S, block_numbers
-from heli3dof.model.effects.empirical import PREFIX, factors
+from heli3dof.model.effects.empirical import KNOTS, PREFIX, factors
 
 SINGLE = (
     "sin(roll)", "sin(pitch)", "sin(yaw)", "roll_rate", "pitch_rate", "yaw_rate", "voltage_sum",
@@ -87,16 +90,16 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     in the list if its variable is a product of at most two of
     `heli3dof.model.effects.empirical.QUANTITIES`.
     """
-    flown = filtered_fit(fit)
+    x = evidence_without_nulls(fit)
     axis = AXES.index(torque.axis)
     kappa = max(fit.inflation, 1.0)
-    S, c = product_scores(flown, axis)
+    S, c = product_scores(x, axis)
     best = float(S.max())
     near = [int(k) for k in np.argsort(-S) if best - S[k] < kappa * TIE]
     near.sort(key=lambda k: len(factors(PRODUCTS[k])))
     first, *others = near
-    spline, rank = spline_score(flown, axis, torque.depends_on)
-    penalty = kappa * bic_penalty(rank - 1, flown.flight.at)
+    spline, rank = spline_score(x, axis, torque.depends_on)
+    penalty = kappa * bic_penalty(rank - 1, x.flight.at)
     out = []
     if spline - S[first] < penalty:
         product = PRODUCTS[first]
@@ -110,36 +113,35 @@ def proposals(fit: CorrectedFit, torque: ResidualTorque) -> list[Proposal]:
     return out
 
 
-def significant_formula(fit: CorrectedFit) -> Place | None:
+def significant_formula(x: Evidence) -> TorqueLocation | None:
     """Return axis and variable of the best torque formula; None if it is not significant."""
-    flown = filtered_fit(fit)
-    flight, nuisance, at = flown.flight, flown.nuisance, flown.flight.at
+    fit, flight, nuisance, at = x.fit, x.flight, x.nuisance, x.flight.at
     block = block_numbers(flight.data, BLOCK_S)[at.row]
     blocks, memory = int(block.max()) + 1, round(MEMORY_S / BLOCK_S)
     if blocks < 2 * (memory + 1):
         return None
-    best, place = 0.0, Place("", "")
+    best, location = 0.0, TorqueLocation("", "")
     axes = np.flatnonzero(fit.problem.data.axes)
     for i in axes:
-        S, c = product_scores(flown, int(i))
+        S, c = product_scores(x, int(i))
         k = int(S.argmax())
-        (D,) = product_traces(flown, int(i), PRODUCTS[k : k + 1])
+        (D,) = product_traces(x, int(i), PRODUCTS[k : k + 1])
         d = project_out(D, nuisance.tangents, nuisance.A, at.w)
         s = np.bincount(block, d * (at.g - c[k] * at.w * d), blocks)
         v = float((d * at.w) @ d)
         variance = max(float(long_run(s[:, None], memory)[0, 0]), v * max(fit.inflation, 1.0))
         t2 = (c[k] * v) ** 2 / variance if variance > 0 else 0.0
         if t2 > best:
-            best, place = t2, Place(AXES[i], variable_of(PRODUCTS[k]))
+            best, location = t2, TorqueLocation(AXES[i], variable_of(PRODUCTS[k]))
     from scipy.stats import t as student
 
     p = TORQUE_FALSE_ALARMS / (2 * len(axes) * len(PRODUCTS))
     threshold = 2 * float(student.isf(p, freedom(blocks, memory))) ** 2
-    return place if best > threshold else None
+    return location if best > threshold else None
 
 
 def variable_of(product: str) -> str:
-    """Return the variable of `sensitivity.residual_torque.UNITS` that is nearest to a product.
+    """Return the variable of `unmodelled.residual_torque.UNITS` that is nearest to a product.
 
     >>> variable_of("voltage_front*voltage_back"), variable_of("abs(yaw_rate)*yaw_rate")
     ('voltage_product', 'yaw_rate')
@@ -150,29 +152,7 @@ def variable_of(product: str) -> str:
     return "*".join(plain) if "*".join(plain) in UNITS else plain[0]
 
 
-@dataclass(frozen=True, eq=False)
-class FilteredFit:
-    """A fit with its filter run, derivatives and score, which every test of a torque needs."""
-
-    flight: LinearisedRun
-    path: Path
-    """The filter's states with derivatives, for a torque's effect on the innovations"""
-    nuisance: Nuisance
-    """The fit's tangents and information"""
-    g: np.ndarray
-    """(n,) score of the fit's scaled parameters, without the filter's bias"""
-
-
-def filtered_fit(fit: CorrectedFit) -> FilteredFit:
-    """Return the fit with the filter run over the fit's recordings."""
-    flight, problem = linearised_run(fit), fit.problem
-    nuisance = Nuisance.of_fit(fit, flight, None)
-    g = nuisance.g if fit.bias is None else nuisance.g - fit.bias
-    p = path(problem.structure, problem.values(fit.optimum.theta), problem.data, flight.at)
-    return FilteredFit(flight, p, nuisance, g)
-
-
-def product_scores(flown: FilteredFit, axis: int) -> tuple[np.ndarray, np.ndarray]:
+def product_scores(x: Evidence, axis: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the test statistic S (P,) and the estimate c (P,) of a torque c φ on ``axis``.
 
     P is the number of candidates φ, the products of measured quantities in `PRODUCTS`. S is 0 if
@@ -180,58 +160,48 @@ def product_scores(flown: FilteredFit, axis: int) -> tuple[np.ndarray, np.ndarra
     """
     u, v = np.zeros(len(PRODUCTS)), np.zeros(len(PRODUCTS))
     for k in range(0, len(PRODUCTS), AT_ONCE):
-        D = product_traces(flown, axis, PRODUCTS[k : k + AT_ONCE])
-        u[k : k + AT_ONCE], V = projected(flown, D)
+        D = product_traces(x, axis, PRODUCTS[k : k + AT_ONCE])
+        u[k : k + AT_ONCE], V = projected(x, D)
         v[k : k + AT_ONCE] = np.diag(V)
     known = v > 1e-300
     return np.where(known, u**2 / np.where(known, v, 1.0), 0.0), u / np.where(known, v, np.inf)
 
 
-def product_traces(flown: FilteredFit, axis: int, products: Sequence[str]) -> np.ndarray:
+def product_traces(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarray:
     """Return an array (P, E): the changes of the E innovations by the torque 1 · φ on an axis.
 
     ``axis``: index of the axis; ``products``: the formulas of φ, such as ``roll_rate*sin(pitch)``.
     """
-    p, flight = flown.path, flown.flight
+    p, flight = x.path, x.flight
     middle = (p.chunk[:, 0] + p.chunk[:, 1]) // 2
-    phi = np.array([value(flight, product)[middle] for product in products])
+    phi = np.array([np.nan_to_num(flight.variable(name))[middle] for name in products])
     return traces_of(p, phi[:, :, None] * flight.B[middle][None, :, :, axis])
 
 
-def value(flight: LinearisedRun, product: str) -> np.ndarray:
-    """Return (N,) the product along the flight, in SI units."""
-    out = np.ones(len(flight.data.t))
-    for name in product.split("*"):
-        kind, _, inner = name.rstrip(")").rpartition("(")
-        x = flight.variable(inner)
-        out = out * (np.sin(x) if kind == "sin" else np.abs(x) if kind == "abs" else x)
-    return np.nan_to_num(out)
-
-
-def projected(flown: FilteredFit, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def projected(x: Evidence, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return score (K,) and information (K, K) of K changes D (K, E) of the E predictions.
 
     The fit's parameters are projected out.
     """
-    at, nuisance = flown.flight.at, flown.nuisance
+    at, nuisance = x.flight.at, x.nuisance
     weighted = D * at.w
     cross = weighted @ nuisance.tangents.T
     solved = np.linalg.solve(nuisance.A, cross.T)
-    return D @ at.g - solved.T @ flown.g, weighted @ D.T - cross @ solved
+    return D @ at.g - solved.T @ (nuisance.g - x.fit.score_bias), weighted @ D.T - cross @ solved
 
 
-def spline_score(flown: FilteredFit, axis: int, variable: str) -> tuple[float, int]:
+def spline_score(x: Evidence, axis: int, variable: str) -> tuple[float, int]:
     """Return the test statistic S and rank r of a piecewise linear torque of ``variable``.
 
     S is 0 if the variable's range is below `hat_functions.MIN_RANGE`, or without information.
     """
-    flight = flown.flight
+    flight = x.flight
     library = hats(flight, np.array([axis]))
     if variable not in library.variables:
         return 0.0, 1
     columns = np.arange(KNOTS) + KNOTS * library.variables.index(variable)
-    D = sums_along(library, flight, flown.nuisance.tangents, columns).traces
-    u, v = projected(flown, D)
+    D = sums_along(library, flight, x.nuisance.tangents, columns).traces
+    u, v = projected(x, D)
     E = informative_directions(v, (D * flight.at.w) @ D.T)
     if not E.shape[1]:
         return 0.0, 1

@@ -1,7 +1,7 @@
 """Test each axis for a residual torque, which the fitted model lacks.
 
 It is a free function f(z) = Σ_j τ_j φ_j(z) of an angle, rate, voltage or the time z, with hat
-functions φ_j and coefficients τ_j in N·m (`sensitivity.hat_functions`). The `KNOTS` hat functions
+functions φ_j and coefficients τ_j in N·m (`unmodelled.hat_functions`). The `KNOTS` hat functions
 of one variable on one axis are a group. Rao's score test evaluates each group without a fit:
 
     S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(r)      without a residual torque
@@ -33,29 +33,34 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.screening.gumbel import beyond, gumbel
-from heli3dof.diagnosis.selection.select import TIE
-from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, HatScores, sums_along
-from heli3dof.diagnosis.sensitivity.residual_torque import LinearisedRun
-from heli3dof.diagnosis.unmodelled.similarity import LIKE, named_traces, similarity
+from heli3dof.diagnosis.constants import MAX_COMPARED, TIE
+from heli3dof.diagnosis.screening.nulls import beyond, gumbel
+from heli3dof.diagnosis.unmodelled.hat_functions import Hats, HatScores, sums_along
+from heli3dof.diagnosis.unmodelled.residual_torque import LinearisedRun
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
+    LIKE,
     RANK_TOLERANCE,
     Evidence,
     Nuisance,
+    Scores,
     coloured_noise_ratio,
     informative_directions,
+    named_traces,
+    scores_in_blocks,
+    similarity,
 )
-from heli3dof.diagnosis.unmodelled.torque_nulls import Scores, scores_in_blocks
 from heli3dof.identification.bias_correction.coloured_noise import CHANCE
 from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.model.effects.empirical import KNOTS
 
-MAX_TORQUES = 3
-"""Largest number of residual torques. Chosen; not derived."""
+if TYPE_CHECKING:
+    from heli3dof.diagnosis.result import TorqueTerm
+
 ALTERNATIVE_SHARE = 0.5
 """Share of the best variable's x from which a variable is reported as alternative. Chosen."""
 MIN_SHARE = 0.05
@@ -68,7 +73,7 @@ WINDOW_S = 0.1
 """s, over which torques are averaged. Chosen; not derived."""
 
 
-class Place(NamedTuple):
+class TorqueLocation(NamedTuple):
     """The axis on which a torque acts, and the variable of which it is a function."""
 
     axis: str
@@ -81,7 +86,7 @@ class ResidualTorque:
 
     axis: str
     depends_on: str
-    """One of `sensitivity.residual_torque.UNITS`"""
+    """One of `unmodelled.residual_torque.UNITS`"""
     share: float
     """Explained share of the variance of the axis's residual torque, averaged over `WINDOW_S`"""
     table: tuple[tuple[float, float], ...]
@@ -96,6 +101,8 @@ class ResidualTorque:
     """Other variables that explain almost as much, by falling x"""
     resembles: str | None = None
     """A cause with nearly the same trace, as ``friction.viscous.yaw-like``"""
+    term: TorqueTerm | None = None
+    """The term of the extended model for this torque, if any"""
 
     @property
     def is_slow_noise(self) -> bool:
@@ -119,18 +126,18 @@ def split_off_slow_noise(
 
 
 def significant_torques(
-    evidence: Evidence, certain: Place | None = None
+    evidence: Evidence, proven: TorqueLocation | None = None
 ) -> tuple[ResidualTorque, ...]:
     """Return the significant torques, as functions of a measured variable or of time only.
 
-    They are in the order in which they were accepted. ``certain``: axis and variable of a torque
+    They are in the order in which they were accepted. ``proven``: axis and variable of a torque
     that another test has shown (`unmodelled.torque_formula`): it is accepted first, untested.
     """
     fit, flight, library = evidence.fit, evidence.flight, evidence.library
     null, nuisance = evidence.null, evidence.nuisance
     named: tuple[list[str], np.ndarray] | None = None
     out: list[ResidualTorque] = []
-    while sum(not torque.is_slow_noise for torque in out) < MAX_TORQUES:
+    while sum(not torque.is_slow_noise for torque in out) < MAX_COMPARED:
         sums = sums_along(library, flight, nuisance.tangents)
         tests = score_tests(fit, flight, library, sums, nuisance, null)
         significant = [int(q) for q in np.argsort(-tests.x) if tests.x[q] > tests.threshold]
@@ -143,8 +150,8 @@ def significant_torques(
             for t in (_with_traces(evidence, nuisance, *s) for s in large)
             if _exceeds_coloured_noise(evidence, nuisance, tests, *t, is_coloured=is_coloured)
         )
-        if certain is not None and not out:
-            q = _group(library, tests, certain)
+        if proven is not None and not out:
+            q = _group(library, tests, proven)
             torque = _residual_torque(flight, library, tests, q)
             accepted = (t for t in [_with_traces(evidence, nuisance, q, torque)])
         best, new, D = next(accepted, (-1, None, np.zeros(0)))
@@ -160,13 +167,13 @@ def significant_torques(
     return tuple(out)
 
 
-def _group(library: Hats, tests: ScoreTests, place: Place) -> int:
-    """Return the index of the group of hat functions for ``place``, an axis and a variable.
+def _group(library: Hats, tests: ScoreTests, location: TorqueLocation) -> int:
+    """Return the index of the group of hat functions for ``location``, an axis and a variable.
 
     A variable that hardly changes has no group. Then the axis's most significant group is returned.
     """
-    groups = [q for q, (i, _) in enumerate(library.groups) if AXES[i] == place.axis]
-    exact = [q for q in groups if library.groups[q][1] == place.variable]
+    groups = [q for q, (i, _) in enumerate(library.groups) if AXES[i] == location.axis]
+    exact = [q for q in groups if library.groups[q][1] == location.variable]
     return max(exact or groups, key=lambda q: float(tests.x[q]))
 
 

@@ -20,8 +20,8 @@ Without hold-out recordings, this is cross-validation: each block b of the train
 4. The process noise is re-estimated on the evaluated rows, for the model with added effects and
    for that without. So a rougher held-out flight favours neither model.
 5. A phase or an instant (`effects.Parameter.per_recording`) of a hold-out recording is estimated on
-   that recording (`validation.own_values`). Without hold-out recordings, the time shifts that give
-   several recordings one phase come from all rows.
+   that recording (`validation.per_recording_values`). Without hold-out recordings, the time shifts
+   that give several recordings one phase come from all rows.
 6. The filter starts `SETTLE_S` before a block. With backlash it starts `BACKLASH_SETTLE_S` before,
    because only encoder edges in both directions determine the position within the backlash.
 """
@@ -35,16 +35,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.validation.gain import CELL_S, HORIZON_S, HeldOut, Predictions
-from heli3dof.diagnosis.validation.own_values import rows_of_recordings, with_own_values
-from heli3dof.diagnosis.validation.prediction import prediction_errors, starts_of, with_blocks
+from heli3dof.diagnosis.validation.per_recording_values import rows_of_recordings, with_own_values
+from heli3dof.diagnosis.validation.prediction import (
+    prediction_errors,
+    problem_of,
+    starts_of,
+    with_blocks,
+)
 from heli3dof.identification.bias_correction.corrected_maximum import ScoreBias, maximise_corrected
 from heli3dof.identification.bias_correction.evaluation import fixed_parameters
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Likelihood, score_and_information
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_SETTLED
-from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.ekf_quantised import FilterRun
-from heli3dof.model.estimation.filter_data import LEAD_S, Data, data_of
+from heli3dof.model.estimation.filter_data import LEAD_S, Data
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
@@ -71,9 +75,7 @@ def on_holdout(
     fit: Estimate, recordings: Sequence[Recording], theta: np.ndarray | None = None
 ) -> HeldOut:
     """Evaluate a fit, or its model with parameters θ (n,), on recordings it was not fitted to."""
-    runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
-    problem = Likelihood(data_of(recordings, runs), fit.structure)
-    optimum = fit.optimum
+    problem, optimum = problem_of(fit.structure, recordings), fit.optimum
     theta = optimum.theta if theta is None else theta
 
     def evaluate_recording(rows: tuple[int, int]) -> RowResults:
@@ -84,8 +86,8 @@ def on_holdout(
     return _summed_over_cells(problem.data, "holdout", results)
 
 
-def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
-    """Evaluate a fit by cross-validation: on each block, with parameters estimated without it."""
+def on_blocks(fit: Estimate, blocks: int = BLOCKS, *, theta: np.ndarray | None = None) -> HeldOut:
+    """Evaluate a fit on each block, with parameters estimated without it, or with ``theta``."""
     problem, o, d = fit.problem, fit.optimum, fit.problem.data
     at = problem.run(o.theta, o.noise)
     tangents = problem.tangents(o.theta, at)
@@ -93,28 +95,22 @@ def on_blocks(fit: Estimate, blocks: int = BLOCKS) -> HeldOut:
     cuts = _blocks(d, blocks)
 
     def evaluate_block(k: int) -> RowResults:
-        theta = _estimate_without(fit, at, tangents, cuts[k])
-        return _evaluate(problem, theta, o.noise, cuts[k])
+        own = _estimate_without(fit, at, tangents, cuts[k]) if theta is None else theta
+        return _evaluate(problem, own, o.noise, cuts[k])
 
     return _summed_over_cells(
         d, "blocks left out", parallel_map(evaluate_block, len(cuts), what="blocks")
     )
 
 
-def uncalibrated(fit: Estimate, holdout: Sequence[Recording]) -> HeldOut:
-    """Evaluate the fit's model with the profile's parameters, on the same rows as `held_out`."""
-    problem, noise = fit.problem, fit.optimum.noise
-    theta = problem.scaled(fit.structure.values_of({}))
-    if holdout:
-        return on_holdout(fit, holdout, theta)
-    cuts = _blocks(problem.data, BLOCKS)
-    results = parallel_map(lambda k: _evaluate(problem, theta, noise, cuts[k]), len(cuts))
-    return _summed_over_cells(problem.data, "blocks left out", results)
+def held_out(
+    fit: Estimate, holdout: Sequence[Recording], theta: np.ndarray | None = None
+) -> HeldOut:
+    """Evaluate a fit on the hold-out recordings if there are any, else by cross-validation.
 
-
-def held_out(fit: Estimate, holdout: Sequence[Recording]) -> HeldOut:
-    """Evaluate a fit on the hold-out recordings if there are any, else by cross-validation."""
-    return on_holdout(fit, holdout) if holdout else on_blocks(fit)
+    With ``theta`` (n,), its model with these parameters is evaluated on the same rows.
+    """
+    return on_holdout(fit, holdout, theta) if holdout else on_blocks(fit, theta=theta)
 
 
 def _blocks(d: Data, blocks: int) -> list[tuple[int, int]]:
@@ -151,8 +147,7 @@ def _estimate_without(
     for _, start, stop in problem.data.blocks:
         counted[start:stop] = True
     remains = counted[at.row]
-    bias = getattr(fit, "bias", None)
-    bias_of_rows = np.zeros(len(theta)) if bias is None else bias * float(remains.mean())
+    bias_of_rows = fit.score_bias * float(remains.mean())
     g, H = score_and_information(
         replace(at, g=np.where(remains, at.g, 0.0), w=np.where(remains, at.w, 0.0)), tangents
     )

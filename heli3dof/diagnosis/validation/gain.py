@@ -9,9 +9,9 @@ gain.
     Δℓ = Σ ln Z(after) − Σ ln Z(before)            Z: probability of a reading given earlier ones
 
 The 95 % intervals come from a block bootstrap whose blocks are cells of `CELL_S` seconds, because
-predictions overlap, and noise is correlated within a second. An extension `pays` if the interval of
-Δℓ lies above zero. RMSE alone may miss a real effect: modelling a periodic torque may lower it by
-only 2 %.
+predictions overlap, and noise is correlated within a second. A gain is significant if the interval
+of Δℓ lies above zero (`gain_interval_positive`). RMSE alone may miss a real effect: modelling a
+periodic torque may lower it by only 2 %.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.constants import LEVEL
 
 HORIZON_S = 1.0
 """s, horizon of the predictions. Chosen."""
@@ -29,8 +30,6 @@ CELL_S = 2.0
 """s, length of a cell of the bootstrap; longer than the correlation of the noise. Chosen."""
 DRAWS = 2000
 """Number of bootstrap samples. Chosen."""
-LEVEL = 0.95
-"""Probability covered by the intervals: the usual 95 %."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class HeldOut:
     """Results of a model on held-out rows, summed over each of m cells of `CELL_S` seconds."""
 
     loglik: np.ndarray
-    """(m,) Σ ln Z of each cell"""
+    """(m,) Σ ln Z of each cell; empty without a likelihood"""
     squares: np.ndarray
     """(m, 3) rad², Σ e² of the predictions `HORIZON_S` ahead that end in the cell"""
     counts: np.ndarray
@@ -110,16 +109,20 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
 
     ``seed`` is that of the bootstrap.
     """
-    m = len(before.loglik)
+    m = len(before.squares)
     drawn = np.random.default_rng([seed, 5]).integers(0, m, (DRAWS, m))
-    delta = after.loglik - before.loglik
+    delta, likelihood = after.loglik - before.loglik, None
+    if len(delta):
+        likelihood = Interval(float(delta.sum()), *interval(delta[drawn].sum(axis=1)))
+    decreases = rmse_decreases(before.squares, after.squares, before.counts, drawn)
+    return Gain(before.on, before.rmse_deg, after.rmse_deg, decreases, likelihood)
+
+
+def interval(draws: np.ndarray) -> tuple[float, float]:
+    """Return the interval that contains the share `LEVEL` of bootstrap ``draws``, except NaN."""
     tail = 50 * (1 - LEVEL)
-    low, high = np.percentile(delta[drawn].sum(axis=1), [tail, 100 - tail])
-    return Gain(
-        before.on, before.rmse_deg, after.rmse_deg,
-        rmse_decreases(before.squares, after.squares, before.counts, drawn),
-        Interval(float(delta.sum()), float(low), float(high)),
-    )  # fmt: skip
+    low, high = np.nanpercentile(draws, [tail, 100 - tail])
+    return float(low), float(high)
 
 
 def rmse_decreases(
@@ -130,7 +133,6 @@ def rmse_decreases(
     ``before``, ``after`` (m, 3): Σ e² in rad² of m cells; ``counts`` (m, 3): numbers of
     predictions; ``drawn`` (`DRAWS`, m): the cells of each bootstrap sample.
     """
-    tail = 50 * (1 - LEVEL)
     out: dict[str, Interval | None] = {}
     for i, axis in enumerate(AXES):
         n = counts[:, i]
@@ -143,8 +145,7 @@ def rmse_decreases(
             b, a = (rms_deg(x[cells, i].sum(axis=-1), count) for x in (before, after))
             return np.asarray(b - a)
 
-        ends = np.nanpercentile(decrease(drawn), [tail, 100 - tail])
-        out[axis] = Interval(float(decrease(np.arange(len(n)))), float(ends[0]), float(ends[1]))
+        out[axis] = Interval(float(decrease(np.arange(len(n)))), *interval(decrease(drawn)))
     return out
 
 
@@ -157,7 +158,7 @@ def removes_most(before: float, after: float, low: float) -> bool:
     return low > 0 and before**2 > 2 * after**2
 
 
-def pays(g: Gain) -> bool:
+def gain_interval_positive(g: Gain) -> bool:
     """Return True if held-out data are significantly more likely under the extended model."""
     return g.log_likelihood is not None and g.log_likelihood.low > 0
 

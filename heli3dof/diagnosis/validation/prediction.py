@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.sensitivity.residual_torque import linearised_run_at
+from heli3dof.diagnosis.unmodelled.residual_torque import linearised_run_at
 from heli3dof.errors import RecordingError
 from heli3dof.identification.bias_correction.simulated_flight import simulated_flight
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -25,6 +25,7 @@ from heli3dof.model.estimation.ekf_quantised import RATE_0
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.prediction import NOISE
+from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
@@ -48,13 +49,9 @@ class PredictionErrors:
     errors: np.ndarray
     """(S, H, 3) rad, at most `FAR`; NaN beyond the end of a run and on unmeasured axes"""
 
-    def rmse_deg(self, of: np.ndarray | None = None) -> np.ndarray:
-        """Return the predictions' RMSE (H, 3) in degrees, by horizon and axis.
-
-        ``of`` (S,) bool: the starts to use, by default all.
-        """
-        e = self.errors if of is None else self.errors[of]
-        return np.asarray(np.degrees(np.sqrt(mean_square(e))))
+    def rmse_deg(self) -> np.ndarray:
+        """Return the predictions' RMSE (H, 3) in degrees, by horizon and axis."""
+        return np.asarray(np.degrees(np.sqrt(mean_square(self.errors))))
 
 
 def mean_square(e: np.ndarray) -> np.ndarray:
@@ -65,10 +62,10 @@ def mean_square(e: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
-def problem_of(model: GreyBoxModel, recordings: Sequence[Recording]) -> Likelihood:
-    """Return the likelihood of the recordings' usable runs of rows under the model's structure."""
+def problem_of(structure: Structure, recordings: Sequence[Recording]) -> Likelihood:
+    """Return the likelihood of the recordings' usable runs of rows, for a model ``structure``."""
     runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
-    return Likelihood(data_of(recordings, runs), model.structure)
+    return Likelihood(data_of(recordings, runs), structure)
 
 
 def noise_of(model: GreyBoxModel) -> np.ndarray:
@@ -80,7 +77,7 @@ def prediction_errors(
     problem: Likelihood,
     theta: np.ndarray,
     X: np.ndarray,
-    horizons_s: Sequence[float] = HORIZONS_S,
+    horizons_s: Sequence[float],
     starts: np.ndarray | None = None,
 ) -> PredictionErrors:
     """Return the prediction errors from the filter's states X (N, ≥ 6) at the parameters θ (n,).
@@ -114,7 +111,7 @@ def model_errors(
     horizons_s: Sequence[float] = HORIZONS_S,
 ) -> tuple[Likelihood, PredictionErrors]:
     """Return the likelihood of the recordings, and the model's prediction errors on them."""
-    problem = problem_of(model, recordings)
+    problem = problem_of(model.structure, recordings)
     theta = problem.scaled(model.values)
     X = problem.run(theta, noise_of(model), keep=2).X
     assert X is not None
@@ -122,47 +119,38 @@ def model_errors(
 
 
 def floor_deg(
-    model: GreyBoxModel,
-    recordings: Sequence[Recording],
-    horizons_s: Sequence[float] = HORIZONS_S,
-    *,
-    flights: int = 2,
-    seed: int = 0,
+    model: GreyBoxModel, recordings: Sequence[Recording], *, flights: int = 2, seed: int = 0
 ) -> tuple[np.ndarray, str]:
-    """Return the noise floor (H, 3) in degrees at H horizons, and the name of the method.
+    """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, and the name of the method.
 
     The floor comes from simulated flights. If the controller is unknown, or a simulated flight has
     no usable rows (as with an unstable model), it comes from the filter's covariance.
     """
     by_formula = "the filter's covariance"
     if not controller_is_known(recordings):
-        return covariance_floor_deg(model, recordings, horizons_s), by_formula
+        return covariance_floor_deg(model, recordings), by_formula
 
     def simulated_mean_square(replication: int) -> np.ndarray:
         rng = np.random.default_rng([seed, 77, replication])
         simulated = [simulated_flight(model, r, rng) for r in recordings]
-        return mean_square(model_errors(model, simulated, horizons_s)[1].errors)
+        return mean_square(model_errors(model, simulated)[1].errors)
 
     try:
         squares = parallel_map(simulated_mean_square, flights)
     except RecordingError:
-        return covariance_floor_deg(model, recordings, horizons_s), by_formula
+        return covariance_floor_deg(model, recordings), by_formula
     return np.degrees(np.sqrt(np.mean(squares, axis=0))), f"{flights} flights of the model's own"
 
 
-def covariance_floor_deg(
-    model: GreyBoxModel,
-    recordings: Sequence[Recording],
-    horizons_s: Sequence[float] = HORIZONS_S,
-) -> np.ndarray:
-    """Return the noise floor (H, 3) in degrees from the filter's predicted variances."""
+def covariance_floor_deg(model: GreyBoxModel, recordings: Sequence[Recording]) -> np.ndarray:
+    """Return the noise floor (H, 3) in degrees at `HORIZONS_S`, from the filter's variances."""
     from heli3dof.diagnosis.validation.prediction_passes import prediction_variances
 
-    problem = problem_of(model, recordings)
+    problem = problem_of(model.structure, recordings)
     noise = noise_of(model)
     flight = linearised_run_at(problem, problem.scaled(model.values), noise)
     d, at = flight.data, flight.at
-    starts, rows = starts_of(d), _rows_ahead(d, horizons_s)
+    starts, rows = starts_of(d), _rows_ahead(d, HORIZONS_S)
     out = np.full((len(starts), len(rows), 3), np.nan)
     P0 = np.zeros((len(d.blocks), 6))
     P0[:, :3] = np.where(d.grid > 0, d.grid**2 / 12, problem.encoder_noise)

@@ -1,8 +1,8 @@
 """Compute a model's prediction errors by axis and horizon, their noise floor and worst intervals.
 
 The noise floor is the error that the true model would have (`validation.prediction`), with the
-recordings' coloured noise (`validation.noise_colour`). It should be computed for the model with the
-effects found: a fit without these attributes them to noise.
+recordings' coloured noise (`validation.coloured_noise`). It should be computed for the model with
+the effects found: a fit without these attributes them to noise.
 The worst interval of an axis is the window of `WINDOW_S` in which predictions over `HORIZON_S` have
 the largest mean square error.
 """
@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.validation.coloured_noise import coloured_variance
 from heli3dof.diagnosis.validation.gain import HORIZON_S
-from heli3dof.diagnosis.validation.noise_colour import coloured_variance
 from heli3dof.diagnosis.validation.prediction import (
     HORIZONS_S,
     PredictionErrors,
@@ -78,8 +78,8 @@ def simulation_error(
     The noise floor is the error that would remain if ``truth`` (default: ``model``) were the true
     model. Raises RecordingError if no row is usable.
     """
-    problem, e = model_errors(model, recordings, HORIZONS_S)
-    floor, by = floor_deg(truth or model, recordings, HORIZONS_S, seed=seed)
+    problem, e = model_errors(model, recordings)
+    floor, by = floor_deg(truth or model, recordings, seed=seed)
     coloured = coloured_variance(truth or model, recordings, HORIZONS_S)
     floor = np.sqrt(floor**2 + np.degrees(1.0) ** 2 * coloured)
     worst = _worst(problem.data, e, recordings)

@@ -78,6 +78,11 @@ class CorrectedFit(Estimate):
         """Return True if the bias was corrected, by simulated flights of the fitted model."""
         return self.score_covariance is not None
 
+    @property
+    def score_bias(self) -> np.ndarray:
+        """Return ḡ (n,)."""
+        return super().score_bias if self.bias is None else self.bias
+
     @cached_property
     def coloured_noise_factor(self) -> np.ndarray:
         """Return the factors (n,) by which coloured noise multiplies the parameters' variances.

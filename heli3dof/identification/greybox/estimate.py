@@ -81,6 +81,11 @@ class Estimate(PhysicalFit):
         return max(trace / n * m / (m - n), 1.0)
 
     @property
+    def score_bias(self) -> np.ndarray:
+        """Return the bias (n,) of the score at the estimate: zero without simulated flights."""
+        return np.zeros(len(self.theta))
+
+    @property
     def unexplained_scatter(self) -> float:
         """Return the scores' variance, divided by the variance that the noise model expects.
 

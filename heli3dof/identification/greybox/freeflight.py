@@ -101,8 +101,6 @@ APART_S = 0.2
 LEAST_WINDOWS = 20
 LEAST_STARTS = 2
 """Recordings with fewer prediction windows than this are left out."""
-PRIOR_SHARE = 0.7
-"""A parameter whose σ exceeds this share of its prior's σ is reported as not identifiable."""
 INSTEAD = (
     "Fitted to free-run predictions of up to 3 s instead (method freeflight); "
     "--method greybox --terms NAME,… forces the likelihood."
@@ -251,9 +249,8 @@ def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) ->
 def parameters(found: MultiStepFit) -> dict[str, Parameter]:
     """Return {name: parameter}: value, standard deviation, nominal value, any warning."""
     out = {}
-    std, prior = found.std, found.prior_std
-    for f, v, s, p in zip(found.structure.free, found.values, std, prior, strict=True):
-        vague = s > PRIOR_SHARE * p and f.name not in found.problem.varying
+    estimates = zip(found.structure.free, found.values, found.std, found.mostly_prior, strict=True)
+    for f, v, s, vague in estimates:
         verdict = f"{f.name} is not identifiable from these recordings: its value is the prior's."
         verdict = verdict if vague else ""
         nominal = f.start if f.term is None else f.null

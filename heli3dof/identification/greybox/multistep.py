@@ -61,6 +61,8 @@ NOISE_START = (0.08, 0.15, 0.06)
 """rad/s²/√Hz: process noise on roll, pitch, yaw with which the fit starts"""
 JITTERS_S = (0.0, 0.001, 0.002, 0.004)
 """s: standard deviations of sampling jitter that `better_noise` compares"""
+PRIOR_SHARE = 0.7
+"""A parameter whose σ exceeds this share of its prior's σ is not identifiable. Chosen."""
 FAR = 3.0
 """rad: larger or infinite prediction errors are replaced by this value."""
 
@@ -251,6 +253,15 @@ class MultiStepFit(PhysicalFit):
         }
 
     @property
+    def mostly_prior(self) -> np.ndarray:
+        """Return (n,) bool: σ > `PRIOR_SHARE` σ_prior, so the recordings say little of the value.
+
+        False for a parameter that varies by recording.
+        """
+        own = np.isin(np.arange(self.problem.n), self.problem.own)
+        return np.asarray((self.std > PRIOR_SHARE * self.prior_std) & ~own)
+
+    @property
     def prior_std(self) -> np.ndarray:
         """Return the prior standard deviations (n,) of the parameters, in their units."""
         n = self.problem.n
@@ -259,10 +270,18 @@ class MultiStepFit(PhysicalFit):
     @cached_property
     def covariance(self) -> np.ndarray:
         """Return the covariance (n, n) of the parameters in their units."""
-        p = self.problem
-        H = self.tangents @ self.tangents.T + p.prior
-        C = np.linalg.inv(H)[: p.n, : p.n]
-        return np.asarray(C * np.outer(self.slopes, self.slopes))
+        n = self.problem.n
+        return np.asarray(self.scaled_covariance[:n, :n] * np.outer(self.slopes, self.slopes))
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """Return the information (dim, dim) on the scaled parameters, with the prior's."""
+        return np.asarray(self.tangents @ self.tangents.T + self.problem.prior)
+
+    @cached_property
+    def scaled_covariance(self) -> np.ndarray:
+        """Return the covariance (dim, dim) of the scaled parameters."""
+        return np.asarray(np.linalg.inv(self.information))
 
 
 def robust(u: np.ndarray) -> np.ndarray:

@@ -30,7 +30,18 @@ DEGREES_OF_FREEDOM = 3.0  # ν, chosen
 LOG_K_MAX = 1.5  # of the grid on which p is evaluated: a factor of 4.5, chosen
 TORQUE_UNITS = ("N·m", "kg")
 """A parameter scales with K_f if its unit contains one of these."""
+BASE = ("K_f", "T_g", "J_roll", "J_pitch", "J_yaw")
+"""The base parameters: thrust gain, trim torque and three inertias"""
 SCALE_QUANTILE = 2.0  # standard deviations, chosen
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A parameter of the base simulation, in SI: nominal value, estimate, standard deviation."""
+
+    nominal: float
+    value: float
+    std: float
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 The Kalman filter runs with the fitted model without the cause, and with the noise intensities of a
 refit without the cause. It gives the residual torque τ̂ (N·m,
-`diagnosis.sensitivity.residual_torque`), which is averaged in bins of the variable. The standard
+`diagnosis.unmodelled.residual_torque`), which is averaged in bins of the variable. The standard
 error of a bin's mean, in which samples within `WINDOW_S` count as one, is
 
     σ = std(τ̂)/√max(T/`WINDOW_S`, 1)               T: time in the bin, s
@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.sensitivity.residual_torque import (
+from heli3dof.diagnosis.unmodelled.residual_torque import (
     UNITS,
     LinearisedRun,
     along,

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.cause_name import name_of
+from heli3dof.diagnosis import name_of
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
 from heli3dof.report.figures.diagnosis import evidence_alt, evidence_figure

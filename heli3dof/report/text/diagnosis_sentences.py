@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.cause_name import name_of
+from heli3dof.diagnosis import name_of
 from heli3dof.diagnosis.conclusion.encoder_scales import separable_by_flight
 from heli3dof.diagnosis.validation.gain import removes_most
 from heli3dof.errors import UsageError

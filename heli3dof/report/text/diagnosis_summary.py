@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.cause_name import name_of
+from heli3dof.diagnosis import name_of
 from heli3dof.model.parameter_units import split_unit
 from heli3dof.report.text import diagnosis_sentences as words
 from heli3dof.report.text.diagnosis_sentences import Document, listed, percent

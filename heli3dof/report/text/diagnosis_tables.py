@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.cause_name import name_of
+from heli3dof.diagnosis import name_of
 from heli3dof.model.parameter_units import split_unit
 from heli3dof.report.text import diagnosis_sentences as words
 from heli3dof.report.text.diagnosis_sentences import Document, number

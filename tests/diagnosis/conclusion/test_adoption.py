@@ -13,14 +13,15 @@ from heli3dof.diagnosis.conclusion import adoption
 from heli3dof.diagnosis.conclusion.adoption import (
     adopted,
     coloured_noise_margin,
-    pays_enough,
+    meets_adoption_condition,
     size_confidence,
     within_a_count,
     without_mutual_ties,
 )
+from heli3dof.diagnosis.constants import SUFFICIENT
 from heli3dof.diagnosis.result import DOES_NOT_PAY, WITHIN_A_COUNT
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import SUFFICIENT, Choice
+from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.model.effects import terms
 
@@ -88,13 +89,13 @@ def test_a_cause_is_adopted_if_held_out_data_confirm_it(
 ) -> None:
     gain = gained(value, low)
     choice = cast(Any, SimpleNamespace(score=SUFFICIENT - 1))
-    assert pays_enough(choice, gain, first=first) is adopted
+    assert meets_adoption_condition(choice, gain, first=first) is adopted
 
 
 @pytest.mark.parametrize(("score", "adopted"), [(SUFFICIENT - 1, False), (SUFFICIENT, True)])
 def test_a_further_cause_with_a_large_score_is_adopted(score: float, adopted: bool) -> None:
     choice = cast(Any, SimpleNamespace(score=score))
-    assert pays_enough(choice, gained(20.0, -1.0), first=False) is adopted
+    assert meets_adoption_condition(choice, gained(20.0, -1.0), first=False) is adopted
 
 
 @pytest.mark.parametrize(
@@ -109,7 +110,7 @@ def test_a_brief_effect_pays_by_its_odds_and_one_better_predicted_axis(
     value: float, less_deg: float, adopted: bool
 ) -> None:
     choice = cast(Any, SimpleNamespace(score=40.0))
-    assert pays_enough(choice, gained(value, -7.0, less_deg), first=False) is adopted
+    assert meets_adoption_condition(choice, gained(value, -7.0, less_deg), first=False) is adopted
 
 
 def found_with(rho: float) -> Any:
@@ -200,11 +201,9 @@ def test_backlash_that_shrinks_below_a_count_without_another_cause_is_dropped(
     monkeypatch.setattr(adoption, "_findings", lambda fit, kept, less, gains: tuple(kept))
     backlash = encoder_of(0.5, (), BACKLASH, BACKLASH)
     both = fit_of(encoder__backlash__pitch=0.5, mass__change=0.015)
-    _, kept, dropped, _ = adopted(
-        both, [backlash, choice(1443.0, (), mass__change=1443.0)], [], seed=0
-    )
-    assert [c.term.name for c in cast(Any, kept)] == named
-    assert [(d.name, d.why) for d in dropped] == (
+    result = adopted(both, [backlash, choice(1443.0, (), mass__change=1443.0)], [], seed=0)
+    assert [c.term.name for c in result.findings] == named
+    assert [(d.name, d.why) for d in result.dropped] == (
         [] if named else [(MASS, DOES_NOT_PAY), (BACKLASH, WITHIN_A_COUNT)]
     )
 

@@ -25,11 +25,11 @@ E = 0.15
 
 def numbers(roll: float = 1.0, pitch: float = 1.0, yaw: float = 1.0) -> list[BaseParameter]:
     """Inertias over nominal, each known to 1 %; T_g = 1.17 N·m."""
-    T_g = BaseParameter("T_g", 1.17, 1.17, 0.01, "N·m", 0.01)
+    T_g = BaseParameter(1.17, 1.17, 0.01, "T_g", "N·m", 0.01)
     return [
         T_g,
         *(
-            BaseParameter(f"J_{axis}", 1.0, ratio, 0.01, "kg·m²", 0.01)
+            BaseParameter(1.0, ratio, 0.01, f"J_{axis}", "kg·m²", 0.01)
             for axis, ratio in (("roll", roll), ("pitch", pitch), ("yaw", yaw))
         ),
     ]

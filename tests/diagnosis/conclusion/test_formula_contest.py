@@ -16,7 +16,7 @@ from heli3dof.diagnosis.conclusion.formula_contest import (
     replaced_by_formula,
     simulations_agree,
 )
-from heli3dof.diagnosis.unmodelled.unmodelled_torque import Place
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import TorqueLocation
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.setup import Setup
@@ -42,7 +42,7 @@ def test_a_product_of_the_voltages_replaces_two_causes_on_pitch() -> None:
     fit = fitted("other.pitch_torque_from_voltage_product:0.0005", TWO, 1301)
     result = replaced_by_formula(SETUP, fit, TWO, ())
     assert result is not None
-    assert (result.causes, result.formula.place) == (TWO, ("pitch", "voltage_product"))
+    assert (result.causes, result.formula.location) == (TWO, ("pitch", "voltage_product"))
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,9 @@ def test_a_formula_pays_the_prior_odds_of_its_library(monkeypatch: pytest.Monkey
     """With the same likelihood, one parameter for one: −2 ln(3 axes · P products)."""
     causes = ("friction.viscous.yaw",)
     fit = fitted("friction.viscous.yaw:0.1", causes, 1302)
-    formula = SimpleNamespace(optimum=SimpleNamespace(loglik=7.0), place=Place("yaw", "yaw_rate"))
+    formula = SimpleNamespace(
+        optimum=SimpleNamespace(loglik=7.0), location=TorqueLocation("yaw", "yaw_rate")
+    )
     monkeypatch.setattr(formula_contest, "with_best_product", lambda less: formula)
     odds = -2 * np.log(3 * len(formula_contest.PRODUCTS))
     assert contest(fit, 7.0, causes).margin == pytest.approx(odds)
@@ -102,5 +104,7 @@ def test_without_a_controller_the_formula_must_predict_its_axis_better_than_roun
     monkeypatch.setattr(formula_contest, "gain", lambda *a, **k: gained)
     setup = cast(Setup, SimpleNamespace(seed=0))
     fit = cast(Any, SimpleNamespace(structure=SimpleNamespace(profile=default_profile())))
-    formula = cast(Any, SimpleNamespace(problem=None, optimum=None, place=Place("roll", "yaw")))
+    formula = cast(
+        Any, SimpleNamespace(problem=None, optimum=None, location=TorqueLocation("roll", "yaw"))
+    )
     assert predictions_agree(setup, fit, formula, ()) is agrees

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+from functools import cache
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.base_parameters import OffNominal
+from heli3dof.diagnosis.base_parameters import OffNominal, off_nominal
+from heli3dof.diagnosis.conclusion import inertia_ties
 from heli3dof.diagnosis.conclusion.inertia_ties import (
+    are_within_tolerance,
     confounded_causes,
+    instead_of_inertia,
     last_step_with_causes,
     with_confounded_causes,
 )
+from heli3dof.diagnosis.selection.steps import Step, screening_step
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
+from heli3dof.identification.closed_loop_fit.base_fit import fit_base
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.model.effects import term
 from heli3dof.rig.profile import default_profile
+
+SLOW = "disturbance.periodic.roll:0.12@0.366"
+HEAVY = "inertia.roll:1.6"
 
 
 def step(absorbed: float, v: float, Z: float, ratio: float = 1.4) -> Any:
@@ -37,9 +49,7 @@ def step(absorbed: float, v: float, Z: float, ratio: float = 1.4) -> Any:
     )
     nulls = SimpleNamespace(std=np.ones(1))
     Zs = np.array([Z])
-    return cast(
-        Any, SimpleNamespace(fit=fit, screen=screen, nulls=nulls, Z=Zs, instead_of_inertia=[])
-    )
+    return cast(Any, SimpleNamespace(fit=fit, screen=screen, nulls=nulls, Z=Zs))
 
 
 def test_an_effect_that_absorbs_the_inertia_without_a_trace_is_confounded_with_it() -> None:
@@ -88,9 +98,8 @@ LOW = OffNominal(term("motor.thrust_gain"), 1 / 1.6, 0.03, 200.0)
 
 def test_a_thrust_gain_is_confounded_with_an_effect_that_scales_the_whole_base() -> None:
     # ln 1.6 − ln(1/0.85) = 0.31 to explain: at 0.25 for each volt 1.23 V, and √v = 6 shows Z = 7.4.
-    assert with_confounded_causes(LOW, scaled_base(0.25, 36.0, 7.4)).tied_with == (
-        "motor.dead_zone",
-    )
+    (low,) = with_confounded_causes([LOW], scaled_base(0.25, 36.0, 7.4))
+    assert low.tied_with == ("motor.dead_zone",)
 
 
 @pytest.mark.parametrize(
@@ -103,12 +112,16 @@ def test_a_thrust_gain_is_confounded_with_an_effect_that_scales_the_whole_base()
     ],
 )
 def test_otherwise_a_thrust_gain_is_not_confounded(share: float, v: float, Z: float) -> None:
-    assert with_confounded_causes(LOW, scaled_base(share, v, Z)).tied_with == ()
+    (low,) = with_confounded_causes([LOW], scaled_base(share, v, Z))
+    assert low.tied_with == ()
 
 
-def test_an_inertia_is_confounded_with_other_effects() -> None:
+def test_an_inertia_is_confounded_with_other_effects(monkeypatch: pytest.MonkeyPatch) -> None:
+    drag = SimpleNamespace(term=term("drag.quadratic.roll"))
+    monkeypatch.setattr(inertia_ties, "instead_of_inertia", lambda step: [drag])
     off = OffNominal(term("inertia.roll"), 1.4, 0.03, 200.0)
-    assert with_confounded_causes(off, step(0.1, 0.01, 0.0)).tied_with == ("motor.thrust_curve",)
+    (roll,) = with_confounded_causes([off], step(0.1, 0.01, 0.0))
+    assert roll.tied_with == ("motor.thrust_curve", "drag.quadratic.roll")
 
 
 def test_the_last_step_with_the_same_causes_is_used() -> None:
@@ -119,3 +132,44 @@ def test_the_last_step_with_the_same_causes_is_used() -> None:
     steps = [step_with(), step_with("motor.lag"), step_with("motor.lag", "motor.dead_zone")]
     assert last_step_with_causes(steps, step_with("motor.lag").fit) is steps[1]
     assert last_step_with_causes(steps, step_with("motor.delay").fit) is steps[2]
+
+
+@cache
+def first_step(hide: str, seed: int) -> tuple[Setup, Step]:
+    """Return the screen of a 10° step in roll."""
+    device = f"mock:?speed=max&seed={seed}&hide={hide}"
+    flown = fly_plan(step_plan((10.0, None, None)), device=device, seed=seed).recording
+    setup = Setup((flown,), seed, 6)
+    return setup, screening_step(setup, fit_base(setup), 16)
+
+
+@pytest.mark.accuracy
+@pytest.mark.parametrize("hide", [SLOW, HEAVY])
+def test_a_slow_torque_and_a_wrong_inertia_both_move_the_roll_inertia(hide: str) -> None:
+    _, step = first_step(hide, 1202)
+    off = off_nominal(step.fit)
+    assert [o.term.name for o in off] == ["inertia.roll"]
+
+
+def test_no_effect_restores_an_inertia_that_is_truly_off() -> None:
+    _, step = first_step(HEAVY, 1202)
+    assert instead_of_inertia(step) == []
+
+
+@pytest.mark.accuracy
+def test_a_slow_torque_is_confounded_with_the_inertia_that_absorbed_it() -> None:
+    _, step = first_step(SLOW, 1202)
+    assert step.largest[0][1] < step.nulls.threshold
+    best = instead_of_inertia(step)[0]
+    torque, frequency = best.problem.values(best.optimum.theta)[-3:-1]
+    assert torque == pytest.approx(0.12, abs=0.012)
+    assert frequency == pytest.approx(0.366, abs=0.003)
+    (off,) = off_nominal(step.fit)
+    (tied,) = with_confounded_causes([off], step)
+    assert "disturbance.periodic.roll" in tied.tied_with
+
+
+def test_only_the_requested_parameter_counts() -> None:
+    _, step = first_step(HEAVY, 1202)
+    assert not are_within_tolerance(step.fit, {"inertia.roll"})
+    assert are_within_tolerance(step.fit, {"inertia.yaw"})

@@ -10,10 +10,11 @@ import pytest
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.conclusion import torque_terms
 from heli3dof.diagnosis.conclusion.torque_terms import Extended, with_torques
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.gain import Interval
 
 SETUP: Any = SimpleNamespace(seed=0)
-TORQUE: Any = SimpleNamespace(axis="roll")
+TORQUE = ResidualTorque("roll", "yaw", 0.5, (), (), 100.0, 1.0)
 
 
 def extended(
@@ -34,7 +35,7 @@ def extended(
     monkeypatch.setattr(torque_terms, "held_out", lambda *a: None)
     monkeypatch.setattr(torque_terms, "gain", lambda *a, **k: results.pop(0))
     monkeypatch.setattr(torque_terms, "thrust_scale", lambda fit: None)
-    monkeypatch.setattr(torque_terms, "_sized", lambda fit, scale, proposal, gain: proposal.term)
+    monkeypatch.setattr(torque_terms, "in_SI", lambda fit, scale, name: {})
     return with_torques(SETUP, cast(Any, None), cast(Any, None), [TORQUE], [])
 
 
@@ -49,14 +50,15 @@ def test_a_torque_that_predicts_better_enters_the_model(
     monkeypatch: pytest.MonkeyPatch, gain: tuple[float, float, float]
 ) -> None:
     result = extended(monkeypatch, {"formula": gain, "curve": gain})
-    assert (result.torques, result.terms, result.dropped) == ((TORQUE,), ("formula",), ())
+    assert [t.term.proposal.term for t in result.torques if t.term] == ["formula"]
+    assert not result.dropped
 
 
 def test_a_torque_that_does_not_is_dropped_with_its_best_proposal(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     result = extended(monkeypatch, {"formula": (21.6, -10.0, -0.1), "curve": (-38.0, -82.0, -0.1)})
-    assert (result.torques, result.terms) == ((), ())
+    assert result.torques == ()
     assert [d.name for d in result.dropped] == ["formula"]
 
 
@@ -64,4 +66,4 @@ def test_a_torque_that_cannot_be_fitted_stays_without_a_term(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     result = extended(monkeypatch, {})
-    assert (result.torques, result.terms, result.dropped) == ((TORQUE,), (None,), ())
+    assert (result.torques, result.dropped) == ((TORQUE,), ())

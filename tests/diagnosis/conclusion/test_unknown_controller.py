@@ -10,7 +10,7 @@ import pytest
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis import document
-from heli3dof.diagnosis.base_parameters import OffNominal
+from heli3dof.diagnosis.base_parameters import OffNominal, base_parameters
 from heli3dof.diagnosis.conclusion.adoption import objection
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed, exceeds_rounding
 from heli3dof.diagnosis.result import LIMIT_CYCLE, WITHIN_ROUNDING
@@ -108,6 +108,8 @@ def test_an_inertia_that_a_narrow_prior_holds_is_not_determined() -> None:
     r = flown("rich", 12.0, device="mock:?speed=max&seed=1160", seed=1160)
     problem = ProfileLikelihood(data_of([r], usable_runs(r, 0)), Structure(r.profile, ()))
     fit = CorrectedFit(replace(problem, implausible=("pitch",)), estimate(problem).optimum)
-    fitted = SimpleNamespace(final=fit, model=SimpleNamespace(profile=r.profile))
+    fitted = SimpleNamespace(
+        final=fit, model=SimpleNamespace(profile=r.profile), calibration=base_parameters(fit)
+    )
     determined = [ratio["ratio"] for ratio in document._ratios(cast(Any, fitted))]
     assert determined == ["V_o", "K_f/J_roll", "K_f/J_yaw"]

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import doctest
-
 import pytest
 
-from heli3dof.diagnosis.free_run import candidates as module
 from heli3dof.diagnosis.free_run.candidates import (
     possible_replacements,
     score_tests,
-    threshold,
     with_further_effects,
 )
 from heli3dof.diagnosis.free_run.refits import STAGE_S, refit
+from heli3dof.diagnosis.screening.nulls import bonferroni
 from heli3dof.identification.greybox.freeflight import problem_of
 from heli3dof.identification.greybox.multistep import MultiStepFit, search
 from heli3dof.identification.greybox.weak_form import weak_start
@@ -34,15 +31,11 @@ def complete(lacking: MultiStepFit) -> MultiStepFit:
     return with_further_effects(lacking)
 
 
-def test_the_doctest_passes() -> None:
-    assert doctest.testmod(module).failed == 0
-
-
 def test_an_effect_that_the_fit_lacks_has_the_largest_score(lacking: MultiStepFit) -> None:
     tests = score_tests(lacking)
     best, second = tests[:2]
     assert best.name == CABLE
-    assert best.Z2 > threshold(60) > second.Z2
+    assert best.Z2 > bonferroni(60) > second.Z2
     assert not any(c.probe.term.effect.formal for c in tests)
 
 

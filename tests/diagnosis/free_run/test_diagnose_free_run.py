@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.free_run.diagnose_free_run import no_likelihood
-from heli3dof.diagnosis.free_run.explanations import (
+from heli3dof.diagnosis.free_run.free_run_gain import FreeRun, free_run_gain, predicts_better
+from heli3dof.diagnosis.free_run.residual_torques import _cross_validated_share
+from heli3dof.diagnosis.free_run.unexplained import (
     explanation_sentences,
     hover_voltage,
     steady_rows,
 )
-from heli3dof.diagnosis.free_run.free_run_gain import FreeRun, free_run_gain, predicts_better
-from heli3dof.diagnosis.free_run.residual_torques import _cross_validated_share
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.recording.recording import Recording
 from tests.diagnosis import rig_a

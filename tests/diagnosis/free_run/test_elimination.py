@@ -93,13 +93,14 @@ def test_blocks_decide_the_causes_and_the_model_keeps_all_terms(
     monkeypatch.setattr(
         module,
         "without_term",
-        lambda current, name, *, seed, instead=None: module.Trial(intervals[name]),
+        lambda current, name, *, seed, instead=None: module.LeaveOneOut(intervals[name]),
     )
     result = module.eliminate(full)
     assert result.fit is full
-    assert {r.term for r in result.kept} == {"stiffness.pendulum.roll", "motor.lag"}
-    assert [r.term for r in result.gone] == ["bias.torque.yaw"]
-    assert {t.name for t in result.begun.structure.terms} == set(names)
+    assert {r.term for r in result.needed} == {"stiffness.pendulum.roll", "motor.lag"}
+    assert [r.term for r in result.removed] == ["bias.torque.yaw"]
+    assert result.first is not None
+    assert {t.name for t in result.first.fit.structure.terms} == set(names)
     assert len(result.halves) == 2
 
 
@@ -112,9 +113,11 @@ def test_a_cause_is_confounded_with_what_replaces_it_without_loss(
     increase = module.LossIncrease(0.1, low, 0.3, 0.1, 0.9)
     monkeypatch.setattr(module, "score_tests", lambda fit: [])
     monkeypatch.setattr(module, "possible_replacements", lambda *_: ["motor.delay"])
-    monkeypatch.setattr(module, "without_term", lambda *_, **__: module.Trial(increase))
+    monkeypatch.setattr(module, "without_term", lambda *_, **__: module.LeaveOneOut(increase))
     result = module.Elimination(full, full, (), (), last=FitWithFolds(full, ()))
-    (found,) = with_confounded_terms(result, [TermResult("motor.lag", increase)], seed=0)
+    (found,) = with_confounded_terms(
+        result, [TermResult("motor.lag", module.LeaveOneOut(increase))], seed=0
+    )
     assert found.tied_with == tied
 
 
@@ -131,6 +134,6 @@ def test_without_elimination_terms_are_kept_by_size_and_there_are_no_halves() ->
     problem = problem_of([recorded()], ("motor.lag", "bias.torque.yaw"))
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,))
     result = without_elimination(full)
-    assert [r.term for r in result.kept] == ["motor.lag"]
-    assert [r.term for r in result.gone] == ["bias.torque.yaw"]
+    assert [r.term for r in result.needed] == ["motor.lag"]
+    assert [r.term for r in result.removed] == ["bias.torque.yaw"]
     assert result.halves == ()

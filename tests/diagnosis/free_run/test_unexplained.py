@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.conclusion.recordings_agree import constant_voltage
-from heli3dof.diagnosis.free_run.explanations import arm_torque, hover_voltage, settles_at
 from heli3dof.diagnosis.free_run.unexplained import (
     CreepRun,
+    arm_torque,
     compare_runs,
     creep,
+    hover_voltage,
+    pendulum_sentence,
+    settles_at,
     take_off,
 )
 from tests.diagnosis.rig_a import quick, recording
@@ -93,3 +96,18 @@ def test_only_an_open_loop_run_has_a_constant_voltage() -> None:
     assert constant_voltage(recording("closed-1a")) is None
     first, last = constant_voltage(recording("open-roll-5V-1")) or (0, 0)
     assert last - first > 90 / 0.005 * 0.9
+
+
+@pytest.mark.parametrize(
+    ("at_minus_10", "at_10", "word"), [(2.5, 4.9, "rises"), (4.9, 2.5, "falls")]
+)
+def test_the_hover_voltage_changes_in_the_measured_direction(
+    at_minus_10: float, at_10: float, word: str
+) -> None:
+    (sentence,) = pendulum_sentence(at_minus_10, at_10, at_minus_10, at_10)
+    assert f"The hover voltage {word} with roll" in sentence
+    assert "unlike" not in sentence
+
+
+def test_a_model_that_changes_in_the_other_direction_explains_nothing() -> None:
+    assert pendulum_sentence(4.9, 2.5, 2.5, 4.9) == []

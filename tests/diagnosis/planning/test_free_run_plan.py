@@ -7,9 +7,8 @@ import doctest
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis import outlook
+from heli3dof.diagnosis import result as results
 from heli3dof.diagnosis.free_run.refits import STAGE_S
-from heli3dof.diagnosis.outlook import UndecidedTerms
 from heli3dof.diagnosis.planning import free_run_plan as module
 from heli3dof.diagnosis.planning.free_run_plan import (
     OpenParameter,
@@ -17,6 +16,7 @@ from heli3dof.diagnosis.planning.free_run_plan import (
     next_free_flight,
     open_parameters,
 )
+from heli3dof.diagnosis.result import NextExperiment, UndecidedTerms
 from heli3dof.identification.greybox.freeflight import model_of, problem_of
 from heli3dof.identification.greybox.multistep import search
 from heli3dof.identification.greybox.weak_form import weak_start
@@ -31,16 +31,20 @@ def open_() -> UndecidedTerms:
     recording = fly(1022, until_s=40.0).recording.between(0, 25)
     problem = problem_of([recording], NAMES)
     fit = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=2)
-    return UndecidedTerms(fit, model_of(fit, [recording], "rig"), ("friction.viscous.yaw",))
+    return UndecidedTerms(fit, ("friction.viscous.yaw",))
+
+
+def flight_for(open_: UndecidedTerms, *plans: str) -> NextExperiment | None:
+    return next_free_flight(open_, model_of(open_.fit, [], "rig"), plans=plans)
 
 
 def test_the_doctests_pass() -> None:
     assert doctest.testmod(module, extraglobs={"np": np}).failed == 0
-    assert doctest.testmod(outlook).failed == 0
+    assert doctest.testmod(results).failed == 0
 
 
 def test_a_flight_that_turns_determines_yaw_s_friction(open_: UndecidedTerms) -> None:
-    result = next_free_flight(open_, plans=["ring-down", "coast-down"])
+    result = flight_for(open_, "ring-down", "coast-down")
     assert result is not None
     assert result.plan == "coast-down"
     assert result.separates == ("friction.viscous.yaw",)
@@ -53,19 +57,15 @@ def test_no_plan_is_proposed_if_nothing_or_only_offsets_per_recording_are_open(
     open_: UndecidedTerms,
 ) -> None:
     for names in ((), ("encoder.offset.pitch",)):
-        assert (
-            next_free_flight(UndecidedTerms(open_.fit, open_.model, names), plans=["steps"]) is None
-        )
+        assert flight_for(UndecidedTerms(open_.fit, names), "steps") is None
 
 
 def test_confounded_terms_are_planned_for_together_by_those_with_an_absence(
     open_: UndecidedTerms,
 ) -> None:
-    confounded = UndecidedTerms(
-        open_.fit, open_.model, ("friction.viscous.yaw", "motor.lag"), tied=True
-    )
+    confounded = UndecidedTerms(open_.fit, ("friction.viscous.yaw", "motor.lag"), tied=True)
     assert [w.name for w in open_parameters(confounded)] == ["friction.viscous.yaw"]
-    result = next_free_flight(confounded, plans=["coast-down"])
+    result = flight_for(confounded, "coast-down")
     assert result is not None
     assert result.separates == ("friction.viscous.yaw", "motor.lag")
     assert "these causes are confounded" in result.why

@@ -15,7 +15,7 @@ from heli3dof.diagnosis.screening.grid_trials import (
     fit_start,
     terms_without_score,
     trials,
-    widened,
+    with_term_added,
 )
 from heli3dof.identification.bias_correction.corrected_maximum import maximise_corrected
 from heli3dof.identification.closed_loop_fit.base_fit import ProfileLikelihood
@@ -67,7 +67,7 @@ def test_the_grid_is_climbed_while_the_likelihood_rises(monkeypatch: pytest.Monk
 
     structure = SimpleNamespace(free=[SimpleNamespace(scaled=lambda w: w)])
     problem = cast(Any, SimpleNamespace(run=run, structure=structure))
-    monkeypatch.setattr(grid_trials, "widened", lambda problem, term: problem)
+    monkeypatch.setattr(grid_trials, "with_term_added", lambda problem, term: problem)
     (trial,) = trials(problem, np.zeros(0), np.zeros(4), terms_without_score((), ("yaw",)))
     assert (trial.value, trial.gain) == (0.9, 191)
     assert tried == [0.0, 0.05, 0.09, 0.16, 0.28, 0.5, 0.9, 1.6]  # the base first
@@ -77,7 +77,7 @@ def test_a_fit_started_from_the_trial_finds_the_backlash_width() -> None:
     fitted = base("encoder.backlash.pitch:0.4", 1150)
     o = fitted.optimum
     term = terms_without_score((), ("pitch",))[0]
-    ext = widened(fitted.problem, term)
+    ext = with_term_added(fitted.problem, term)
     start, noise = fit_start(ext, o.theta, o.noise, term)
     assert noise[1] < 0.3 * o.noise[1]  # the base attributed the backlash to random torques
     fit = maximise_corrected(ext, start, noise, None)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import doctest
+
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.screening import nulls as module
 from heli3dof.diagnosis.screening.nulls import nulls_from_scores
 
 PROBES = 45
@@ -15,6 +18,10 @@ def largest(rng: np.random.Generator, flights: int, sigma: np.ndarray) -> tuple[
     z = rng.standard_normal((flights + 1, PROBES)) * sigma
     nulls = nulls_from_scores(z[:-1])
     return float((((z[-1] - nulls.mean) / nulls.std) ** 2).max()), nulls.threshold
+
+
+def test_the_doctests_pass() -> None:
+    assert doctest.testmod(module).failed == 0
 
 
 @pytest.mark.parametrize("flights", [16, 48])

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.conclusion.adoption import with_positive_torque
+from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.selection import select
 from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
-from heli3dof.diagnosis.selection.select import TIE, Choice, certainty
+from heli3dof.diagnosis.selection.select import Choice, certainty
 from heli3dof.diagnosis.selection.steps import (
     Step,
     fit_with_cause,

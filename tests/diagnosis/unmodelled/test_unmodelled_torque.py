@@ -9,12 +9,11 @@ from typing import cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.screening.gumbel import EULER
-from heli3dof.diagnosis.selection.select import TIE
-from heli3dof.diagnosis.sensitivity.hat_functions import KNOTS, Hats, hats, sums_along
-from heli3dof.diagnosis.sensitivity.residual_torque import linearised_run
+from heli3dof.diagnosis.constants import TIE
 from heli3dof.diagnosis.unmodelled import torque_formula
-from heli3dof.diagnosis.unmodelled.torque_evidence import evidence
+from heli3dof.diagnosis.unmodelled.hat_functions import Hats, hats, sums_along
+from heli3dof.diagnosis.unmodelled.residual_torque import linearised_run
+from heli3dof.diagnosis.unmodelled.torque_evidence import evidence, evidence_without_nulls
 from heli3dof.diagnosis.unmodelled.torque_formula import proposals, significant_formula
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     THRESHOLD_SCALES,
@@ -31,6 +30,7 @@ from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.base_fit import fit_base
 from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.model.effects import term
+from heli3dof.model.effects.empirical import KNOTS
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 from tests.flown import flown
@@ -90,13 +90,14 @@ def test_a_formula_shows_a_torque_where_nothing_can_be_simulated() -> None:
     """In a whole flight: the threshold of a shorter one is higher, for its blocks are fewer."""
     device = "mock:?speed=max&hide=other.yaw_torque_from_pitch_rate:0.1"
     recording = fly_plan(load_plan("rich"), device=device, seed=1201).recording
-    assert significant_formula(corrected(recording)) == ("yaw", "pitch_rate")
+    x = evidence_without_nulls(corrected(recording))
+    assert significant_formula(x) == ("yaw", "pitch_rate")
 
 
 def test_an_unmodified_rig_has_no_significant_formula(
     unmodified: tuple[Recording, CorrectedFit],
 ) -> None:
-    assert significant_formula(unmodified[1]) is None
+    assert significant_formula(evidence_without_nulls(unmodified[1])) is None
 
 
 def test_without_a_formula_that_fits_as_well_the_curve_is_proposed(
@@ -189,7 +190,7 @@ def test_a_gumbel_tail_fitted_to_few_nulls_has_the_stated_probability(n: int) ->
     """
     x = np.random.default_rng(0).gumbel(size=(100_000, n))
     scale = np.sqrt(6) * x.std(axis=1, ddof=1) / np.pi
-    location = x.mean(axis=1) - EULER * scale
+    location = x.mean(axis=1) - np.euler_gamma * scale
 
     def share(stretched: float) -> float:
         return float(-np.expm1(-np.exp(-(location + THRESHOLD_SCALES * stretched * scale))).mean())

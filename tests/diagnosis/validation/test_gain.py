@@ -22,7 +22,7 @@ from heli3dof.diagnosis.validation.cross_validation import (
     settling_s,
     training,
 )
-from heli3dof.diagnosis.validation.gain import HeldOut, Predictions, gain, pays
+from heli3dof.diagnosis.validation.gain import HeldOut, Predictions, gain, gain_interval_positive
 from heli3dof.diagnosis.validation.prediction import covariance_floor_deg, floor_deg, model_errors
 from heli3dof.diagnosis.validation.simulation_error import simulation_error
 from heli3dof.experiment.fly import fly_plan
@@ -83,14 +83,14 @@ def test_the_gain_is_the_difference_and_lies_in_its_interval() -> None:
     # √((3·0.02² + 0.04²)/4) rad is 1.516°, 0.02 rad is 1.146°.
     assert g.rmse_deg["roll"] is not None
     assert g.rmse_deg["roll"].value == pytest.approx(1.516 - 1.146, abs=1e-3)
-    assert pays(g)
+    assert gain_interval_positive(g)
 
 
 def test_a_gain_in_one_cell_with_losses_in_others_does_not_pay() -> None:
     before = cells([0.0] * 10, [0.02] * 10)
     after = cells([30.0] + [-2.0] * 9, [0.02] * 10)
     assert gain(before, after).log_likelihood.value > 0
-    assert not pays(gain(before, after))
+    assert not gain_interval_positive(gain(before, after))
 
 
 def test_training_rows_keep_the_purge_distance_from_the_block_left_out(base: Estimate) -> None:
@@ -146,11 +146,11 @@ def test_the_right_extension_pays_and_an_unnecessary_one_does_not(
     plain, better = on_blocks(base), on_blocks(right)
     g = gain(plain, better)
     assert g.on == "blocks left out"
-    assert pays(g)
+    assert gain_interval_positive(g)
     assert g.rmse_deg["yaw"] is not None
     assert g.rmse_deg["yaw"].value > 0
     needless = on_blocks(fit_greybox(recording, (HIDDEN, "drag.quadratic.roll")))
-    assert not pays(gain(better, needless))
+    assert not gain_interval_positive(gain(better, needless))
 
 
 def test_without_the_only_step_an_inertia_stays_near_its_prior(
@@ -237,7 +237,7 @@ def test_the_right_extension_pays_on_a_second_flight(base: Estimate, right: Esti
     before, after = on_holdout(base, second), on_holdout(right, second)
     g = gain(before, after)
     assert g.on == "holdout"
-    assert pays(g)
+    assert gain_interval_positive(g)
     worst = worst_stretch(before, after)
     assert worst is not None
     assert worst.axis == "yaw"

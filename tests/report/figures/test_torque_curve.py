@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, LinearisedRun, linearised_run_at
+from heli3dof.diagnosis.unmodelled.residual_torque import UNITS, LinearisedRun, linearised_run_at
 from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
 from heli3dof.diagnosis.validation.cross_validation import on_blocks
 from heli3dof.diagnosis.validation.gain import gain

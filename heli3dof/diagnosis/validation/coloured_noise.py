@@ -21,11 +21,13 @@ n faster than h. A slow torque that the model lacks also counts as noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from statistics import NormalDist
 
 import numpy as np
 
-from heli3dof.diagnosis.validation.own_values import rows_of_recordings, with_own_values
+from heli3dof.diagnosis.validation.per_recording_values import rows_of_recordings, with_own_values
 from heli3dof.diagnosis.validation.prediction import noise_of, problem_of
+from heli3dof.identification.bias_correction.coloured_noise import CHANCE
 from heli3dof.identification.bias_correction.perturbation import forward, path
 from heli3dof.identification.greybox.estimate import block_numbers
 from heli3dof.model.greybox.model import GreyBoxModel
@@ -33,7 +35,7 @@ from heli3dof.recording.recording import Recording
 
 BLOCK_S = 0.05
 """s; a tenth of the time over which torques of real rigs are correlated. Chosen."""
-SIGNIFICANT = 2.326
+SIGNIFICANT = NormalDist().inv_cdf(1 - CHANCE)
 """99 % quantile of the normal distribution"""
 
 
@@ -50,7 +52,7 @@ def coloured_variance(
 
 def torque_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
     """Return the scores u (m, 3) of a constant acceleration of each axis in m blocks."""
-    problem, noise = problem_of(model, [recording]), noise_of(model)
+    problem, noise = problem_of(model.structure, [recording]), noise_of(model)
     (rows,) = rows_of_recordings(problem.data)
     theta = with_own_values(problem, problem.scaled(model.values), noise, rows)
     at = problem.run(theta, noise, keep=2)

@@ -72,7 +72,7 @@ class LinearisedRun:
 
         Both are (N, 3), in 1/(N·m) and s²/rad.
         """
-        from heli3dof.diagnosis.sensitivity.residual_torque_passes import gradient
+        from heli3dof.diagnosis.unmodelled.residual_torque_passes import gradient
 
         d, at = self.data, self.at
         nu, mu = np.zeros_like(self.slope), np.zeros_like(self.slope)
@@ -102,10 +102,17 @@ class LinearisedRun:
         return np.asarray(out)
 
     def variable(self, name: str) -> np.ndarray:
-        """Return the variable ``name`` of `UNITS` (N,) in SI units; ``*`` is a product."""
+        """Return the variable ``name`` of `UNITS` (N,) in SI units.
+
+        The name may also be a sine (``sin(roll)``), an absolute value (``abs(roll)``), or a product
+        of two of all these.
+        """
         if "*" in name:
             one, other = name.split("*")
             return np.asarray(self.variable(one) * self.variable(other))
+        if name.endswith(")"):
+            function = np.sin if name.startswith("sin(") else np.abs
+            return np.asarray(function(self.variable(name[4:-1])))
         if name.endswith("_slope"):
             return self.slope_of(self.variable(name.removesuffix("_slope")))
         front, back = self.data.V.T
@@ -152,7 +159,7 @@ def along(
 
     ``theta`` (n,): parameters; X (N, 6): states.
     """
-    from heli3dof.diagnosis.sensitivity.residual_torque_passes import linear
+    from heli3dof.diagnosis.unmodelled.residual_torque_passes import linear
 
     d, hooks = problem.data, problem.structure.hooks
     s, par = problem.structure.arrays(problem.values(theta))

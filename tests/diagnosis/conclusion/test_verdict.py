@@ -12,20 +12,19 @@ import pytest
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import BaseParameter, OffNominal
+from heli3dof.diagnosis.conclusion.verdict import remainders, verdict_of, without_causes
 from heli3dof.diagnosis.document import diagnosis_document
-from heli3dof.diagnosis.profile_update import Measured, ratios
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
     UnexplainedError,
     in_order,
-    remainders,
-    verdict_of,
 )
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.validation.gain import Gain, Interval
+from heli3dof.identification.profile_update import Measured, ratios
 from heli3dof.integrity import Fault, Kind
-from heli3dof.model.effects import terms
+from heli3dof.model.effects import term, terms
 from heli3dof.rig.profile import default_profile
 
 
@@ -158,7 +157,7 @@ def test_a_confounded_base_parameter_requests_the_plan_that_separates_it() -> No
 
 def test_beyond_tolerance_has_three_values() -> None:
     numbers = tuple(
-        BaseParameter(name, 1.0, value, 0.03, "kg·m²", 0.03)
+        BaseParameter(1.0, value, 0.03, name, "kg·m²", 0.03)
         for name, value in (
             ("K_f", 1.0),
             ("T_g", 0.79),
@@ -191,7 +190,7 @@ def test_a_log_without_a_likelihood_has_the_keys_of_the_profile_too() -> None:
     profile = default_profile()
     values = {"K_f": 1.2 * profile.motor.K_f, "T_g": 1.5 * profile.trim_torque}
     values |= dict(zip(("J_roll", "J_pitch", "J_yaw"), profile.inertias, strict=True))
-    numbers = tuple(BaseParameter(n, 1.0, v, 0.03 * v, "", 0.03) for n, v in values.items())
+    numbers = tuple(BaseParameter(1.0, v, 0.03 * v, n, "", 0.03) for n, v in values.items())
     fitted = SimpleNamespace(
         refit=None, final=None, open=None, model=SimpleNamespace(profile=profile),
         gain=SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on=""),
@@ -207,3 +206,13 @@ def test_a_log_without_a_likelihood_has_the_keys_of_the_profile_too() -> None:
 def test_no_plan_separates_inertias_from_a_thrust_gain() -> None:
     tied = Diagnosis(("a",), (), "ambiguous", (), calibration_findings=(off("motor.thrust_gain"),))
     assert diagnosis_document(tied)["next_experiment"] is None
+
+
+def test_a_named_cause_is_identifiable() -> None:
+    none = cast(Any, None)
+    drag = Choice(term("drag.quadratic.roll"), 1144.0, 175.0, 1.0, ("friction.viscous.roll",), ())
+    causes = [
+        Finding(drag, {}, none, none), OffNominal(term("inertia.pitch"), 1.4, 0.05, 64.0),
+    ]  # fmt: skip
+    names = ["drag.quadratic.roll", "friction.viscous.roll", "inertia.pitch", "encoder.scale.yaw"]
+    assert without_causes(names, causes) == ("friction.viscous.roll", "encoder.scale.yaw")

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.sensitivity.residual_torque import UNITS, LinearisedRun
+from heli3dof.diagnosis.unmodelled.residual_torque import UNITS, LinearisedRun
+from heli3dof.model.effects.empirical import KNOTS
 
-KNOTS = 9
 TAIL = 0.005  # share of the samples beyond each outer knot, chosen
 MIN_RANGE = {"°": 0.005, "°/s": 0.02, "V": 0.2, "V²": 1.0, "V/s": 2.0, "s": 2.0}
 """Smallest range of a variable between the outer knots, by unit, in SI units. Chosen."""
@@ -65,7 +65,7 @@ class Hats:
         With ``blocks`` (N,), the block number of each row, the scores are (B, J), by block.
         """
         left, share = self.place(flight)
-        from heli3dof.diagnosis.sensitivity.residual_torque_passes import gather
+        from heli3dof.diagnosis.unmodelled.residual_torque_passes import gather
 
         nu = np.where(flight.in_runs[:, None], flight.gradients[0], 0.0)
         which = np.zeros(len(nu), dtype=np.int64) if blocks is None else blocks
@@ -112,7 +112,7 @@ def sums_along(
     ``tangents`` (p, E): derivatives of the E predictions by the fit's parameters. ``wanted``:
     columns of functions whose changes δc of the predictions are returned; none by default.
     """
-    from heli3dof.diagnosis.sensitivity.residual_torque_passes import forced
+    from heli3dof.diagnosis.unmodelled.residual_torque_passes import forced
 
     left, share = library.place(flight)
     d, at = flight.data, flight.at

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.conclusion import stand_ins
+from heli3dof.diagnosis.conclusion import compensating_causes as compensating_causes
+from heli3dof.diagnosis.conclusion.adoption import AdoptionResult
+from heli3dof.diagnosis.conclusion.compensating_causes import (
+    insignificant,
+    marked_unconfirmed,
+    with_resemblance,
+)
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
+from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.selection.steps import screening_step
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.identification.closed_loop_fit.base_fit import (
     ProfileLikelihood,
     corrected_base,
@@ -19,6 +29,7 @@ from heli3dof.identification.closed_loop_fit.base_fit import (
     implausible_inertias,
 )
 from heli3dof.identification.closed_loop_fit.setup import Setup
+from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
@@ -38,7 +49,7 @@ def test_an_unmodelled_torque_gets_no_asserted_name() -> None:
     result = diagnose(product("rich", 1303, 30.0), quick=True)
     assert result.verdict == "unexplained"
     assert result.residual_torques[0].axis == "pitch"
-    # Its stand-in about hover is either dropped or reported as "-like".
+    # The cause that compensates for it about hover is either dropped or reported as "-like".
     assert all(f.unconfirmed for f in result.findings)
     named = {f.term.name for f in result.findings} | {d.name for d in result.dropped}
     assert "motor.thrust_mismatch" in named
@@ -84,20 +95,66 @@ def test_a_fit_that_can_be_simulated_after_a_dropped_cause_is_adopted_again(
     def adopted(fit: Any, kept: Any, holdout: Any, *, seed: int) -> Any:
         assert [c.term.name for c in kept] == [BACKLASH]
         assert fit.is_corrected
-        return fit, (finding("drag.quadratic.yaw"),), (), None
+        return AdoptionResult(fit, (finding("drag.quadratic.yaw"),), (), cast(Any, None))
 
     def finding(name: str) -> Any:
         choice = SimpleNamespace(term=SimpleNamespace(name=name, effect=SimpleNamespace(of_base=0)))
         return SimpleNamespace(choice=choice, term=choice.term, gain=None)
 
-    monkeypatch.setattr(stand_ins, "bias_corrected", settled_again)
-    monkeypatch.setattr(stand_ins, "adopted", adopted)
-    monkeypatch.setattr(stand_ins, "evidence", lambda *a, **k: SimpleNamespace(null=()))
-    monkeypatch.setattr(stand_ins, "replaced_by_formula", lambda *a: None)
-    monkeypatch.setattr(stand_ins, "significant_torques", lambda *a: ())
-    monkeypatch.setattr(stand_ins, "marked_unconfirmed", lambda findings, fit: findings)
+    monkeypatch.setattr(compensating_causes, "bias_corrected", settled_again)
+    monkeypatch.setattr(compensating_causes, "adopted", adopted)
+    monkeypatch.setattr(compensating_causes, "evidence", lambda *a, **k: SimpleNamespace(null=()))
+    monkeypatch.setattr(compensating_causes, "replaced_by_formula", lambda *a: None)
+    monkeypatch.setattr(compensating_causes, "significant_torques", lambda *a: ())
+    monkeypatch.setattr(compensating_causes, "marked_unconfirmed", lambda findings, fit: findings)
     fit = SimpleNamespace(is_corrected=False, problem=None, optimum=None)
     setup = SimpleNamespace(recordings=(), seed=0)
-    start = stand_ins.TorqueSearchResult(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
-    last = stand_ins.settle_unmodelled(cast(Any, setup), start, [], flights=8)
+    start = AdoptionResult(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
+    last = compensating_causes.search_residual_torques(cast(Any, setup), start, [], flights=8)
     assert [f.term.name for f in last.findings] == named
+
+
+def fit(value: float, std: float = 0.1) -> Estimate:
+    """A fit of one term with one parameter, absent at zero."""
+    free = SimpleNamespace(term="friction.viscous.yaw", null=0.0, log=False, slope=lambda v: 1.0)
+    return cast(Any, SimpleNamespace(
+        optimum=SimpleNamespace(theta=np.array([value])), values=np.array([value]), free=[free],
+        std=np.array([std]),
+        structure=SimpleNamespace(terms=[SimpleNamespace(name="friction.viscous.yaw")]),
+    ))  # fmt: skip
+
+
+def replaced(name: str, *tied_with: str) -> Finding:
+    """A cause that a torque replaces, with the causes confounded with it."""
+    choice = SimpleNamespace(term=SimpleNamespace(name=name), tied_with=tied_with)
+    return Finding(cast(Any, choice), {}, cast(Any, None), np.zeros(4))
+
+
+def test_a_residual_torque_is_like_the_causes_that_it_replaces_unless_it_resembles_another() -> (
+    None
+):
+    residual = ResidualTorque("yaw", "voltage_sum", 0.5, (), (), 100.0, 1.0)
+    (alone,) = with_resemblance([residual], [replaced("drag.quadratic.yaw")])
+    assert alone.resembles == "drag.quadratic.yaw-like"
+    offset = replaced("encoder.offset.pitch", "aero.reaction_torque")
+    (either,) = with_resemblance([residual], [offset])
+    assert either.resembles == "encoder.offset.pitch-like or aero.reaction_torque-like"
+    already = replace(residual, resembles="friction.viscous.yaw-like")
+    assert with_resemblance([already], [offset]) == (already,)
+    assert with_resemblance([residual], []) == (residual,)
+
+
+def test_an_unconfirmed_finding_is_marked_as_like() -> None:
+    def finding(low: float) -> Any:
+        return Finding(
+            cast(Any, SimpleNamespace(term=SimpleNamespace(name="motor.delay"))), {},
+            cast(Any, SimpleNamespace(log_likelihood=Interval(28.0, low, 71.0))), np.zeros(4),
+        )  # fmt: skip
+
+    results = marked_unconfirmed([finding(-8.0), finding(3.0)], fit(1.0))
+    assert [f.unconfirmed for f in results] == [True, False]
+
+
+def test_a_size_compatible_with_zero_is_insignificant() -> None:
+    assert insignificant(fit(1.0, 0.6)) == {"friction.viscous.yaw"}  # 1.7 standard deviations
+    assert insignificant(fit(-1.0, 0.4)) == set()  # 2.5

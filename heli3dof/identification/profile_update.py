@@ -28,7 +28,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError, UsageError, no_file
-from heli3dof.identification.greybox.thrust_scale import TORQUE_UNITS, of_ratios
+from heli3dof.identification.greybox.thrust_scale import BASE, TORQUE_UNITS, Measured, of_ratios
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.profile_file import Change
 
@@ -38,16 +38,6 @@ SAME_NOMINAL = 1e-3
 """Relative difference below which two nominal values are equal, as files round their digits."""
 MIN_SIGN_CONFIDENCE = 0.9
 """Confidence of the integrity check above which an encoder's sign is changed. Chosen."""
-BASE = ("K_f", "T_g", "J_roll", "J_pitch", "J_yaw")
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A parameter of the base simulation, in SI: nominal value, estimate, standard deviation."""
-
-    nominal: float
-    value: float
-    std: float
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from heli3dof.diagnosis.profile_update import read_calibration
+from heli3dof.identification.profile_update import read_calibration
 
 
 def finding(effect: str, axis: str | None, *tied_with: str, **parameters: float) -> dict[str, Any]:

@@ -1,20 +1,26 @@
-"""Search for residual torques, and drop the causes that only stand in for one.
+"""Search for residual torques, and drop the causes that only compensate for one.
 
-A cause is a stand-in if a formula for a torque explains the flight better than the cause does
-(`conclusion.formula_contest`). Stand-ins are removed, the other causes are fitted again, and
-adopted or dropped. The search is repeated until there is no further stand-in.
+A cause compensates for a torque if a formula for it explains the flight better than the cause does
+(`conclusion.formula_contest`). Such causes are removed, the others are fitted again, and adopted or
+dropped. The search is repeated until no further cause is removed.
+
+The remaining causes are marked "…-like" (unconfirmed) if one of these holds:
+
+- The size differs from no effect by less than `SIGMAS_95` standard deviations.
+- The cause does not significantly improve the prediction of held-out data.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from heli3dof.diagnosis.conclusion.adoption import adopted
+from heli3dof.diagnosis.base_parameters import effect_size
+from heli3dof.diagnosis.conclusion.adoption import AdoptionResult, adopted
 from heli3dof.diagnosis.conclusion.formula_contest import replaced_by_formula
-from heli3dof.diagnosis.conclusion.unconfirmed import marked_unconfirmed, with_resemblance
 from heli3dof.diagnosis.conclusion.unknown_controller import is_biased
-from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
+from heli3dof.diagnosis.constants import SIGMAS_95
+from heli3dof.diagnosis.result import COMPENSATES, Dropped, Finding
 from heli3dof.diagnosis.selection.steps import bias_corrected, without
 from heli3dof.diagnosis.unmodelled.torque_evidence import evidence
 from heli3dof.diagnosis.unmodelled.torque_formula import significant_formula
@@ -23,31 +29,17 @@ from heli3dof.diagnosis.unmodelled.unmodelled_torque import (
     significant_torques,
     split_off_slow_noise,
 )
-from heli3dof.diagnosis.validation.gain import HeldOut
+from heli3dof.diagnosis.validation.gain import gain_interval_positive
 from heli3dof.identification.bias_correction.correction import CorrectedFit
 from heli3dof.identification.closed_loop_fit.setup import Setup
+from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.recording.recording import Recording
 
 
-@dataclass(frozen=True, eq=False)
-class TorqueSearchResult:
-    """The adopted causes with their fit, and the residual torques found in it."""
-
-    fit: CorrectedFit
-    findings: tuple[Finding, ...]
-    dropped: tuple[Dropped, ...]
-    after: HeldOut
-    """Results of ``fit`` on held-out data"""
-    residual_torques: tuple[ResidualTorque, ...] = ()
-    slow_noise: tuple[ResidualTorque, ...] = ()
-    """Torques that depend on time only"""
-    is_decided: bool = True
-    """False if neither causes nor base parameters are certain"""
-
-
-def settle_unmodelled(
-    setup: Setup, start: TorqueSearchResult, holdout: Sequence[Recording], *, flights: int
-) -> TorqueSearchResult:
+def search_residual_torques(
+    setup: Setup, start: AdoptionResult, holdout: Sequence[Recording], *, flights: int
+) -> AdoptionResult:
     """Search the fit of ``start`` for residual torques; drop causes that a torque explains better.
 
     ``flights``: number of flights simulated without residual torque, per search.
@@ -57,23 +49,23 @@ def settle_unmodelled(
         start = (
             start if not again.is_corrected else _adopted_again(setup, start, again, (), holdout)
         )
-    now, removed, certain = start, list[Finding](), None
+    now, removed, proven = start, list[Finding](), None
     first: tuple[ResidualTorque, ...] | None = None
     while True:
         scores = evidence(now.fit, setup.recordings, flights=flights, seed=setup.seed)
-        if scores.null is None and certain is None:
-            certain = significant_formula(now.fit)
-        left, slow_noise = split_off_slow_noise(significant_torques(scores, certain))
+        if scores.null is None and proven is None:
+            proven = significant_formula(scores)
+        left, slow_noise = split_off_slow_noise(significant_torques(scores, proven))
         if not now.fit.is_corrected:
             left = tuple(x for x in left if not is_biased(now.fit, x.axis))
         causes = replaceable_causes(now.findings)
         contest = replaced_by_formula(setup, now.fit, causes, holdout)
         if contest is None:
             break
-        names, certain = contest.causes, contest.formula.place
+        names, proven = contest.causes, contest.formula.location
         first = left if first is None else first
         removed += [f for f in now.findings if f.term.name in names]
-        now = _without_stand_ins(setup, now, names, holdout)
+        now = _without(setup, now, names, holdout)
     if first is not None and not left:
         return _undecided(start, first, removed)
     return replace(
@@ -90,8 +82,8 @@ def replaceable_causes(findings: Sequence[Finding]) -> list[str]:
 
 
 def _undecided(
-    start: TorqueSearchResult, left: tuple[ResidualTorque, ...], removed: Sequence[Finding]
-) -> TorqueSearchResult:
+    start: AdoptionResult, left: tuple[ResidualTorque, ...], removed: Sequence[Finding]
+) -> AdoptionResult:
     """Return ``start`` with all its causes marked "…-like", and with the residual torques ``left``.
 
     A formula explained the flight better than the causes ``removed``, but without these causes no
@@ -106,9 +98,9 @@ def _undecided(
     )
 
 
-def _without_stand_ins(
-    setup: Setup, now: TorqueSearchResult, names: Sequence[str], holdout: Sequence[Recording]
-) -> TorqueSearchResult:
+def _without(
+    setup: Setup, now: AdoptionResult, names: Sequence[str], holdout: Sequence[Recording]
+) -> AdoptionResult:
     """Return the result without the causes ``names``; refit the others, adopt or drop each."""
     found = now.fit
     for f in now.findings:
@@ -119,12 +111,41 @@ def _without_stand_ins(
 
 
 def _adopted_again(
-    setup: Setup, now: TorqueSearchResult, found: CorrectedFit, names: Sequence[str],
+    setup: Setup, now: AdoptionResult, found: CorrectedFit, names: Sequence[str],
     holdout: Sequence[Recording],
-) -> TorqueSearchResult:  # fmt: skip
+) -> AdoptionResult:  # fmt: skip
     """Return the result for ``found``, the fit without ``names``; adopt or drop its causes."""
     kept = [f.choice for f in now.findings if f.term.name not in names]
     gains = {f.term.name: f.gain for f in now.findings}
-    found, findings, dropped, after = adopted(found, kept, holdout, seed=setup.seed)
-    replaced = tuple(Dropped(n, gains[n], STANDS_IN) for n in names)
-    return TorqueSearchResult(found, findings, (*now.dropped, *replaced, *dropped), after)
+    result = adopted(found, kept, holdout, seed=setup.seed)
+    replaced = (Dropped(n, gains[n], COMPENSATES) for n in names)
+    return replace(result, dropped=(*now.dropped, *replaced, *result.dropped))
+
+
+def marked_unconfirmed(findings: Sequence[Finding], fit: Estimate) -> tuple[Finding, ...]:
+    """Return the findings; the unconfirmed ones are marked "…-like"."""
+    small = insignificant(fit)
+    return tuple(
+        replace(f, unconfirmed=f.term.name in small or not gain_interval_positive(f.gain))
+        for f in findings
+    )
+
+
+def insignificant(fit: Estimate) -> set[str]:
+    """Return the terms whose first parameter is within `SIGMAS_95` σ of having no effect."""
+    sizes = {name: effect_size(fit, name) for name in first_parameters(fit.free)}
+    return {name for name, s in sizes.items() if s and abs(s[0]) < SIGMAS_95 * s[1]}
+
+
+def with_resemblance(
+    residuals: Sequence[ResidualTorque], causes: Sequence[Finding]
+) -> tuple[ResidualTorque, ...]:
+    """Return the residual torques; if ``resembles`` of the first is None, it is set to a text.
+
+    The text names the first cause and those confounded with it, such as "motor.delay-like".
+    """
+    if not residuals or residuals[0].resembles is not None or not causes:
+        return tuple(residuals)
+    names = (causes[0].term.name, *causes[0].tied_with)
+    resembles = " or ".join(f"{name}-like" for name in names)
+    return (replace(residuals[0], resembles=resembles), *residuals[1:])

@@ -20,6 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from heli3dof.diagnosis.constants import ACCURACY_S
 from heli3dof.diagnosis.validation.prediction import with_blocks
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.estimation.filter_data import Data
@@ -29,8 +30,6 @@ PHASES = 8
 """Values of φ at which ℓ is evaluated; five are the fewest for two harmonics."""
 INSTANT_S = 1.0
 """s; distance of the grid's instants. The grid begins before the recording and ends after it."""
-ACCURACY_S = 0.05
-"""s; accuracy of an instant: half the time in which an added mass takes effect."""
 
 
 def rows_of_recordings(d: Data) -> list[tuple[int, int]]:

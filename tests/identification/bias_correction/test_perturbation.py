@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.sensitivity.projection import project_out
+from heli3dof.identification.bias_correction.perturbation import project_out
 
 
 def test_one_parameter_is_projected_out_as_by_hand() -> None:

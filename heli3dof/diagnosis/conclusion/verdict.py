@@ -1,0 +1,146 @@
+"""Complete a diagnosis: confounded encoder scales, what remains unexplained, and the verdict.
+
+It is the last step for every log, with or without a likelihood.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.base_parameters import OffNominal
+from heli3dof.diagnosis.conclusion.encoder_scales import undetectable_scales, with_scale_ties
+from heli3dof.diagnosis.result import (
+    Diagnosis,
+    Finding,
+    Fitted,
+    UnexplainedError,
+    physical,
+)
+from heli3dof.diagnosis.unmodelled.unmodelled_torque import ResidualTorque
+from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
+from heli3dof.integrity import Fault
+
+
+def conclude(
+    d: Diagnosis, axes: Sequence[str], *, level_deg: float = math.inf,
+    ambiguous_if_unconfirmed: bool = False,
+) -> Diagnosis:  # fmt: skip
+    """Return ``d`` with its verdict, the errors that remain and confounded encoder scales.
+
+    ``axes``: the measured axes; ``level_deg``: least detectable roll offset.
+    ``ambiguous_if_unconfirmed``: the verdict is "ambiguous" if the first cause is unconfirmed
+    ("…-like").
+    """
+    fitted = d.fitted
+    assert fitted is not None
+    profile = fitted.model.profile
+    rest_rad, tolerance = float(profile.encoder.rest_rad[0]), profile.tolerance
+    findings, off = with_scale_ties(
+        d.findings, d.calibration_findings, fitted.calibration,
+        rest_rad=rest_rad, tolerance=tolerance,
+    )  # fmt: skip
+    d = replace(d, findings=findings, calibration_findings=off)
+    causes = d.in_order
+    remaining = remainders(fitted, causes, d.slow_noise)
+    undetectable = undetectable_scales(
+        confounded_names(causes), axes,
+        rest_rad=rest_rad, tolerance=tolerance, level_deg=level_deg,
+    )  # fmt: skip
+    unconfirmed = any(isinstance(f, Finding) and f.unconfirmed for f in physical(causes)[:1])
+    verdict = verdict_of(
+        causes,
+        (*d.residual_torques, *remaining),
+        fitted.refit,
+        ambiguous=unconfirmed and ambiguous_if_unconfirmed,
+    )
+    return replace(
+        d, verdict=verdict, remainders=remaining,
+        not_identifiable=without_causes((*d.not_identifiable, *undetectable), causes),
+    )  # fmt: skip
+
+
+def without_causes(
+    names: Sequence[str], causes: Sequence[Fault | Finding | OffNominal]
+) -> tuple[str, ...]:
+    """Return the effects ``names`` without those that are ``causes``.
+
+    ``names``: effects not identifiable at their typical sizes. A larger one may still be a cause.
+    """
+    found = {c.term.name for c in physical(causes)}
+    return tuple(name for name in names if name not in found)
+
+
+def verdict_of(
+    findings: Sequence[Fault | Finding | OffNominal],
+    left: Sequence[ResidualTorque | UnexplainedError],
+    refit: Gain | None = None,
+    *,
+    ambiguous: bool = False,
+) -> str:
+    """Return the verdict, such as "explained", on the ``findings``, which `in_order` has ordered.
+
+    ``left``: the residual torques, and the errors that the causes leave (`remainders`).
+    ``refit``: the gain of refitting the profile's numbers. ``ambiguous``: the first physical cause
+    is uncertain. Faults of a recording affect the verdict only if there is no physical cause.
+    """
+    if left:
+        return "unexplained"
+    causes = physical(findings)
+    if not causes:
+        if refit is not None and refit.of_calibration:
+            return "off_calibration"
+        return "explained" if findings else "nothing_found"
+    return "ambiguous" if causes[0].tied_with or ambiguous else "explained"
+
+
+def remainders(
+    f: Fitted,
+    findings: Sequence[Fault | Finding | OffNominal],
+    slow_noise: Sequence[ResidualTorque] = (),
+) -> tuple[UnexplainedError, ...]:
+    """Return the errors that remain, largest first; empty if the causes explain most of the error.
+
+    On held-out data, e_0 is the RMSE of the simulation with the profile's numbers and e_1 that of
+    the extended model; e_n is the noise floor (0 if unknown). Most of the error remains if, with
+    sums over the axes,
+
+        Σ max(e_1² − e_n², 0) > ½ Σ e_0²
+
+    The result contains the axes that satisfy this inequality on their own. An axis with slow noise
+    and without a noise floor is left out. Without a physical cause there is no claim to refute, so
+    the result is empty.
+    """
+    if not physical(findings) or f.refit is None:
+        return ()
+    each = []
+    slow = {x.axis for x in slow_noise}
+    for axis in AXES:
+        e_0, e_1 = f.refit.before.get(axis), f.gain.after.get(axis)
+        e_n = f.simulation_error.at(HORIZON_S, axis)[1]
+        if axis in slow and not math.isfinite(e_n):
+            continue
+        if e_0 is not None and e_1 is not None and math.isfinite(e_0) and math.isfinite(e_1):
+            each.append(UnexplainedError(axis, e_0, e_1, e_n if math.isfinite(e_n) else None))
+    if sum(map(_unexplained, each)) <= sum(r.simulation_deg**2 for r in each) / 2:
+        return ()
+    most = (r for r in each if _unexplained(r) > r.simulation_deg**2 / 2)
+    return tuple(sorted(most, key=_unexplained, reverse=True))
+
+
+def _unexplained(r: UnexplainedError) -> float:
+    """Return the mean square in deg² that neither the extended model nor noise explains."""
+    return float(max(r.extended_deg**2 - (r.noise_deg or 0.0) ** 2, 0.0))
+
+
+def confounded_names(causes: Sequence[Fault | Finding | OffNominal]) -> tuple[str, ...]:
+    """Return the names of effects that are faults of a recording, or confounded with a cause."""
+    names: list[str] = []
+    for f in causes:
+        if isinstance(f, Fault):
+            names.append(f"{f.effect}.{f.axis}")
+        else:
+            names += f.tied_with
+    return tuple(names)

@@ -1,0 +1,27 @@
+"""Limits that several modules of the diagnosis share."""
+
+FALSE_ALARMS = 0.003
+"""Probability of a false finding in a recording of a rig without any effect. Chosen."""
+LEVEL = 0.95
+"""Probability covered by intervals: the usual 95 %."""
+SIGMAS_95 = 2.0
+"""Standard deviations of a significant difference: chance exceeds them with 5 %."""
+SIGMAS_99 = 3.0
+"""Standard deviations of a contradiction: chance exceeds them with 0.3 %."""
+TIE = 6.0
+"""Difference of scores (2 ln L) that chance may cause: odds of e³ = 20. Chosen; not derived."""
+SUFFICIENT = 100.0
+"""Score that is enough for any further cause. Chosen; not derived."""
+DRIFT = 0.25
+"""Uncertainty of the nulls' mean score, relative to that mean. Chosen; not derived."""
+LARGE = 5.0
+"""Largest plausible size of a parameter, in typical sizes. Chosen; not derived."""
+MAX_CAUSES = 4
+"""Most causes of a diagnosis, or confounded causes simulated for a plan. Chosen."""
+MAX_COMPARED = 3
+"""Most causes, torques or terms that one step compares or adds: each costs full fits. Chosen."""
+LEAST_SHARE = 1e-6
+"""Least share of the information that remains of a tested effect with the fit's parameters
+projected out; below it, these produce the same change."""
+ACCURACY_S = 0.05
+"""s, accuracy of an instant: half the time in which an added mass takes effect."""

@@ -1,1 +1,0 @@
-"""The residual torque, and first-order changes of predictions by torques and parameters."""
