@@ -64,7 +64,7 @@ class _FittingTable:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         for columns in self._parts(options.max_width):
-            yield self._table(columns)
+            yield self._table(columns, options.max_width)
 
     def _parts(self, width: int) -> list[list[int]]:
         """Return the column indices of each part of a table that is wider than the terminal.
@@ -100,7 +100,21 @@ class _FittingTable:
         head = self.grid.columns[column]
         return head.rsplit(" ", 1) if self.grid.is_number(column) else [head]
 
-    def _table(self, columns: Sequence[int]) -> Table:
+    def _widths(self, columns: Sequence[int], width: int) -> list[int]:
+        """Return the least widths of ``columns``; spare ``width`` widens the left columns first."""
+        from rich.cells import cell_len
+
+        widths = [self._least_width(i) for i in columns]
+        left = width - sum(widths) - GAP * len(columns)
+        for n, i in enumerate(columns):
+            lines = [line for row in self.grid.rows for line in row[i].splitlines()]
+            wanted = max(map(cell_len, lines), default=0) - widths[n]
+            more = max(0, min(wanted, left))
+            widths[n] += more
+            left -= more
+        return widths
+
+    def _table(self, columns: Sequence[int], width: int) -> Table:
         from rich import box
         from rich.table import Table
         from rich.text import Text
@@ -114,7 +128,7 @@ class _FittingTable:
             header_style="bold",
         )
         height = max(len(self._head(i)) for i in columns)
-        for i in columns:
+        for i, its_width in zip(columns, self._widths(columns, width), strict=True):
             number = self.grid.is_number(i)
             head = self._head(i)
             above = [] if number else [""] * (height - len(head))
@@ -122,7 +136,7 @@ class _FittingTable:
                 Text("\n".join([*above, *head])),
                 justify="right" if number else "left",
                 no_wrap=number,
-                min_width=self._least_width(i),
+                width=its_width,
                 overflow="fold",
             )
         before: Sequence[str] = ()
