@@ -21,15 +21,20 @@ from typing import NamedTuple
 from heli3dof.diagnosis.base_parameters import off_nominal
 from heli3dof.diagnosis.conclusion.adoption import adopted, fitted
 from heli3dof.diagnosis.conclusion.compensating_causes import search_residual_torques
+from heli3dof.diagnosis.conclusion.doubtful_findings import marked_if_doubtful
 from heli3dof.diagnosis.conclusion.encoder_scales import ROLL_OFFSET
 from heli3dof.diagnosis.conclusion.inertia_ties import last_step_with_causes, with_confounded_causes
-from heli3dof.diagnosis.conclusion.recordings_agree import marked_if_recordings_disagree
 from heli3dof.diagnosis.conclusion.segments import with_segment_ties
 from heli3dof.diagnosis.conclusion.torque_terms import with_torques
 from heli3dof.diagnosis.conclusion.unknown_controller import confirmed
 from heli3dof.diagnosis.conclusion.verdict import conclude
 from heli3dof.diagnosis.constants import MAX_CAUSES
-from heli3dof.diagnosis.free_run.diagnose_free_run import diagnose_without_likelihood, no_likelihood
+from heli3dof.diagnosis.free_run.diagnose_free_run import (
+    PREDICTS_WORSE,
+    diagnose_without_likelihood,
+    has_all_angles,
+    no_likelihood,
+)
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.diagnosis.selection.steps import (
     Step,
@@ -130,15 +135,18 @@ def _diagnosed(
     clock.start("left", "Searching for unmodelled effects …")
     settled = search_residual_torques(setup, settled, held, flights=effort.torque_nulls)
     settled = replace(settled, findings=with_segment_ties(settled.findings))
-    if not setup.controller_is_known:
-        clock.progress("Fitting each recording separately …")
-        settled = replace(settled, findings=marked_if_recordings_disagree(settled.findings, train))
+    settled = replace(settled, findings=marked_if_doubtful(settled.findings, setup))
     if settled.residual_torques:
         clock.start("torque terms", "Extending the model by the unmodelled torque …")
     extended = with_torques(setup, settled.fit, settled.after, settled.residual_torques, held)
     clock.start("gain", "Measuring the gain on held-out data …")
     base_fit = base_with_forms(base_fit, settled.fit)
     result = fitted(base_fit, settled.fit, extended.fit, extended.after, train, held, seed=seed)
+    if result.predicts_worse and has_all_angles(train):
+        return diagnose_without_likelihood(
+            train, held, faults, why=PREDICTS_WORSE, base=base, quick=quick, seed=seed,
+            progress=clock.progress,
+        )  # fmt: skip
     clock.start("off", "Comparing the calibration with the profile …")
     off = off_nominal(settled.fit) if settled.is_decided else ()
     if not settled.fit.is_corrected:
@@ -157,10 +165,7 @@ def _diagnosed(
         residual_torques=extended.torques, slow_noise=settled.slow_noise, about=about,
         not_identifiable=tuple(n for n in first.not_identifiable if not term(n).effect.formal),
     )  # fmt: skip
-    return conclude(
-        without_verdict, setup.axes, level_deg=first.detectable_size(ROLL_OFFSET),
-        ambiguous_if_unconfirmed=not setup.controller_is_known,
-    )  # fmt: skip
+    return conclude(without_verdict, setup.axes, level_deg=first.detectable_size(ROLL_OFFSET))
 
 
 def forward_selection(

@@ -97,6 +97,19 @@ class Fitted:
     """Open terms; None if a likelihood was fitted, or the extended model was not adopted"""
 
     @property
+    def predicts_worse(self) -> bool:
+        """Return whether the extended model predicts much worse than the profile's numbers do.
+
+        On held-out data, its mean square error, summed over the axes, is half as large again.
+        """
+        if self.refit is None:
+            return False
+        e_0, e_1 = (
+            sum((x or 0.0) ** 2 for x in e.values()) for e in (self.refit.before, self.gain.after)
+        )
+        return e_1 > 1.5 * e_0
+
+    @property
     def noise_floor(self) -> dict[str, float | None]:
         """Return {axis: noise floor (°) of predictions `HORIZON_S` ahead; None if unknown}."""
         floor = {a: self.simulation_error.at(HORIZON_S, a)[1] for a in AXES}

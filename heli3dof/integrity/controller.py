@@ -44,7 +44,7 @@ def controller(view: View) -> Iterable[Fault]:
         "controller.voltage", KIND[m], r.name,
         f"{r.name}: the profile's controller, computed on the logged angles, differs from the "
         f"logged voltage by ±{result.std_V:.2g} V (standard deviation), "
-        f"{100 * result.share:.2g} % of the voltage's own. {CONSEQUENCE[m]}",
+        f"{100 * result.share:.3g} % of the voltage's own. {CONSEQUENCE[m]}",
         CAUSE[m], FIX[m],
     )  # fmt: skip
 

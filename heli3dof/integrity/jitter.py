@@ -24,6 +24,9 @@ FINDING_S = 8e-5
 without real-time priority are late by tens of microseconds."""
 NOTE_S = 1e-5
 """s: a smaller jitter of the stamps is not reported. Chosen."""
+LOGGED = "log the device's own time stamps; close other programs on the logging computer"
+FLOWN = "chrt -f 50 heli3dof run-step --roll 5, which reports how many periods were late"
+"""Remedies for a log of another program, and for a recording of heli3dof"""
 
 
 def jitter(view: View) -> Iterable[Fault]:
@@ -50,7 +53,7 @@ def jitter(view: View) -> Iterable[Fault]:
             f"that the {'even' if stamps_s < NOTE_S else 'jittery'} time stamps do not show: "
             "all axes jump together in proportion to their rates.",
             "the logging host was late, caught up, and wrote the planned times.",
-            "log the device's own time stamps; close other programs on the logging computer",
+            LOGGED,
             effect="timing.jitter",
             parameters={"jitter_s": (sigma, motion.variance_std_s2 / (2 * sigma))},
         )  # fmt: skip
@@ -58,11 +61,10 @@ def jitter(view: View) -> Iterable[Fault]:
         is_finding = stamps_s >= FINDING_S
         yield Fault(
             "timing.jitter", Kind.FINDING if is_finding else Kind.NOTE, r.name,
-            f"{r.name}: the time stamps have a sampling jitter of ±{1e6 * stamps_s:.3g} µs (RMS)"
+            f"{r.name}: the time stamps have a sampling jitter of ±{1e3 * stamps_s:.2g} ms (RMS)"
             + ("." if is_finding else ", which is usual for a computer's timer."),
             "a timer without real-time priority, or a shared bus.",
-            "chrt -f 50 heli3dof run-step --roll 5, which reports how many periods were late"
-            if is_finding else "nothing to do",
+            (LOGGED if r.meta.get("log") else FLOWN) if is_finding else "nothing to do",
             effect="timing.jitter", parameters={"jitter_s": (stamps_s, std)},
         )  # fmt: skip
 

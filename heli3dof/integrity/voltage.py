@@ -65,7 +65,7 @@ def limit(view: View) -> Iterable[Fault]:
     top, h = float(np.nanmax(np.abs(v))), view.hover_ratio
     exceeds = (
         f"{r.name}: the voltage reaches {top:.4g} V and exceeds the profile's ±{v_max:.4g} V in "
-        f"{100 * rows.mean():.2g} % of the rows"
+        f"{100 * rows.mean():.3g} % of the rows"
     )
     if top < 100.5 and h is not None and 0.8 < h * v_max / 100 < 1.25:
         yield Fault(
@@ -136,7 +136,7 @@ def clipped(view: View) -> Iterable[Fault]:
     if rows.any() and at_limit.sum() > CLIPPED * rows.sum():
         yield Fault(
             "voltage.clipped", Kind.NOTE, r.name,
-            f"{r.name}: {100 * at_limit.sum() / rows.sum():.2g} % of the flight is at the "
+            f"{r.name}: {100 * at_limit.sum() / rows.sum():.3g} % of the flight is at the "
             f"amplifier's limit of ±{v_max:.4g} V, where the loop is open.",
             "the steps are too large or the gains too high for this amplifier.",
             "use smaller steps or a slower reference: heli3dof run-step --roll 5",
@@ -149,7 +149,7 @@ def clipped(view: View) -> Iterable[Fault]:
     if top < AT_LIMIT * v_max and flat.sum() > 20 and flat.mean() > FLAT:
         yield Fault(
             "voltage.clipped", Kind.NOTE, r.name,
-            f"{r.name}: the voltage saturates at ±{top:.4g} V in {100 * flat.mean():.2g} % of the "
+            f"{r.name}: the voltage saturates at ±{top:.4g} V in {100 * flat.mean():.3g} % of the "
             f"rows; the profile's limit is ±{v_max:.4g} V.",
             "another limiter, in the DAC or in the controller.",
             f"set motor.v_max = {top:.4g} in the profile if that is the amplifier's",
@@ -188,7 +188,7 @@ def commanded(view: View) -> Iterable[Fault]:
     yield Fault(
         "voltage.commanded", Kind.NOTE, r.name,
         f"{r.name}: below the limit, the amplifier's voltage differs from the command in "
-        f"{100 * share:.2g} % of the rows"
+        f"{100 * share:.3g} % of the rows"
         + (": it is the previous row's command." if late else "."),
         "the log pairs a sample with the voltage held until then." if late else
         "a slew-rate limit, a watchdog, lost commands, or noise of a measured voltage.",

@@ -133,7 +133,7 @@ RULES = (
     ),
     Rule(
         "recordings must agree",
-        DIAGNOSIS + "conclusion.recordings_agree:marked_if_recordings_disagree",
+        DIAGNOSIS + "conclusion.doubtful_findings:marked_if_doubtful",
         _argument(0),
     ),
     Rule(

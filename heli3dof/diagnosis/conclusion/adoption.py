@@ -14,6 +14,9 @@ score test. A further cause with a score below `SUFFICIENT` may only compensate 
 of the first. Condition 3 is for effects that act only briefly, such as a dead zone: their intervals
 are wide.
 
+A cause is dropped if it significantly increases the prediction error of an axis and decreases that
+of none, each by more than the encoder's rounding.
+
 If no flights could be simulated, a cause is dropped if it acts on an axis whose inertia is
 implausible in the fit. It must also decrease the prediction error of another axis by more than the
 encoder's rounding (`conclusion.unknown_controller`). Predictions hardly show backlash, so it need
@@ -40,6 +43,7 @@ from heli3dof.diagnosis.base_parameters import base_parameters, effect_size, in_
 from heli3dof.diagnosis.conclusion.unknown_controller import (
     exceeds_rounding,
     is_biased,
+    rounding_deg,
     unbiased_axes,
 )
 from heli3dof.diagnosis.constants import SUFFICIENT, TIE
@@ -66,6 +70,7 @@ from heli3dof.model.greybox.model import nominal
 from heli3dof.model.physics.parametrisation import first_parameters
 from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
+from heli3dof.rig.profile import Profile
 
 OFFSET, BACKLASH = "encoder.offset", "encoder.backlash"
 MIN_GAIN = TIE / 2
@@ -125,10 +130,11 @@ def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, firs
     """
     if margin < 1:
         return COLOURED if margin > 0 else WITHIN_A_COUNT
-    if not meets_adoption_condition(choice, g, first=first):
+    profile = fit.structure.profile
+    if not meets_adoption_condition(choice, g, first=first) or worsens(g, profile):
         return DOES_NOT_PAY
     if not fit.is_corrected:
-        of_base, profile = choice.term.effect.of_base, fit.structure.profile
+        of_base = choice.term.effect.of_base
         axes = AXES if of_base else unbiased_axes(fit)
         if not of_base and is_biased(fit, choice.term.axis):
             return LIMIT_CYCLE
@@ -136,6 +142,18 @@ def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, firs
         if choice.term.effect.name != BACKLASH and not exceeds_rounding(g, profile, axes=axes):
             return LIMIT_CYCLE if exceeds_rounding(g, profile) else WITHIN_ROUNDING
     return ""
+
+
+def worsens(g: Gain, profile: Profile) -> bool:
+    """Return whether the RMSE of an axis increases significantly, and none decreases so.
+
+    Changes below the standard deviation of rounding to encoder counts do not matter.
+    """
+    rounding = zip(AXES, rounding_deg(profile), strict=True)
+    lost = any(
+        (x := g.rmse_deg[a]) is not None and x.high < 0 and -x.value > r for a, r in rounding
+    )
+    return lost and not exceeds_rounding(g, profile)
 
 
 def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) -> list[HeldOut]:

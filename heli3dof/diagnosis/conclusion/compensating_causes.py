@@ -56,6 +56,7 @@ def search_residual_torques(
         if scores.null is None and proven is None:
             proven = significant_formula(scores)
         left, slow_noise = split_off_slow_noise(significant_torques(scores, proven))
+        left = tuple(x for x in left if x.axis in setup.explained_axes)
         if not now.fit.is_corrected:
             left = tuple(x for x in left if not is_biased(now.fit, x.axis))
         causes = replaceable_causes(now.findings)

@@ -24,15 +24,10 @@ from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
 from heli3dof.integrity import Fault
 
 
-def conclude(
-    d: Diagnosis, axes: Sequence[str], *, level_deg: float = math.inf,
-    ambiguous_if_unconfirmed: bool = False,
-) -> Diagnosis:  # fmt: skip
+def conclude(d: Diagnosis, axes: Sequence[str], *, level_deg: float = math.inf) -> Diagnosis:
     """Return ``d`` with its verdict, the errors that remain and confounded encoder scales.
 
     ``axes``: the measured axes; ``level_deg``: least detectable roll offset.
-    ``ambiguous_if_unconfirmed``: the verdict is "ambiguous" if the first cause is unconfirmed
-    ("…-like").
     """
     fitted = d.fitted
     assert fitted is not None
@@ -49,13 +44,7 @@ def conclude(
         confounded_names(causes), axes,
         rest_rad=rest_rad, tolerance=tolerance, level_deg=level_deg,
     )  # fmt: skip
-    unconfirmed = any(isinstance(f, Finding) and f.unconfirmed for f in physical(causes)[:1])
-    verdict = verdict_of(
-        causes,
-        (*d.residual_torques, *remaining),
-        fitted.refit,
-        ambiguous=unconfirmed and ambiguous_if_unconfirmed,
-    )
+    verdict = verdict_of(causes, (*d.residual_torques, *remaining), fitted.refit)
     return replace(
         d, verdict=verdict, remainders=remaining,
         not_identifiable=without_causes((*d.not_identifiable, *undetectable), causes),
@@ -77,14 +66,13 @@ def verdict_of(
     findings: Sequence[Fault | Finding | OffNominal],
     left: Sequence[ResidualTorque | UnexplainedError],
     refit: Gain | None = None,
-    *,
-    ambiguous: bool = False,
 ) -> str:
     """Return the verdict, such as "explained", on the ``findings``, which `in_order` has ordered.
 
     ``left``: the residual torques, and the errors that the causes leave (`remainders`).
-    ``refit``: the gain of refitting the profile's numbers. ``ambiguous``: the first physical cause
-    is uncertain. Faults of a recording affect the verdict only if there is no physical cause.
+    ``refit``: the gain of refitting the profile's numbers. The verdict is "ambiguous" if the first
+    physical cause is confounded or unconfirmed ("…-like"). Faults of a recording affect the verdict
+    only if there is no physical cause.
     """
     if left:
         return "unexplained"
@@ -93,7 +81,9 @@ def verdict_of(
         if refit is not None and refit.of_calibration:
             return "off_calibration"
         return "explained" if findings else "nothing_found"
-    return "ambiguous" if causes[0].tied_with or ambiguous else "explained"
+    first = causes[0]
+    unconfirmed = isinstance(first, Finding) and first.unconfirmed
+    return "ambiguous" if first.tied_with or unconfirmed else "explained"
 
 
 def remainders(
@@ -104,26 +94,27 @@ def remainders(
     """Return the errors that remain, largest first; empty if the causes explain most of the error.
 
     On held-out data, e_0 is the RMSE of the simulation with the profile's numbers and e_1 that of
-    the extended model; e_n is the noise floor (0 if unknown). Most of the error remains if, with
-    sums over the axes,
+    the extended model; e_n is the noise floor (0 if unknown), at most e_0. Most of the error
+    remains if, with sums over the axes,
 
         Σ max(e_1² − e_n², 0) > ½ Σ e_0²
 
     The result contains the axes that satisfy this inequality on their own. An axis with slow noise
-    and without a noise floor is left out. Without a physical cause there is no claim to refute, so
-    the result is empty.
+    and without a noise floor is left out. Without a physical cause, and if refitted numbers do not
+    improve predictions either, there is no claim to refute, so the result is empty.
     """
-    if not physical(findings) or f.refit is None:
+    if f.refit is None or not (physical(findings) or f.refit.of_calibration):
         return ()
     each = []
     slow = {x.axis for x in slow_noise}
     for axis in AXES:
         e_0, e_1 = f.refit.before.get(axis), f.gain.after.get(axis)
         e_n = f.simulation_error.at(HORIZON_S, axis)[1]
-        if axis in slow and not math.isfinite(e_n):
+        has_floor = math.isfinite(e_n)
+        if axis in slow and not has_floor:
             continue
         if e_0 is not None and e_1 is not None and math.isfinite(e_0) and math.isfinite(e_1):
-            each.append(UnexplainedError(axis, e_0, e_1, e_n if math.isfinite(e_n) else None))
+            each.append(UnexplainedError(axis, e_0, e_1, min(e_n, e_0) if has_floor else None))
     if sum(map(_unexplained, each)) <= sum(r.simulation_deg**2 for r in each) / 2:
         return ()
     most = (r for r in each if _unexplained(r) > r.simulation_deg**2 / 2)

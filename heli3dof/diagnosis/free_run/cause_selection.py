@@ -44,7 +44,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from heli3dof.diagnosis.conclusion.recordings_agree import SIGNIFICANT, of_one_size
+from heli3dof.diagnosis.conclusion.doubtful_findings import SIGNIFICANT, of_one_size
 from heli3dof.diagnosis.constants import LEVEL
 from heli3dof.diagnosis.free_run.elimination import (
     NORMAL,

@@ -22,8 +22,8 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.base_parameters import base_parameters, off_nominal
+from heli3dof.diagnosis.conclusion.doubtful_findings import marked_like
 from heli3dof.diagnosis.conclusion.encoder_scales import with_thrust_gain_ties
-from heli3dof.diagnosis.conclusion.recordings_agree import marked_like
 from heli3dof.diagnosis.conclusion.verdict import conclude
 from heli3dof.diagnosis.free_run.candidates import with_further_effects
 from heli3dof.diagnosis.free_run.cause_selection import (
@@ -86,6 +86,18 @@ QUICK = METHOD + (
 FITTING = "Fitting the full physical model to multi-step predictions …"
 EACH = "Refitting without each cause …"
 BLOCKS = "blocks left out of the fit"
+
+
+PREDICTS_WORSE = (
+    "The model fitted by likelihood predicts held-out data worse than the profile's numbers do. So "
+    "the motion between samples is not what the model takes it for, for example vibration."
+)
+
+
+def has_all_angles(recordings: Sequence[Recording]) -> bool:
+    """Return whether enough recordings have all three angles for a fit to 3 s predictions."""
+    starts = sum(len(flight_of(r).starts) for r in _all_angles(recordings))
+    return starts >= LEAST_STARTS
 
 
 def no_likelihood(recordings: Sequence[Recording]) -> str:
@@ -184,7 +196,7 @@ def diagnose_without_likelihood(
         off, dropped, residual_torques=residual, slow_noise=slow_noise, about=about,
         not_identifiable=tuple(not_identifiable(result.fit, causes)),
     )  # fmt: skip
-    return conclude(without_verdict, AXES, ambiguous_if_unconfirmed=quick)
+    return conclude(without_verdict, AXES)
 
 
 def _without_each(

@@ -35,7 +35,7 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.diagnosis.conclusion.recordings_agree import constant_voltage
+from heli3dof.diagnosis.conclusion.doubtful_findings import constant_voltage
 from heli3dof.diagnosis.constants import SIGMAS_95
 from heli3dof.identification.greybox.freeflight import OFFSET, free_rows
 from heli3dof.identification.greybox.multistep import MultiStepFit

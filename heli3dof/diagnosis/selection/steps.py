@@ -75,7 +75,7 @@ class Step(Screening):
         ``earlier_score``: largest score of the earlier causes (`selection.select`), or None.
         """
         present = [t.name for t in self.fit.problem.structure.terms]
-        tried = self.significant_trials(setup, terms_without_score(present, setup.axes))
+        tried = self.significant_trials(setup, terms_without_score(present, setup.explained_axes))
         choice = choose(self, earlier_score, tried)
         if choice is not None and setup.controller_is_known:
             choice = compared_by_simulation(
@@ -128,7 +128,7 @@ def screening_step(setup: Setup, fit: CorrectedFit, flights: int) -> Step:
     """Return the step after ``fit``: scores, nulls from ``flights`` simulations, no choice yet."""
     problem, o = fit.problem, fit.optimum
     recorded = evaluate(problem, o.theta, o.noise, with_noise_derivatives=False)
-    terms = candidates([t.name for t in problem.structure.terms], setup.axes)
+    terms = candidates([t.name for t in problem.structure.terms], setup.explained_axes)
     plain = [p for t in terms for p in probes(t, problem.data.V)]
     screen = Screen(problem, o.theta, recorded, plain, scans(terms))
     bias = np.zeros(len(fit.theta))

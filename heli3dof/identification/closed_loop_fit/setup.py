@@ -34,3 +34,11 @@ class Setup:
     @property
     def axes(self) -> list[str]:
         return [a for a in AXES if any(a in r.axes for r in self.recordings)]
+
+    @property
+    def explained_axes(self) -> list[str]:
+        """Return the measured axes on which effects can be named.
+
+        Without pitch, yaw is none: the side thrust that turns it is in proportion to sin pitch.
+        """
+        return [a for a in self.axes if a != "yaw" or "pitch" in self.axes]

@@ -6,7 +6,7 @@ radians.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -105,9 +105,7 @@ def check_names(table: Table) -> None:
             f"{table.source} has no column {', '.join(missing)}"
             + (f"; the nearest is {near!r}." if near else "."),
             cause=f"the logging program named it otherwise; its columns: {_listed(names)}.",
-            fix=_map_options(
-                table, "t_s=sample/500" if missing[0] == "t_s" else f"{missing[0]}=EXPRESSION"
-            ),
+            fix=_map_options(table, f"{missing[0]}={_expression(missing[0], names)}"),
         )
     for form in ANGLES.values():
         for axis in AXES:
@@ -118,6 +116,18 @@ def check_names(table: Table) -> None:
                     cause="the logging program wrote the same angle twice.",
                     fix=f"remove one of the two columns, or rename one (raw_{both[1]})",
                 )
+
+
+def _expression(column: str, names: Sequence[str]) -> str:
+    """Return an example of an expression that computes a required ``column`` from ``names``.
+
+    >>> _expression("t_s", ["ms", "roll_deg"])
+    'ms/1000'
+    """
+    if column != "t_s":
+        return "EXPRESSION"
+    in_ms = (f"{n}/1000" for n in names if n.lower().endswith("ms"))
+    return next(in_ms, "sample/500")
 
 
 def _map_options(table: Table, example: str) -> str:

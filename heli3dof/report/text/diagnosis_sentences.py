@@ -461,7 +461,7 @@ def next_steps(document: Document) -> Iterator[str]:
     if document["model"] and off:
         yield (
             "To write a profile with the calibrated values: heli3dof profile update --from "
-            f"{document['model']} --profile rig.toml -o rig2.toml"
+            f"{document['model']} -o rig2.toml"
         )
     if any(rest["depends_on"] and not rest.get("formula") for rest in document["leftover"]):
         yield (

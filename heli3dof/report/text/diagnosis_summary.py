@@ -36,12 +36,23 @@ def diagnosis_summary(document: Document) -> list[str]:
 
 
 def faults(document: Document) -> list[str]:
-    """Return a sentence per fault that stops the diagnosis or counts as a cause of the error.
+    """Return a sentence per check that stops the diagnosis or found a cause of the error.
 
+    If it found the same in several recordings, the sentence is on the first and names the others.
     With --verbose, heli3dof prints all faults.
     """
-    stated = [f for f in document.get("integrity", ()) if f["kind"] in ("bad_data", "finding")]
-    return list(dict.fromkeys(words.faults({"integrity": stated})))
+    by_check = dict[str, list[Document]]()
+    for f in document.get("integrity", ()):
+        if f["kind"] == "bad_data":
+            by_check[f["sentence"]] = [f]
+        elif f["kind"] == "finding":
+            by_check.setdefault(name_of(f), []).append(f)
+    out = []
+    for first, *others in by_check.values():
+        (sentence,) = words.faults({"integrity": [first]})
+        names = [str(f["recording"]) for f in others]
+        out.append(sentence + (f". The same in {listed(names, 'and')}" if names else ""))
+    return out
 
 
 def simulation_error(document: Document) -> Iterator[str]:
@@ -60,8 +71,7 @@ def simulation_error(document: Document) -> Iterator[str]:
 
 def causes(document: Document) -> Iterator[str]:
     """Yield a line per cause: name, size, confidence, and the effects confounded with it."""
-    found = document["findings"]
-    for n, f in enumerate(found[:MOST_CAUSES], start=1):
+    for n, f in enumerate(_once_each(document)[:MOST_CAUSES], start=1):
         sizes = []
         for key, estimate in f["parameters"].items():
             parameter, unit = split_unit(key)
@@ -79,8 +89,13 @@ def causes(document: Document) -> Iterator[str]:
 
 
 def _weaker(document: Document) -> list[str]:
-    weaker = len(document["findings"]) - MOST_CAUSES
-    return [f"{weaker} weaker causes: see --verbose."] if weaker > 0 else []
+    weaker = len(_once_each(document)) - MOST_CAUSES
+    return [f"{weaker} weaker cause{'s' * (weaker > 1)}: see --verbose."] if weaker > 0 else []
+
+
+def _once_each(document: Document) -> list[Document]:
+    """Return the causes; of an effect that several recordings have (jitter), the first one."""
+    return list({name_of(f): f for f in reversed(document["findings"])}.values())[::-1]
 
 
 def gain(document: Document) -> Iterator[str]:

@@ -17,6 +17,7 @@ from heli3dof.diagnosis.conclusion.adoption import (
     size_confidence,
     within_a_count,
     without_mutual_ties,
+    worsens,
 )
 from heli3dof.diagnosis.constants import SUFFICIENT
 from heli3dof.diagnosis.result import DOES_NOT_PAY, WITHIN_A_COUNT
@@ -24,6 +25,7 @@ from heli3dof.diagnosis.selection.candidate_fits import CandidateFit
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.diagnosis.validation.gain import Interval
 from heli3dof.model.effects import terms
+from heli3dof.rig.profile import default_profile
 
 NONE = cast(Any, None)
 
@@ -39,7 +41,7 @@ def choice(score: float, tied: tuple[str, ...], **others: float) -> Choice:
 
 def gained(value: float, low: float, less_deg: float = -0.001) -> Any:
     """Gain in log-likelihood, and in degrees on roll by at least ``less_deg``."""
-    rmse = {"roll": Interval(0.03, less_deg, 0.05), "pitch": None}
+    rmse = {"roll": Interval(0.03, less_deg, 0.05), "pitch": None, "yaw": None}
     return SimpleNamespace(log_likelihood=Interval(value, low, 2 * value), rmse_deg=rmse)
 
 
@@ -148,6 +150,7 @@ def fit_of(**sizes: float) -> Any:
     return SimpleNamespace(
         free=[SimpleNamespace(term=n) for n in names], values=[*sizes.values()],
         coloured_noise_factor=[1.0] * len(names), is_corrected=True,
+        structure=SimpleNamespace(profile=default_profile()),
     )  # fmt: skip
 
 
@@ -168,6 +171,23 @@ def test_an_encoder_error_within_one_count_is_not_a_cause() -> None:
     assert not within(0.05, (BACKLASH,), "aero.reaction_torque", BACKLASH)
     # If the flight separates the two, the finding is not the encoder's.
     assert not within(0.05, (), "aero.reaction_torque")
+
+
+@pytest.mark.parametrize(
+    ("roll", "pitch", "worse"),
+    [
+        ((-0.8, -1.0, -0.5), None, True),
+        ((-0.02, -0.03, -0.01), None, False),  # less than rounding: 360°/4096/√12 = 0.025°
+        ((-0.8, -1.8, 0.2), None, False),  # not significant
+        ((-0.8, -1.0, -0.5), (0.3, 0.1, 0.5), False),  # pitch is predicted better
+    ],
+)
+def test_a_cause_must_not_worsen_predictions(
+    roll: tuple[float, ...], pitch: tuple[float, ...] | None, worse: bool
+) -> None:
+    rmse = {"roll": Interval(*roll), "pitch": pitch and Interval(*pitch), "yaw": None}
+    g: Any = SimpleNamespace(rmse_deg=rmse)
+    assert worsens(g, default_profile()) == worse
 
 
 def test_the_final_fit_determines_the_size() -> None:

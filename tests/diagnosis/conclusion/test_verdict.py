@@ -81,12 +81,17 @@ def test_a_fault_of_the_clock_does_not_hide_an_ambiguous_cause() -> None:
     assert verdict_of([jitter], []) == "explained"
 
 
-def errors(before: tuple[float, ...], after: tuple[float, ...], noise: tuple[float, ...]) -> Any:
+def errors(
+    before: tuple[float, ...], after: tuple[float, ...], noise: tuple[float, ...],
+    of_calibration: bool = False,
+) -> Any:  # fmt: skip
     """A fit whose errors (roll, pitch, yaw) are ``before`` with the profile's numbers."""
     known = {a: (b, n) for a, b, n in zip(AXES, before, noise, strict=True)}
     return SimpleNamespace(
         simulation_error=SimpleNamespace(at=lambda horizon_s, axis: known[axis]),
-        refit=SimpleNamespace(before=dict(zip(AXES, before, strict=True))),
+        refit=SimpleNamespace(
+            before=dict(zip(AXES, before, strict=True)), of_calibration=of_calibration
+        ),
         gain=SimpleNamespace(after=dict(zip(AXES, after, strict=True))),
     )
 
@@ -110,6 +115,17 @@ def test_causes_that_leave_most_of_the_error_do_not_explain_it(
     assert [r.axis for r in remaining] == axes
     assert verdict_of([finding()], remaining) == ("unexplained" if axes else "explained")
     assert remainders(errors(before, after, noise), []) == ()  # without a cause
+
+
+def test_refitted_numbers_that_predict_an_axis_worse_do_not_explain_the_error() -> None:
+    """The noise floor, 9.8°, cannot be right: without any fit the error is only 2.4°."""
+    e = (1.6, 2.4, 0.4), (0.1, 8.3, 0.9), (0.2, 9.8, 0.9)
+    remaining = remainders(errors(*e, of_calibration=True), [])
+    assert next((r.axis, r.noise_deg) for r in remaining) == ("pitch", 2.4)
+
+
+def test_a_cause_that_is_not_confirmed_explains_nothing_for_certain() -> None:
+    assert verdict_of([replace(finding(), unconfirmed=True)], ()) == "ambiguous"
 
 
 def test_slow_noise_is_no_unexplained_error() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.conclusion.recordings_agree import constant_voltage
+from heli3dof.diagnosis.conclusion.doubtful_findings import constant_voltage
 from heli3dof.diagnosis.free_run.unexplained import (
     CreepRun,
     arm_torque,

@@ -40,9 +40,25 @@ def test_each_cause_is_named_with_what_it_is_confounded_with(name: str) -> None:
 
 def test_more_than_four_causes_refer_to_the_tables() -> None:
     document = deepcopy(kept("diagnose.json"))
-    document["findings"] = document["findings"][:1] * 6
+    first = document["findings"][0]
+    document["findings"] = [{**first, "effect": f"cause{n}"} for n in range(6)]
+    assert "2 weaker causes: see --verbose." in diagnosis_summary(document)
+    del document["findings"][-1]
+    assert "1 weaker cause: see --verbose." in diagnosis_summary(document)
+
+
+def test_what_several_recordings_have_is_stated_once() -> None:
+    document = deepcopy(kept("diagnose.json"))
+    first = {**document["findings"][0], "effect": "timing.jitter", "axis": None}
+    document["findings"] = [first, first, document["findings"][0]]
+    fault = {"kind": "finding", "effect": "timing.jitter", "axis": None, "sentence": "a: jitter",
+             "cause": "late", "fix": "hurry", "recording": "a"}  # fmt: skip
+    document["integrity"] = [fault, *({**fault, "recording": name} for name in "bc")]
     lines = diagnosis_summary(document)
-    assert "2 weaker causes: see --verbose." in lines
+    assert "a: jitter Likely cause: late Try: hurry. The same in b and c" in lines
+    stated = [x.split(",")[0] for x in lines if x.startswith("Cause ")]
+    assert len(stated) == 2
+    assert "Cause 1: timing.jitter" in stated
 
 
 def test_terms_that_are_no_causes_are_left_to_the_tables() -> None:

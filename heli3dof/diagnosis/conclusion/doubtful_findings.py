@@ -1,7 +1,6 @@
-"""Mark doubtful findings as unconfirmed ("…-like") if the controller is unknown.
+"""Mark doubtful findings as unconfirmed ("…-like"), with `MOST_CONFIDENCE` at most.
 
-Without it no flights can be simulated, so nothing shows which findings a model error may cause.
-These findings are marked, with a confidence of `MOST_CONFIDENCE` at most:
+These findings are doubtful:
 
 1. `disturbance.periodic` at a frequency f of the commanded motion, because the model's errors in
    that motion have the same period. x(t) are the references (the angles, if none were logged). The
@@ -12,7 +11,8 @@ These findings are marked, with a confidence of `MOST_CONFIDENCE` at most:
 2. `mass.change` with more than one recording, or at a constant voltage. A change at the same time
    after the first sample of each flight is a drift, for example of warming motors. At a constant
    voltage, a weight and a thrust are the same torque.
-3. A cause that no recording confirms on its own (see below).
+3. If the controller is unknown, a cause that no recording confirms on its own (see below). No
+   flights can be simulated then, so nothing else shows which causes a model error imitates.
 
 **Single recordings** (rule 3). A joint fit also attributes differences between recordings (warm
 motors, battery, thrust at another voltage) to the terms. The likelihood's σ does not contain these
@@ -40,6 +40,7 @@ import numpy as np
 from heli3dof.diagnosis.constants import SIGMAS_99
 from heli3dof.diagnosis.result import Finding
 from heli3dof.errors import RecordingError
+from heli3dof.identification.closed_loop_fit.setup import Setup
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
 from heli3dof.model.effects import term
@@ -56,11 +57,11 @@ MOST_CONFIDENCE = 0.5
 """Largest confidence of a marked finding: as likely as not"""
 
 
-def marked_if_recordings_disagree(
-    findings: Sequence[Finding], recordings: Sequence[Recording]
-) -> tuple[Finding, ...]:
+def marked_if_doubtful(findings: Sequence[Finding], setup: Setup) -> tuple[Finding, ...]:
     """Return the findings; doubtful ones (rules 1 to 3 of the module) are marked "…-like"."""
-    unconfirmed = not_confirmed([f.term.name for f in findings], recordings)
+    recordings, unconfirmed = setup.recordings, set[str]()
+    if not setup.controller_is_known:
+        unconfirmed = not_confirmed([f.term.name for f in findings], recordings)
     return tuple(
         marked_like(f) if f.term.name in unconfirmed or _is_doubtful(f, recordings) else f
         for f in findings

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.conclusion.recordings_agree import (
+from heli3dof.diagnosis.conclusion.doubtful_findings import (
     confirmed,
     is_in_motion,
     line_share,
