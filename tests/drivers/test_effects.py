@@ -189,6 +189,15 @@ def test_an_added_mass_acts_from_its_time_with_weight_and_inertia():
     assert acceleration(p)[0] == pytest.approx(-0.345978, rel=1e-3)
 
 
+def test_a_drift_takes_thrust_in_proportion_to_time():
+    p = plant("motor.thrust_drift:0.01")
+    for _ in range(500):
+        p.step(V_o, V_o)
+    # The lost share 0.01 t of the thrust turns the arm: ṙ(1 s) = −T_g/J_roll · 0.01 · 1²/2,
+    # a little less because the arm falls by 0.1°.
+    assert p.truth.rate[0] == pytest.approx(-0.005 * T_g / J_roll, rel=1e-3)
+
+
 def test_ground_effect_increases_the_thrust_near_the_table_only():
     on = setup_of(PROFILE, "rest").start
     for angle, share in ((on, 0.2), ((0.0, 0.0, 0.0), 0.2 * math.exp(-0.304934 / 0.1))):

@@ -104,6 +104,10 @@ def test_the_lower_rotor_of_a_tilted_body_has_more_ground_effect() -> None:
     assert back == pytest.approx(1 + 0.2 * np.exp(-(0.304934 - 0.0889) / 0.1), rel=1e-4)
 
 
+def test_a_drift_takes_a_share_of_both_thrusts_that_grows_with_time() -> None:
+    assert acting("motor.thrust_drift", [0.001], [1.1, 0.8], T=50.0) == pytest.approx([1.045, 0.76])
+
+
 @pytest.mark.parametrize("name", all_names())
 def test_machine_code_does_what_the_python_says(name: str) -> None:
     t = term(name)

@@ -11,7 +11,8 @@ per volt. T, k, V_d, s, m, τ_m are the effects' parameters:
    V. At V_ref = |V_o| the thrust remains K_f V.
 6. ``motor.thrust_gain``: the thrust of both motors times k; ``motor.thrust_mismatch``:
    F_f : F_b = m : 1 at equal voltages, with their sum unchanged.
-7. ``motor.lag``: τ_m Ḟ = K_f V − F for each rotor.
+7. ``motor.thrust_drift``: F (1 − d t), t: time on the plant's clock.
+8. ``motor.lag``: τ_m Ḟ = K_f V − F for each rotor.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from dataclasses import replace
 
 from ..body import Setup
 from ..plant_effects import Row, kernel
-from ..plant_layout import V_BACK, V_FRONT, V_REF, V_START, A, H, Stage
+from ..plant_layout import V_BACK, V_FRONT, V_REF, V_START, A, H, Stage, T
 from .base import Effect, Parameter
 
 LONGEST_DELAY_S = 0.1
@@ -54,6 +55,12 @@ def supply_sag(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     left = max(0.0, 1 - par[A] * (abs(out[0]) + abs(out[1])))
     out[0] *= left
     out[1] *= left
+
+
+@kernel
+def thrust_drift(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
+    for i in range(2):
+        out[i] = max(0.0, out[i] * (1 - par[A] * s[T]))
 
 
 @kernel
@@ -142,6 +149,13 @@ EFFECTS = (
         example="motor.thrust_gain:0.9",
         setup=_gain,
         order=6,
+    ),
+    Effect(
+        name="motor.thrust_drift",
+        summary="Thrust falls with time: F (1 − d t).",
+        parameters=(Parameter("loss_per_s", "1/s", -0.01, 0.01, "d"),),
+        example="motor.thrust_drift:0.001",
+        kernels={Stage.THRUST: thrust_drift},
     ),
     Effect(
         name="motor.thrust_mismatch",

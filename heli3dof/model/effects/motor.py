@@ -15,6 +15,7 @@ from heli3dof.model.physics.state_layout import (
     V_O,
     A,
     Stage,
+    T,
 )
 
 
@@ -62,6 +63,16 @@ def rotor_curve(s: Any, par: Any, mem: Any, out: Any) -> None:
             out[i] = 0.0
         else:
             out[i] = hover * (out[i] / hover) ** par[A]
+
+
+def thrust_drift(s: Any, par: Any, mem: Any, out: Any) -> None:
+    """Thrust F falls (d > 0) or grows with the time t (s) of the recording: F (1 − d t), d in 1/s.
+
+    A battery discharges, and so does the strength of warm magnets; warm bearings turn easier.
+    """
+    left = 1.0 - par[A] * s[T]
+    out[0] *= left
+    out[1] *= left
 
 
 def saturation(s: Any, par: Any, mem: Any, out: Any) -> None:
@@ -229,6 +240,17 @@ EFFECTS = (
         separated_by="large",
         identifiable="several levels of thrust",
         evidence="voltage_sum",
+    ),
+    Effect(
+        name="motor.thrust_drift",
+        summary="Thrust falls with time, as on a battery: F (1 − d t).",
+        parameters=(Parameter("loss_per_s", "1/s", 0.0, -0.005, 0.01, 3e-4, "d"),),
+        hooks={Stage.THRUST: thrust_drift},
+        order=9,
+        confused_with=("mass.change", "motor.supply_sag"),
+        separated_by="levels",
+        identifiable="a long flight",
+        evidence="time",
     ),
     Effect(
         name="motor.thrust_gain",
