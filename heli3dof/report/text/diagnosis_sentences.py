@@ -424,11 +424,25 @@ def model_deviations(document: Document) -> Iterator[str]:
         yield f"Not explained: {x['sentence']}"
 
 
+def _profile_update(document: Document) -> Iterator[str]:
+    """Yield the command that writes a calibrated profile, if refitted values explain errors."""
+    off = refit_explains(document) or any(
+        c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]
+    )
+    if document["model"] and off:
+        yield (
+            "To write a profile with the calibrated values: heli3dof profile update --from "
+            f"{document['model']} -o rig2.toml"
+        )
+
+
 def next_steps(document: Document) -> Iterator[str]:
     """Yield sentences on what the user can do next, with a command where there is one."""
     if document["verdict"] == "bad_data":
         yield "Correct the log or record again, then run heli3dof diagnose again."
         return
+    if document["verdict"] == "off_calibration":
+        yield from _profile_update(document)
     upcoming = document["next_experiment"]
     if upcoming is not None:
         device = document.get("about", {}).get("device")
@@ -455,14 +469,8 @@ def next_steps(document: Document) -> Iterator[str]:
             "To turn the formula of the unmodelled torque into an effect: heli3dof effect new "
             f"--from {document['model']}"
         )
-    off = refit_explains(document) or any(
-        c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]
-    )
-    if document["model"] and off:
-        yield (
-            "To write a profile with the calibrated values: heli3dof profile update --from "
-            f"{document['model']} -o rig2.toml"
-        )
+    if document["verdict"] != "off_calibration":
+        yield from _profile_update(document)
     if any(rest["depends_on"] and not rest.get("formula") for rest in document["leftover"]):
         yield (
             "For the unmodelled effect: study its figure (--report FILE.html), find what on the "

@@ -47,6 +47,12 @@ def test_more_than_four_causes_refer_to_the_tables() -> None:
     assert "1 weaker cause: see --verbose." in diagnosis_summary(document)
 
 
+def test_wrong_numbers_in_the_profile_are_to_be_updated_first() -> None:
+    document = {**deepcopy(kept("diagnose.json")), "verdict": "off_calibration", "findings": []}
+    document["model"] = "m.json"
+    assert "heli3dof profile update --from m.json" in diagnosis_summary(document)[-1]
+
+
 def test_what_several_recordings_have_is_stated_once() -> None:
     document = deepcopy(kept("diagnose.json"))
     first = {**document["findings"][0], "effect": "timing.jitter", "axis": None}
