@@ -31,8 +31,8 @@ from heli3dof.diagnosis.conclusion.verdict import conclude
 from heli3dof.diagnosis.constants import MAX_CAUSES
 from heli3dof.diagnosis.free_run.diagnose_free_run import (
     PREDICTS_WORSE,
+    can_be_fitted,
     diagnose_without_likelihood,
-    has_all_angles,
     no_likelihood,
 )
 from heli3dof.diagnosis.result import Diagnosis
@@ -116,10 +116,14 @@ def _diagnosed(
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
     train, held = ([with_known_controller(corrected(r)) for r in x] for x in (train, held))
-    if why := no_likelihood(train):
+
+    def without_likelihood(why: str) -> Diagnosis:
         return diagnose_without_likelihood(
             train, held, faults, why=why, base=base, quick=quick, seed=seed, progress=clock.progress
         )
+
+    if why := no_likelihood(train):
+        return without_likelihood(why)
     effort = QUICK if quick else FULL
     setup = Setup(tuple(train), seed, effort.correction, base)
     clock.start("base", "Fitting the base simulation and simulating its bias …")
@@ -134,19 +138,16 @@ def _diagnosed(
         settled = replace(settled, fit=fit, after=held_out(fit, held))
     clock.start("left", "Searching for unmodelled effects …")
     settled = search_residual_torques(setup, settled, held, flights=effort.torque_nulls)
-    settled = replace(settled, findings=with_segment_ties(settled.findings))
-    settled = replace(settled, findings=marked_if_doubtful(settled.findings, setup))
+    findings = marked_if_doubtful(with_segment_ties(settled.findings), setup)
+    settled = replace(settled, findings=findings)
     if settled.residual_torques:
         clock.start("torque terms", "Extending the model by the unmodelled torque …")
     extended = with_torques(setup, settled.fit, settled.after, settled.residual_torques, held)
     clock.start("gain", "Measuring the gain on held-out data …")
     base_fit = base_with_forms(base_fit, settled.fit)
     result = fitted(base_fit, settled.fit, extended.fit, extended.after, train, held, seed=seed)
-    if result.predicts_worse and has_all_angles(train):
-        return diagnose_without_likelihood(
-            train, held, faults, why=PREDICTS_WORSE, base=base, quick=quick, seed=seed,
-            progress=clock.progress,
-        )  # fmt: skip
+    if result.predicts_worse and can_be_fitted(train):
+        return without_likelihood(PREDICTS_WORSE)
     clock.start("off", "Comparing the calibration with the profile …")
     off = off_nominal(settled.fit) if settled.is_decided else ()
     if not settled.fit.is_corrected:

@@ -132,7 +132,7 @@ RULES = (
         _argument(0),
     ),
     Rule(
-        "recordings must agree",
+        "doubtful findings are unconfirmed",
         DIAGNOSIS + "conclusion.doubtful_findings:marked_if_doubtful",
         _argument(0),
     ),

@@ -43,7 +43,6 @@ from heli3dof.diagnosis.base_parameters import base_parameters, effect_size, in_
 from heli3dof.diagnosis.conclusion.unknown_controller import (
     exceeds_rounding,
     is_biased,
-    rounding_deg,
     unbiased_axes,
 )
 from heli3dof.diagnosis.constants import SUFFICIENT, TIE
@@ -149,11 +148,7 @@ def worsens(g: Gain, profile: Profile) -> bool:
 
     Changes below the standard deviation of rounding to encoder counts do not matter.
     """
-    rounding = zip(AXES, rounding_deg(profile), strict=True)
-    lost = any(
-        (x := g.rmse_deg[a]) is not None and x.high < 0 and -x.value > r for a, r in rounding
-    )
-    return lost and not exceeds_rounding(g, profile)
+    return exceeds_rounding(g, profile, increases=True) and not exceeds_rounding(g, profile)
 
 
 def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) -> list[HeldOut]:

@@ -1,4 +1,4 @@
-"""Mark doubtful findings as unconfirmed ("…-like"), with `MOST_CONFIDENCE` at most.
+"""Mark doubtful findings as unconfirmed ("…-like"), with a confidence of `MOST_CONFIDENCE` at most.
 
 These findings are doubtful:
 
@@ -120,7 +120,8 @@ def not_confirmed(names: Sequence[str], recordings: Sequence[Recording]) -> set[
     tested = [n for n in names if not term(n).effect.scan]
     if len(recordings) < 2 or not tested:
         return set()
-    results = parallel_map(lambda i: _fit_alone(recordings[i], tested), len(recordings))
+    n = len(recordings)
+    results = parallel_map(lambda i: _fit_alone(recordings[i], tested), n, what="recordings alone")
     fits = [f for f in results if f is not None]
     if len(fits) < 2:
         return set()

@@ -42,12 +42,18 @@ def is_biased(fit: CorrectedFit, axis: str | None) -> bool:
     return isinstance(fit.problem, ProfileLikelihood) and axis in fit.problem.implausible
 
 
-def exceeds_rounding(g: Gain, profile: Profile, *, axes: Sequence[str] = AXES) -> bool:
-    """Return whether the RMSE of one of ``axes`` decreases significantly, by more than rounding."""
-    rounding = dict(zip(AXES, rounding_deg(profile), strict=True))
-    gained = {a: g.rmse_deg[a] for a in axes}
+def exceeds_rounding(
+    g: Gain, profile: Profile, *, axes: Sequence[str] = AXES, increases: bool = False
+) -> bool:
+    """Return whether the RMSE of one of ``axes`` decreases significantly, by more than rounding.
+
+    ``increases``: whether it increases so.
+    """
+    rounding, sign = dict(zip(AXES, rounding_deg(profile), strict=True)), -1 if increases else 1
+    changes = {a: g.rmse_deg[a] for a in axes}
     return any(
-        won is not None and won.low > 0 and won.value > rounding[a] for a, won in gained.items()
+        x is not None and min(sign * x.low, sign * x.high) > 0 and sign * x.value > rounding[a]
+        for a, x in changes.items()
     )
 
 

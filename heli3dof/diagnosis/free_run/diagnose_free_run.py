@@ -61,9 +61,8 @@ from heli3dof.diagnosis.validation.prediction import HORIZONS_S
 from heli3dof.diagnosis.validation.simulation_error import SimulationError
 from heli3dof.identification.closed_loop_fit.base_fit import BASES
 from heli3dof.identification.greybox.freeflight import (
-    LEAST_STARTS,
     fit_freeflight,
-    flight_of,
+    flights_to_fit,
     model_of,
 )
 from heli3dof.identification.greybox.multistep import MultiStepFit as Fit
@@ -94,10 +93,9 @@ PREDICTS_WORSE = (
 )
 
 
-def has_all_angles(recordings: Sequence[Recording]) -> bool:
-    """Return whether enough recordings have all three angles for a fit to 3 s predictions."""
-    starts = sum(len(flight_of(r).starts) for r in _all_angles(recordings))
-    return starts >= LEAST_STARTS
+def can_be_fitted(recordings: Sequence[Recording]) -> bool:
+    """Return whether those with all three angles are long enough for a fit to 3 s predictions."""
+    return bool(flights_to_fit(_all_angles(recordings)))
 
 
 def no_likelihood(recordings: Sequence[Recording]) -> str:
@@ -127,7 +125,7 @@ def diagnose_without_likelihood(
     on the training data if there are no held-out data.
     """
     whole, partial = _all_angles(train), [r for r in (*train, *held) if len(r.axes) < len(AXES)]
-    flights = [r for r in whole if len(flight_of(r).starts) >= LEAST_STARTS]
+    flights = [r for r, _ in flights_to_fit(whole)]
     held_out = _all_angles(held)
     tested, on = (held_out, "holdout") if held_out else (whole, "the recordings themselves")
     progress(FITTING)

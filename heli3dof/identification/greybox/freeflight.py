@@ -139,6 +139,16 @@ def fit_freeflight(
     return search(problem, weak_start(problem, progress=progress), progress=progress)
 
 
+def flights_to_fit(recordings: Sequence[Recording]) -> list[tuple[Recording, Flight]]:
+    """Return the recordings with `LEAST_STARTS` prediction windows, each with its flight.
+
+    The result is empty if they have fewer than `LEAST_WINDOWS` windows in total.
+    """
+    parts = ((r, flight_of(r)) for r in recordings)
+    flights = [(r, f) for r, f in parts if len(f.starts) >= LEAST_STARTS]
+    return flights if sum(len(f.starts) for _, f in flights) >= LEAST_WINDOWS else []
+
+
 def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS) -> MultiStep:
     """Return the least-squares problem of a fit to ``recordings`` with the effects ``names``.
 
@@ -146,9 +156,8 @@ def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERM
     if the others have fewer than `LEAST_WINDOWS` windows in total.
     """
     structure = Structure(recordings[0].profile, terms(names))
-    parts = [(r, flight_of(r)) for r in recordings]
-    flights = [(r, f) for r, f in parts if len(f.starts) >= LEAST_STARTS]
-    if sum(len(f.starts) for _, f in flights) < LEAST_WINDOWS:
+    flights = flights_to_fit(recordings)
+    if not flights:
         raise RecordingError(
             f"There are fewer than {LEAST_WINDOWS} windows of {WINDOW_S:.0f} s in flight to fit.",
             cause="the recordings are short, or spend their time on the table or at a stop.",

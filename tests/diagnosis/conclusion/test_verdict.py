@@ -17,6 +17,7 @@ from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Finding,
+    Fitted,
     UnexplainedError,
     in_order,
 )
@@ -122,6 +123,18 @@ def test_refitted_numbers_that_predict_an_axis_worse_do_not_explain_the_error() 
     e = (1.6, 2.4, 0.4), (0.1, 8.3, 0.9), (0.2, 9.8, 0.9)
     remaining = remainders(errors(*e, of_calibration=True), [])
     assert next((r.axis, r.noise_deg) for r in remaining) == ("pitch", 2.4)
+
+
+@pytest.mark.parametrize(
+    ("after", "worse"),
+    [((0.1, 8.3, 0.9), True), ((2.1, 2.4, 0.4), False), ((0.1, 3.7, 0.4), True)],
+)
+def test_a_model_with_half_as_much_error_again_predicts_worse(
+    after: tuple[float, ...], worse: bool
+) -> None:
+    """Mean squares, summed over the axes: 8.5 before; 69.7, 10.3 and 13.9 deg² after."""
+    e = errors((1.6, 2.4, 0.4), after, UNKNOWN)
+    assert Fitted.predicts_worse.fget(e) == worse
 
 
 def test_a_cause_that_is_not_confirmed_explains_nothing_for_certain() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.free_run.diagnose_free_run import no_likelihood
+from heli3dof.diagnosis.free_run.diagnose_free_run import can_be_fitted, no_likelihood
 from heli3dof.diagnosis.free_run.free_run_gain import FreeRun, free_run_gain, predicts_better
 from heli3dof.diagnosis.free_run.residual_torques import _cross_validated_share
 from heli3dof.diagnosis.free_run.unexplained import (
@@ -13,6 +13,8 @@ from heli3dof.diagnosis.free_run.unexplained import (
     hover_voltage,
     steady_rows,
 )
+from heli3dof.errors import RecordingError
+from heli3dof.identification.greybox.freeflight import problem_of
 from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.recording.recording import Recording
 from tests.diagnosis import rig_a
@@ -31,6 +33,17 @@ def quick(real: Recording) -> MultiStepFit:
 
 def test_a_mock_flight_is_diagnosed_by_its_likelihood() -> None:
     assert not no_likelihood([fly(1022, until_s=40.0).recording.between(0, 10)])
+
+
+@pytest.mark.parametrize(("seconds", "enough"), [(5, False), (8, False), (12, True)])
+def test_only_what_the_fit_accepts_is_said_to_be_long_enough(seconds: int, enough: bool) -> None:
+    flown = fly(1022, until_s=40.0).recording.between(0, seconds)
+    assert can_be_fitted([flown]) == enough
+    if enough:
+        assert problem_of([flown]).flights
+    else:
+        with pytest.raises(RecordingError, match="fewer than 20 windows"):
+            problem_of([flown])
 
 
 def test_a_real_log_is_diagnosed_by_free_run_predictions(real: Recording) -> None:
