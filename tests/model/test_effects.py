@@ -106,6 +106,7 @@ def test_the_lower_rotor_of_a_tilted_body_has_more_ground_effect() -> None:
 
 def test_a_drift_takes_a_share_of_both_thrusts_that_grows_with_time() -> None:
     assert acting("motor.thrust_drift", [0.001], [1.1, 0.8], T=50.0) == pytest.approx([1.045, 0.76])
+    assert acting("motor.thrust_drift", [0.01], [1.1, 0.8], T=200.0) == [0.0, 0.0]  # none is left
 
 
 @pytest.mark.parametrize("name", all_names())

@@ -68,9 +68,11 @@ def rotor_curve(s: Any, par: Any, mem: Any, out: Any) -> None:
 def thrust_drift(s: Any, par: Any, mem: Any, out: Any) -> None:
     """Thrust F falls (d > 0) or grows with the time t (s) of the recording: F (1 − d t), d in 1/s.
 
-    A battery discharges, and so does the strength of warm magnets; warm bearings turn easier.
+    For example, a battery discharges (d > 0), or warm bearings turn more easily (d < 0).
     """
     left = 1.0 - par[A] * s[T]
+    if left < 0.0:
+        left = 0.0
     out[0] *= left
     out[1] *= left
 
