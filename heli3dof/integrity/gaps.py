@@ -23,7 +23,7 @@ def gaps(view: View) -> Iterable[Fault]:
     r = view.recording
     if len(r) < 20 or not (np.diff(r.t) > 0).all():
         return
-    missing = np.diff(view.ticks.number) - 1
+    missing = view.ticks.missing
     sizes = [int(n) for n in missing[missing > 0]]
     columns = np.column_stack([r.voltage, r.angle])
     logged = columns[:, np.isfinite(columns).any(axis=0)]

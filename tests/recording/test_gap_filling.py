@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from heli3dof.recording.gap_filling import fill_gaps, missing
+from heli3dof.recording.gap_filling import fill_gaps
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import default_profile
 
@@ -38,8 +38,8 @@ def test_a_late_sample_is_not_a_lost_one() -> None:
     t = DT * np.arange(100.0)
     t[50] += 0.8 * DT
     assert fill_gaps(counting(t), 6.5)[0].t is t
-    # Lost and late at once: sample 49 is missing, 50 came late.
-    assert missing(np.delete(t, 49), DT).tolist() == [0] * 48 + [1] + [0] * 49
+    lost_49 = fill_gaps(counting(np.delete(t, 49)), 6.5)
+    assert np.delete(np.arange(100), 49).tolist() == lost_49[1].tolist()
 
 
 def test_a_long_gap_is_not_filled() -> None:

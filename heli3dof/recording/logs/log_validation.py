@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from heli3dof.errors import RecordingError
-from heli3dof.recording.gap_filling import GAP
+from heli3dof.recording.logs.sampling_clock import ticks
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
 
 MIN_SAMPLES = 10
@@ -54,7 +54,7 @@ class Timing:
     jitter_s: float
     """s, RMS deviation of the intervals, gaps excluded, from the median"""
     gaps: int
-    """Number of intervals longer than `GAP` periods"""
+    """Number of intervals in which samples are missing (`Ticks.missing`)"""
     longest_gap_s: float
     lost_share: float
     """Samples missing in the gaps, as a share of all expected samples"""
@@ -67,15 +67,15 @@ def timing(t: np.ndarray) -> Timing:
     """Return the statistics of sample times ``t`` (N,) in s, strictly increasing, N ≥ 2."""
     dt = np.diff(t)
     period = float(np.median(dt))
-    gap = dt > GAP * period
-    lost = int(np.rint(dt[gap] / period - 1).sum())
+    clock = ticks(t)
+    gap = clock.missing > 0
     return Timing(
         period_s=period,
         rate_hz=1 / period,
         jitter_s=float(np.sqrt(np.mean((dt[~gap] - period) ** 2))) if (~gap).any() else 0.0,
         gaps=int(gap.sum()),
         longest_gap_s=float(dt.max()) if gap.any() else 0.0,
-        lost_share=lost / (len(t) + lost),
+        lost_share=clock.lost / (len(t) + clock.lost),
     )
 
 

@@ -60,6 +60,17 @@ class Ticks:
     jitter_std_s: float
 
     @property
+    def missing(self) -> np.ndarray:
+        """Return the number of lost samples (N − 1,) in each interval.
+
+        A sample that is more than half a period late has the number of the next one. It counts as
+        late, not as lost.
+        """
+        k = np.arange(len(self.number))
+        lost_until = np.minimum.accumulate((self.number - k)[::-1])[::-1]
+        return np.diff(np.maximum(lost_until, 0))
+
+    @property
     def lost(self) -> int:
         """Return the number of lost samples."""
         return int(self.number[-1]) + 1 - len(self.number)

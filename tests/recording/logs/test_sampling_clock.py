@@ -58,3 +58,12 @@ def test_bursts_are_counted_as_samples_that_follow_each_other() -> None:
     clock = ticks(arrivals(DT * np.arange(1000), 5))
     assert clock.period_s == pytest.approx(DT, rel=1e-4)
     assert clock.lost == 0
+
+
+def test_a_sample_that_is_later_than_the_next_one_was_due_is_not_lost() -> None:
+    rng = np.random.default_rng(6)
+    k = np.delete(np.arange(2000), [500, 501, 1200])
+    late = np.where(rng.random(len(k)) < 0.05, 0.7, 0.0)
+    missing = ticks(DT * (k + late)).missing
+    assert np.flatnonzero(missing).tolist() == [499, 1197]
+    assert missing.sum() == 3
