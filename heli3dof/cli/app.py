@@ -104,5 +104,5 @@ def main() -> None:
     except SystemExit as end:
         code = 0 if output_encoding.reader_has_gone(end) else end.code
     except OSError as error:  # of --help; a verb explains its own errors
-        code = output_encoding.lost(error)
+        code = output_encoding.print_lost_output(error)
     sys.exit(output_encoding.finish(code))
