@@ -1,10 +1,9 @@
 """The command line ``heli3dof VERB``: collects the verbs (its subcommands) and runs one.
 
 A verb is a module of this folder with a function ``register(app)``. Other packages register such
-functions in the entry point group ``heli3dof.verbs``. The function gives the verb's heading in
-``heli3dof --help`` with typer's ``rich_help_panel``: ``app.command("run",
-rich_help_panel="Fly")(run)``. Verbs import heavy libraries inside their functions, so that
-``heli3dof --help`` is quick.
+functions in the entry point group ``heli3dof.verbs``. `register` adds the verb to ``app`` and
+states its heading in ``heli3dof --help``: ``app.command("run", rich_help_panel="Fly")(run)``.
+Verbs import heavy libraries inside their functions, so that ``heli3dof --help`` is quick.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""``heli3dof compare``: compares models with flights, also as the paper's Table II, Figures 7–9."""
+"""``heli3dof compare``: compares models with flights, in tables and the paper's Figures 7–9."""
 
 from __future__ import annotations
 

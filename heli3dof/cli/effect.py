@@ -149,5 +149,5 @@ def check(
 
 
 def _as_path(folder: Path) -> str:
-    """Return the folder as a path with ``./``, so that pip does not take it for a name."""
+    """Return the folder as a path with ``./``, so that pip takes it for a path, not a name."""
     return str(folder) if folder.is_absolute() else f"./{folder}"

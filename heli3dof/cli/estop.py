@@ -64,7 +64,7 @@ def estop(
 def estop_without_typer(words: Sequence[str]) -> None:
     """Run ``estop`` with the arguments ``words`` and exit; return if getopt cannot parse them.
 
-    This takes less time than through typer, which loads pydantic to parse options.
+    This is faster than through typer, which loads pydantic to parse options.
     """
     try:
         options, rest = getopt(list(words), "", ["device=", "reason=", "json", "quiet"])

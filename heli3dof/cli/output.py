@@ -98,7 +98,7 @@ class Output:
 
 @contextmanager
 def stages(out: Output) -> Iterator[Callable[[str], None]]:
-    """Context manager: yield a function that displays a text on a computation's present stage.
+    """Context manager: yield a function that displays the present stage of a computation.
 
     On a terminal a spinner shows the text. Without one, each text is printed as a line, except
     counts such as "Screening … flights: 31 of 64". With ``--quiet`` nothing is shown.

@@ -423,7 +423,10 @@ def model_deviations(document: Document) -> Iterator[str]:
 
 
 def _profile_update(document: Document) -> Iterator[str]:
-    """Yield how to write a calibrated profile, if the refit explains errors or a value is off."""
+    """Yield a sentence with the command that writes a calibrated profile, if it is worthwhile.
+
+    It is if the refit explains errors, or if a refitted value is beyond its tolerance.
+    """
     off = refit_explains(document) or any(
         c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]
     )

@@ -101,7 +101,11 @@ class _FittingTable:
         return head.rsplit(" ", 1) if self.grid.is_number(column) else [head]
 
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
-        """Return the least widths of ``columns``; spare ``width`` widens the left columns first."""
+        """Return the widths of ``columns`` in characters, together at most ``width`` if possible.
+
+        Each column gets its least width. The rest widens columns from the left, up to the longest
+        line of each.
+        """
         from rich.cells import cell_len
 
         widths = [self._least_width(i) for i in columns]
