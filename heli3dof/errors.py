@@ -109,7 +109,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def why_missing(path: Path) -> str:
-    """Return the likely reason why there is no file ``path``; it may name a similar file nearby."""
+    """Return the likely reason why ``path`` does not exist, and a similar file's name, if any."""
     names = []
     if path.parent.is_dir():
         names = [p.name for p in path.parent.iterdir() if p.is_file()]

@@ -49,21 +49,21 @@ def worker_count() -> int:
 def limit_threads(count: int) -> None:
     """Let estimation and BLAS in this process use at most ``count`` threads from now on.
 
-    For a process that shares the cores with other processes, such as a batch worker.
+    A process that shares the cores with others, such as a batch worker, calls this function.
     """
     from threadpoolctl import threadpool_limits
 
     global _limit
     _limit = max(1, min(count, MOST))
-    _free.cache_clear()
+    _free_helpers.cache_clear()
     threadpool_limits(limits=_limit, user_api="blas")
 
 
 def one_blas_thread(function: Callable[P, X]) -> Callable[P, X]:
     """Decorate ``function`` so that BLAS uses one thread while it runs.
 
-    Estimation's matrices are small. On a busy computer several BLAS threads wait for one another:
-    an identification took ten times as long.
+    Estimation multiplies small matrices, so more BLAS threads gain nothing. On a busy computer they
+    wait for one another, which made an identification ten times slower.
     """
 
     @functools.wraps(function)
@@ -77,7 +77,7 @@ def one_blas_thread(function: Callable[P, X]) -> Callable[P, X]:
 
 
 @functools.cache
-def _free() -> threading.Semaphore:
+def _free_helpers() -> threading.Semaphore:
     """Return the semaphore that limits how many more helper threads may start."""
     return threading.Semaphore(worker_count() - 1)
 
@@ -106,7 +106,7 @@ def report_count(what: str, done: int, of: int) -> None:
 
 @contextmanager
 def distribute(distributor: Distributor | None) -> Iterator[None]:
-    """Context manager in which ``distributor`` computes `replicate`'s calls (None: threads do)."""
+    """Context manager: inside it, `replicate` uses ``distributor``; None: it uses threads."""
     token = _distributor.set(distributor)
     try:
         yield
@@ -140,23 +140,24 @@ def parallel_map(work: Callable[[int], X], count: int, *, what: str = "") -> lis
     If a call fails, no more calls start. If several fail, the error of the call with the lowest
     number is raised.
     """
-    pieces = _Pieces(work, count, what)
+    calls = _Calls(work, count, what)
     helpers: list[threading.Thread] = []
     with report_progress(None), distribute(None):
-        while pieces.left:
-            while pieces.left > 1 and _free().acquire(blocking=False):
-                helpers.append(threading.Thread(target=pieces.help, daemon=True))
+        while calls.left:
+            while calls.left > 1 and _free_helpers().acquire(blocking=False):
+                helpers.append(threading.Thread(target=calls.help, daemon=True))
                 helpers[-1].start()
-            pieces.do_one()
+            calls.do_one()
     if any(h.is_alive() for h in helpers):
-        _free().release()  # while this thread waits, nested work of the helpers may use its place
+        # While this thread waits, nested calls of the helpers may start one more thread.
+        _free_helpers().release()
         for h in helpers:
             h.join()
-        _free().acquire()
-    return pieces.results()
+        _free_helpers().acquire()
+    return calls.results()
 
 
-class _Pieces(Generic[X]):
+class _Calls(Generic[X]):
     """The calls ``work(i)`` of one `parallel_map`, with their results and errors."""
 
     def __init__(self, work: Callable[[int], X], count: int, what: str) -> None:
@@ -177,7 +178,7 @@ class _Pieces(Generic[X]):
             while self.left:
                 self.do_one()
         finally:
-            _free().release()
+            _free_helpers().release()
 
     def do_one(self) -> None:
         with self._lock:

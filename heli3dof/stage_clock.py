@@ -20,27 +20,27 @@ class StageClock:
         self.progress = progress
         self.seconds: dict[str, float] = {}
         self._stage, self._since = "", time.perf_counter()
-        self._sentence, self._said = "", self._since
+        self._sentence, self._reported_at = "", self._since
         self._first: tuple[int, float] | None = None  # items and time at the first count
 
     def start(self, stage: str, sentence: str) -> None:
         self.stop()
-        self._stage, self._sentence, self._said = stage, sentence, self._since
+        self._stage, self._sentence, self._reported_at = stage, sentence, self._since
         self._first = None
         self.progress(sentence)
 
     def counts(self, what: str, done: int, of: int) -> None:
         """Report that ``done`` of ``of`` items of the stage are finished, with the time left.
 
-        ``what`` names the items: ``Screening … flights: 31 of 64, 4 s left``. A call within
-        `PROGRESS_EVERY_S` of the last report is ignored. The items finished so far give the time
-        per item.
+        ``what`` names the items: ``Screening … flights: 31 of 64, 4 s left``. No report is made
+        within `PROGRESS_EVERY_S` of the last one. The time left follows from the items finished
+        since the first call.
         """
         now = time.perf_counter()
         if self._first is None or done <= self._first[0]:
             self._first = done, now
-        if now - self._said >= PROGRESS_EVERY_S:
-            self._said = now
+        if now - self._reported_at >= PROGRESS_EVERY_S:
+            self._reported_at = now
             counted = done - self._first[0]
             left = (now - self._first[1]) / counted * (of - done) if counted else None
             until = "" if left is None else f", {left:.0f} s left"

@@ -72,12 +72,12 @@ class Key:
                     "low": f"{low:g}",
                     "high": f"{high:g}",
                     "unit": self.unit,
-                    "slip": self.slip(value),
+                    "slip": self.wrong_unit(value),
                 },
             )
         return value
 
-    def slip(self, value: float) -> str:
+    def wrong_unit(self, value: float) -> str:
         """Return a hint that ``value`` may be in a wrong unit, e.g. cm instead of m; else empty."""
         expected = self.usual or self.plausible
         if expected is None:

@@ -38,7 +38,7 @@ def test_the_watcher_is_called_for_every_piece_of_named_work_only() -> None:
 
 @pytest.fixture
 def two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parallel, "_free", cache(lambda: threading.Semaphore(1)))
+    monkeypatch.setattr(parallel, "_free_helpers", cache(lambda: threading.Semaphore(1)))
 
 
 @pytest.mark.usefixtures("two_threads")

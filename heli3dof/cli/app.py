@@ -1,10 +1,9 @@
 """The command line ``heli3dof VERB``: collects the verbs (its subcommands) and runs one.
 
 A verb is a module of this folder with a function ``register(app)``. Other packages register such
-functions in the entry point group ``heli3dof.verbs``. The function gives the verb's heading in
-``heli3dof --help`` with typer's ``rich_help_panel``: ``app.command("run",
-rich_help_panel="Fly")(run)``. Verbs import heavy libraries inside their functions, so that
-``heli3dof --help`` is quick.
+functions in the entry point group ``heli3dof.verbs``. `register` adds the verb to ``app`` and
+states its heading in ``heli3dof --help``: ``app.command("run", rich_help_panel="Fly")(run)``.
+Verbs import heavy libraries inside their functions, so that ``heli3dof --help`` is quick.
 """
 
 from __future__ import annotations
@@ -104,5 +103,5 @@ def main() -> None:
     except SystemExit as end:
         code = 0 if output_encoding.reader_has_gone(end) else end.code
     except OSError as error:  # of --help; a verb explains its own errors
-        code = output_encoding.lost(error)
+        code = output_encoding.print_lost_output(error)
     sys.exit(output_encoding.finish(code))

@@ -50,8 +50,8 @@ Where = Annotated[
     typer.Option(
         "--where",
         metavar="CONDITION",
-        help='Only recordings that meet it: \'rig="K1" and plan="rich"\'. Any of the table\'s '
-        "first columns, see docs/how-to/many-recordings.md.",
+        help='Only recordings that meet this condition: \'rig="K1" and plan="rich"\'. Any of the '
+        "table's first columns, see docs/how-to/many-recordings.md.",
     ),
 ]
 Resume = Annotated[
@@ -288,7 +288,7 @@ def run_tasks(
 
 
 def _named_shares(tasks: Sequence[Task], folder: OutputFolder) -> dict[str, list[NamedShare]]:
-    """Return a dict: recording → shares of its bootstrap replicates that name each cause."""
+    """Return, for each recording, the share of its bootstrap replicates that name each cause."""
     from heli3dof.batch.bootstrap import named_shares
 
     rows: dict[str, list[Mapping[str, Any]]] = {}
@@ -374,17 +374,17 @@ def _progress(out: Output, name: str) -> Iterator[Callable[[Batch], None]]:
 
 
 class _Lines:
-    """Prints a line of progress every `LINE_EVERY_S`."""
+    """Prints a line of progress every `LINE_EVERY_S` seconds."""
 
     def __init__(self, out: Output, name: str) -> None:
         self._out, self._name = out, name
-        self._start = self._said = time.monotonic()
+        self._start = self._printed_at = time.monotonic()
 
     def __call__(self, batch: Batch) -> None:
         now = time.monotonic()
-        if now - self._said < LINE_EVERY_S or not batch.done:
+        if now - self._printed_at < LINE_EVERY_S or not batch.done:
             return
-        self._said = now
+        self._printed_at = now
         left_min = (now - self._start) / batch.done * batch.left / 60
         self._out.note(
             f"{self._name}: {batch.kept + batch.done} of {batch.total}, {left_min:.1f} min left"

@@ -1,4 +1,4 @@
-"""``heli3dof compare``: which model is best; also the paper's Table II and Figures 7–9."""
+"""``heli3dof compare``: compares models with flights, in tables and the paper's Figures 7–9."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def compare(
         bool,
         typer.Option(
             "--identify-controller",
-            help="Replay logs whose profile has no controller: identify it from them.",
+            help="Identify the controller of logs whose profile has none, and replay them.",
         ),
     ] = False,
     paper: PaperNumbers = False,
@@ -121,7 +121,7 @@ def show_comparison(
     paper: bool = False,
     verbose: bool = False,
 ) -> None:
-    """Print a comparison: the verdict and the fit table; with ``verbose`` all tables.
+    """Print a comparison: the verdict and the table of RMSE; with ``verbose`` all tables.
 
     ``paper``: also print a table like the paper's Table II; ``published``: the paper's numbers, for
     one more table.

@@ -34,22 +34,22 @@ def new(
         str | None,
         typer.Argument(
             metavar="[NAME]",
-            help="Write an effect of this name to begin with, such as magnet.detent.",
+            help="Name of the new effect, such as magnet.detent.",
             show_default=False,
         ),
     ] = None,
     source: Annotated[
         Path | None,
-        typer.Option("--from", metavar="FILE", help="What diagnose --json printed, or its model."),
+        typer.Option("--from", metavar="FILE", help="Output of diagnose --json, or its model."),
     ] = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the package is made.")
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to create the package.")
     ] = Path(),
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write an effect: effect new NAME, or from a diagnosis: effect new --from diagnosis.json."""
+    """Write a package with an effect: effect new NAME, or effect new --from diagnosis.json."""
     from heli3dof.effect_files.from_diagnosis import package_files, read_formulas
     from heli3dof.effect_files.template import template_files
 
@@ -149,5 +149,5 @@ def check(
 
 
 def _as_path(folder: Path) -> str:
-    """Return the folder as a path with ``./``, so that pip does not mistake it for a package."""
+    """Return the folder as a path with ``./``, so that pip takes it for a path, not a name."""
     return str(folder) if folder.is_absolute() else f"./{folder}"

@@ -23,7 +23,7 @@ def register(app: typer.Typer) -> None:
 def estop(
     device: Annotated[
         str | None,
-        typer.Option("--device", metavar="URL", help="Default: every rig that runs or is found."),
+        typer.Option("--device", metavar="URL", help="Default: every rig in use or found."),
     ] = None,
     reason: Annotated[
         str, typer.Option("--reason", help="Stored in the recording of the flight that it ends.")
@@ -64,7 +64,7 @@ def estop(
 def estop_without_typer(words: Sequence[str]) -> None:
     """Run ``estop`` with the arguments ``words`` and exit; return if getopt cannot parse them.
 
-    This function is faster than typer, which loads pydantic to read an option.
+    This is faster than through typer, which loads pydantic to parse options.
     """
     try:
         options, rest = getopt(list(words), "", ["device=", "reason=", "json", "quiet"])

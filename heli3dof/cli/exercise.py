@@ -86,7 +86,7 @@ def new(
 def submit(
     diagnoses: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="DIAGNOSIS...", help="What diagnose --json printed."),
+        typer.Argument(metavar="DIAGNOSIS...", help="Output of diagnose --json."),
     ] = None,
     exercise: Annotated[
         Path, typer.Option("--exercise", metavar="FILE", help="The exercise's sealed file.")
@@ -141,7 +141,7 @@ def submit(
 
 @verb
 def mark(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the answers are.")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of the answers.")],
     key: Key = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -153,7 +153,7 @@ def mark(
     out = Output(as_json=as_json, quiet=quiet)
     rows = mark_folder(folder, _key(out, key or default_key()))
     documents = [row.document() for row in rows]
-    out.show(*_truths(documents), _table(documents))
+    out.show(*_hidden_effects(documents), _table(documents))
     marked = sum(row.reason is None for row in rows)
     out.note(f"Marked: {marked} of {len(rows)}")
     out.emit({"schema": "heli3dof.marks/1", "rows": documents})
@@ -199,7 +199,7 @@ def _key(out: Output, path: Path) -> SigningKey:
     return key
 
 
-def _truths(rows: list[dict[str, Any]]) -> Iterator[str]:
+def _hidden_effects(rows: list[dict[str, Any]]) -> Iterator[str]:
     """Yield a line for each exercise in the marks ``rows``: the effects that its rig hides."""
     seen = {r["exercise"]: r for r in rows if r["reason"] is None}
     for exercise, row in sorted(seen.items()):

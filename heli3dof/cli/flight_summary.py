@@ -29,8 +29,8 @@ def recording_table(recording: Recording, title: str, note: str | None = None) -
 def recording_document(recording: Recording) -> dict[str, Any]:
     """Return, by axis name, the reference (°) and metrics of the first step, for JSON.
 
-    For an axis without a step, the values describe its segment ``start``, else its ``hold`` or
-    ``moving``; `heli3dof.comparison.metrics` defines these segments.
+    If the reference of an axis never changes, or moves continuously, the values describe another
+    segment of the reference, as `heli3dof.comparison.metrics` defines (*reported* segment).
     """
     from heli3dof.comparison.metrics import flight_metrics
 

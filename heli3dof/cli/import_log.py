@@ -94,7 +94,10 @@ def import_log(
 
 
 def _lines(found: Mapping[str, Any]) -> Iterator[Table | str]:
-    """Yield a table of a log's columns, and lines of text, to print; ``found``: from `preview`."""
+    """Yield what to print of a log: a table of its columns, its clock, what is ignored.
+
+    ``found``: the result of `heli3dof.recording.logs.preview.preview`.
+    """
     from rich.table import Table
 
     table = Table("column", "from", "unit")

@@ -38,7 +38,7 @@ def info(
 ) -> None:
     """Show what a recording contains: outcome, angles, the steps' overshoot and rise time, source.
 
-    For an axis that the reference moves, JSON lists every step under the key steps.
+    The JSON document lists all steps of each axis under the key steps.
     Example: heli3dof info rec.mcap
     """
     from heli3dof.comparison.document import steps_document

@@ -99,10 +99,10 @@ def _source(
 
 
 def _session(device: str | None, sessions: list[Running]) -> Running | None:
-    """Return the newest of ``sessions``, the processes that use the device; None if none does.
+    """Return the newest of ``sessions`` (processes that use the device); None if there is none.
 
-    ``device``: URL, or None for any device. For an emulated rig, the process's URL must have every
-    option of ``device``.
+    ``device``: URL, or None for any device. If it is an emulated rig with options, only sessions
+    whose URL has all these options count.
     """
     from heli3dof.rig.drivers import is_private
     from heli3dof.rig.url import parse_url

@@ -54,7 +54,7 @@ class MonitorState:
         return minus("  ".join([*words, *self._voltages(), *self._status()]))
 
     def screen(self, console: Console) -> RenderableType:
-        """Return what a terminal shows: traces of the angles, or a line where they do not fit."""
+        """Return what a terminal shows: traces of the angles, or one line if they do not fit."""
         from rich.console import Group
         from rich.text import Text
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 
 import typer
 
-from heli3dof.cli.output_encoding import carries, printable
+from heli3dof.cli.output_encoding import is_ascii_or_utf, printable
 from heli3dof.errors import Heli3dofError, NoSpace, UsageError
 from heli3dof.write_errors import FULL, refusal
 
@@ -80,7 +80,7 @@ class Output:
         if self.as_json:
             plain = jsonable(document)
             text = json.dumps(plain, ensure_ascii=False, indent=2, allow_nan=False)
-            if not carries(text, getattr(sys.stdout, "encoding", None)):
+            if not is_ascii_or_utf(text, getattr(sys.stdout, "encoding", None)):
                 text = json.dumps(plain, indent=2, allow_nan=False)
             print(text)
 
@@ -98,7 +98,7 @@ class Output:
 
 @contextmanager
 def stages(out: Output) -> Iterator[Callable[[str], None]]:
-    """Context manager: yield a function that displays a text on a computation's present stage.
+    """Context manager: yield a function that displays the present stage of a computation.
 
     On a terminal a spinner shows the text. Without one, each text is printed as a line, except
     counts such as "Screening … flights: 31 of 64". With ``--quiet`` nothing is shown.

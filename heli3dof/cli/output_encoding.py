@@ -76,11 +76,11 @@ def finish(code: str | int | None) -> str | int | None:
             _discard(stream)
         except OSError as error:
             _discard(stream)
-            code = lost(error)
+            code = print_lost_output(error)
     return code
 
 
-def lost(error: OSError) -> int:
+def print_lost_output(error: OSError) -> int:
     """Print that the output could not be written because of ``error``; return the exit code."""
     with contextlib.suppress(OSError):
         print(f"Error: The output cannot be written: {error.strerror}.", file=sys.stderr)
@@ -124,7 +124,7 @@ def minus(text: str) -> str:
     return re.sub(r"(?<![\w./-])-(?=[\d.])|(?<=\de)-(?=\d)", "−", text)
 
 
-def carries(text: str, encoding: str | None) -> bool:
+def is_ascii_or_utf(text: str, encoding: str | None) -> bool:
     """Return True if ``text`` is ASCII, or ``encoding`` is a UTF (UTF-8, …) and can encode it."""
     if not (encoding or "").lower().replace("_", "-").startswith("utf"):
         return text.isascii()

@@ -243,7 +243,7 @@ def _design_gain(data: dict[str, Any], remarks: dict[str, str]) -> None:
 
 
 def _remove_controller(given: dict[str, Any], data: dict[str, Any]) -> None:
-    """Remove the controller from the profile ``data``; raise UsageError if ``given`` sets it."""
+    """Remove the controller from the profile ``data``; raise UsageError if ``given`` has one."""
     if "controller" in given:
         raise UsageError(
             "--no-controller contradicts --set controller.…",

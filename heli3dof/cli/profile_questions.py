@@ -128,5 +128,5 @@ def _number(text: str, field: FieldInfo) -> tuple[Any, str]:
         return None, f"{text!r} is not a {'whole ' if is_whole else ''}number."
     if key is not None and key.plausible is not None and not within(value, key.plausible):
         low, high = key.plausible
-        return None, f"Not plausible: {low:g} to {high:g} {key.unit}. {key.slip(value)}"
+        return None, f"Not plausible: {low:g} to {high:g} {key.unit}. {key.wrong_unit(value)}"
     return value, ""

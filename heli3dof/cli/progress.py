@@ -33,9 +33,9 @@ HOW_TO_STOP = "Ctrl-C ramps the motors to zero; heli3dof estop stops them at onc
 def fly_with_progress(
     out: Output, plan: Plan, profile: Profile, device: str, seed: int, output: Path, **more: Any
 ) -> Flight:
-    """Return the flight of `fly_plan`, with progress and warnings on ``out``.
+    """Fly a plan with `fly_plan`, show progress and warnings on ``out``, and return the flight.
 
-    ``more``: its further arguments.
+    ``more``: further arguments of `fly_plan`.
     """
     from heli3dof.experiment.control_loop.loop import Live
     from heli3dof.experiment.fly import fly_plan

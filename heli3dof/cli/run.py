@@ -206,7 +206,7 @@ def default_path(name: str) -> Path:
 
 
 def _show_plan(out: Output, plan: Plan, profile: Profile, device: str, seed: int) -> None:
-    """Check plan, controller, device URL as before a flight, and print the plan (``--dry-run``)."""
+    """Check plan, controller and device URL, and print the plan (``--dry-run``)."""
     from heli3dof.experiment.fly import prepare
     from heli3dof.rig.drivers import check_url, is_private, load_driver
 

@@ -53,7 +53,7 @@ def simulate(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fly a plan on a model: heli3dof simulate steps --model hover."""
+    """Simulate a plan on a model: heli3dof simulate steps --model hover."""
     from heli3dof.cli.flight_summary import recording_document, recording_table
     from heli3dof.experiment.plan import load_plan
     from heli3dof.experiment.simulate import simulate

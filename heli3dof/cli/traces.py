@@ -14,7 +14,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from heli3dof.axes import AXES
-from heli3dof.cli.output_encoding import carries, minus
+from heli3dof.cli.output_encoding import is_ascii_or_utf, minus
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -36,7 +36,7 @@ BRAILLE = 0x2800
 def fits(console: Console) -> bool:
     """Return True if the console is large enough for traces and its encoding has braille."""
     width, height = console.size
-    return width >= WIDTH and height >= HEIGHT and carries(chr(BRAILLE), console.encoding)
+    return width >= WIDTH and height >= HEIGHT and is_ascii_or_utf(chr(BRAILLE), console.encoding)
 
 
 class Traces:

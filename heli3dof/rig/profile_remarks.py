@@ -57,7 +57,7 @@ def unusual_values(profile: Profile) -> Iterator[str]:
         if key is None or key.usual is None or value is None or within(value, key.usual):
             continue
         low, high = key.usual
-        slip = key.slip(value)
+        slip = key.wrong_unit(value)
         yield (
             f"{name} = {value:g} {key.unit} is unusual (most rigs: {low:g} to {high:g})"
             + (f"; {slip}" if slip else "")

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from heli3dof.cli import app
-from heli3dof.cli.output_encoding import carries, printable
+from heli3dof.cli.output_encoding import is_ascii_or_utf, printable
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 
@@ -132,5 +132,5 @@ def test_symbols_are_replaced_by_ascii_text(text: str, ascii_only: str) -> None:
 def test_characters_of_the_encoding_are_kept() -> None:
     assert printable("5 ° ≤ ψ", "cp1252") == "5 ° <= psi"
     assert printable("5 ° ≤ ψ", "utf-8") == "5 ° ≤ ψ"
-    assert carries("ψ", "UTF-8")
-    assert not carries("°", "latin-1"), "a Unicode stream, or ASCII"
+    assert is_ascii_or_utf("ψ", "UTF-8")
+    assert not is_ascii_or_utf("°", "latin-1"), "a Unicode stream, or ASCII"

@@ -87,7 +87,7 @@ EXAMPLES = {
         ("heli3dof demo",),
     ),
     "run": Example(
-        "`run` flies a plan, records it, and prints how the rig followed its steps.",
+        "`run` flies a plan, records it, and prints how well the rig followed the steps.",
         (f"heli3dof run steps {MOCK} -o flight.mcap",),
     ),
     "run-step": Example(
@@ -166,7 +166,7 @@ EXAMPLES = {
         ("heli3dof devices",),
     ),
     "doctor": Example(
-        "`doctor` checks the computer, the disk, the port and the rig before the first flight.",
+        "`doctor` checks computer, disk, port and rig before the first flight.",
         (f"heli3dof doctor {REAL_TIME}",),
     ),
     "estop": Example(

@@ -1,9 +1,9 @@
 """Compute a cause's figure: residual torque against the variable on which the cause depends.
 
-The Kalman filter runs with the fitted model without the cause, and with the noise intensities of a
-refit without the cause. It gives the residual torque τ̂ (N·m,
-`diagnosis.unmodelled.residual_torque`), which is averaged in bins of the variable. The standard
-error of a bin's mean, in which samples within `WINDOW_S` count as one, is
+The Kalman filter runs with the fitted model from which the cause is removed. Its noise intensities
+are those of a refit without the cause. The filter gives the residual torque τ̂ (N·m,
+`diagnosis.unmodelled.residual_torque`), which is averaged in bins of the variable. Samples within
+`WINDOW_S` count as one, so the standard error of a bin's mean is
 
     σ = std(τ̂)/√max(T/`WINDOW_S`, 1)               T: time in the bin, s
 
@@ -12,8 +12,8 @@ of the model with or without the cause, at the filter's states x:
 
     τ = M (q̈_with(x) − q̈_without(x))
 
-An encoder error only changes the reading y of an angle q. The filter then runs once with each
-model, which gives the states x_with and x_without:
+An encoder error only changes the reading y of an angle q. For it, the filter runs once with each
+model and gives the states x_with and x_without:
 
     τ = M (∂y/∂q q̈(x_with) − q̈(x_without))
 """
@@ -149,9 +149,10 @@ def residual_evidence(fit: Estimate, residual: ResidualTorque) -> TorqueCurve:
 def _clearest(flight: LinearisedRun, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
     """Return the variable and axis (0 to 2) for which the cause explains most residual torque.
 
-    ``cause`` (N, 3): the cause's torque. It is subtracted from the residual torque, both averaged
-    in bins of the variable. The measure is how much the weighted variance over the bins decreases.
-    A later variable of ``names`` must exceed `MIN_CLARITY_RATIO` times the best measure so far.
+    ``cause`` (N, 3): the cause's torque in N·m; ``names``: the variables to compare. Both torques
+    are averaged in bins of the variable. The clarity is the decrease of the residual torque's
+    weighted variance over the bins when the cause's torque is subtracted. Another variable replaces
+    the best one so far if its clarity is more than `MIN_CLARITY_RATIO` times as large.
     """
     best = (names[0], 0, 0.0)
     for name in dict.fromkeys(names):

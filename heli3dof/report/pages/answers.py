@@ -1,4 +1,4 @@
-"""Write the first screen of the report: questions, answered by a sentence and a picture each.
+"""Write the first screen of the report: questions, each answered by a sentence and a picture.
 
 A diagnosis answers how wrong the simulation was, what the cause is, what the extended model gains,
 and what to do next. Without a diagnosis, a comparison answers how wrong the simulation was and
@@ -121,9 +121,10 @@ def comparison_answers(comparison: Comparison) -> list[Answer]:
 
 
 def worst_axis(flight: FlightComparison, m: ModelComparison) -> str:
-    """Return the axis with the model's largest RMSE in the replay; if not replayed, in predictions.
+    """Return the axis on which the model's RMSE is largest.
 
-    Without either RMSE, return the first measured axis.
+    The RMSE is that of the replay; without a replay, that of predictions. Without either, the
+    result is the first measured axis.
     """
     errors = m.replay_rmse_deg
     if errors is None or not np.isfinite(errors).any():

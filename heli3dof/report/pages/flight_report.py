@@ -47,7 +47,7 @@ from heli3dof.report.pages.html import (
 )
 from heli3dof.report.pages.identification_section import identification_section
 from heli3dof.report.pages.model_section import model_blocks
-from heli3dof.report.text.comparison_sentences import in_a_sentence
+from heli3dof.report.text.comparison_sentences import comparison_text
 from heli3dof.report.text.comparison_tables import (
     fit_table,
     flight_grids,
@@ -215,7 +215,7 @@ def _comparison(comparison: Comparison, *, paper: bool) -> Section:
             (blocks if axis == first else details).append(
                 figure(drawn, alt, flight=f.recording.digest)
             )
-        details.append(paragraph(in_a_sentence(f)))
+        details.append(paragraph(comparison_text(f)))
         details += [table(g) for g in flight_grids(f, paper=paper)]
     return Section("Comparison", [*blocks, table(fit_table(comparison))], details)
 

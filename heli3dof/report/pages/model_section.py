@@ -110,8 +110,8 @@ def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
 def plant_poles(model: LinearModel) -> np.ndarray:
     """Return the continuous-time poles log(z)/Δt (rad/s) of a discrete model with the poles z.
 
-    The poles of a discretised continuous model are computed from the continuous model: the repeated
-    eigenvalue z = 1 of a chain of integrators is ill-conditioned.
+    The poles of a discretised continuous model are computed from the continuous model, because the
+    repeated eigenvalue z = 1 of a chain of integrators is ill-conditioned.
     """
     if model.exact_hold:
         return np.asarray(np.linalg.eigvals(model.continuous().A))

@@ -10,8 +10,8 @@ from heli3dof.comparison.result import FlightComparison, ModelComparison
 from heli3dof.report.text.number_format import fixed
 
 
-def in_a_sentence(flight: FlightComparison) -> str:
-    """Return sentences that compare one recording with each model: peak of roll, RMSE."""
+def comparison_text(flight: FlightComparison) -> str:
+    """Return sentences on one recording and each model: peak of roll in replay, RMSE."""
     if not flight.models:
         return "No model was compared."
     if flight.why is None:

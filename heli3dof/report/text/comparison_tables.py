@@ -281,7 +281,8 @@ def comparison_grids(comparison: Comparison, *, paper: bool = False) -> list[Gri
 def comparison_summary(comparison: Comparison, *, paper: bool = False) -> list[str | Grid]:
     """Return what `heli3dof compare` prints without --verbose: the verdict and the fit table.
 
-    ``paper`` adds a table like Table II for each step in roll, which is the paper's experiment.
+    ``paper`` adds a table like Table II for each recording with a step in roll, the paper's
+    experiment.
     """
     lines: list[str | Grid] = [*verdict(comparison), fit_table(comparison)]
     for f in comparison.flights if paper else ():

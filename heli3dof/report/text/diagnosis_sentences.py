@@ -1,9 +1,7 @@
 """Write the sentences of a diagnosis from the JSON document of ``diagnose --json``.
 
-An argument ``document`` is the whole document; some functions take only a part of it, such as
-``gain``.
-`verdict` and the functions that yield strings write whole sentences. The sentences of `faults` and
-`next_steps` name an action. docs/reference/contract.md defines the document's keys.
+The argument ``document`` of a function is the whole JSON document; docs/reference/contract.md
+defines its keys. `faults` and `next_steps` also state what the user can do.
 """
 
 from __future__ import annotations
@@ -191,8 +189,8 @@ def limits(document: Document) -> Iterator[str]:
     """Yield sentences on what limits the diagnosis.
 
     They name the recordings that were not fitted, and the axes whose fitted noise exceeds the
-    simulation error. This is the error of predictions with the profile's numbers. If no recording
-    is long enough to measure it, a sentence states that.
+    simulation error (RMSE of predictions with the profile's numbers). If no recording is long
+    enough to measure this error, a sentence states that.
     """
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:
@@ -425,7 +423,10 @@ def model_deviations(document: Document) -> Iterator[str]:
 
 
 def _profile_update(document: Document) -> Iterator[str]:
-    """Yield the command that writes a calibrated profile, if refitted values explain errors."""
+    """Yield a sentence with the command that writes a calibrated profile, if it is worthwhile.
+
+    It is if the refit explains errors, or if a refitted value is beyond its tolerance.
+    """
     off = refit_explains(document) or any(
         c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]
     )

@@ -36,10 +36,10 @@ def diagnosis_summary(document: Document) -> list[str]:
 
 
 def faults(document: Document) -> list[str]:
-    """Return a sentence per check that stops the diagnosis or found a cause of the error.
+    """Return sentences on bad data, and on effects that integrity checks found (such as jitter).
 
-    If it found the same in several recordings, the sentence is on the first and names the others.
-    With --verbose, heli3dof prints all faults.
+    Equal sentences on bad data are given once. If several recordings have the same effect, one
+    sentence describes the first and names the others. With --verbose, heli3dof prints all faults.
     """
     by_check = dict[str, list[Document]]()
     for f in document.get("integrity", ()):
@@ -70,7 +70,7 @@ def simulation_error(document: Document) -> Iterator[str]:
 
 
 def causes(document: Document) -> Iterator[str]:
-    """Yield a line per cause: name, size, confidence, and the effects confounded with it."""
+    """Yield a line for each of the first causes: name, size, confidence, confounded effects."""
     for n, f in enumerate(_once_each(document)[:MOST_CAUSES], start=1):
         sizes = []
         for key, estimate in f["parameters"].items():
@@ -94,7 +94,7 @@ def _weaker(document: Document) -> list[str]:
 
 
 def _once_each(document: Document) -> list[Document]:
-    """Return the causes; of an effect that several recordings have (jitter), the first one."""
+    """Return the causes, each effect once: jitter of several recordings is one cause."""
     return list({name_of(f): f for f in reversed(document["findings"])}.values())[::-1]
 
 

@@ -1,7 +1,7 @@
 """Make the tables of a diagnosis, and its terminal output: tables and sentences in reading order.
 
 Each function's argument ``document`` is the JSON document of ``diagnose --json`` (schema
-``heli3dof.diagnosis/1``). So a diagnosis read from a file looks like a new diagnosis.
+``heli3dof.diagnosis/1``), so a diagnosis can also be printed from its file.
 `heli3dof.report.text.diagnosis_sentences` writes the sentences.
 """
 

@@ -46,13 +46,13 @@ def change_sentence(track: Track, change: Change) -> str:
         sure += f", of which {WORDS[change.kind]} {percent(change.kinds[change.kind])}, "
         sure += ", ".join(others)
     if change.kind == "drift":
-        ends = f"from {moment(track, change.first)} to {moment(track, change.last)}"
+        ends = f"from {flight_name(track, change.first)} to {flight_name(track, change.last)}"
         return f"{what} drifted by {size} {ends} ({sure})."
     if change.kind == "deviating":
-        return f"{what} deviates by {size} in {moment(track, change.first)} only ({sure})."
+        return f"{what} deviates by {size} in {flight_name(track, change.first)} only ({sure})."
     level = abs(change.size) / abs(_level(track, change)) if _level(track, change) else 0.0
     relative = f" ({100 * level:.2g} %)" if 0 < level < 1 else ""
-    between = f"between {moment(track, change.last)} and {moment(track, change.first)}"
+    between = f"between {flight_name(track, change.last)} and {flight_name(track, change.first)}"
     many = "" if len(change.dates) == 1 else f", {len(change.dates)} dates possible"
     return f"{what} changed by {size}{relative} {between} ({sure}{many})."
 
@@ -116,8 +116,8 @@ def _kinds_of_reason(bad: BadRecording) -> list[str]:
     return [f"{code}: {general}"]
 
 
-def moment(track: Track, flight: int) -> str:
-    """Return the name of a rig's flight number ``flight`` (from 0), with its date if known."""
+def flight_name(track: Track, flight: int) -> str:
+    """Return the name and, if known, the date of a rig's flight with index ``flight`` (from 0)."""
     name = track.flights[flight]
     if not track.dated:
         return name

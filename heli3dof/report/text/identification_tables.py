@@ -15,7 +15,7 @@ from heli3dof.identification.result import SUMMARY_HORIZON_S, Identification
 from heli3dof.report.text.number_format import NONE, fixed, significant
 from heli3dof.report.text.table import Grid
 
-MIXED = 0.8
+MAX_CORRELATION = 0.8
 """Absolute correlation above which a pair of estimated parameters gets a note (a convention)"""
 
 
@@ -32,10 +32,10 @@ def identification_tables(found: Identification) -> list[Grid]:
 
 
 def identification_summary(found: Identification) -> list[str | Grid]:
-    """Return what `heli3dof identify` prints without --verbose: fits, parameters, responses.
+    """Return what `heli3dof identify` prints without --verbose.
 
-    The responses are the transfer functions from the voltages' sum to roll, and from their
-    difference to pitch and yaw.
+    The result is the fits, the residual tests, the parameters, and the transfer functions from the
+    voltages' sum to roll and from their difference to pitch and yaw.
     """
     lines: list[str | Grid] = [_scores(found)]
     if found.residuals:
@@ -98,7 +98,7 @@ def parameters_table(found: Identification, *, brief: bool = False) -> Grid:
         bound = "; bound: the Cramér–Rao bound on it, for encoders with white rounding noise"
         notes = [f"σ: standard deviation{bound if has_bounds else ''}."]
         notes += [p.verdict for p in shown.values() if p.verdict]
-        notes += _mixed(list(parameters), found.found.correlation)
+        notes += _correlated(list(parameters), found.found.correlation)
     rows = [
         [
             _short(name),
@@ -146,8 +146,8 @@ def _short(name: str) -> str:
     return name.rpartition(".")[0] or name
 
 
-def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
-    """Return a sentence per pair of ``names`` whose estimates' |correlation| exceeds `MIXED`."""
+def _correlated(names: list[str], correlation: np.ndarray | None) -> list[str]:
+    """Return a sentence per pair of parameters with |correlation| above `MAX_CORRELATION`."""
     if correlation is None:
         return []
     return [
@@ -155,7 +155,7 @@ def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
         f"{fixed(float(correlation[i, j]), 2, sign=True)}."
         for i in range(len(names))
         for j in range(i)
-        if abs(correlation[i, j]) > MIXED
+        if abs(correlation[i, j]) > MAX_CORRELATION
     ]
 
 

@@ -101,7 +101,11 @@ class _FittingTable:
         return head.rsplit(" ", 1) if self.grid.is_number(column) else [head]
 
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
-        """Return the least widths of ``columns``; spare ``width`` widens the left columns first."""
+        """Return the widths of ``columns`` in characters, together at most ``width`` if possible.
+
+        Each column gets its least width. The rest widens columns from the left, up to the longest
+        line of each.
+        """
         from rich.cells import cell_len
 
         widths = [self._least_width(i) for i in columns]
@@ -141,10 +145,10 @@ class _FittingTable:
             )
         before: Sequence[str] = ()
         for row in self.grid.rows:
-            if before and row[0] != before[0] and _groups(self.grid):
+            if before and row[0] != before[0] and _has_groups(self.grid):
                 table.add_row()
             shown = list(row)
-            if before and row[0] == before[0] and _groups(self.grid):
+            if before and row[0] == before[0] and _has_groups(self.grid):
                 shown[0] = ""
             table.add_row(*(Text(shown[i]) for i in columns))
             before = row
@@ -158,10 +162,10 @@ def to_html(grid: Grid) -> str:
     )
     body, before = [], None
     for row in grid.rows:
-        opens = _groups(grid) and row[0] != before
+        opens = _has_groups(grid) and row[0] != before
         cells = []
         for i, cell in enumerate(row):
-            text = "" if i == 0 and _groups(grid) and not opens else html.escape(cell)
+            text = "" if i == 0 and _has_groups(grid) and not opens else html.escape(cell)
             cells.append(f"<td{_css(grid, i)}>{text}</td>")
         # A row with an indented name belongs to the row above.
         aside = any(cell.startswith("  ") for cell in row)
@@ -177,7 +181,7 @@ def to_html(grid: Grid) -> str:
     )
 
 
-def _groups(grid: Grid) -> bool:
+def _has_groups(grid: Grid) -> bool:
     """Return True if the first column repeats names; the table then prints each name once."""
     first = [row[0] for row in grid.rows]
     return len(set(first)) < len(first)

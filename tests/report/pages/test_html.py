@@ -24,7 +24,7 @@ from heli3dof.report.pages.diagnosis_section import diagnosis_section
 from heli3dof.report.pages.flight_report import flight_report
 from heli3dof.report.pages.html import bars, facts, write_page
 from heli3dof.report.pages.model_section import bode_of, plant_poles, poles_text
-from heli3dof.report.text.comparison_sentences import in_a_sentence
+from heli3dof.report.text.comparison_sentences import comparison_text
 from heli3dof.rig.profile import default_profile
 from tests.comparison.fakes import FakeHover, flight
 from tests.report.text.test_diagnosis_tables import DOCUMENT
@@ -252,7 +252,7 @@ def test_the_first_sentences_give_each_models_errors() -> None:
     recording = flight(truth=FakeHover(thrust=0.8))
     same = FakeHover(name="same", thrust=0.8)
     only = compare([recording], [FakeHover(), same]).flights[0]
-    text = in_a_sentence(only)
+    text = comparison_text(only)
     peak = only.difference(only.models[0], "roll")["peak_deg"]
     assert peak < 0
     assert f"hover's roll peaks {-peak:.1f}° lower" in text
