@@ -94,8 +94,8 @@ class Effect:
         confused_with: other effects that explain similar data.
         separated_by: name of the flight plan that best distinguishes this effect from
             ``confused_with``.
-        starts: start values of the first parameter, ascending, if the likelihood's slope at null is
-            zero. A fit starts at the most likely of these values and null.
+        starts: values of the first parameter, ascending, for an effect whose likelihood has zero
+            slope at null. A fit starts at the most likely of null and these values.
         identifiable: the motion that makes the effect identifiable.
         evidence: the variable against which a report plots the effect (`ABSCISSAE`).
         within: name of the term (effect on an axis) whose equations this effect changes.

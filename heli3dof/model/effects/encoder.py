@@ -95,6 +95,6 @@ EFFECTS = (
         separated_by="large",
         identifiable="large angles: only sines and cosines distinguish it from an inertia",
         evidence="{axis}",
-        candidate=False,  # its score is biased, and the rigid body's inertias explain most of it
+        candidate=False,  # the score is biased, and changed inertias explain most of the effect
     ),
 )

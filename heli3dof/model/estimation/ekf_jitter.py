@@ -15,8 +15,8 @@ b are effect parameters that are constant within a recording and differ between 
 the angle at which an encoder was switched on. They are states too, x = (q, q̇, b), with angles q
 and ḃ = 0. At the start of each run (interval of usable rows) their distribution is N(b_0, σ_b²).
 The covariance P of x advances as in `heli3dof.model.estimation.ekf_quantised`, with
-∂q̈/∂(q, q̇, b). x advances by the midpoint rule. The rule's error per sample interval h is h³ q⃛/24, a
-thousandth of an encoder step.
+∂q̈/∂(q, q̇, b), but dry friction changes x only, not P. x advances by the midpoint rule. The rule's
+error per sample interval h is h³ q⃛/24, a thousandth of an encoder step.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def _filter(  # type: ignore[no-untyped-def]
             x[i] -= (m[i] - x[i]) / slope[i]
             if axes[i]:
                 P[i, i] = 100.0 * R2[i]
-        # The first readings leave the angles as uncertain as b makes them.
+        # The uncertainty of b makes the initial angles uncertain, and correlated with b.
         for q in range(B):
             place(par, where, q, x[6 + q] + DIFFERENCE_STEP)
             readings(s, x, first, address, par, mem, m_b[q], ignored)

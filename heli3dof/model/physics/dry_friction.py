@@ -37,7 +37,7 @@ BODY_P, BODY_PSI = _s.BODY_P, _s.BODY_PSI
 UNCOUPLED, CONSTANT_YAW_INERTIA = _s.UNCOUPLED, _s.CONSTANT_YAW_INERTIA
 DRY = int(_s.Stage.DRY)
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
-SURE = 6.0
+CERTAIN = 6.0
 """The sign of a rate v counts as certain if |v| exceeds the threshold b by this many standard
 deviations of v."""
 SWEEPS = 20
@@ -52,7 +52,7 @@ def _soft(v: float, sd: float, b: float) -> tuple[float, float, float]:
     S(v) = sgn(v) max(|v| − b, 0) with the threshold b; ρ = E dS/dv; v, sd, b in rad/s. A fit near
     zero friction may try b < 0, which accelerates: S(v) = v − b sgn v.
     """
-    if abs(v) > max(b, 0.0) + SURE * sd:
+    if abs(v) > max(b, 0.0) + CERTAIN * sd:
         return (v - b if v > 0.0 else v + b), 1.0, sd * sd
     if sd <= 0.0:
         return 0.0, 0.0 if b > 0.0 else 1.0, 0.0
@@ -71,12 +71,12 @@ soft = compiled(_soft, leaf=True, error_model="numpy")
 
 
 def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """Apply dry friction after a step of h s; return True if any joint has friction.
+    """Apply dry friction to x after a step of h s; return True if any joint has friction.
 
-    x: angles and rates. w (≥ 8, 3) is work space. At the call, its row 3 contains the standard
-    deviations of the rates. On return, row 2 contains ρ, row 3 Var S (see `_soft`), and row 4 + i
-    contains W_ji/W_ii for all joints j, with the inverse mass matrix W. Other arguments:
-    `heli3dof.model.physics.integrator`.
+    x (6,): angles and rates, changed in place. w (≥ 8, 3) is work space. At the call, its row 3
+    contains the standard deviations of the rates. On return, row 2 contains ρ, row 3 Var S (see
+    `_soft`), and row 4 + i contains W_ji/W_ii for all joints j, with the inverse mass matrix W.
+    Other arguments: `heli3dof.model.physics.integrator`.
     """
     if first[DRY + 1] == first[DRY]:
         return False

@@ -23,7 +23,7 @@ from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.compiled_effects import caller
 from heli3dof.model.physics.dry_friction import settle
 from heli3dof.model.physics.rigid_body import accelerations, advance
-from heli3dof.model.physics.rotor import aim, lagged
+from heli3dof.model.physics.rotor import lagged, steady_thrusts
 
 call = caller()
 R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
@@ -105,7 +105,7 @@ def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cac
     Writes target[k], the steady-state thrusts at the voltage of row k, and F[k + 1]. Other
     arguments: see the head of this file.
     """
-    aim(s, V, h, 0, k, first, address, par, mem, target[k])
+    steady_thrusts(s, V, h, 0, k, first, address, par, mem, target[k])
     step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
     if k + 1 < F.shape[0]:
         F[k + 1, 0], F[k + 1, 1] = w[7, 0], w[7, 1]
@@ -162,16 +162,16 @@ def _step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, free, 
 step_midpoint = compiled(_step_midpoint, leaf=True, error_model="numpy")
 
 
-def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
+def _coast(s, x, a, b, h, thrust_integral, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
     """Advance the state x from row a to row b by a midpoint step of ``h`` s, without dry friction.
 
-    ``mean`` (N + 1, 2) N·s is the integral of the thrusts up to each row. The step uses the mean
-    thrusts from row a to row b. Other arguments: see the head of this file.
+    ``thrust_integral`` (N + 1, 2) N·s is the time integral of the thrusts up to each row. The step
+    uses the mean thrusts from row a to row b. Other arguments: see the head of this file.
     """
     s[V_FRONT], s[V_FRONT + 1] = V[a, 0], V[a, 1]
     for half in range(2):
         for m in range(2):  # set again in each half: effects change them in place
-            s[F_FRONT + m] = (mean[b, m] - mean[a, m]) / h
+            s[F_FRONT + m] = (thrust_integral[b, m] - thrust_integral[a, m]) / h
         for i in range(3):
             if half == 0:
                 s[R + i] = x[i] + 0.5 * h * x[3 + i]
@@ -187,17 +187,17 @@ def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: 
 coast = compiled(_coast, leaf=True, error_model="numpy")
 
 
-def _coast_to(s, x, a, end, stride, t, mean, V, low, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
+def _coast_to(s, x, a, end, stride, t, thrust_integral, V, low, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
     """Advance the state x from row a to row ``end`` in steps of ``stride`` rows.
 
     Each step is `_coast`, then dry friction, then the stop at the table at roll ``low`` (rad).
-    ``mean``: the integral of the thrusts. Other arguments: see the head of this file.
+    ``thrust_integral``: see `_coast`. Other arguments: see the head of this file.
     """
     while a < end:
         b = min(a + stride, end)
         h = t[b] - t[a]
         s[T], s[STEPPED] = t[a], 1.0
-        coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w)
+        coast(s, x, a, b, h, thrust_integral, V, first, address, par, mem, free, w)
         w[3, 0] = w[3, 1] = w[3, 2] = 0.0
         settle(s, x, h, first, address, par, mem, free, w)
         stop_at_table(x, low)
