@@ -154,7 +154,7 @@ def hidden_jitter_warnings(
     encoders' steps.
     """
     found = motion_jitter(t, angle, rad_per_count)
-    if not found.found:
+    if not found.is_significant:
         return []
     return [
         f"Hidden sampling jitter of ±{1e3 * found.sigma_s:.2g} ms (RMS): all axes jump together in "

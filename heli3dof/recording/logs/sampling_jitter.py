@@ -51,7 +51,7 @@ class MotionJitter:
     """ν, the degrees of freedom of ``variance_std_s2``"""
 
     @property
-    def found(self) -> bool:
+    def is_significant(self) -> bool:
         """Return True if the jitter σ_t is statistically significant and above 0.2 ms."""
         from scipy.stats import t
 
@@ -98,9 +98,11 @@ def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -
 
 
 def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """Fit parabolas to 2 ``half`` + 1 samples each; return residuals and slopes in their middles.
+    """Return the residuals e (rad) and slopes (rad/s) of parabolas fitted to one angle.
 
-    ``t``: times (N,) in s; ``y``: the angle of one axis (N,) in rad.
+    Each parabola is fitted to 2 ``half`` + 1 samples. Both results (N − 2 ``half``,) are for its
+    middle sample; e is defined in the head of this file. ``t`` (N,) s: times; ``y`` (N,) rad: the
+    angle.
     """
     width = 2 * half + 1
     windows = np.lib.stride_tricks.sliding_window_view
