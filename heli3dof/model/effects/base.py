@@ -1,6 +1,6 @@
 """`Effect`, `Parameter`, `Term`: a physical effect (friction, lag …) that a model may contain.
 
-The files of this folder group their effects by family, as ``EFFECTS``. To add an effect, write one
+Each file of this folder defines a family of effects as ``EFFECTS``. To add an effect, write one
 file with ``EFFECT = Effect(...)`` and the equation in its docstring. Another package registers such
 an object under the entry-point group ``heli3dof.effects``.
 """

@@ -168,7 +168,7 @@ def _filter(  # type: ignore[no-untyped-def]
                 _slopes(s, x, F[k], first, address, par, mem, axes, where, w, A)
             since += h[k]
             step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, cache)
-            _grown(P, A, h[k], driven, AP, W, n)
+            _propagate(P, A, h[k], driven, AP, W, n)
 
 
 def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: ignore[no-untyped-def]
@@ -191,7 +191,7 @@ def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: i
 _slopes = compiled(_slopes_py, error_model="numpy")
 
 
-def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
+def _propagate_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
     """Advance the covariance P (n, n) of the state x by one step of h s, in place.
 
     x = (q, q̇, b): angles, rates and B parameters that vary by recording, n = 6 + B. P ← Φ P Φᵀ +
@@ -231,7 +231,7 @@ def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
         P[3 + i, 3 + i] += a2[i] * h
 
 
-_grown = compiled(_grown_py, error_model="numpy")
+_propagate = compiled(_propagate_py, error_model="numpy")
 _filter_compiled = compiled(_filter, error_model="numpy", nogil=True)
 
 

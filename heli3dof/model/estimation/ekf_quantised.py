@@ -40,7 +40,7 @@ from heli3dof.model.estimation.quantised_measurement import (
     rate_event,
 )
 from heli3dof.model.physics import state_layout as _s
-from heli3dof.model.physics.dry_friction import settle, shrink
+from heli3dof.model.physics.dry_friction import apply_dry_friction, apply_friction_to_covariance
 from heli3dof.model.physics.integrator import (
     flanks,
     midpoint_without_dry_friction,
@@ -63,7 +63,7 @@ STILL = 1e-5
 """rad; a smaller change of a reading counts as no change. Every encoder step is larger."""
 
 
-def _grow(P, A, h, a2, W):  # type: ignore[no-untyped-def]
+def _propagate_covariance(P, A, h, a2, W):  # type: ignore[no-untyped-def]
     """Advance the filter's covariance P (6, 6) by one step of h s: P ← Φ P Φᵀ + process noise.
 
     A (3, 6) holds the derivatives ∂q̈/∂(q, q̇) of the angular accelerations with respect to angles q
@@ -100,7 +100,7 @@ def _grow(P, A, h, a2, W):  # type: ignore[no-untyped-def]
         P[3 + i, 3 + i] += a2[i] * h
 
 
-grow = compiled(_grow, leaf=True, error_model="numpy")
+propagate_covariance = compiled(_propagate_covariance, leaf=True, error_model="numpy")
 
 
 def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
@@ -265,12 +265,12 @@ def _filter(  # type: ignore[no-untyped-def]
                 midpoint_without_dry_friction(
                     s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, cache
                 )
-                grow(P, A, h[k], driven, work)
+                propagate_covariance(P, A, h[k], driven, work)
                 if dry:
                     for i in range(3):
                         w[3, i] = math.sqrt(P[3 + i, 3 + i])
-                    if settle(s, x, h[k], first, address, par, mem, axes, w):
-                        shrink(P, h[k], w, column)
+                    if apply_dry_friction(s, x, h[k], first, address, par, mem, axes, w):
+                        apply_friction_to_covariance(P, h[k], w, column)
     return E
 
 

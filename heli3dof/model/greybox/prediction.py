@@ -33,7 +33,7 @@ from heli3dof.model.estimation.filter_data import (
     hold_last,
     starts_on_table,
 )
-from heli3dof.model.physics.integrator import coast_to, readings, setup
+from heli3dof.model.physics.integrator import mean_thrust_steps, readings, setup
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.rotor import thrusts
 from heli3dof.model.physics.state_layout import FLANK, SLEW, TAU_M
@@ -87,7 +87,7 @@ def _windows(  # type: ignore[no-untyped-def]
         a = k
         for i in range(ahead.shape[0]):
             b = k + ahead[i]
-            coast_to(
+            mean_thrust_steps(
                 s, x, a, b, stride, t, thrust_integral, V, low, first, address, par, mem, free, w
             )
             if by_direction:
