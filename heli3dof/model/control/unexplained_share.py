@@ -2,7 +2,7 @@
 
 In a block of `BLOCK_S`, a motor's share is the size of the law's errors, divided by the standard
 deviation of a voltage signal. The caller chooses the measure of size and the signal. The block's
-share is that of the motor with the larger one. The recording's share is the upper quartile of its
+share is the larger of the two motors' shares. The recording's share is the upper quartile of its
 blocks' shares, because a landing, a lost sample or a voltage limit makes single blocks differ.
 """
 

@@ -10,15 +10,15 @@ voltages that the controller does not explain is std(d)/std(v_logged)
 
 If the share exceeds `REPRODUCED`, d shows the cause:
 
-* d vanishes if the controller's voltage of the previous row is subtracted: the controller is one
+* The logged voltage equals the controller's voltage of the previous row: the controller is one
   period late.
 * The log has no extra voltage, and d does not depend on the controller's signals (errors, rates,
   integrals): an excitation was added and not logged. d is this excitation.
 * Otherwise another controller flew the recording.
 
 `with_known_controller` prepares a recording for simulated flights (bias correction, null
-simulations). If the profile's controller did not fly the recording, it is identified from the log
-(`model.control.controller_identification`).
+simulations). If another controller than the profile's flew the recording, that controller is
+identified from the log (`model.control.controller_identification`).
 """
 
 from __future__ import annotations

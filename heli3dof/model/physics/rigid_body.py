@@ -1,7 +1,7 @@
 """The nonlinear rigid body: an arm that turns in roll and yaw and carries a bar that pitches.
 
 r, p, ψ are roll, pitch, yaw (rad). The bar carries the two motors at ±L_h. The bar has rotational
-inertia only about axes perpendicular to itself. Its angular velocity is
+inertia only about axes perpendicular to itself. Its angular velocity about these axes is
 
     ω_a = ṗ + sin r ψ̇                    along the arm
     ω_n = sin p ṙ + cos r cos p ψ̇        along the body's normal
@@ -12,8 +12,8 @@ energy T and the potential energy U are
     2 T = J_r ṙ² + J_a cos² r ψ̇² + J_p (ω_a² + ω_n²)        U = T_g sin r + G_p cos r sin p
 
 with the inertias J_r, J_p, J_ψ about the three axes of the level rig (kg·m²). Here J_p and J_ψ are
-those of the profile's masses. If the rig's differ, the differences are δJ_p and δJ_ψ (a rotor, a
-drum, a counterweight on the shaft). They occur in M_pp and M_ψψ only. T_g is the gravity torque of
+those of the profile's masses. δJ_p and δJ_ψ are the rig's further inertia (a rotor, a drum, a
+counterweight on the shaft). They occur in M_pp and M_ψψ only. T_g is the gravity torque of
 the level arm, G_p = (m_f − m_b) g L_h that of the level body (N·m), with the motor masses m_f, m_b.
 Lagrange's equations M(q) q̈ + h(q, q̇) = Q have
 
