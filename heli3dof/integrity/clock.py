@@ -18,7 +18,7 @@ from heli3dof.errors import RecordingError
 from heli3dof.integrity.base import Check, Fault, Kind, Stage, bad_data_fault
 from heli3dof.integrity.directions import EXPLAINED, SURE
 from heli3dof.integrity.view import View
-from heli3dof.recording.logs.log_validation import check_sampling_times, long_enough
+from heli3dof.recording.logs.log_validation import check_length, check_sampling_times
 
 OFF, REPORTED_OFF = 0.02, 0.002
 """Limits of |m − 1| (m: period over the profile's) for bad data and for a note. Chosen, as are all
@@ -43,7 +43,7 @@ def order(view: View) -> Iterable[Fault]:
     """Yield a fault if time stamps do not increase, are not finite, or are in milliseconds."""
     r = view.recording
     try:
-        long_enough(r.name, len(r))
+        check_length(r.name, len(r))
         if not np.isfinite(r.t).all():
             raise RecordingError(
                 f"{r.name}: {int((~np.isfinite(r.t)).sum())} time stamps are not finite.",

@@ -45,7 +45,7 @@ def jitter(view: View) -> Iterable[Fault]:
         )  # fmt: skip
         r, stamps_s = sampled, 0.0
     motion = motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count)
-    if motion.found:
+    if motion.is_significant:
         sigma = float(np.hypot(stamps_s, motion.sigma_s))
         yield Fault(
             "timing.jitter", Kind.FINDING, r.name,

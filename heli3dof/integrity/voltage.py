@@ -55,7 +55,7 @@ def limit(view: View) -> Iterable[Fault]:
         return
     front, back = np.nan_to_num(v).T
     try:
-        log_validation.voltages(r.name, front, back, v_max)
+        log_validation.check_voltages(r.name, front, back, v_max)
     except RecordingError as error:
         yield bad_data_fault("voltage.limit", view, error)
         return

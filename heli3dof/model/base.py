@@ -1,4 +1,4 @@
-"""`Model`: the interface of every kind of model; `LoopTask`, `LoopResult`: closed-loop simulation.
+"""`Model`: the interface of all models; `LoopTask`, `LoopResult`: input and result of a simulation.
 
 Comparison, validation and diagnosis use a model only through the methods of `Model`.
 """
@@ -78,13 +78,14 @@ class Model(Protocol):
         ...
 
     def fly(self, task: LoopTask) -> LoopResult:
-        """Return the simulation of ``task``; the result of a diverging loop contains inf or NaN."""
+        """Return the closed-loop flight that ``task`` describes; inf or NaN if it diverges."""
         ...
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> ComplexArray:
         """Return the closed-loop poles (rad/s) with ``controller``, whose period is ``dt`` s.
 
-        The loop is sampled, with poles s = log(z)/dt; for the hover model it is continuous.
+        The loop is sampled, and a pole z is returned as s = log(z)/dt. The hover model's loop is
+        continuous.
         """
         ...
 

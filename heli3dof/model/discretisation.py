@@ -50,7 +50,7 @@ class Continuous:
         return np.array([self.C @ x + self.D for x in inner])
 
     def coefficients(self) -> np.ndarray:
-        """Return [den[1:], num.ravel()] of the transfer functions (`numerators`)."""
+        """Return all transfer functions' coefficients, [den[1:], num.ravel()] of `numerators`."""
         num, den = numerators(self)
         return np.concatenate([den[1:], num.ravel()])
 

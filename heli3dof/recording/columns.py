@@ -16,7 +16,7 @@ UNITS = frozenset({"s", "V", "A", "deg", "rad"})
 """Units that a column's name can end in"""
 
 
-def contract_columns(recording: Recording) -> dict[str, np.ndarray]:
+def export_columns(recording: Recording) -> dict[str, np.ndarray]:
     """Return a recording's columns (N,) by name, for an export; angles are in degrees.
 
     First come the logged columns of docs/reference/recording.md, then the channels (columns with

@@ -138,8 +138,8 @@ def _range(values: np.ndarray) -> tuple[float | None, float | None]:
 def lateness(recording: Recording) -> dict[str, Any] | None:
     """Return statistics of the samples' lateness: the time in s from due time to arrival.
 
-    The result is None if the lateness was not logged. It is also None for a virtual clock, which
-    waits for every sample.
+    The result is None if the lateness was not logged. It is also None for a virtual clock, with
+    which no sample is late.
     """
     late = recording.channels.get("lateness_s")
     if late is None or not np.isfinite(late).any():

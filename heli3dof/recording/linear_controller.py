@@ -18,7 +18,7 @@ from heli3dof.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class LinearController:
-    """The gains of the law of order n = len(A), and the share that it does not explain."""
+    """Gains of a law of order n = len(A), and its unexplained share of the voltages' changes."""
 
     A: FloatArray
     """(n, 2, 2) A_1 … A_n, without unit"""

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from heli3dof.arrays import BoolArray, FloatArray, IndexArray
 from heli3dof.axes import AXES
-from heli3dof.recording.columns import contract_columns, unit_of
+from heli3dof.recording.columns import export_columns, unit_of
 from heli3dof.recording.linear_controller import LinearController
 from heli3dof.results import Result, optional
 from heli3dof.rig.profile import ControllerSpec, Profile
@@ -39,7 +39,7 @@ class Recording(Result):
     """
 
     t: FloatArray
-    """(N,) s, sampling times by the clock that timed the samples; increasing unless faulty."""
+    """(N,) s, sampling times by the device's clock or the log; increasing unless faulty."""
     voltage: FloatArray
     """(N, 2) V, front and back motor, at the amplifier, after the limiter."""
     angle: FloatArray
@@ -94,7 +94,7 @@ class Recording(Result):
         missing.
         """
         pd = optional("pandas")
-        columns = contract_columns(self)
+        columns = export_columns(self)
         frame = pd.DataFrame(columns, index=pd.Index(columns.pop("t_s"), name="t_s"))
         frame.attrs["name"] = self.name
         return frame
@@ -105,7 +105,7 @@ class Recording(Result):
         Raises UsageError if xarray is missing.
         """
         xr = optional("xarray")
-        columns = contract_columns(self)
+        columns = export_columns(self)
         t_s = columns.pop("t_s")
         data = {name: ("t_s", v, {"units": unit_of(name)}) for name, v in columns.items()}
         about = {"name": self.name, "profile": self.profile.name, "digest": self.digest}

@@ -81,8 +81,8 @@ def test_compiled_parts_of_the_filter_equal_those_in_python() -> None:
     Phi = np.block([[eye, h * eye], [h * A[:, :3], eye + h * A[:, 3:]]])
     drive = np.kron([[h**3 / 3, h**2 / 2], [h**2 / 2, h]], np.diag(a2))
     whole = Phi @ one @ Phi.T + drive
-    ekf_quantised._grow(one, A, h, a2, np.zeros((3, 6)))
-    ekf_quantised.grow(other, A, h, a2, np.zeros((3, 6)))
+    ekf_quantised._propagate_covariance(one, A, h, a2, np.zeros((3, 6)))
+    ekf_quantised.propagate_covariance(other, A, h, a2, np.zeros((3, 6)))
     np.testing.assert_allclose(one, other, rtol=1e-12)
     np.testing.assert_allclose(one, whole, rtol=1e-12)
     for lo, hi, S in ((-0.2, 0.3, 0.04), (1.4, 1.9, 0.09)):

@@ -108,6 +108,6 @@ def csv_text(columns: dict[str, Any]) -> str:
 
 def log_columns(recording: Recording) -> dict[str, Any]:
     """The contract's columns of a recording, angles in degrees."""
-    from heli3dof.recording.columns import contract_columns
+    from heli3dof.recording.columns import export_columns
 
-    return contract_columns(recording)
+    return export_columns(recording)

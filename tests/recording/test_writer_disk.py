@@ -172,7 +172,7 @@ def test_a_recorder_that_falls_behind_raises_an_error_before_memory_fills(
         real(self, data)
 
     monkeypatch.setattr(McapFile, "write_chunk", stuck)
-    monkeypatch.setattr(writer_module, "BEHIND_MOST", 500)
+    monkeypatch.setattr(writer_module, "MAX_WAITING_ROWS", 500)
     path = tmp_path / "a.mcap"
     writer = RecordingWriter(path, default_profile())
     k = 0

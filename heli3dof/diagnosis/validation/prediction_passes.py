@@ -20,10 +20,10 @@ import math
 import numpy as np
 
 from heli3dof.model.compiled import compiled
-from heli3dof.model.estimation.ekf_quantised import grow
+from heli3dof.model.estimation.ekf_quantised import propagate_covariance
 from heli3dof.model.greybox.prediction import STEP_S
 from heli3dof.model.physics import state_layout as _s
-from heli3dof.model.physics.integrator import coast, readings, setup
+from heli3dof.model.physics.integrator import mean_thrust_step, readings, setup
 from heli3dof.model.physics.rotor import thrusts
 
 R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
@@ -75,7 +75,7 @@ def _predict_free_run(  # type: ignore[no-untyped-def]
                         c += 1
                     d = t[c] - t[a]
                     s[T] = t[a]
-                    coast(s, x, a, c, d, impulses, V, first, address, par, mem, axes, w)
+                    mean_thrust_step(s, x, a, c, d, impulses, V, first, address, par, mem, axes, w)
                     a = c
                 readings(s, x, first, address, par, mem, m, slope)
                 for i in range(3):
@@ -87,7 +87,7 @@ predict_free_run = compiled(_predict_free_run, error_model="numpy", nogil=True)
 
 
 def _grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
-    """Propagate the covariance P (6, 6) over ``d`` seconds by `ekf_quantised.grow`.
+    """Propagate the covariance P (6, 6) over ``d`` seconds by `ekf_quantised.propagate_covariance`.
 
     The steps are short where a rate decays fast, as by dry friction near rest.
     """
@@ -97,7 +97,7 @@ def _grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
             fastest = max(fastest, abs(A[i, 3 + j]))
     steps = 1 + int(min(d * fastest / STEP_DECAYS, MAX_STEPS))
     for _ in range(steps):
-        grow(P, A, d / steps, a2, work)
+        propagate_covariance(P, A, d / steps, a2, work)
 
 
 grow_stably = compiled(_grow_stably, error_model="numpy", nogil=True)

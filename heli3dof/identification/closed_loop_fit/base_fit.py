@@ -31,7 +31,7 @@ from heli3dof.identification.greybox.maximum_likelihood import compile_first
 from heli3dof.identification.row_selection import usable_runs
 from heli3dof.model.effects import terms as named
 from heli3dof.model.estimation.filter_data import data_of
-from heli3dof.model.physics.parametrisation import Structure, unit_of
+from heli3dof.model.physics.parametrisation import Structure, thrust_per_volt_ratio
 
 MAX_INERTIA_RATIO = 2.5
 """Largest plausible ratio of an inertia to nominal, or its inverse. Chosen; not derived."""
@@ -120,9 +120,9 @@ def thrust_ratio(fit: Estimate, implausible: Sequence[str]) -> float:
     is_plausible = 1 / MAX_INERTIA_RATIO < ratio < MAX_INERTIA_RATIO
     if not is_plausible or abs(ratio - 1) <= profile.tolerance:
         return 1.0
-    # `unit_of` leaves out the zeros.
+    # `thrust_per_volt_ratio` leaves out the zeros.
     known = [0.0 if a in implausible else J for a, J in zip(AXES, inertias, strict=True)]
-    return unit_of(profile, [trim, *known])
+    return thrust_per_volt_ratio(profile, [trim, *known])
 
 
 def implausible_inertias(fit: Estimate) -> tuple[str, ...]:

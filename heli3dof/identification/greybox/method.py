@@ -84,7 +84,7 @@ def has_jitter(recording: Recording) -> bool:
     """Return True if the motion shows sampling jitter above `JITTER_SHARE` of the sample period."""
     r = recording
     m = motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count)
-    return m.found and m.sigma_s > JITTER_SHARE * r.dt
+    return m.is_significant and m.sigma_s > JITTER_SHARE * r.dt
 
 
 def chosen_terms(words: str) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """Closed-loop poles of a linear model with the controller gain K (2 × 8), without limiters.
 
-Continuous loop with exact rates ẏ as in the paper, and the error integrals ξ (rad·s) that the
-paper's model lacks (erratum E6)::
+Continuous loop with exact rates ẏ as in the paper (docs/explanation/paper.md), and with the error
+integrals ξ (rad·s) that the paper's model lacks (erratum E6)::
 
     ẋ = A x + B u,   ξ̇_r = r_ref − r,   ξ̇_ψ = ψ_ref − ψ
     u = K_p (y_ref − y) − K_d ẏ + K_i ξ          K = [K_p (2×3)  K_d (2×3)  K_i (2×2)]
@@ -33,12 +33,12 @@ INTEGRATED = (0, 2)
 def closed_loop(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, K: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A_cl, B_cl, F): the loop of ẋ = A x + B u, y = C x under the gain K (2, 8).
+    """Return (A_cl, B_cl, F), the loop of the plant ẋ = A x + B u, y = C x with the gain K (2, 8).
 
     The loop is continuous with exact rates. Its states z = (x, ξ_r, ξ_ψ) contain the integrals of
     the roll and yaw errors; its input is y_ref (3,) rad: ż = A_cl z + B_cl y_ref, u = F z + K_p
     y_ref. Shapes: A_cl (n+2, n+2), B_cl (n+2, 3), F (2, n+2); K_p is K[:, :3]. If C B ≠ 0, the rate
-    ẏ = C A x + C B u depends on u directly; the equation is solved for u.
+    ẏ = C A x + C B u depends on u; the control law is then solved for u.
     """
     n = A.shape[0]
     Kp, Kd, Ki = K[:, :3], K[:, 3:6], K[:, 6:]
@@ -80,7 +80,7 @@ def sampled_loop_poles(model: LinearModel, controller: ControllerSpec, dt: float
     b0, a1, a2 = derivative_filter(controller, dt)
     integrals = [i for i, there in enumerate(_integrals_in_the_loop(model, controller)) if there]
     q = len(integrals)
-    # Every signal is a row over the state [x, f1, f2, ξ].
+    # Each signal is the row of its coefficients with respect to the state [x, f1, f2, ξ].
     size = n + 2 * m + q
     row = np.eye(size)
     y = np.zeros((m, size))

@@ -5,15 +5,14 @@ y (rad) and the references r (rad):
 
     u[k] = Σ_{j=1…n} A_j u[k−j] + Σ_{j=0…n} (B_j y[k−j] + R_j r[k−j]) + c + e[k]
 
-A log without noise obeys the law of its controller exactly. The residual e differs from zero only
-in rows in which the controller is not linear: a rate limiter, clamped integrals. Such rows hardly
-affect the minimum of Σ|e|, which gives A, B, R and c. Rows within n periods of the voltage limit
-are left out.
+Without noise, the residual e is zero except in rows in which the controller is not linear: where a
+rate limiter or clamped integrals act. A, B, R and c minimise Σ|e|, which such rows hardly affect. A
+row is left out if it, or one of the n rows before it, is at the voltage limit.
 
-The **share** that a law does not explain (`model.control.unexplained_share`) is σ_e/std(Δu), with
-Δu[k] = u[k] − u[k−1] and σ_e the standard deviation of e by its median absolute value. The result
-is the law of lowest order whose share exceeds the least of all orders by at most `ALIKE`, if the
-least is at most `MAX_SHARE`.
+The unexplained **share** of a law (`model.control.unexplained_share`) is σ_e/std(Δu), with
+Δu[k] = u[k] − u[k−1]. σ_e is the standard deviation of e, estimated from the median of |e|. Let s
+be the smallest share of the orders `ORDERS`. If s exceeds `MAX_SHARE`, no controller is identified.
+Otherwise the result is the law of lowest order whose share is at most s + `ALIKE`.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ MAX_SHARE = 0.002
 """Largest unexplained share of an accepted controller. Chosen: in the logs of two laboratories it
 was 0.001 with the controller's order, and over 0.02 with a lower order."""
 ALIKE = 0.001
-"""Difference of shares that does not justify a higher order. Chosen."""
+"""A higher order is used only if it reduces the share by more than this. Chosen."""
 MAX_ROWS = 50_000
 """Largest number of rows used, the first ones: a hundred seconds at 500 Hz. Chosen."""
 MAD_TO_STD = 1.4826
@@ -41,8 +40,8 @@ MAD_TO_STD = 1.4826
 ROWS_PER_PARAMETER = 10
 """Fewest rows for each parameter of a motor's law. Chosen."""
 ITERATIONS, SMALLEST_V, SETTLED_V = 50, 1e-5, 1e-7
-"""Of `absolute_regression`: most iterations; V, errors below which weights are equal; V, RMS change
-of X θ that ends the search. Chosen."""
+"""Limits of `least_absolute_deviations`: the largest number of iterations; V, the |error| below
+which all rows have the same weight; V, the RMS change of X θ that ends the iteration. Chosen."""
 RANK_TOLERANCE = 1e-10
 """Singular values below this share of the largest one count as zero. Chosen."""
 
@@ -84,9 +83,9 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
     X = np.hstack(columns)
     if len(k) < ROWS_PER_PARAMETER * X.shape[1]:
         return None
-    theta = absolute_regression(X, u[k])
+    theta = least_absolute_deviations(X, u[k])
     t = r.t[k] - r.t[k[0]]
-    share = unexplained_share(t, u[k] - X @ theta, u[k] - u[k - 1], _usual_size)
+    share = unexplained_share(t, u[k] - X @ theta, u[k] - u[k - 1], _robust_std)
     if share is None:
         return None
     A = np.array([theta[2 * j : 2 * j + 2].T for j in range(n)])
@@ -94,20 +93,20 @@ def law_of_order(r: Recording, n: int) -> LinearController | None:
     return LinearController(A, B, share)
 
 
-def _usual_size(t: np.ndarray, e: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (2,) of e (n, 2), estimated by its median absolute value."""
+def _robust_std(t: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Return the standard deviation (2,) of e (n, 2), from the median of |e|; ``t`` is not used."""
     return np.asarray(MAD_TO_STD * np.median(np.abs(e), axis=0))
 
 
-def absolute_regression(X: np.ndarray, u: np.ndarray) -> np.ndarray:
+def least_absolute_deviations(X: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Return θ (m, 2) that minimises Σ|u − X θ| for each column of u (N, 2); X (N, m).
 
-    It is found by least squares with the weights 1/max(|e|, `SMALLEST_V`), iterated.
+    Method: least squares, iterated with the weights 1/max(|u − X θ|, `SMALLEST_V`) of the last θ.
 
     >>> X = np.column_stack([np.ones(9), np.arange(9.0)])
     >>> u = X @ [[1.0, 2.0], [3.0, 4.0]]
     >>> u[4:6] += 100.0  # two wrong rows
-    >>> absolute_regression(X, u).round(3).tolist()
+    >>> least_absolute_deviations(X, u).round(3).tolist()
     [[1.0, 2.0], [3.0, 4.0]]
     """
     scale = np.maximum(np.abs(X).max(axis=0), 1e-12)

@@ -205,8 +205,8 @@ def _trip(
 ) -> str | None:
     """Return the first trip of a safety monitor in a simulated flight, or None if none trips.
 
-    ``angle`` (N, 3) rad, and the voltages (N, 2) V before (``command``) and after the limiter, are
-    sampled at the times t (N,) s.
+    ``t`` (N,) s: times; ``angle`` (N, 3) rad; ``command``, ``voltage`` (N, 2) V: motor voltages
+    before and after the limiter.
     """
     envelope = Envelope(profile)
     with np.errstate(invalid="ignore"):

@@ -1,4 +1,4 @@
-"""Open the control loops of some axes during a flight: freeze their part of the voltage.
+"""Open the control loops of some axes during a flight: freeze their contributions to the voltage.
 
 The voltage that `control_law` computes is a sum of contributions of each axis i to motor m,
 
@@ -22,7 +22,8 @@ extra is true for its rows, and a replay needs no modes.
 
 The built-in plans open roll or yaw and keep pitch closed. With an open pitch loop, 1 % of mismatch
 between the motors would tip over a body without pitch stiffness in seconds. If an angle or rate
-exceeds `SHARE` of the safety envelope, all loops are closed until no axis has the mode OPEN.
+exceeds `SHARE` of the safety envelope, all loops are closed. They stay closed as long as any axis
+has the mode OPEN.
 """
 
 from __future__ import annotations
@@ -55,12 +56,12 @@ RETURN = radians(10.0)
 """rad/s: rate at which the reference returns to the plan's after a loop was closed"""
 FADE_S = 0.03
 """s: time constant of the decay of the replacement voltage after the last loop was closed"""
-_SUM, _COUNT, _BEFORE, _BACK, _OPEN, _XI_BEFORE = 0, 6, 9, 12, 13, 14
-_ADDED, _OFFSET, _HELD, _FADING = 16, 18, 21, 24
+_SUM, _COUNT, _BEFORE, _OUTSIDE, _OPEN, _XI_BEFORE = 0, 6, 9, 12, 13, 14
+_EXCITATION, _OFFSET, _HELD, _FADING = 16, 18, 21, 24
 N_OPENING = 26
 
 
-def free_within(limits: Limits) -> list[float]:
+def open_loop_bounds(limits: Limits) -> list[float]:
     """Return the bounds within which a loop may be open: `SHARE` of the safety envelope ``limits``.
 
     The list is [roll low, roll high, |pitch|, |yaw|, |roll rate|, |pitch rate|, |yaw rate|] in rad
@@ -73,15 +74,15 @@ def free_within(limits: Limits) -> list[float]:
 
 
 def opening(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the arrays (mode, room, z) with which `before_law` opens loops in simulating ``task``.
+    """Return the arguments (mode, bounds, z) of `before_law` for a simulation of ``task``.
 
     ``mode``: the axes' modes in the N control periods (N, 3), or (0, 3) if the task opens no loop.
-    ``room``: the bounds of `free_within`. ``z``: the initial state, `N_OPENING` zeros.
+    ``bounds``: `open_loop_bounds`. ``z``: the initial state, `N_OPENING` zeros.
     """
     modes = np.zeros((0, 3), dtype=np.int8) if task.opened is None else task.opened
     return (
         np.ascontiguousarray(modes, dtype=np.int8),
-        np.array(free_within(task.limits)),
+        np.array(open_loop_bounds(task.limits)),
         np.zeros(N_OPENING),
     )
 
@@ -89,7 +90,7 @@ def opening(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def before_law(
     p: Sequence[float],
     s: Sequence[float],
-    room: Sequence[float],
+    bounds: Sequence[float],
     z: MutableSequence[float],
     mode: Sequence[int],
     angle: Sequence[float],
@@ -99,29 +100,30 @@ def before_law(
     """Decide which axes run in open loop in a control period; set references for `control_law`.
 
     ``mode`` (3) is the request for each axis: 0 CLOSED; 1 LEARN: closed, while `after_law` averages
-    the axis's part of the voltage; 2 OPEN. After an angle or rate left the bounds ``room``
-    (`free_within`), all loops stay closed until no axis has the mode OPEN.
+    the axis's part of the voltage; 2 OPEN. If an angle or rate leaves ``bounds``
+    (`open_loop_bounds`), all loops are closed, and stay closed as long as any axis has mode OPEN.
 
     ``p``, ``s``: parameters and state of `control_law`; ``angle`` (3) rad: measured; ``z``: state
     of the loop opening, `N_OPENING` zeros at the start. ``reference`` (3) rad is overwritten with
-    the references to apply. ``extra`` (2) V, the excitation, is moved to ``z`` for `after_law`.
-    `before_law` and `after_law` run on Python lists and under ``numba.njit`` on float64 arrays.
+    the references to apply. ``extra`` (2) V, the excitation, is moved to ``z``, where `after_law`
+    reads it. `before_law` and `after_law` run on Python lists and under ``numba.njit`` on float64
+    arrays.
     """
-    anything = False
+    any_open = False
     for i in range(3):
         if mode[i] == 1 and z[_BEFORE + i] != 1.0:
             z[_COUNT + i] = z[_SUM + 2 * i] = z[_SUM + 2 * i + 1] = 0.0
         z[_BEFORE + i] = mode[i]
-        anything = anything or mode[i] == 2
-    inside = room[0] <= angle[0] <= room[1]
+        any_open = any_open or mode[i] == 2
+    inside = bounds[0] <= angle[0] <= bounds[1]
     for i in range(3):
-        inside = inside and (i == 0 or abs(angle[i]) <= room[1 + i])
-        inside = inside and abs(s[_RATE + i]) <= room[4 + i]
-    if not anything:
-        z[_BACK] = 0.0
+        inside = inside and (i == 0 or abs(angle[i]) <= bounds[1 + i])
+        inside = inside and abs(s[_RATE + i]) <= bounds[4 + i]
+    if not any_open:
+        z[_OUTSIDE] = 0.0
     elif not inside:
-        z[_BACK] = 1.0
-    z[_OPEN] = 1.0 if anything and z[_BACK] == 0.0 else 0.0
+        z[_OUTSIDE] = 1.0
+    z[_OPEN] = 1.0 if any_open and z[_OUTSIDE] == 0.0 else 0.0
     for i in range(3):
         if mode[i] == 2 and z[_OPEN] == 1.0:
             reference[i] = angle[i]
@@ -135,7 +137,7 @@ def before_law(
             reference[i] += z[_OFFSET + i]
     for i in range(2):
         z[_XI_BEFORE + i] = s[_XI + i]
-        z[_ADDED + i] = extra[i] if extra[i] == extra[i] else 0.0
+        z[_EXCITATION + i] = extra[i] if extra[i] == extra[i] else 0.0
         extra[i] = 0.0
 
 
@@ -149,10 +151,10 @@ def after_law(
 ) -> None:
     """Average or replace the axes' contributions to the voltages that `control_law` computed.
 
-    In mode LEARN the contribution is averaged; in an open loop the average replaces it. The
-    excitation is added. ``extra`` (2) V and the law's output ``out`` (4) V are overwritten with the
-    values to apply. ``p`` and ``s`` are the law's parameters and state, ``z`` is the state of the
-    loop opening; ``mode`` (3): 0 CLOSED, 1 LEARN, 2 OPEN for each axis.
+    In mode LEARN the contribution is averaged; in an open loop the average replaces it. After the
+    last loop is closed, the replacement decays (`FADE_S`). The excitation is added. ``extra`` (2) V
+    and the law's output ``out`` (4) V are overwritten with the values to apply. ``p``, ``s``: the
+    law's parameters and state; ``z``: state of the loop opening; ``mode``: see `before_law`.
     """
     for m in range(2):
         replaced = 0.0
@@ -174,7 +176,7 @@ def after_law(
             if abs(replaced) < 1e-3:
                 replaced = 0.0
         z[_FADING + m] = replaced
-        extra[m] = z[_ADDED + m] + replaced
+        extra[m] = z[_EXCITATION + m] + replaced
         v = out[m] + extra[m]
         out[m] = v
         if v - v != 0.0:  # NaN or infinite
@@ -187,7 +189,7 @@ class OpenedController(Controller):
 
     def __init__(self, spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> None:
         super().__init__(spec, V_o, v_max, dt)
-        self._room = free_within(Limits())
+        self._bounds = open_loop_bounds(Limits())
         self._z = [0.0] * N_OPENING
 
     @classmethod
@@ -198,7 +200,7 @@ class OpenedController(Controller):
         """
         made = super().of(profile)
         assert isinstance(made, cls)
-        made._room = free_within(profile.limits)
+        made._bounds = open_loop_bounds(profile.limits)
         return made
 
     def step_opened(
@@ -216,7 +218,7 @@ class OpenedController(Controller):
         voltage (2,) V as applied, then the motor voltages (2,) V before and after the limiter.
         """
         r, e, out = list(reference), list(extra), self._out
-        before_law(self._p, self._s, self._room, self._z, mode, angle, r, e)
+        before_law(self._p, self._s, self._bounds, self._z, mode, angle, r, e)
         control_law(self._p, self._s, angle, r, e, out)
         after_law(self._p, self._s, self._z, mode, e, out)
         return (r[0], r[1], r[2]), (e[0], e[1]), (out[0], out[1]), (out[2], out[3])

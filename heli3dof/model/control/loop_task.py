@@ -28,10 +28,10 @@ def why_not_replayed(recording: Recording) -> str | None:
 def loop_task(recording: Recording) -> LoopTask:
     """Return the task (the input of a closed-loop simulation) that replays a recorded flight.
 
-    The task has the recorded references, extra voltages (of an identified controller: its input w),
-    start angles and controller. Its rows are the profile's control periods; a lost sample gets the
-    last reference and extra voltage. The
-    recording must hold closed-loop rows only (`under_control`). Raises ValueError if
+    The task has the recorded references, extra voltages, start angles and controller. For an
+    identified controller, the extra voltages are its input w. The task has a row for each of the
+    profile's control periods. A lost sample gets the references and extra voltages of the row
+    before. The recording must hold closed-loop rows only (`under_control`). Raises ValueError if
     `why_not_replayed` gives a reason.
     """
     if reason := why_not_replayed(recording):

@@ -6,8 +6,11 @@ States (r, p, ψ, ṙ, ṗ, ψ̇, ∫r, ∫ψ) about hover, inputs V_F − V_o a
                                         R = 0.05 (24 V / v_max)² I₂
 
 in radians and seconds. For the rig of the paper's Table I this gives the paper's gain K_g (14) up
-to truncated digits. This also proves the errata E3 (a sign in A) and E4 (a factor in B). R is
-larger for an amplifier with a lower limit v_max (V), so that a step uses the same share of v_max.
+to truncated digits. This confirms the errata E3 (a sign in A) and E4 (a factor in B) in
+docs/explanation/paper.md.
+
+R is larger for an amplifier with a lower limit v_max (V), so that a step uses the same share of
+v_max.
 """
 
 from __future__ import annotations

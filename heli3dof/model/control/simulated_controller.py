@@ -1,12 +1,12 @@
 """The controller in simulated flights: that of the profile, or one identified from a log.
 
 One compiled function, `simulated_law`, computes both from parameters p and a state s. For the
-profile's controller they are those of `controller.control_law`, and p[0] is the control period. For
+profile's controller, p and s are those of `controller.control_law`; p[0] is the control period. For
 a linear controller of order n (symbols: `recording.linear_controller`), p[0] is negative:
 
     p = [−n, v_max, A_1 … A_n, B_0 … B_n]        s = [v[k−1] … v[k−n], y[k−1] … y[k−n]]
 
-Its input w (V) takes the place of the extra voltage.
+The linear controller's input w (V) takes the place of the extra voltage.
 """
 
 from __future__ import annotations
@@ -39,7 +39,10 @@ def controller_arrays(
 
 
 def _linear_law(p, s, angle, extra, out):  # type: ignore[no-untyped-def]
-    """Compute one control period of a linear controller; arguments as in `control_law`."""
+    """Compute one control period of a linear controller with the parameters p and the state s.
+
+    p, s: see the head of this file; ``extra`` (2) V: input w; ``out``: as in `control_law`.
+    """
     n = int(-p[0])
     B = 2 + 4 * n
     for m in range(2):

@@ -1,8 +1,9 @@
 """Measure which share of a recording's voltages a controller's law does not explain.
 
-In a block of `BLOCK_S`, the share is the size of the law's error over the standard deviation of a
-signal; of both motors the larger one. The recording's share is the upper quartile of its blocks,
-because a landing, a lost sample or a voltage limit makes single blocks differ.
+In a block of `BLOCK_S`, a motor's share is the size of the law's errors, divided by the standard
+deviation of a voltage signal. The caller chooses the measure of size and the signal. The block's
+share is the larger of the two motors' shares. The recording's share is the upper quartile of its
+blocks' shares, because a landing, a lost sample or a voltage limit makes single blocks differ.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ def unexplained_share(
     signal: np.ndarray,
     size: Callable[[np.ndarray, np.ndarray], np.ndarray],
 ) -> float | None:
-    """Return the recording's share; None if it has fewer than `LEAST_BLOCKS` blocks.
+    """Return the share of ``e`` in ``signal``; None if there are fewer than `LEAST_BLOCKS` blocks.
 
     ``t`` (N,): s since the start of the first block. ``e``, ``signal`` (N, 2): errors and signal of
     both motors, V. ``size``: function of t and e of one block that returns the errors' size (2,).

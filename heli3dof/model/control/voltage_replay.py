@@ -1,24 +1,24 @@
-"""Compute a profile's controller on a log's angles, and compare its voltages with the logged ones.
+"""Compute the voltages of a profile's controller from a log's angles; compare them with the log's.
 
     d[k] = clip(v_logged[k], ±v_max) − control_law(angle[0 … k], reference[0 … k], extra[k])
 
 extra is the logged excitation. d is zero if the profile's controller flew the recording. If the
 controller adds a constant to the angles (half a count), or if its integrals do not start at zero, d
-gets a constant and a slope; both are removed from each block of time. The **share** of the voltages
-that the controller does not explain is std(d)/std(v_logged) (`model.control.unexplained_share`).
-Rows at ±v_max or without an angle are left out.
+gets a constant and a slope. Both are removed from d in each block of time. The **share** of the
+voltages that the controller does not explain is std(d)/std(v_logged)
+(`model.control.unexplained_share`). Rows at ±v_max or without an angle are left out.
 
 If the share exceeds `REPRODUCED`, d shows the cause:
 
-* d vanishes if the controller's voltage of the previous row is subtracted: the controller is one
+* The logged voltage equals the controller's voltage of the previous row: the controller is one
   period late.
 * The log has no extra voltage, and d does not depend on the controller's signals (errors, rates,
   integrals): an excitation was added and not logged. d is this excitation.
 * Otherwise another controller flew the recording.
 
 `with_known_controller` prepares a recording for simulated flights (bias correction, null
-simulations). If the profile's controller did not fly the recording, it is identified from the log
-(`model.control.controller_identification`).
+simulations). If another controller than the profile's flew the recording, that controller is
+identified from the log (`model.control.controller_identification`).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from heli3dof.model.estimation.decimated_log import decimation
 from heli3dof.recording.recording import Recording
 
 REPRODUCED = 0.1
-"""Largest share, std(d)/std(v_logged), of the controller that flew. Chosen: on 22 flights of drawn
+"""Largest share, std(d)/std(v_logged), of the controller that flew. Chosen: on 22 flights of random
 rigs the share was below 0.03 for the profile's controller, also with half a count of offset or
 other initial integrals. It was above 0.2 for other gains, another filter, one period's delay or an
 excitation."""
@@ -99,7 +99,7 @@ def voltage_replay(recording: Recording) -> VoltageReplay | None:
     rows = np.logical_and.reduce([*below, np.isfinite(r.angle).all(axis=1)])
     d = logged - voltage
     t = (r.t - r.t[0])[rows]
-    share = unexplained_share(t, d[rows], logged[rows], _size_without_line)
+    share = unexplained_share(t, d[rows], logged[rows], _detrended_std)
     if share is None:
         return None
     if share <= REPRODUCED:
@@ -112,17 +112,18 @@ def voltage_replay(recording: Recording) -> VoltageReplay | None:
         match = Match.OTHER
     difference = np.zeros_like(recording.voltage)
     first = int(np.searchsorted(recording.t, r.t[0]))
-    difference[first + np.flatnonzero(rows)] = _residual(_line(r.t)[rows], d[rows])
+    difference[first + np.flatnonzero(rows)] = _residual(_trend(r.t)[rows], d[rows])
     return VoltageReplay(match, share, share * float(logged[rows].std(axis=0).max()), difference)
 
 
-@lru_cache(maxsize=4)  # the integrity checks and the diagnosis need the same
+@lru_cache(maxsize=4)  # both the integrity checks and the diagnosis call it
 def with_known_controller(recording: Recording) -> Recording:
     """Return the recording with a controller that reproduces its voltages, if there is one.
 
-    An excitation that was not logged becomes the extra voltage. `is_late` holds for the result if
-    the controller is one period late. If the profile has no controller, or another one flew the
-    recording, the result has an ``identified_controller``, or no controller at all.
+    * An excitation that was not logged becomes the result's ``voltage_extra``.
+    * If the profile's controller is one period late, `is_late` is true for the result.
+    * If the profile has no controller, or another one flew the recording, the result has an
+      ``identified_controller``. If none can be identified, the result has no controller.
     """
     result = voltage_replay(recording)
     match = None if result is None else result.match
@@ -159,7 +160,7 @@ def is_late(recording: Recording) -> bool:
 
 
 def _voltage(r: Recording) -> np.ndarray:
-    """Return (N, 2) V: the controller's voltages after the limiter, computed from logged angles."""
+    """Return the voltages (N, 2) V, after the limiter, that the controller gives for r's angles."""
     assert r.profile.controller is not None
     p = parameters(r.profile.controller, r.profile.motor.V_o, r.profile.motor.v_max, r.profile.dt)
     s, voltage = state_at_rest(p, [float(a) for a in r.angle[0]]), np.empty_like(r.voltage)
@@ -181,25 +182,29 @@ _replay_compiled = compiled(_replay)
 
 
 def _is_explained(t: np.ndarray, d: np.ndarray, logged: np.ndarray) -> bool:
-    """Return True if at most the share `REPRODUCED` of ``logged`` is in d, both (n, 2) in V."""
-    share = unexplained_share(t, d, logged, _size_without_line)
+    """Return True if the share of d in the ``logged`` voltages is at most `REPRODUCED`.
+
+    ``t`` (n,) s: times; d, ``logged`` (n, 2) V.
+    """
+    share = unexplained_share(t, d, logged, _detrended_std)
     return share is not None and share <= REPRODUCED
 
 
-def _size_without_line(t: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (2,) of d (n, 2) without its constant and slope in time."""
-    return np.asarray(_residual(_line(t), d).std(axis=0))
+def _detrended_std(t: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return the standard deviation (2,) of d (n, 2) about its linear trend over t (n,)."""
+    return np.asarray(_residual(_trend(t), d).std(axis=0))
 
 
-def _line(t: np.ndarray) -> np.ndarray:
-    """Return the regressors (n, 2) of a constant and a slope in time."""
+def _trend(t: np.ndarray) -> np.ndarray:
+    """Return the regressors (n, 2) of a linear trend over t (n,): a constant and a slope."""
     return np.column_stack([np.ones(len(t)), t - t[0]])
 
 
 def _is_feedback(r: Recording, rows: np.ndarray, d: np.ndarray) -> bool:
-    """Return True if the controller's signals explain d (N, 2), in V, in the ``rows`` (N,) bool.
+    """Return True if the controller's signals explain more than `EXPLAINED` of the variance of d.
 
-    The signals are the control errors, rates and integrals; d is logged minus computed voltages.
+    The signals are the control errors, rates and integrals. d (N, 2) V is logged minus computed
+    voltages; ``rows`` (N,) bool selects the rows to use. One motor for which this holds suffices.
     """
     from scipy.signal import lfilter
 
@@ -209,9 +214,9 @@ def _is_feedback(r: Recording, rows: np.ndarray, d: np.ndarray) -> bool:
     error = np.nan_to_num(r.reference) - angle
     rates = lfilter([b, 0.0, -b], [1.0, a1, a2], angle - angle[0], axis=0)
     signals = np.column_stack([error, rates, np.cumsum(error, axis=0)])[rows]
-    without_line = _residual(_line(r.t)[rows], d[rows])
-    rest = _residual(np.column_stack([_line(r.t)[rows], signals]), d[rows])
-    return bool((1 - rest.var(axis=0) / without_line.var(axis=0)).max() > EXPLAINED)
+    detrended = _residual(_trend(r.t)[rows], d[rows])
+    rest = _residual(np.column_stack([_trend(r.t)[rows], signals]), d[rows])
+    return bool((1 - rest.var(axis=0) / detrended.var(axis=0)).max() > EXPLAINED)
 
 
 def _residual(columns: np.ndarray, d: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """`Effect`, `Parameter`, `Term`: a physical effect (friction, lag …) that a model may contain.
 
-The files of this folder group their effects by family, as ``EFFECTS``. To add an effect, write one
+Each file of this folder defines a family of effects as ``EFFECTS``. To add an effect, write one
 file with ``EFFECT = Effect(...)`` and the equation in its docstring. Another package registers such
 an object under the entry-point group ``heli3dof.effects``.
 """
@@ -94,8 +94,8 @@ class Effect:
         confused_with: other effects that explain similar data.
         separated_by: name of the flight plan that best distinguishes this effect from
             ``confused_with``.
-        starts: start values of the first parameter, ascending, if the likelihood's slope at null is
-            zero. A fit starts at the most likely of these values and null.
+        starts: values of the first parameter, ascending, for an effect whose likelihood has zero
+            slope at null. A fit starts at the most likely of null and these values.
         identifiable: the motion that makes the effect identifiable.
         evidence: the variable against which a report plots the effect (`ABSCISSAE`).
         within: name of the term (effect on an axis) whose equations this effect changes.

@@ -62,11 +62,15 @@ def couplings(s: Any, par: Any, mem: Any, out: Any) -> None:
 def rates(s: Any, par: Any, mem: Any, out: Any) -> None:
     """Equations without products of rates: no centrifugal and Coriolis torques.
 
-    These equations omit the torques −J_r sin r cos r ψ̇² on roll r, J_p sin p cos p (ṙ² − cos² r
-    ψ̇²) on pitch p, and 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ on yaw ψ. J are the axes' inertias
-    (`heli3dof.model.physics.rigid_body`). The parameter μ (0 … 1) scales the omission. This effect
-    is for models with the effect ``simplified.couplings``. A diagnosis does not report it as a
-    finding.
+    These equations omit the torques
+
+        −J_r sin r cos r ψ̇²                     on roll r
+        J_p sin p cos p (ṙ² − cos² r ψ̇²)        on pitch p
+        2 (J_ψ − J_p) sin r cos r ṙ ψ̇           on yaw ψ
+
+    J are the axes' inertias (`heli3dof.model.physics.rigid_body`). The parameter μ (0 … 1) scales
+    the omission. This effect is for models with the effect ``simplified.couplings``. A diagnosis
+    does not report it as a finding.
     """
     out[WITHOUT_RATE_PRODUCTS] = par[A]
 
@@ -89,9 +93,9 @@ def yaw_inertia(s: Any, par: Any, mem: Any, out: Any) -> None:
 
     With the level rig's yaw and pitch inertias J_ψ and J_p, the rigid body at roll r has J_ψ(r) =
     (J_ψ − J_p) cos² r + J_p, which is 7 % below J_ψ at r = 15°. As J_ψ(r) changes, it causes the
-    torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). The parameter ν (0
-    … 1) scales the omission of the change and its torque. A diagnosis does not report this choice
-    of equations as a finding.
+    torque 2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). The parameter ν (0 …
+    1) scales the omitted part of the change and of its torque. A diagnosis does not report this
+    choice of equations as a finding.
     """
     out[CONSTANT_YAW_INERTIA] = par[A]
 

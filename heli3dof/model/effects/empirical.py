@@ -142,7 +142,7 @@ def _spline(first: int, second: int, low: float, high: float) -> Hook:
 
 @cache
 def _value() -> Callable[[Any, int], float]:
-    """Return the compiled function (s, code) → value of the quantity with this code.
+    """Return the compiled function ``value(s, code)``: the value of the quantity with this code.
 
     `QUANTITIES` lists the codes; ``s`` is the simulation's context array.
     """

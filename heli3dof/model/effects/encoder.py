@@ -18,8 +18,8 @@ def backlash(s: Any, par: Any, mem: Any, out: Any) -> None:
     e)).
 
     A simulation keeps e in the effect's memory ``mem``. A filter needs no memory: when the reading
-    changes, the direction of the change shows whether it is q − w/2 or q + w/2. While the reading
-    is constant, the angle may lie in an interval that is wider by w than without backlash.
+    changes, the direction of the change shows whether the reading is q − w/2 or q + w/2. While the
+    reading is constant, the angle may lie in an interval that is wider by w than without backlash.
     """
     i = int(par[AXIS])
     half = 0.5 * par[A] * math.pi / 180.0
@@ -95,6 +95,6 @@ EFFECTS = (
         separated_by="large",
         identifiable="large angles: only sines and cosines distinguish it from an inertia",
         evidence="{axis}",
-        candidate=False,  # its score is biased, and the rigid body's inertias explain most of it
+        candidate=False,  # the score is biased, and changed inertias explain most of the effect
     ),
 )

@@ -1,15 +1,12 @@
 """Effects on the sampling instants. They have no equation: time stamps or motion show them.
 
-Lost samples: the parameter is n/N for n lost of the N samples between the first and the last.
+``timing.gaps``, lost samples: the parameter is n/N if n of N samples are lost. The time stamps show
+a loss, because the interval between two rows is longer than a period. A fit skips the gaps.
 
-The time stamps show lost samples: the interval between two rows is longer than a period. The effect
-has no equation; a fit skips the gaps.
-
-Sampling jitter: sample k is taken at k dt + ε; the parameter is the standard deviation of ε.
-
-If the time stamps are the true instants, they show ε, and a fit loses no accuracy. If they are only
-k dt, a reading has an error of rate times ε. The filter then models this error as noise, whose size
-is estimated (`heli3dof.model.estimation.quantised_measurement`).
+``timing.jitter``, sampling jitter: sample k is taken at k dt + ε. The parameter is the standard
+deviation of ε. If the time stamps are the true instants, they show ε, and a fit loses no accuracy.
+If they are only k dt, a reading has an error of rate times ε. The filter then models this error as
+noise, whose size is estimated (`heli3dof.model.estimation.quantised_measurement`).
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ b are effect parameters that are constant within a recording and differ between 
 the angle at which an encoder was switched on. They are states too, x = (q, q̇, b), with angles q
 and ḃ = 0. At the start of each run (interval of usable rows) their distribution is N(b_0, σ_b²).
 The covariance P of x advances as in `heli3dof.model.estimation.ekf_quantised`, with
-∂q̈/∂(q, q̇, b). x advances by the midpoint rule. The rule's error per sample interval h is h³ q⃛/24, a
-thousandth of an encoder step.
+∂q̈/∂(q, q̇, b), but dry friction changes x only, not P. x advances by the midpoint rule. The rule's
+error per sample interval h is h³ q⃛/24, a thousandth of an encoder step.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def _filter(  # type: ignore[no-untyped-def]
             x[i] -= (m[i] - x[i]) / slope[i]
             if axes[i]:
                 P[i, i] = 100.0 * R2[i]
-        # The first readings leave the angles as uncertain as b makes them.
+        # The uncertainty of b makes the initial angles uncertain, and correlated with b.
         for q in range(B):
             place(par, where, q, x[6 + q] + DIFFERENCE_STEP)
             readings(s, x, first, address, par, mem, m_b[q], ignored)
@@ -168,7 +168,7 @@ def _filter(  # type: ignore[no-untyped-def]
                 _slopes(s, x, F[k], first, address, par, mem, axes, where, w, A)
             since += h[k]
             step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, cache)
-            _grown(P, A, h[k], driven, AP, W, n)
+            _propagate(P, A, h[k], driven, AP, W, n)
 
 
 def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: ignore[no-untyped-def]
@@ -191,7 +191,7 @@ def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: i
 _slopes = compiled(_slopes_py, error_model="numpy")
 
 
-def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
+def _propagate_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
     """Advance the covariance P (n, n) of the state x by one step of h s, in place.
 
     x = (q, q̇, b): angles, rates and B parameters that vary by recording, n = 6 + B. P ← Φ P Φᵀ +
@@ -231,7 +231,7 @@ def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
         P[3 + i, 3 + i] += a2[i] * h
 
 
-_grown = compiled(_grown_py, error_model="numpy")
+_propagate = compiled(_propagate_py, error_model="numpy")
 _filter_compiled = compiled(_filter, error_model="numpy", nogil=True)
 
 

@@ -40,7 +40,7 @@ from heli3dof.model.estimation.quantised_measurement import (
     rate_event,
 )
 from heli3dof.model.physics import state_layout as _s
-from heli3dof.model.physics.dry_friction import settle, shrink
+from heli3dof.model.physics.dry_friction import apply_dry_friction, apply_friction_to_covariance
 from heli3dof.model.physics.integrator import (
     flanks,
     midpoint_without_dry_friction,
@@ -63,11 +63,11 @@ STILL = 1e-5
 """rad; a smaller change of a reading counts as no change. Every encoder step is larger."""
 
 
-def _grow(P, A, h, a2, W):  # type: ignore[no-untyped-def]
+def _propagate_covariance(P, A, h, a2, W):  # type: ignore[no-untyped-def]
     """Advance the filter's covariance P (6, 6) by one step of h s: P ← Φ P Φᵀ + process noise.
 
-    A (3, 6) holds the derivatives ∂q̈/∂(q, q̇) of the angular accelerations by angles q and rates
-    q̇. So Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ], to first order in h. a2 (3,) is the process
+    A (3, 6) holds the derivatives ∂q̈/∂(q, q̇) of the angular accelerations with respect to angles q
+    and rates q̇. So Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ], to first order in h. a2 (3,) is the process
     noise's intensity on each axis ((rad/s²)²/Hz), W (3, 6) work space.
     """
     for i in range(3):
@@ -100,7 +100,7 @@ def _grow(P, A, h, a2, W):  # type: ignore[no-untyped-def]
         P[3 + i, 3 + i] += a2[i] * h
 
 
-grow = compiled(_grow, leaf=True, error_model="numpy")
+propagate_covariance = compiled(_propagate_covariance, leaf=True, error_model="numpy")
 
 
 def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
@@ -147,7 +147,7 @@ def _filter(  # type: ignore[no-untyped-def]
     m, slope, w = np.empty(3), np.empty(3), np.zeros((8, 3))
     column, cache = np.empty(6), np.full(6, -1.0)
     last, logZ0 = np.empty(3), np.zeros(3)
-    seen, dry = first[MEASURE + 1] > first[MEASURE], first[DRY + 1] > first[DRY]
+    encoder_effects, dry = first[MEASURE + 1] > first[MEASURE], first[DRY + 1] > first[DRY]
     E = 0
     for b in range(blocks.shape[0]):
         s = s0.copy()
@@ -171,7 +171,7 @@ def _filter(  # type: ignore[no-untyped-def]
         driven = a2 * axes  # an axis that cannot move has no process noise
         for i in range(3):
             gap = 0.0
-            if seen:
+            if encoder_effects:
                 rising, falling, _ = flanks(s, x, i, first, address, par, mem, m, slope)
                 gap = falling - rising
             if axes[i]:
@@ -186,16 +186,16 @@ def _filter(  # type: ignore[no-untyped-def]
                 if y[k, i] != y[k, i] or not axes[i]:
                     continue
                 D = grid[b, i]
-                over = y[k, i] - last[i]
+                change = y[k, i] - last[i]
                 last[i] = y[k, i]
                 at, scale, gap = x[i], 1.0, 0.0
                 rising = falling = x[i]
-                if seen:
+                if encoder_effects:
                     rising, falling, scale = flanks(s, x, i, first, address, par, mem, m, slope)
-                    if D > 0.0 and abs(over) < 0.5 * D:
+                    if D > 0.0 and abs(change) < 0.5 * D:
                         at, gap = 0.5 * (rising + falling), falling - rising
                     else:
-                        at = rising if over > 0.0 else falling
+                        at = rising if change > 0.0 else falling
                 v = scale * x[3 + i]
                 S = scale * scale * P[i, i] + jitter * jitter * v * v
                 e = y[k, i] - at
@@ -204,8 +204,9 @@ def _filter(  # type: ignore[no-untyped-def]
                     S += R2[i]
                     logZ = -0.5 * (e * e / S + math.log(2.0 * math.pi * S))
                     g, info = e / S, 1.0 / S
-                elif abs(over) < 0.5 * D:
-                    half = 0.5 * (D + gap)  # either side of the backlash may be close to the edge
+                elif abs(change) < 0.5 * D:
+                    # Either side of the backlash may be the one near an encoder edge.
+                    half = 0.5 * (D + gap)
                     room = half - abs(e)
                     if room > 0.0 and room * room > 1.5 * S:
                         continue
@@ -214,13 +215,13 @@ def _filter(  # type: ignore[no-untyped-def]
                     if logZ - logZ0[i] > LOG_UPDATE_RATIO:
                         continue
                     logZ -= logZ0[i]
-                    at = falling if g > 0.0 else rising  # the backlash side close to the edge
+                    at = falling if g > 0.0 else rising  # the side near an encoder edge
                     left = max(S * (1.0 - S * info), 1e-6 * S)
                     logZ0[i] = interval(e - S * g - half, e - S * g + half, left)[0]
                 else:
-                    rate = 1.0 if over > 0.0 else -1.0
+                    rate = 1.0 if change > 0.0 else -1.0
                     speed = abs(scale * x[3 + i]) * h[k]
-                    if abs(over) < 1.5 * D and speed < 0.5 * D:
+                    if abs(change) < 1.5 * D and speed < 0.5 * D:
                         e += rate * 0.5 * (speed - D)
                         S += R2[i] + speed * speed / 12.0
                         logZ = -0.5 * (e * e / S + math.log(2.0 * math.pi * S)) - logZ0[i]
@@ -264,12 +265,12 @@ def _filter(  # type: ignore[no-untyped-def]
                 midpoint_without_dry_friction(
                     s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, cache
                 )
-                grow(P, A, h[k], driven, work)
+                propagate_covariance(P, A, h[k], driven, work)
                 if dry:
                     for i in range(3):
                         w[3, i] = math.sqrt(P[3 + i, 3 + i])
-                    if settle(s, x, h[k], first, address, par, mem, axes, w):
-                        shrink(P, h[k], w, column)
+                    if apply_dry_friction(s, x, h[k], first, address, par, mem, axes, w):
+                        apply_friction_to_covariance(P, h[k], w, column)
     return E
 
 
@@ -309,9 +310,10 @@ def filter_quantised(
     """Return the filter's run over ``data`` with the parameters ``values`` (n,) of ``structure``.
 
     ``noise`` (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s);
-    ``encoder_noise`` (3,) rad² the variance of the readings' white noise. ``keep`` selects what
-    the result holds: 0 the likelihood only; 1 also each update's quantities, as `follow` needs
-    them; 2 also the states X; 3 also, in X, the log-likelihood up to each row.
+    ``encoder_noise`` (3,) rad² is the variance of the angles at which readings change, or of the
+    readings' noise if they are not quantised. ``keep`` selects what the result holds: 0 the
+    likelihood only; 1 also each update's quantities, as `follow` needs them; 2 also the states X;
+    3 also, in X, the log-likelihood up to each row.
     """
     hooks = structure.hooks
     s, par = structure.arrays(values)
@@ -348,7 +350,7 @@ def _follow(  # type: ignore[no-untyped-def]
     the first row of D from the other rows.
     """
     N, E = V.shape[0], row.shape[0]
-    seen = first[MEASURE + 1] > first[MEASURE]
+    encoder_effects = first[MEASURE + 1] > first[MEASURE]
     target, F = np.empty((N, 2)), np.empty((N, 2))
     x = np.empty(6)
     m, slope, w = np.empty(3), np.ones(3), np.zeros((8, 3))
@@ -379,14 +381,14 @@ def _follow(  # type: ignore[no-untyped-def]
             for k in range(start, stop):
                 while n < E and row[n] == k:
                     c = state[n]
-                    if c < 3 and not seen:
+                    if c < 3 and not encoder_effects:
                         d = x[c] - C[n]
                     elif c < 3:
-                        over = y[k, c] - last[c]
+                        change = y[k, c] - last[c]
                         rising, falling, _ = flanks(s, x, c, first, address, par, mem, m, slope)
-                        if abs(over) < STILL:
-                            over = -G[n]
-                        d = (rising if over > 0.0 else falling) - C[n]
+                        if abs(change) < STILL:
+                            change = -G[n]
+                        d = (rising if change > 0.0 else falling) - C[n]
                     elif c < 6:
                         d = slope[c - 3] * x[c] - C[n]
                     else:
@@ -396,7 +398,7 @@ def _follow(  # type: ignore[no-untyped-def]
                     for j in range(6):
                         x[j] += K[n, j] * g * ratio[j % 3]
                     n += 1
-                if seen:
+                if encoder_effects:
                     for i in range(3):
                         if y[k, i] == y[k, i]:
                             last[i] = y[k, i]

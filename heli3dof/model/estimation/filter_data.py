@@ -149,7 +149,7 @@ def data_of(recordings: Sequence[Recording], runs: Sequence[RowRange]) -> Data:
 def with_shifted_time(data: Data, time_shifts: Sequence[float]) -> Data:
     """Return the data with ``time_shifts[i]`` (s) added to the time of recording i.
 
-    A periodic torque then has the same phase in all recordings.
+    With suitable shifts, a periodic torque has the same phase in all recordings.
     """
     t = data.t.copy()
     for run, (first, _, stop) in zip(data.runs, data.blocks, strict=True):

@@ -110,7 +110,7 @@ def _apply_event(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
     """Update the filter's state x (6,) and covariance P (6, 6) by one measurement, in place.
 
     y = ``scale`` · x[c] is the predicted encoder reading or rate, and Z the measurement's
-    likelihood: g = ∂ ln Z/∂y, w = −∂² ln Z/∂y². ``column`` (6,) is work space.
+    likelihood: g = ∂ ln Z/∂y, w = −∂² ln Z/∂y². ``column`` (6,) gets the gain ``scale`` · P[:, c].
     """
     for j in range(6):
         column[j] = scale * P[j, c]

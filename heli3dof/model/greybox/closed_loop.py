@@ -29,13 +29,19 @@ _before, _after = compiled(before_law, leaf=True), compiled(after_law, leaf=True
 
 
 def _fly(  # type: ignore[no-untyped-def]
-    s, first, address, par, mem, free, x, F, low, p, c, opened, room, z, reference, extra,
+    s, first, address, par, mem, free, x, F, low, p, c, opened, bounds, z, reference, extra,
     grid0, grid, t, h, kick, late, angle, voltage, cmd,
 ):  # fmt: skip
     """Simulate N control periods; write ``angle`` (N, 3) rad, ``voltage`` and ``cmd`` (N, 2) V.
 
-    ``kick`` (N, 3) or (0, 3): random changes of the rates, rad/s; ``low``: roll on the table, rad;
-    ``late``: 1 if the voltage acts one period later, else 0.
+    * ``low`` (rad): roll on the table
+    * ``p``, ``c``: parameters and state of `simulated_law`; ``reference`` and ``extra``: its input
+    * ``opened``, ``bounds``, ``z``: the result of `opening`
+    * ``grid``, ``grid0`` (3,) rad: encoder steps (0: not quantised), and a reading on the grid
+    * ``kick`` (N, 3) or (0, 3) rad/s: random changes of the rates
+    * ``late``: 1 if the voltage acts one period later, else 0
+
+    Other arguments: see `heli3dof.model.physics.integrator`.
     """
     setup(s, first, address, par, mem)
     s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
@@ -50,7 +56,7 @@ def _fly(  # type: ignore[no-untyped-def]
             if grid[i] > 0.0:
                 y[i] = grid0[i] + np.rint((y[i] - grid0[i]) / grid[i]) * grid[i]
         if opened.shape[0] > 0:
-            _before(p, c, room, z, opened[k], y, reference[k], extra[k])
+            _before(p, c, bounds, z, opened[k], y, reference[k], extra[k])
         simulated_law(p, c, y, reference[k], extra[k], out)
         if opened.shape[0] > 0:
             _after(p, c, z, opened[k], extra[k], out)

@@ -21,14 +21,14 @@ from heli3dof.model.linear.model import LinearModel
 from heli3dof.model.physics import state_layout
 from heli3dof.model.physics.integrator import readings, setup, step
 from heli3dof.model.physics.rigid_body import accelerations
-from heli3dof.model.physics.rotor import aim
+from heli3dof.model.physics.rotor import steady_thrusts
 
 if TYPE_CHECKING:
     from heli3dof.model.greybox.model import GreyBoxModel
 
 
 class _Plant:
-    """The equations of a grey-box model as functions on arrays; it can omit the motor delay."""
+    """The equations of a grey-box model as functions of arrays, with or without its motor delay."""
 
     def __init__(self, model: GreyBoxModel, *, delayed: bool = True) -> None:
         structure = model.structure
@@ -42,7 +42,7 @@ class _Plant:
         self.free = np.ones(3, dtype=bool)
 
     def acceleration(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """Return accelerations (3,) rad/s² at rest, at angles q (3,) rad and thrusts F (2,) N."""
+        """Return the accelerations (3,) rad/s² at rest; q (3,) rad: angles, F (2,) N: thrusts."""
         a = np.empty(3)
         self.s[state_layout.R : state_layout.R + 3] = q
         self.s[state_layout.R_DOT : state_layout.R_DOT + 3] = 0.0
@@ -53,11 +53,13 @@ class _Plant:
         )
         return a
 
-    def aim(self, V: np.ndarray) -> np.ndarray:
+    def steady_thrusts(self, V: np.ndarray) -> np.ndarray:
         """Return the steady-state thrusts (2,) N at constant motor voltages V (2,) V."""
         out = np.empty(2)
         h = self.hooks
-        aim(self.s, V.reshape(1, 2), np.ones(1), 0, 0, h.first, h.address, self.par, self.mem, out)
+        steady_thrusts(
+            self.s, V.reshape(1, 2), np.ones(1), 0, 0, h.first, h.address, self.par, self.mem, out
+        )
         return out
 
     def step(self, z: np.ndarray, V: np.ndarray, dt: float) -> np.ndarray:
@@ -69,8 +71,9 @@ class _Plant:
         w, cache = np.zeros((8, 3)), np.full(6, -1.0)
         h = self.hooks
         step(
-            self.s, x, 0, np.zeros(1), np.array([dt]), V.reshape(1, 2), self.aim(V).reshape(1, 2),
-            F, h.first, h.address, self.par, self.mem, self.free, w, cache,
+            self.s, x, 0, np.zeros(1), np.array([dt]), V.reshape(1, 2),
+            self.steady_thrusts(V).reshape(1, 2), F, h.first, h.address, self.par, self.mem,
+            self.free, w, cache,
         )  # fmt: skip
         return np.concatenate([x, w[7, :2]])
 
@@ -115,9 +118,12 @@ def trim_voltage(model: GreyBoxModel, F: np.ndarray) -> np.ndarray:
     plant = _Plant(model, delayed=False)
     V = np.full(2, model.profile.motor.V_o)
     for _ in range(60):
-        miss = plant.aim(V) - F
+        miss = plant.steady_thrusts(V) - F
         J = np.column_stack(
-            [(plant.aim(V + e) - plant.aim(V - e)) / 2e-3 for e in 1e-3 * np.eye(2)]
+            [
+                (plant.steady_thrusts(V + e) - plant.steady_thrusts(V - e)) / 2e-3
+                for e in 1e-3 * np.eye(2)
+            ]
         )
         if not (np.isfinite(J).all() and np.isfinite(miss).all()):
             break
@@ -125,7 +131,7 @@ def trim_voltage(model: GreyBoxModel, F: np.ndarray) -> np.ndarray:
         V = V + np.clip(change, -3.0, 3.0)
         if np.abs(miss).max() < 1e-10:
             return np.asarray(V)
-    if np.abs(plant.aim(V) - F).max() < 1e-6:
+    if np.abs(plant.steady_thrusts(V) - F).max() < 1e-6:
         return np.asarray(V)
     raise CheckFailed(
         f"The model {model.name!r} cannot hover level: no voltage gives the thrusts "

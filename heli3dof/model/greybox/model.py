@@ -4,7 +4,7 @@
 
 q are roll, pitch, yaw, M the mass matrix, h Coriolis and centrifugal torques, Q the torques of
 thrust and gravity. F_i is the thrust of rotor i with the lag τ_m, K_f the thrust per volt, g_i a
-gain and f a characteristic of the voltage V_i. Details: modules `rigid_body` and `rotor` of
+gain and f a function of the voltage V_i. Details: modules `rigid_body` and `rotor` of
 `heli3dof.model.physics`, and `heli3dof.model.effects`.
 """
 

@@ -7,8 +7,8 @@ step:
 
     ŷ[k, j] = y(x̂[k], V, t_k + h_j),      e[k, j] = angle[k + n_j] − ŷ[k, j],   h_j = n_j dt
 
-y(…) is the simulated reading of an encoder, V the voltages; h_j has n_j sample intervals dt. One
-simulation yields all horizons of a row. While the rig rests on its table, the state is the measured
+y(…) is the simulated reading of an encoder, V the voltages, dt the sample interval. One simulation
+yields all horizons of a row. While the rig rests on its table, the state is the measured
 angles with zero rates. The predicted roll stays at or above its value on the table.
 """
 
@@ -33,7 +33,7 @@ from heli3dof.model.estimation.filter_data import (
     hold_last,
     starts_on_table,
 )
-from heli3dof.model.physics.integrator import coast_to, readings, setup
+from heli3dof.model.physics.integrator import mean_thrust_steps, readings, setup
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.rotor import thrusts
 from heli3dof.model.physics.state_layout import FLANK, SLEW, TAU_M
@@ -58,7 +58,7 @@ def _windows(  # type: ignore[no-untyped-def]
     free,
     t,
     V,
-    mean,
+    thrust_integral,
     X,
     low,
     starts,
@@ -71,9 +71,9 @@ def _windows(  # type: ignore[no-untyped-def]
 
     ``out`` (S, M, 3) rad: encoder readings; ``starts`` (S,): start rows; ``ahead`` (M,): horizons
     in rows, ascending; X (N, 6 + B): filter's states; ``where`` (W, 3): `positions` of the B
-    parameters that vary by recording; ``mean`` (N + 1, 2): the thrusts' time integral (`impulse`);
-    ``low``: roll on the table (rad); ``stride``: rows per step; ``by_direction``: `predictions`.
-    Other arguments: see `integrator`.
+    parameters that vary by recording; ``thrust_integral`` (N + 1, 2): the thrusts' time integral
+    (`impulse`); ``low``: roll on the table (rad); ``stride``: rows per step; ``by_direction``:
+    `predictions`. Other arguments: see `integrator`.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
@@ -87,7 +87,9 @@ def _windows(  # type: ignore[no-untyped-def]
         a = k
         for i in range(ahead.shape[0]):
             b = k + ahead[i]
-            coast_to(s, x, a, b, stride, t, mean, V, low, first, address, par, mem, free, w)
+            mean_thrust_steps(
+                s, x, a, b, stride, t, thrust_integral, V, low, first, address, par, mem, free, w
+            )
             if by_direction:
                 for q in range(3):
                     s[FLANK + q] = 1.0 if x[q] > X[k, q] else -1.0
@@ -183,7 +185,8 @@ def filtered(model: GreyBoxModel, recording: Recording) -> tuple[Flight, np.ndar
     s, par = model.structure.arrays(model.values)
     free = np.asarray(np.isfinite(y).any(axis=0))
     m, slope = np.empty(3), np.empty(3)
-    for k in np.flatnonzero(table):  # from readings to angles, with an encoder's offset
+    # On the table: the angles at these readings, which differ by an encoder's offset or scale.
+    for k in np.flatnonzero(table):
         readings(s, X[k], hooks.first, hooks.address, par, model.structure.memory, m, slope)
         X[k, :3] -= (m - X[k, :3]) / slope
     if runs:
@@ -223,17 +226,17 @@ def predictions(
     The horizons are ``ahead`` (M,) rows. ``values`` (n,) are the parameters of ``structure``.
     ``flight`` has the recorded arrays and the start rows. ``states`` (N, 6 + B) are the filter's
     estimates: angles, rates, and the B parameters ``varying`` that replace those in ``values``.
-    ``by_direction``: the direction of the predicted motion selects the side of a backlash; else the
-    prediction is in its middle.
+    ``by_direction``: the direction of the predicted motion selects the side of an encoder's
+    backlash; otherwise the reading is in the middle of the backlash.
     """
     hooks = structure.hooks
     s, par = structure.arrays(values)
-    mean = impulse(structure, values, flight.V, flight.h, still=flight.still)
+    thrust_integral = impulse(structure, values, flight.V, flight.h, still=flight.still)
     out = np.empty((len(flight.starts), len(ahead), 3))
     starts = np.ascontiguousarray(flight.starts)  # numba compiles again for a strided array
     _windows_compiled(
         s, hooks.first, hooks.address, par, structure.memory, positions(structure, varying),
-        flight.free, flight.t, flight.V, mean, states, flight.low, starts,
+        flight.free, flight.t, flight.V, thrust_integral, states, flight.low, starts,
         np.asarray(ahead, dtype=np.int64), max(1, round(STEP_S / flight.dt)), by_direction, out,
     )  # fmt: skip
     return out

@@ -30,7 +30,7 @@ _before, _after = compiled(before_law), compiled(after_law)
 
 
 def _fly(  # type: ignore[no-untyped-def]
-    A, B, C, u0, y0, x, p, s, opened, room, z, reference, extra, grid0, grid, angle, voltage, cmd,
+    A, B, C, u0, y0, x, p, s, opened, bounds, z, reference, extra, grid0, grid, angle, voltage, cmd,
 ):  # fmt: skip
     n = A.shape[0]
     y = np.empty(3)
@@ -46,7 +46,7 @@ def _fly(  # type: ignore[no-untyped-def]
                 acc = grid0[i] + np.rint((acc - grid0[i]) / grid[i]) * grid[i]
             y[i] = acc
         if opened.shape[0] > 0:
-            _before(p, s, room, z, opened[k], y, reference[k], extra[k])
+            _before(p, s, bounds, z, opened[k], y, reference[k], extra[k])
         simulated_law(p, s, y, reference[k], extra[k], out)
         if opened.shape[0] > 0:
             _after(p, s, z, opened[k], extra[k], out)

@@ -1,7 +1,8 @@
 """The paper's linear hover model, eqs (3)–(14): as printed, and corrected.
 
-At hover the torques balance (4), ``2 L_a K_f V_o = (L_w m_w − L_a m_f − L_a m_b) g`` (5), and small
-motions about it obey ``ẋ = A x + B (V − V_o)``, ``y = C x`` (1) with x = (r, p, ψ, ṙ, ṗ, ψ̇) (8)::
+Numbers in parentheses are equations of the paper (docs/explanation/paper.md). At hover the torques
+balance (4): ``2 L_a K_f V_o = (L_w m_w − L_a m_f − L_a m_b) g`` (5). Small motions about hover obey
+``ẋ = A x + B (V − V_o)``, ``y = C x`` (1) with the state x = (r, p, ψ, ṙ, ṗ, ψ̇) (8)::
 
     J_roll  r̈ =  L_a K_f (V_F + V_B − 2 V_o)       J_roll  = m_w L_w² + (m_f + m_b) L_a²
     J_pitch p̈ =  L_h K_f (V_F − V_B)               J_pitch = (m_f + m_b) L_h²

@@ -59,7 +59,7 @@ def rest_state(model: LinearModel, angle0: np.ndarray) -> np.ndarray:
     axes = model.modelled
     O, G = responses(model, axes)
     y = np.tile((angle0 - model.y0)[axes], len(O) // int(axes.sum()))
-    # Radians and volts: scale both blocks alike, so that lstsq's cut-off treats them equally.
+    # Scale both blocks to magnitude 1, so that lstsq's cut-off treats radians and volts equally.
     scale_x = max(float(abs(O).max()), 1e-300)
     scale_u = max(float(abs(G).max()), 1e-300)
     solution = la.lstsq(np.hstack([O / scale_x, G / scale_u]), y, cond=1e-9)[0]

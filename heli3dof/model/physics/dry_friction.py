@@ -37,7 +37,7 @@ BODY_P, BODY_PSI = _s.BODY_P, _s.BODY_PSI
 UNCOUPLED, CONSTANT_YAW_INERTIA = _s.UNCOUPLED, _s.CONSTANT_YAW_INERTIA
 DRY = int(_s.Stage.DRY)
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
-SURE = 6.0
+CERTAIN = 6.0
 """The sign of a rate v counts as certain if |v| exceeds the threshold b by this many standard
 deviations of v."""
 SWEEPS = 20
@@ -46,13 +46,13 @@ SWEEPS = 20
 call = caller()
 
 
-def _soft(v: float, sd: float, b: float) -> tuple[float, float, float]:
+def _soft_threshold(v: float, sd: float, b: float) -> tuple[float, float, float]:
     """Return (E S, ρ, Var S) of the rate S(v) after dry friction, if it was N(v, sd²) before.
 
     S(v) = sgn(v) max(|v| − b, 0) with the threshold b; ρ = E dS/dv; v, sd, b in rad/s. A fit near
     zero friction may try b < 0, which accelerates: S(v) = v − b sgn v.
     """
-    if abs(v) > max(b, 0.0) + SURE * sd:
+    if abs(v) > max(b, 0.0) + CERTAIN * sd:
         return (v - b if v > 0.0 else v + b), 1.0, sd * sd
     if sd <= 0.0:
         return 0.0, 0.0 if b > 0.0 else 1.0, 0.0
@@ -67,16 +67,16 @@ def _soft(v: float, sd: float, b: float) -> tuple[float, float, float]:
     return mean, Qa + Qc, max(sd * sd * (Qa - a * ua + Qc - c * uc) - mean * mean, 0.0)
 
 
-soft = compiled(_soft, leaf=True, error_model="numpy")
+soft_threshold = compiled(_soft_threshold, leaf=True, error_model="numpy")
 
 
-def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """Apply dry friction after a step of h s; return True if any joint has friction.
+def _apply_dry_friction(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
+    """Apply dry friction to x after a step of h s; return True if any joint has friction.
 
-    x: angles and rates. w (≥ 8, 3) is work space. At the call, its row 3 contains the standard
-    deviations of the rates. On return, row 2 contains ρ, row 3 Var S (see `_soft`), and row 4 + i
-    contains W_ji/W_ii for all joints j, with the inverse mass matrix W. Other arguments:
-    `heli3dof.model.physics.integrator`.
+    x (6,): angles and rates, changed in place. w (≥ 8, 3) is work space. At the call, its row 3
+    contains the standard deviations of the rates. On return, row 2 contains ρ, row 3 Var S (see
+    `_soft_threshold`), and row 4 + i contains W_ji/W_ii for all joints j, with the inverse mass
+    matrix W. Other arguments: `heli3dof.model.physics.integrator`.
     """
     if first[DRY + 1] == first[DRY]:
         return False
@@ -136,7 +136,7 @@ def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-unty
                 continue
             # w[1]: the change of each joint's rate by its own friction
             alone = x[3 + i] - w[1, i]
-            mean, w[2, i], _ = soft(alone, w[3, i], w[0, i])
+            mean, w[2, i], _ = soft_threshold(alone, w[3, i], w[0, i])
             move = mean - x[3 + i]
             w[1, i] += move
             for j in range(3):
@@ -146,17 +146,17 @@ def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-unty
             break
     for i in range(3):
         if w[0, i] != 0.0:
-            _, _, w[3, i] = soft(x[3 + i] - w[1, i], w[3, i], w[0, i])
+            _, _, w[3, i] = soft_threshold(x[3 + i] - w[1, i], w[3, i], w[0, i])
             for j in range(3):
                 x[j] += 0.5 * h * w[4 + i, j] * w[1, i]
     return True
 
 
-settle = compiled(_settle, leaf=True, error_model="numpy")
+apply_dry_friction = compiled(_apply_dry_friction, leaf=True, error_model="numpy")
 
 
-def _shrink(P, h, w, row):  # type: ignore[no-untyped-def]
-    """Apply dry friction to the covariance P (6, 6) of x; w is the result of `_settle` for x.
+def _apply_friction_to_covariance(P, h, w, row):  # type: ignore[no-untyped-def]
+    """Apply dry friction to the covariance P (6, 6) of x; w is from `_apply_dry_friction`.
 
     For each joint i: P ← T P Tᵀ, T = I + t e_iᵀ. t (6,) is the change of x by friction per change
     of the rate v_i, e_i the unit vector of v_i. Then the variance of v_i becomes Var S. h (s) is
@@ -178,4 +178,6 @@ def _shrink(P, h, w, row):  # type: ignore[no-untyped-def]
         P[c, c] += w[3, i] - rho * rho * row[c]
 
 
-shrink = compiled(_shrink, leaf=True, error_model="numpy")
+apply_friction_to_covariance = compiled(
+    _apply_friction_to_covariance, leaf=True, error_model="numpy"
+)

@@ -21,9 +21,9 @@ import math
 from heli3dof.model.compiled import compiled
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.compiled_effects import caller
-from heli3dof.model.physics.dry_friction import settle
+from heli3dof.model.physics.dry_friction import apply_dry_friction
 from heli3dof.model.physics.rigid_body import accelerations, advance
-from heli3dof.model.physics.rotor import aim, lagged
+from heli3dof.model.physics.rotor import lagged, steady_thrusts
 
 call = caller()
 R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
@@ -82,7 +82,7 @@ def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
     """
     step_without_dry_friction(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
-    settle(s, x, h[k], first, address, par, mem, free, w)
+    apply_dry_friction(s, x, h[k], first, address, par, mem, free, w)
 
 
 step = compiled(_step, leaf=True, error_model="numpy")
@@ -105,7 +105,7 @@ def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cac
     Writes target[k], the steady-state thrusts at the voltage of row k, and F[k + 1]. Other
     arguments: see the head of this file.
     """
-    aim(s, V, h, 0, k, first, address, par, mem, target[k])
+    steady_thrusts(s, V, h, 0, k, first, address, par, mem, target[k])
     step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache)
     if k + 1 < F.shape[0]:
         F[k + 1, 0], F[k + 1, 1] = w[7, 0], w[7, 1]
@@ -156,22 +156,22 @@ def _step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, free, 
         s, x, k, t, h, V, target, F, first, address, par, mem, free, w, cache
     )
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
-    settle(s, x, h[k], first, address, par, mem, free, w)
+    apply_dry_friction(s, x, h[k], first, address, par, mem, free, w)
 
 
 step_midpoint = compiled(_step_midpoint, leaf=True, error_model="numpy")
 
 
-def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
+def _mean_thrust_step(s, x, a, b, h, thrust_integral, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
     """Advance the state x from row a to row b by a midpoint step of ``h`` s, without dry friction.
 
-    ``mean`` (N + 1, 2) N·s is the integral of the thrusts up to each row. The step uses the mean
-    thrusts from row a to row b. Other arguments: see the head of this file.
+    ``thrust_integral`` (N + 1, 2) N·s is the time integral of the thrusts up to each row. The step
+    uses the mean thrusts from row a to row b. Other arguments: see the head of this file.
     """
     s[V_FRONT], s[V_FRONT + 1] = V[a, 0], V[a, 1]
     for half in range(2):
         for m in range(2):  # set again in each half: effects change them in place
-            s[F_FRONT + m] = (mean[b, m] - mean[a, m]) / h
+            s[F_FRONT + m] = (thrust_integral[b, m] - thrust_integral[a, m]) / h
         for i in range(3):
             if half == 0:
                 s[R + i] = x[i] + 0.5 * h * x[3 + i]
@@ -184,27 +184,29 @@ def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: 
         x[3 + i] += h * w[2, i]
 
 
-coast = compiled(_coast, leaf=True, error_model="numpy")
+mean_thrust_step = compiled(_mean_thrust_step, leaf=True, error_model="numpy")
 
 
-def _coast_to(s, x, a, end, stride, t, mean, V, low, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
+def _mean_thrust_steps(  # type: ignore[no-untyped-def]
+    s, x, a, end, stride, t, thrust_integral, V, low, first, address, par, mem, free, w
+):
     """Advance the state x from row a to row ``end`` in steps of ``stride`` rows.
 
-    Each step is `_coast`, then dry friction, then the stop at the table at roll ``low`` (rad).
-    ``mean``: the integral of the thrusts. Other arguments: see the head of this file.
+    Each step is `_mean_thrust_step`, then dry friction, then the stop at the table at roll ``low``
+    (rad). ``thrust_integral``: see `_mean_thrust_step`. Other arguments: see the head of this file.
     """
     while a < end:
         b = min(a + stride, end)
         h = t[b] - t[a]
         s[T], s[STEPPED] = t[a], 1.0
-        coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w)
+        mean_thrust_step(s, x, a, b, h, thrust_integral, V, first, address, par, mem, free, w)
         w[3, 0] = w[3, 1] = w[3, 2] = 0.0
-        settle(s, x, h, first, address, par, mem, free, w)
+        apply_dry_friction(s, x, h, first, address, par, mem, free, w)
         stop_at_table(x, low)
         a = b
 
 
-coast_to = compiled(_coast_to, leaf=True, error_model="numpy")
+mean_thrust_steps = compiled(_mean_thrust_steps, leaf=True, error_model="numpy")
 
 
 def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]

@@ -156,7 +156,7 @@ class Structure:
         s = context(self.profile)
         s[_s.T_G] = values[0]
         s[_s.J_R : _s.J_R + 3] = values[1:4]
-        unit = unit_of(self.profile, values)
+        unit = thrust_per_volt_ratio(self.profile, values)
         s[_s.BODY_P] *= unit
         s[_s.BODY_PSI] *= unit
         rows = np.zeros((len(self.terms), _s.PARAMETERS))
@@ -185,7 +185,7 @@ class Structure:
         return np.array([given.get(f.name, f.start) for f in self.free])
 
 
-def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
+def thrust_per_volt_ratio(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
     """Return an estimate of the ratio of the profile's thrust per volt K_f to the true K_f.
 
     ``values`` start with the gravity torque T_g and the three inertias, estimated with the

@@ -1,7 +1,7 @@
 """The nonlinear rigid body: an arm that turns in roll and yaw and carries a bar that pitches.
 
 r, p, ψ are roll, pitch, yaw (rad). The bar carries the two motors at ±L_h. The bar has rotational
-inertia only about axes perpendicular to itself. Its angular velocity is
+inertia only about axes perpendicular to itself. Its angular velocity about these axes is
 
     ω_a = ṗ + sin r ψ̇                    along the arm
     ω_n = sin p ṙ + cos r cos p ψ̇        along the body's normal
@@ -12,8 +12,8 @@ energy T and the potential energy U are
     2 T = J_r ṙ² + J_a cos² r ψ̇² + J_p (ω_a² + ω_n²)        U = T_g sin r + G_p cos r sin p
 
 with the inertias J_r, J_p, J_ψ about the three axes of the level rig (kg·m²). Here J_p and J_ψ are
-those of the profile's masses. If the rig's differ, the differences are δJ_p and δJ_ψ (a rotor, a
-drum, a counterweight on the shaft). They occur in M_pp and M_ψψ only. T_g is the gravity torque of
+those of the profile's masses. δJ_p and δJ_ψ are the rig's further inertia (a rotor, a drum, a
+counterweight on the shaft). They occur in M_pp and M_ψψ only. T_g is the gravity torque of
 the level arm, G_p = (m_f − m_b) g L_h that of the level body (N·m), with the motor masses m_f, m_b.
 Lagrange's equations M(q) q̈ + h(q, q̇) = Q have
 
@@ -39,8 +39,9 @@ For small pitch and slow yaw these are the usual textbook equations, J_roll r̈ 
 T_g cos r and so on. The motors' mass difference acts through its weight only; its product of
 inertia, (m_f − m_b) L_a L_h, is neglected. Rotors: see `heli3dof.model.physics.rotor`.
 
-**Hover model.** To first order about level hover, F = T_g/L_a and D = G_p/L_h, with the torques τ
-of effects, and from here on with δJ_p and δJ_ψ included in J_p and J_ψ:
+From here on, J_p and J_ψ include δJ_p and δJ_ψ, and τ are the torques of effects.
+
+**Hover model.** The equations to first order about level hover, where F = T_g/L_a and D = G_p/L_h:
 
     J_r r̈ = L_a F − T_g + τ_r      J_p p̈ = L_h D − G_p + τ_p      J_ψ ψ̈ = −T_g p + G_p r + τ_ψ
 
@@ -60,11 +61,11 @@ where, with μ = s[WITHOUT_RATE_PRODUCTS] and η = s[SIDE_THRUST], q̈_alone is
     ((J_ψ − J_p) cos² r + J_p) ψ̈ = τ_y + (1 − μ) 2 (J_ψ − J_p) sin r cos r ṙ ψ̇
     τ_y = −L_a cos r sin p F + η L_h sin r D + τ_ψ
 
-κ omits M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates (the largest is
-M_pψ ψ̈, up to 0.01 N·m on pitch). ν omits the change of J_ψ with the arm's tilt, μ all products of
-rates; η restores L_h sin r D. Each of the four is zero unless the model contains its effect
-`simplified.*` (`heli3dof.model.effects`). This q̈ then replaces that of the rigid body in the blend
-with the hover model.
+κ omits M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates. The largest
+omission is M_pψ ψ̈, up to 0.01 N·m on pitch. ν omits the change of J_ψ with the arm's tilt, μ all
+products of rates; η restores L_h sin r D. Each of the four is zero unless the model contains its
+effect `simplified.*` (`heli3dof.model.effects`). This q̈ then replaces that of the rigid body in the
+blend with the hover model.
 
 **Not identifiable from flights.** All torques and inertias multiplied by one factor give the same
 motion. So K_f stays at the profile's value, and T_g, J_r, J_p, J_ψ and every effect's torque are
@@ -99,7 +100,7 @@ THRUST, TORQUE = int(_s.Stage.THRUST), int(_s.Stage.TORQUE)
 call = caller()
 
 
-def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
+def _simplified(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
     """Replace the accelerations ``a`` by a blend with those of the simplified equations.
 
     Equations: see the head of this file. Arguments: see `_body_accelerations`.
@@ -110,12 +111,12 @@ def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
     F, D = force[0] + force[1], force[0] - force[1]
     J_a = s[J_PSI] - s[J_P]
     roll = (s[L_A] * cp * F - s[T_G] * cr + s[G_P] * sr * sp + torque[0]) / s[J_R]
-    thrown = 1.0 - s[WITHOUT_RATE_PRODUCTS]
-    roll -= thrown * sr * cr * yd * yd
+    rate_products = 1.0 - s[WITHOUT_RATE_PRODUCTS]
+    roll -= rate_products * sr * cr * yd * yd
     pitch = (s[L_H] * D - s[G_P] * cr * cp + torque[1]) / s[J_P]
-    pitch += thrown * sp * cp * (rd * rd - cr * cr * yd * yd)
+    pitch += rate_products * sp * cp * (rd * rd - cr * cr * yd * yd)
     t_y = -s[L_A] * cr * sp * F + s[SIDE_THRUST] * s[L_H] * sr * D + torque[2]
-    yaw = (t_y + thrown * 2.0 * J_a * sr * cr * rd * yd) / (J_a * cr * cr + s[J_P])
+    yaw = (t_y + rate_products * 2.0 * J_a * sr * cr * rd * yd) / (J_a * cr * cr + s[J_P])
     if free[0]:
         a[0] += s[UNCOUPLED] * (roll - a[0])
     if free[1]:
@@ -124,7 +125,7 @@ def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
         a[2] += s[UNCOUPLED] * (yaw - a[2]) + s[CONSTANT_YAW_INERTIA] * (t_y / s[J_PSI] - yaw)
 
 
-alone = compiled(_alone, leaf=True, error_model="numpy")
+simplified = compiled(_simplified, leaf=True, error_model="numpy")
 
 
 def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
@@ -169,7 +170,7 @@ def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> N
     a[1] = (b_p - m_py * yaw) / m_pp
     a[2] = yaw
     if s[UNCOUPLED] != 0.0 or s[CONSTANT_YAW_INERTIA] != 0.0:
-        alone(s, force, torque, free, a)
+        simplified(s, force, torque, free, a)
     if s[LINEAR] != 0.0:
         hover = (L_a * F - s[T_G] + torque[0]) / Jr if free[0] else 0.0
         a[0] += s[LINEAR] * (hover - a[0])

@@ -42,7 +42,7 @@ def _lagged(F: float, target: float, tau: float, slew: float, h: float) -> float
 lagged = compiled(_lagged, leaf=True, error_model="numpy")
 
 
-def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
+def _steady_thrusts(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
     """Write to out (2,) N the steady-state thrusts at the voltages that act in row k.
 
     V (N, 2) V are the commanded voltages, h (N,) s the times to the next row. With a delay, earlier
@@ -65,7 +65,7 @@ def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-un
     out[1] *= s[K_F] * s[GAIN_BACK]
 
 
-aim = compiled(_aim, leaf=True, error_model="numpy")
+steady_thrusts = compiled(_steady_thrusts, leaf=True, error_model="numpy")
 
 
 def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
@@ -78,7 +78,7 @@ def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type:
     tau = s[TAU_M]
     left, at = 0.0, -1.0
     for k in range(lead, stop):
-        aim(s, V, h, lead, k, first, address, par, mem, target[k])
+        steady_thrusts(s, V, h, lead, k, first, address, par, mem, target[k])
         for m in range(2):
             if k == lead:
                 F[k, m] = target[k, m]

@@ -2,8 +2,8 @@
 
 1. The encoder's grid: angles are multiples of 360/N degrees or 2π/N radians for N counts per
    revolution. Values on the grid of one unit are not on the other grid.
-2. Size: roll and pitch cannot exceed half a revolution, angles in radians not the profile's
-   ``limits.yaw_max_deg``.
+2. Size: roll and pitch stay within half a revolution, and every angle in radians within the
+   profile's ``limits.yaw_max_deg``.
 3. Newton's law, for roll and pitch: over windows of length T, the second difference of an angle q
    is the torque M over the inertia J, integrated twice:
 

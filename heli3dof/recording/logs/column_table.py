@@ -38,7 +38,7 @@ def recording_from_table(
     * time that does not increase or is not in seconds
     """
     check_names(table)
-    log_validation.long_enough(table.source, len(table.columns["t_s"]))
+    log_validation.check_length(table.source, len(table.columns["t_s"]))
     columns = dict(table.columns)
     warnings = list(table.warnings)
     for name in sorted(KNOWN & columns.keys() - set(REQUIRED)):
@@ -53,11 +53,11 @@ def recording_from_table(
             fix=_map_options(table, "roll_deg=EXPRESSION (or pitch_deg, yaw_deg, _rad)"),
         )
     for name in sorted(KNOWN & columns.keys()):
-        log_validation.finite(table.source, name, columns[name], table.where)
+        log_validation.check_finite(table.source, name, columns[name], table.where)
     t = columns["t_s"]
     warnings += log_validation.check_sampling_times(table.source, t, profile.dt, table.where)
     if check_values:
-        warnings += log_validation.voltages(
+        warnings += log_validation.check_voltages(
             table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max
         )
         warnings += angle_units.check_angles(table.source, columns, profile)

@@ -19,7 +19,7 @@ import numpy as np
 
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.recording.atomic_write import check_output, write_file
-from heli3dof.recording.columns import contract_columns
+from heli3dof.recording.columns import export_columns
 from heli3dof.recording.mcap_files.mcap_writer import to_json
 from heli3dof.recording.recording import Recording
 
@@ -36,7 +36,7 @@ def export(recording: Recording, path: str | Path, *, force: bool = False) -> Pa
     check_format(path)
     check_output(path, force=force)
     write = next(w for ending, w in FORMATS.items() if path.name.lower().endswith(ending))
-    return write_file(path, write(recording, contract_columns(recording)), force=force)
+    return write_file(path, write(recording, export_columns(recording)), force=force)
 
 
 def check_format(path: Path) -> None:

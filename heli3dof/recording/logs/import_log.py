@@ -85,7 +85,7 @@ def read_log(
         )
     table = join([_table(path, profile, columns) for path in files])
     profile = profile or table.profile
-    assert profile is not None  # an importer that carries profiles raises where one is missing
+    assert profile is not None  # else the importer has raised an error
     defaults = profile.log.expressions if profile.log is not None else {}
     table = mapped(table, mapping or {}, defaults)
     return Log(files, table, profile)

@@ -25,7 +25,7 @@ Where = Callable[[int], str]
 """Returns the position of sample k in the log, for messages: ``line 12``"""
 
 
-def finite(source: str, name: str, values: np.ndarray, where: Where) -> None:
+def check_finite(source: str, name: str, values: np.ndarray, where: Where) -> None:
     """Raise RecordingError if one of the ``values`` (N,) of the column ``name`` is not finite.
 
     ``source``: the log's name; ``where``: returns a sample's position in the file as text.
@@ -79,7 +79,7 @@ def timing(t: np.ndarray) -> Timing:
     )
 
 
-def long_enough(source: str, n: int) -> None:
+def check_length(source: str, n: int) -> None:
     """Raise RecordingError if ``n``, the number of samples of the log ``source``, is below ten."""
     if n < MIN_SAMPLES:
         raise RecordingError(
@@ -154,7 +154,7 @@ def hidden_jitter_warnings(
     encoders' steps.
     """
     found = motion_jitter(t, angle, rad_per_count)
-    if not found.found:
+    if not found.is_significant:
         return []
     return [
         f"Hidden sampling jitter of ±{1e3 * found.sigma_s:.2g} ms (RMS): all axes jump together in "
@@ -163,7 +163,7 @@ def hidden_jitter_warnings(
     ]
 
 
-def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> list[str]:
+def check_voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> list[str]:
     """Check voltages against the limit ``v_max`` (V); return warnings.
 
     Raises RecordingError for voltages above 20 times the limit.

@@ -90,7 +90,7 @@ def _counted(t: np.ndarray) -> np.ndarray:
     steps = np.rint(intervals)
     if (np.abs(intervals - steps) < CLEAR).all():
         return np.concatenate([[0], np.cumsum(steps)]).astype(np.int64)
-    # A count that is nearly right gives the period so well that a slower loop can count again.
+    # The first count gives an accurate period, with which a slower loop counts again.
     number = _follow(t, period, ALPHA, BETA)
     for _ in range(PASSES):
         if number[-1] == len(t) - 1 and (np.diff(number) == 1).all():

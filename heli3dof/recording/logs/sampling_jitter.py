@@ -5,9 +5,9 @@ All angles y_i are displaced by the same δ_k::
 
     y_i(t_k + δ_k) ≈ y_i(t_k) + ẏ_i δ_k
 
-A parabola is fitted to each angle over ± `HALF_WINDOW_S`. e_i is its residual at the middle sample,
-divided by √(1 − h), where h is this sample's leverage. The axes have δ in common, but not the
-errors from encoder steps and motion. So σ_t², the variance of δ, is estimated from the products
+A parabola is fitted to each angle over ± `HALF_WINDOW_S`. e_i is the fit's residual at the middle
+sample, divided by √(1 − h), where h is this sample's leverage. The axes have δ in common, but not
+the errors from encoder steps and motion. So σ_t², the variance of δ, is estimated from the products
 e_i e_j, summed over samples and pairs of axes i < j:
 
     σ_t² = Σ u e_i e_j w / Σ u w²,      w = ẏ_i ẏ_j,    u = 1 / (s_i² s_j²),  s² = q²/12 + (τ ẏ)²
@@ -15,9 +15,9 @@ e_i e_j, summed over samples and pairs of axes i < j:
 with the encoder's step q and τ = `SCALE_S`. For a single axis, σ_t² is the slope of e² over ẏ².
 
 The standard deviation of σ_t² is estimated by a jackknife over blocks of `BLOCK_S`. Without jitter,
-σ_t² divided by it follows Student's t with ν = 1/Σ b² − 1 degrees of freedom; b is a block's
-fraction of the denominator. If delays last longer than the window, the true jitter is larger than
-the estimate.
+σ_t² divided by this standard deviation follows Student's t with ν = 1/Σ b² − 1 degrees of freedom;
+b is a block's fraction of the denominator. If delays last longer than the window, the true jitter
+is larger than the estimate.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LEAST = 2
 BLOCK_S = 0.25
 CHANCE = 5e-4
 """Probability of a false report of jitter for an even clock"""
-WORTH_SAYING_S = 2e-4
+LEAST_REPORTED_S = 2e-4
 """s: a smaller jitter is not reported"""
 EVEN = 1e-6
 """Range of the intervals, as a share of the period, below which the clock counts as even: such a
@@ -51,11 +51,11 @@ class MotionJitter:
     """ν, the degrees of freedom of ``variance_std_s2``"""
 
     @property
-    def found(self) -> bool:
+    def is_significant(self) -> bool:
         """Return True if the jitter σ_t is statistically significant and above 0.2 ms."""
         from scipy.stats import t
 
-        if not self.sigma_s > WORTH_SAYING_S:
+        if not self.sigma_s > LEAST_REPORTED_S:
             return False
         return bool(self.sigma_s**2 > t.isf(CHANCE, self.freedom) * self.variance_std_s2)
 
@@ -98,9 +98,11 @@ def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -
 
 
 def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """Fit parabolas to 2 ``half`` + 1 samples each; return residuals and slopes in their middles.
+    """Return the residuals e (rad) and slopes (rad/s) of parabolas fitted to one angle.
 
-    ``t``: times (N,) in s; ``y``: the angle of one axis (N,) in rad.
+    Each parabola is fitted to 2 ``half`` + 1 samples. Both results (N − 2 ``half``,) are for its
+    middle sample; e is defined in the head of this file. ``t`` (N,) s: times; ``y`` (N,) rad: the
+    angle.
     """
     width = 2 * half + 1
     windows = np.lib.stride_tricks.sliding_window_view

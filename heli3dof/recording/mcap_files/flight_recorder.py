@@ -2,8 +2,9 @@
 
 The control loop packs and appends one row per period. Every `CHUNK_S`, one thread writes the new
 rows as a chunk; another makes the system write the file to the disk (`Syncer`). A killed process
-loses the chunk in progress, a power cut the last half second. If the disk is full, or `BEHIND_MOST`
-rows wait to be written, the next `append` raises an error; the chunks in the file are kept.
+loses the chunk in progress, a power cut the last half second. If the disk is full, or
+`MAX_WAITING_ROWS` rows wait to be written, the next `append` raises an error; the chunks in the
+file are kept.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from heli3dof.write_errors import FULL, write_errors_explained
 
 CHUNK_S = 0.15
 """s, wall-clock time between two writes; the rows of this time form a chunk"""
-BEHIND_MOST = 60_000
+MAX_WAITING_ROWS = 60_000
 """Largest number of rows that may wait for the disk: two minutes at 500 Hz, about 25 MB"""
 
 
@@ -71,7 +72,7 @@ class RecordingWriter:
         self._closing = threading.Event()
         self._format = RowFormat()
         most = rows_of_chunk(self._format)
-        self._room = memoryview(bytearray(most * self._format.stride))
+        self._buffer = memoryview(bytearray(most * self._format.stride))
         """The rows of the chunk in progress"""
         about = {"name": self.path.stem, **(meta or {}), "start_ns": self.start_ns}
         is_new = not self.path.exists()
@@ -95,11 +96,11 @@ class RecordingWriter:
     def append(self, row: Row) -> None:
         """Queue the row of one control period; a thread writes it to the file.
 
-        Raises NoSpace or RecordingError if earlier rows were lost or `BEHIND_MOST` rows wait.
+        Raises NoSpace or RecordingError if earlier rows were lost or `MAX_WAITING_ROWS` rows wait.
         """
         if self._failure is not None:
             self._raise_failure()
-        if len(self._rows) >= BEHIND_MOST:
+        if len(self._rows) >= MAX_WAITING_ROWS:
             self._raise_behind()
         log_time = self.start_ns + int(row.t * 1e9)
         self._rows.append(self._pack(self._count, log_time, *message_values(row)))
@@ -164,13 +165,13 @@ class RecordingWriter:
             self._failure = error
 
     def _drain(self) -> None:
-        stride, room, next_row = self._format.stride, self._room, self._rows.popleft
+        stride, buffer, next_row = self._format.stride, self._buffer, self._rows.popleft
         n = left = len(self._rows)  # rows appended from now on wait for the next chunk
         while left:
-            size = min(left * stride, len(room))
+            size = min(left * stride, len(buffer))
             for at in range(0, size, stride):
-                room[at : at + stride] = next_row()
-            self._file.write_chunk(room[:size])
+                buffer[at : at + stride] = next_row()
+            self._file.write_chunk(buffer[:size])
             left -= size // stride
         if n:
             self._syncer.written()

@@ -130,7 +130,7 @@ def scan(data: bytes) -> Scan:
 
 
 def our_layouts(found: Scan) -> list[Layout] | None:
-    """Return the fields (`Layout`) of each message type of a heli3dof file; None for others."""
+    """Return the `Layout` of each message type in a heli3dof file; None for any other file."""
     by_topic = {c.topic: c for c in found.channels.values()}
     layouts = [SAMPLE, COMMAND]
     if CHANNELS_TOPIC in by_topic:
@@ -160,7 +160,7 @@ def channel_names(found: Scan) -> list[str]:
 
 
 def records_in(data: bytes, at: int = 0) -> tuple[list[tuple[int, int, int]], int]:
-    """Return the complete records from byte ``at`` up to a footer, and the byte where they end.
+    """Return the complete records from byte ``at`` through a footer, and the byte where they end.
 
     A record is (opcode, offset of its content's first byte, offset of the byte after its content).
     """

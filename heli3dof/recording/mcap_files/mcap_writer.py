@@ -119,7 +119,7 @@ class McapFile:
         builder = RecordBuilder()
         DataEnd(self._crc).write(builder)
         self._put(builder)
-        self._crc = 0  # from here on, the summary's
+        self._crc = 0  # from here on, the checksum of the summary
         start = self.good
         offsets: list[SummaryOffset] = []
         groups: tuple[tuple[Opcode, Iterable[Any]], ...] = (

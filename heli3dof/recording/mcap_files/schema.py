@@ -190,7 +190,7 @@ class RowFormat:
 
 
 def message_values(row: Row) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Return a control period's values of Sample and Command, in the order of their fields.
+    """Return the values of the messages Sample and Command for a row, in the order of their fields.
 
     Encoder counts wrap to signed 32 bits.
     """

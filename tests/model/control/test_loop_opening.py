@@ -8,7 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.model.control.controller import Controller
-from heli3dof.model.control.loop_opening import CLOSED, LEARN, OPEN, OpenedController, free_within
+from heli3dof.model.control.loop_opening import (
+    CLOSED,
+    LEARN,
+    OPEN,
+    OpenedController,
+    open_loop_bounds,
+)
 from heli3dof.rig.profile import Limits, default_profile
 
 PROFILE = default_profile()
@@ -23,8 +29,8 @@ def flown(modes: list[tuple[int, int, int]], angles: np.ndarray, reference=STILL
 
 def test_the_free_range_is_seven_tenths_of_the_envelope() -> None:
     # Roll may be from −32° to 34°: its middle is 1°, seven tenths of its half width 23.1°.
-    room = np.degrees(free_within(Limits()))
-    np.testing.assert_allclose(room[:4], [-22.1, 24.1, 42.0, 504.0])
+    bounds = np.degrees(open_loop_bounds(Limits()))
+    np.testing.assert_allclose(bounds[:4], [-22.1, 24.1, 42.0, 504.0])
 
 
 def test_an_open_roll_loop_no_longer_answers_to_roll() -> None:

@@ -11,7 +11,11 @@ from scipy.stats import norm
 
 from heli3dof.model.greybox.linearisation import _Plant
 from heli3dof.model.greybox.model import nominal
-from heli3dof.model.physics.dry_friction import settle, shrink, soft
+from heli3dof.model.physics.dry_friction import (
+    apply_dry_friction,
+    apply_friction_to_covariance,
+    soft_threshold,
+)
 from heli3dof.rig.profile import default_profile
 
 PROFILE = default_profile()
@@ -72,7 +76,7 @@ def test_what_friction_leaves_of_an_uncertain_rate_is_the_integral(v, sd, b) -> 
             )[0]
         )
 
-    m, rho, var = soft(v, sd, b)
+    m, rho, var = soft_threshold(v, sd, b)
     expected = mean(threshold)
     assert m == pytest.approx(expected, abs=2e-6)
     assert rho == pytest.approx(mean(lambda x: float(abs(x) > b)), abs=2e-6)
@@ -80,14 +84,14 @@ def test_what_friction_leaves_of_an_uncertain_rate_is_the_integral(v, sd, b) -> 
 
 
 def test_a_rate_known_exactly_is_thresholded() -> None:
-    assert soft(0.5, 0.0, 0.2) == pytest.approx((0.3, 1.0, 0.0))
-    assert soft(-0.5, 0.0, 0.2) == pytest.approx((-0.3, 1.0, 0.0))
-    assert soft(0.1, 0.0, 0.2) == (0.0, 0.0, 0.0)
-    assert soft(0.1, 0.0, -0.2) == pytest.approx((0.3, 1.0, 0.0))  # a fit about zero
+    assert soft_threshold(0.5, 0.0, 0.2) == pytest.approx((0.3, 1.0, 0.0))
+    assert soft_threshold(-0.5, 0.0, 0.2) == pytest.approx((-0.3, 1.0, 0.0))
+    assert soft_threshold(0.1, 0.0, 0.2) == (0.0, 0.0, 0.0)
+    assert soft_threshold(0.1, 0.0, -0.2) == pytest.approx((0.3, 1.0, 0.0))  # a fit about zero
 
 
 def test_the_covariance_shrinks_as_the_states_do() -> None:
-    """P ← T P Tᵀ for the map that `settle` is to first order, here by sampling it."""
+    """P ← T P Tᵀ for the map that `apply_dry_friction` is to first order, here by sampling it."""
     model = nominal(PROFILE, ("friction.coulomb.yaw",), **{"friction.coulomb.yaw.torque_Nm": 0.4})
     plant, h = _Plant(model), DT
     rng = np.random.default_rng(0)
@@ -99,13 +103,13 @@ def test_the_covariance_shrinks_as_the_states_do() -> None:
         x, w = x.copy(), np.zeros((8, 3))
         w[3] = sd
         k = plant.hooks
-        settle(plant.s, x, h, k.first, k.address, plant.par, plant.mem, plant.free, w)
+        apply_dry_friction(plant.s, x, h, k.first, k.address, plant.par, plant.mem, plant.free, w)
         return x, w
 
     after, w = settled(mean, np.sqrt(np.diag(P)[3:]))
     samples = rng.multivariate_normal(mean, P, 40_000)
     moved = np.array([settled(x, np.zeros(3))[0] for x in samples])
     got = P.copy()
-    shrink(got, h, w, np.empty(6))
+    apply_friction_to_covariance(got, h, w, np.empty(6))
     np.testing.assert_allclose(after, moved.mean(axis=0), atol=3e-5)
     np.testing.assert_allclose(got, np.cov(moved.T), atol=0.03 * np.diag(P).max())

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.model.physics import state_layout as s_
-from heli3dof.model.physics.parametrisation import context, unit_of
+from heli3dof.model.physics.parametrisation import context, thrust_per_volt_ratio
 from heli3dof.model.physics.rigid_body import body_accelerations
 from heli3dof.rig.profile import default_profile
 
@@ -110,5 +110,9 @@ def test_without_thrust_energy_and_the_travels_momentum_are_conserved(q, rate) -
 def test_the_masses_inertias_are_in_units_of_the_thrust_gain_too() -> None:
     nominal = np.array([T_G, J_R, J_P, J_PSI])
     # A K_f of 1.6 times the profile's: all four are 1/1.6; one that is off alone says nothing.
-    assert unit_of(default_profile(), nominal / 1.6) == pytest.approx(1 / 1.6, rel=1e-5)
-    assert unit_of(default_profile(), nominal * [1, 1, 1.7, 1]) == pytest.approx(1.0, rel=1e-5)
+    assert thrust_per_volt_ratio(default_profile(), nominal / 1.6) == pytest.approx(
+        1 / 1.6, rel=1e-5
+    )
+    assert thrust_per_volt_ratio(default_profile(), nominal * [1, 1, 1.7, 1]) == pytest.approx(
+        1.0, rel=1e-5
+    )

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.io import loadmat
 
 from heli3dof.errors import OutputExists, UsageError
-from heli3dof.recording.columns import contract_columns
+from heli3dof.recording.columns import export_columns
 from heli3dof.recording.logs.export import export, write_csv
 from heli3dof.recording.logs.import_log import import_log
 from heli3dof.recording.logs.importers.csv_file import read as read_csv
@@ -52,7 +52,7 @@ def test_counts_and_flags_survive_csv(tmp_path: Path) -> None:
 def test_absent_columns_stay_absent(tmp_path: Path) -> None:
     made = flight(50)
     made.angle[:, 1] = np.nan
-    assert not {"pitch_deg", "v_front_extra_V"} & contract_columns(made).keys()
+    assert not {"pitch_deg", "v_front_extra_V"} & export_columns(made).keys()
     assert import_log(export(made, tmp_path / "a.csv"), open_profile()).axes == ("roll", "yaw")
 
 

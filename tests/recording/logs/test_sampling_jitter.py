@@ -31,7 +31,7 @@ def sampled(sigma: float, *, seed: int = 0, dt: float = 0.002) -> tuple[np.ndarr
 def test_the_size_of_the_jitter_is_right(sigma: float, dt: float) -> None:
     t, angle = sampled(sigma, dt=dt)
     result = motion_jitter(t, angle, STEP)
-    assert result.found
+    assert result.is_significant
     assert result.sigma_s == pytest.approx(sigma, rel=0.1)
 
 
@@ -41,7 +41,7 @@ def test_an_even_clock_gives_no_jitter(seed: int) -> None:
     t, _ = sampled(0.0)
     noise = np.cumsum(rng.standard_normal((len(t), 3)), axis=0) * 2e-5
     angle = np.round((motion(t) + noise) / STEP) * STEP
-    assert not motion_jitter(t, angle, STEP).found
+    assert not motion_jitter(t, angle, STEP).is_significant
 
 
 def test_the_standard_deviation_holds_for_axes_that_briefly_move_together() -> None:
@@ -55,7 +55,7 @@ def test_the_standard_deviation_holds_for_axes_that_briefly_move_together() -> N
         alone = 0.2 * np.sin(np.outer(t, [0.3, 0.0, 0.0]))  # the other axes are at rest
         angle = alone + 0.3 * together[:, None] * waves * [1.0, 1.0, 0.0]
         result = motion_jitter(t, np.round(angle / STEP) * STEP, STEP)
-        assert not result.found
+        assert not result.is_significant
         assert result.freedom < 20
         surest.append(student.sf(result.sigma_s**2 / result.variance_std_s2, result.freedom))
     assert np.mean(np.array(surest) < 0.05) == pytest.approx(0.05, abs=0.05)
@@ -65,20 +65,20 @@ def test_the_standard_deviation_holds_for_axes_that_briefly_move_together() -> N
 def test_true_time_stamps_give_no_hidden_jitter() -> None:
     t = np.arange(20_000) * 0.002 + 0.0005 * np.random.default_rng(1).standard_normal(20_000)
     angle = np.round(motion(t) / STEP) * STEP
-    assert not motion_jitter(t, angle, STEP).found
+    assert not motion_jitter(t, angle, STEP).is_significant
 
 
 def test_one_angle_is_enough() -> None:
     t, angle = sampled(0.002)
     angle[:, 1:] = np.nan
     result = motion_jitter(t, angle, STEP)
-    assert result.found
+    assert result.is_significant
     assert result.sigma_s == pytest.approx(0.002, rel=0.2)
 
 
 def test_a_rig_at_rest_gives_no_jitter() -> None:
     t = np.arange(20_000) * 0.002
-    assert not motion_jitter(t, np.zeros((20_000, 3)), STEP).found
+    assert not motion_jitter(t, np.zeros((20_000, 3)), STEP).is_significant
 
 
 @pytest.mark.accuracy
@@ -88,7 +88,7 @@ def test_a_rig_at_rest_gives_no_jitter() -> None:
 def test_no_emulated_effect_looks_like_jitter(hide: str) -> None:
     device = f"mock:?speed=max&hide={hide}"
     r = h3.fly_plan(h3.load_plan("rich"), device=device, seed=1).recording
-    assert not motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count).found
+    assert not motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count).is_significant
 
 
 @needs_real_data
@@ -102,4 +102,4 @@ def test_rig_a_has_hidden_jitter_and_rig_b_has_none() -> None:
             r = h3.load(REAL_DATA / rig / f"{name}.csv", profile)
             assert np.ptp(np.diff(r.t)) < 1e-6  # the clock itself looks perfect
             result = motion_jitter(r.t, r.angle, profile.encoder.rad_per_count)
-            assert result.found is expected, (name, result)
+            assert result.is_significant is expected, (name, result)

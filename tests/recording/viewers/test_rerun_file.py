@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from heli3dof.recording.columns import contract_columns
+from heli3dof.recording.columns import export_columns
 from heli3dof.recording.logs.export import export
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.viewers.scene import poses
@@ -37,7 +37,7 @@ def entities(recording: Recording, tmp_path_factory: pytest.TempPathFactory) -> 
 def test_every_column_is_a_curve_over_seconds(
     recording: Recording, entities: dict[str, Any]
 ) -> None:
-    columns = contract_columns(recording)
+    columns = export_columns(recording)
     for name in columns.keys() - {"t_s"}:
         found = entities[f"/flight/{name}"]
         np.testing.assert_array_equal(
