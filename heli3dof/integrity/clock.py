@@ -122,9 +122,9 @@ def device(view: View) -> Iterable[Fault]:
 def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if too many rows repeat the angles and voltages of the row before.
 
-    The check tests only rows with a nonzero voltage below its limit that changes within the `NEAR`
-    rows around. Only rows that also repeat the excitation voltage count, because at rest the
-    motors' voltage can be constant for a few rows.
+    A row is tested if its voltage is not zero, not at the limit, and changes in over a tenth of the
+    `NEAR` rows around it. A repeated row also repeats the excitation voltage. Without this
+    condition, rows of an axis at rest would count, whose voltage may not change for a few rows.
     """
     r = view.recording
     if len(r) < 2 * NEAR:

@@ -114,7 +114,7 @@ def _roll_evidence(view: View, sign_of_response: int) -> str:
         )
     if ROLL not in view.measured:
         return ""
-    roll = r.angle[view.read, ROLL]
+    roll = r.angle[view.finite_rows, ROLL]
     start = float(np.median(roll[:5]))
     lowest = float(roll.min())
     lifted = np.nanmax(r.voltage.sum(axis=1)) > 2 * abs(r.profile.motor.V_o)

@@ -11,7 +11,8 @@ k = 1 by
 
     χ² = min_K Σ_i (ln g_i − ln(K k_i))² / σ² + (ln K)² / σ_K² + (ln(K h))² / σ_K²
 
-σ = `SCATTER` allows for lag, friction, inertia; σ_K = `SPREAD` for thrust gain and counterweight.
+σ = `SCATTER` allows for lag, friction and inertia; σ_K = `SPREAD` allows for thrust gain and
+counterweight.
 
 * Roll is in every equation, so its k is tested with roll divided by k and all responses recomputed.
 * Yaw's k is tested only with the response of another axis: J_roll and J_yaw come from the same
@@ -22,10 +23,11 @@ k = 1 by
 * If the angle has all counts, k = 2 may also be half the inertia, and k = ½ twice the inertia: the
   check yields a note. Otherwise it yields bad data.
 
-**Amplifier.** If the motors get K times the logged voltages, every response is K and h = 1/K. It is
-bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does not. Smaller
-deviations of K are usual (thrust gains of one type of rig are 0.13 … 0.22 N/V): the effect
-``motor.thrust_gain``. h = 3 with responses of 1 is another counterweight, ``mass.imbalance``.
+**Amplifier.** If the motors get K times the logged voltages, every response is K and h = 1/K. The
+check yields bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does
+not. Smaller deviations of K are usual (thrust gains of one type of rig are 0.13 … 0.22 N/V); the
+diagnosis reports them as ``motor.thrust_gain``. h = 3 with responses of 1 shows another
+counterweight (``mass.imbalance``).
 """
 
 from __future__ import annotations
@@ -69,7 +71,7 @@ def reliable(responses: dict[str, Response]) -> dict[str, Response]:
 
 
 def misfit(log_g: dict[str, float], log_k: dict[str, float], h: float | None = None) -> float:
-    """Return χ² (head of this file): how badly encoder factors k explain the responses g.
+    """Return χ² (see the module): how badly encoder factors k explain the responses g.
 
     k: encoder reading over true angle; g: response as a multiple of the profile's. ``log_g``,
     ``log_k``: {axis: ln g}, {axis: ln k}. ``h``: ratio of the hover voltage to the profile's, None
@@ -112,7 +114,7 @@ def counts(view: View) -> Iterable[Fault]:
     best, responses = chi2s[axis, k]
     n = int(getattr(r.profile.encoder, axis))
     i = AXES.index(axis)
-    fitted = counts_seen(r.angle[view.read, i], "rad", abs(n))
+    fitted = counts_seen(r.angle[view.finite_rows, i], "rad", abs(n))
     # An angle that is k times too large has only every k-th count of the profile's grid.
     coarser = fitted is not None and abs(abs(n) / fitted - k) < 1e-6
     if best > FITS or chi2s[others[0]][0] - best < MARGIN * (0.5 if coarser else 1.0):
@@ -146,7 +148,7 @@ def _roll_divided(view: View, k: float) -> View:
     """Return a view of the recording in which roll's change since the start is divided by k."""
     r = view.recording
     angle = r.angle.copy()
-    rest = float(np.median(angle[view.read, ROLL][:5]))
+    rest = float(np.median(angle[view.finite_rows, ROLL][:5]))
     angle[:, ROLL] = rest + (angle[:, ROLL] - rest) / k
     divided = View(replace(r, angle=angle))
     divided.ticks = view.ticks  # the same time stamps
