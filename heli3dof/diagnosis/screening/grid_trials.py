@@ -36,7 +36,7 @@ NEIGHBOURS = 3
 
 @dataclass(frozen=True)
 class GridTrial:
-    """A term at one ``value`` of its first parameter, and the log-likelihood it gains there."""
+    """A term at one ``value`` of its first parameter, and its gain in log-likelihood there."""
 
     term: Term
     value: float
