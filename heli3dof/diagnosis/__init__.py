@@ -7,6 +7,6 @@ from typing import Any
 
 
 def name_of(finding: Mapping[str, Any]) -> str:
-    """Return a cause's name, as ``friction.coulomb.yaw``, from an object of JSON's ``findings``."""
+    """Return the name, as ``friction.coulomb.yaw``, of a cause in the JSON list ``findings``."""
     axis = finding.get("axis")
     return str(finding["effect"]) if axis is None else f"{finding['effect']}.{axis}"

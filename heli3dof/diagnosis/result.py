@@ -100,7 +100,7 @@ class Fitted:
     def predicts_worse(self) -> bool:
         """Return whether the extended model predicts much worse than the profile's numbers do.
 
-        On held-out data, its mean square error, summed over the axes, is half as large again.
+        Its mean square error on held-out data, summed over the axes, is over 1.5 times as large.
         """
         if self.refit is None:
             return False
@@ -129,7 +129,7 @@ class TorqueTerm:
 
 @dataclass(frozen=True)
 class UnexplainedError:
-    """An axis on which most of the error remains: RMSE (°) of predictions `HORIZON_S` ahead."""
+    """The error that remains on one axis, as RMSE (°) of predictions `HORIZON_S` ahead."""
 
     axis: str
     simulation_deg: float
@@ -165,12 +165,12 @@ class Diagnosis:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Return the recordings' faults of the kind "finding" that name an effect: causes."""
+        """Return the recordings' faults that are causes: findings with the name of an effect."""
         return tuple(f for f in self.integrity if f.is_cause)
 
     @property
     def in_order(self) -> tuple[Fault | Finding | OffNominal, ...]:
-        """Return faults, findings and base parameters off nominal in the order of `in_order`."""
+        """Return all causes, in the order of the module's function `in_order`."""
         return in_order(self.faults, self.findings, self.calibration_findings)
 
 

@@ -108,7 +108,7 @@ def held_out(
 ) -> HeldOut:
     """Evaluate a fit on the hold-out recordings if there are any, else by cross-validation.
 
-    With ``theta`` (n,), its model with these parameters is evaluated on the same rows.
+    With ``theta`` (n,), the model is evaluated on the same rows with these parameters instead.
     """
     return on_holdout(fit, holdout, theta) if holdout else on_blocks(fit, theta=theta)
 
@@ -276,7 +276,7 @@ def _most_likely_noise(
 
 
 def _summed_over_cells(d: Data, on: str, parts: Sequence[RowResults]) -> HeldOut:
-    """Sum the results ``parts`` over cells, pieces of about `CELL_S` s into which runs are cut.
+    """Return the sums of all results in ``parts`` over cells: parts of runs of about `CELL_S`.
 
     ``on``: description of the held-out data.
     """
