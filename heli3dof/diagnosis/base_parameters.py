@@ -125,7 +125,7 @@ def off_nominal(fit: PhysicalFit) -> tuple[OffNominal, ...]:
 
 
 def std_inflation(fit: PhysicalFit) -> float:
-    """Return f: `off_nominal` multiplies standard deviations caused by noise by this factor.
+    """Return the factor f by which `off_nominal` multiplies standard deviations due to noise.
 
     It is `STD_INFLATION` for a fit by likelihood alone (without edge rates), else 1.
     """
@@ -167,7 +167,7 @@ def effect_size(fit: PhysicalFit, name: str) -> tuple[float, float] | None:
 def in_SI(fit: PhysicalFit, scale: ThrustScale, name: str) -> dict[str, tuple[float, float]]:
     """Return {parameter: (value, standard deviation)} of the effect ``name``, in SI.
 
-    ``scale`` converts the values of ``fit``, which are in units of the thrust gain K_f.
+    ``scale`` converts fitted values that are in units of the thrust gain K_f.
     """
     return {
         f.name.removeprefix(f"{name}."): scale.to_si(float(v), float(s), f.unit)

@@ -123,8 +123,8 @@ def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if too many rows repeat the angles and voltages of the row before.
 
     A row is tested if its voltage is not zero, not at the limit, and changes in over a tenth of the
-    `NEAR` rows around it. A repeated row also repeats the excitation voltage. Without this
-    condition, rows of an axis at rest would count, whose voltage may not change for a few rows.
+    `NEAR` rows around it. A repeated row must also repeat the excitation voltage: while the axes
+    rest, angles and motor voltages may stay constant for a few rows.
     """
     r = view.recording
     if len(r) < 2 * NEAR:

@@ -4,7 +4,7 @@ A cause only compensates for a torque if a formula of this torque explains the f
 the cause does (`conclusion.formula_contest`). Such causes are removed. The others are fitted again,
 and adopted or dropped. The search is repeated until no further cause is removed.
 
-The remaining causes are marked "…-like" (unconfirmed) if one of these holds:
+A remaining cause is marked "…-like" (unconfirmed) if one of these holds:
 
 - Its size differs from zero by less than `SIGMAS_95` standard deviations.
 - It does not significantly improve the prediction of held-out data.
@@ -141,9 +141,10 @@ def insignificant(fit: Estimate) -> set[str]:
 def with_resemblance(
     residuals: Sequence[ResidualTorque], causes: Sequence[Finding]
 ) -> tuple[ResidualTorque, ...]:
-    """Return ``residuals``; a missing text ``resembles`` of the first one names the causes.
+    """Return ``residuals``, the first with a text ``resembles`` that names ``causes``.
 
-    The text, such as "motor.delay-like", names the first cause and those confounded with it.
+    The text, such as "motor.delay-like", names the first cause and those confounded with it. A text
+    that exists is kept.
     """
     if not residuals or residuals[0].resembles is not None or not causes:
         return tuple(residuals)

@@ -12,8 +12,8 @@ These findings are doubtful:
 2. `mass.change` with more than one recording, or at a constant voltage. With more than one, the
    change is at the same time after the first sample of each: probably a drift, for example of
    warming motors. At a constant voltage, a weight and a thrust are the same torque.
-3. If the controller is unknown, a cause that no recording confirms on its own (see below). No
-   flights can be simulated then, so nothing else shows which causes a model error imitates.
+3. If the controller is unknown, a cause that single recordings do not confirm (see below). No
+   flights can be simulated then, so no other test shows that the cause is only a model error.
 
 **Single recordings** (rule 3). A joint fit also attributes differences between recordings (warm
 motors, battery, thrust at another voltage) to the terms. The likelihood's σ does not contain these

@@ -5,7 +5,7 @@ which counts start. Flights with this error look like flights of a rig with othe
 length L_a, thrust F; roll r, pitch p, yaw ψ):
 
     yaw     ψ = y/k:  k L_a F cos r sin p = J_ψ ÿ, so an inertia J_ψ/k
-    pitch   an inertia J_p/k; on yaw sin p ≈ y/k drives ψ, so also an inertia k J_ψ
+    pitch   an inertia J_p/k; sin p ≈ y/k drives yaw, so also an inertia k J_ψ
     roll    an inertia J_r/k; y = 0 at q = rest (1 − 1/k), so an offset or a pendulum torque
 
 The flights differ only in products of rates and in higher terms of the sines. Let

@@ -79,8 +79,8 @@ def replaced_by_formula(
     """Compare each of the ``causes``, each pair and all together with a formula in their place.
 
     Return the comparison with the largest margin above `TIE` that simulated flights confirm, or
-    None. If the controller is unknown, predictions of held-out data confirm a formula in place of a
-    single cause; held-out are the recordings ``holdout``, or blocks if it is empty.
+    None. If the controller is unknown, a formula in place of a single cause is confirmed by
+    predictions of ``holdout``, or of blocks left out if it is empty.
     """
     if not causes:
         return None
@@ -114,8 +114,8 @@ def predictions_agree(
 def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
     """Return whether simulated flights favour the formula over the causes, which ``fit`` contains.
 
-    Flights are simulated with each; those with the formula must agree better with the recordings
-    (Cox's test, `selection.rivals`). True if simulation is impossible.
+    Flights are simulated with the formula and with the causes. Those with the formula must agree
+    better with the recordings (Cox's test, `selection.rivals`). True if simulation is impossible.
     """
     if not fit.is_corrected:
         return True

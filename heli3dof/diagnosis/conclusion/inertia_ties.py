@@ -5,7 +5,7 @@ determines the ratio of thrust slope and inertia, so a curved thrust appears as 
 
 A probe i is an effect of a trial size. It changes the base fit's scaled parameter θ_j of T_g or an
 inertia by b_ji = (A⁻¹ T W δc_i)_j (symbols: `screening.score_test`). θ_edge is the limit that the
-profile's tolerance sets to θ_j. If effect i alone explains why θ_j exceeds θ_edge, its size α (in
+profile's tolerance sets for θ_j. If effect i alone explains why θ_j exceeds θ_edge, its size α (in
 units of the probe) and its statistic Z are at least
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i

@@ -227,7 +227,7 @@ class NullDistance(NamedTuple):
 
 
 def compare_halves(halves: Sequence[MultiStepFit], name: str) -> tuple[bool, bool] | None:
-    """Return whether both ``halves`` give a term (an equal size, a significant size).
+    """Return (sizes are equal, sizes are significant) of a term in fits to two ``halves``.
 
     None without two halves, or if the term has no σ.
     """
@@ -236,7 +236,7 @@ def compare_halves(halves: Sequence[MultiStepFit], name: str) -> tuple[bool, boo
 
 
 def compared(a: NullDistance, b: NullDistance) -> tuple[bool, bool]:
-    """Return (of equal size, both significant) of the estimates from two halves of the data."""
+    """Return (sizes are equal, sizes are significant) of estimates from two halves of the data."""
     one_sign = math.copysign(1.0, a.u) == math.copysign(1.0, b.u)
     significant = one_sign and not (a.mostly_prior or b.mostly_prior)
     significant = significant and min(abs(a.u), abs(b.u)) >= SIGNIFICANT

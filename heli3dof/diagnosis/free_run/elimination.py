@@ -316,9 +316,10 @@ def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
 
 
 def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
-    """Return the fit's loss (m,) in m cells of `WINDOW_S` of recording i of ``p``.
+    """Return the fit's loss (m,) in the m cells of `WINDOW_S` of recording i.
 
-    ``full``: a fit without this recording. ``scale``: RMS errors s by horizon and axis.
+    ``p`` contains all recordings, the fit ``full`` all but i. ``scale``: RMS errors s by horizon
+    and axis.
     """
     q, flight, a = full.problem, p.flights[i], full.noise
     data = split_at_climb_end(p.data[i], int(np.argmax(p.rows[i] == flight.starts[0])))

@@ -21,7 +21,7 @@ rig the model explains. In steady level flight, both motors at voltage V give th
 
     F = 2 K_f V_o (V/V_o)^n
     L_a F = Γ(r) = (T_g + τ) cos r + k_r sin r               gives the hover voltage at each roll r
-    F(V)/F(V_hover) = (V/V_hover)^n                          gives one motor's thrust at low voltage
+    F(V)/F(V_hover) = (V/V_hover)^n                          gives one motor's relative thrust
 
 T_g, τ and k_r (N·m) are trim torque, `mass.imbalance` and pendulum torque. L_a (m) is the arm's
 length, K_f (N/V) the thrust gain, V_o (V) the operating voltage. Rows are in steady flight if the
@@ -179,7 +179,10 @@ class CreepRun:
 
 
 def measure_creep(fit: MultiStepFit, recording: Recording) -> CreepRun | None:
-    """Return the drift of roll at constant voltage; None if the arm is too low or the run short."""
+    """Return the drift of roll at a constant voltage; None if the recording cannot show it.
+
+    The voltage must be constant for at least `LEAST_S` and hold the arm off the table.
+    """
     r, on = recording, constant_voltage(recording)
     if on is None:
         return None
@@ -275,7 +278,7 @@ def hover_voltage(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
 
 
 def equilibrium_deg(fit: MultiStepFit | GreyBoxModel, voltage_V: float) -> float:
-    """Return the roll (°) in equilibrium with this voltage on both motors, without the table."""
+    """Return the equilibrium roll (°) at this voltage on both motors; the table is ignored."""
     angles = np.linspace(-60, 60, 1201)
     needed = np.array([hover_voltage(fit, a) for a in angles])
     return float(angles[int(np.argmin(np.abs(needed - voltage_V)))])

@@ -84,7 +84,7 @@ class Screening:
 
     @cached_property
     def _sigma(self) -> np.ndarray:
-        """Return the standard deviation of each probe's first parameter, in its unit; no scans."""
+        """Return the standard deviation of every probe's first parameter; scans are omitted."""
         v = np.maximum(self.screen.information(), 1e-300)
         return np.asarray(self.nulls.std[: len(self.screen.plain)] / np.sqrt(v))
 

@@ -129,7 +129,7 @@ class Evidence:
 
     @cached_property
     def path(self) -> Path:
-        """Return the filter's states and model derivatives, from which a torque's trace follows."""
+        """Return the filter's states and derivatives, from which a torque's effect follows."""
         problem, o = self.fit.problem, self.fit.optimum
         return path(problem.structure, problem.values(o.theta), problem.data, self.flight.at)
 
@@ -167,14 +167,14 @@ def coloured_noise_ratio(
     """Return ρ ≥ 1, the ratio of the scores' variance to that with white noise.
 
     ``torque`` (K,): estimated coefficients of a torque. ``D`` (K, E): derivatives of the E
-    predictions by them. The effect of the torque is subtracted from the readings' scores. In each
-    block of time, the result is summed to the scores of k combinations of the coefficients. These
-    scores have the information V and the long-run covariance S (`bias_correction.coloured_noise`).
+    predictions by them. The torque's effect is subtracted from the readings' scores. From these,
+    the scores of k linear combinations of the coefficients are summed over blocks of time. The sums
+    have the information V and the long-run covariance S (`bias_correction.coloured_noise`).
 
     ρ is the largest of 1 and two ratios tr(V⁺ S)/(k ``white``): for the combinations P (K, k) with
-    information, and for a constant torque. ``white`` is tr(V⁺ S)/k in null
-    simulations. A ratio that white noise exceeds with a probability above ``chance`` is ignored.
-    ``nuisance``: parameters projected out.
+    information, and for a constant torque. ``white`` is tr(V⁺ S)/k in null simulations. A ratio
+    that white noise exceeds with a probability above ``chance`` is ignored. ``nuisance``:
+    parameters projected out.
     """
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]

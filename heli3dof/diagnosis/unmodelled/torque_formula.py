@@ -179,9 +179,9 @@ def product_traces(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarra
 
 
 def projected(x: Evidence, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return score (K,) and information (K, K) of K coefficients, the fit projected out.
+    """Return score (K,) and information (K, K) of K coefficients of a torque.
 
-    ``D`` (K, E): derivatives of the E predictions by the coefficients.
+    ``D`` (K, E): derivatives of the E predictions by them. The fit's parameters are projected out.
     """
     at, nuisance = x.flight.at, x.nuisance
     weighted = D * at.w

@@ -9,11 +9,11 @@ h, n causes the error
     ρ(h) = 1 + 2 Σ_{l ≥ 1} w(l Δ/h) Γ_l/Γ_0,        w(x) = 1 − 3x/2 + x³/2  for x < 1, else 0
 
 w is the normalised autocorrelation of the ramp h − s. The correlation of n is estimated from scores
-u_b = Σ g δc, sums over the readings in block b of Δ = `BLOCK_S`. g is the score of a reading's
-prediction, δc its change by a constant acceleration of 1 rad/s². The mean of all u_b, which a
-constant torque causes, is subtracted. Γ_l is their autocovariance at lag l. With white noise the
-u_b are uncorrelated, and ρ has the standard deviation √(4 Σ w²/m) for m blocks. ρ is set to 1
-unless it exceeds 1 by `SIGNIFICANT` standard deviations.
+u_b = Σ g δc, each a sum over the readings in one block of Δ = `BLOCK_S`. g is the score of a
+reading's prediction, δc its change by a constant acceleration of 1 rad/s². The mean of the u_b,
+which a constant torque causes, is subtracted. Γ_l is their autocovariance at lag l. With white
+noise the u_b are uncorrelated, and ρ has the standard deviation √(4 Σ w²/m) for m blocks. ρ is set
+to 1 unless it exceeds 1 by `SIGNIFICANT` standard deviations.
 
 The formula neglects stiffness and damping within h. The u_b have the correlation of n, because the
 filter responds to n faster than h. A slow torque that the model lacks also counts as noise.

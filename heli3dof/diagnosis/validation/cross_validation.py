@@ -276,7 +276,7 @@ def _most_likely_noise(
 
 
 def _summed_over_cells(d: Data, on: str, parts: Sequence[RowResults]) -> HeldOut:
-    """Return the sums of all results in ``parts`` over cells: parts of runs of about `CELL_S`.
+    """Return the sums of all results in ``parts`` over cells, intervals of about `CELL_S` s.
 
     ``on``: description of the held-out data.
     """

@@ -94,9 +94,9 @@ class Gain:
 
     @property
     def removes_most_error(self) -> bool:
-        """Return True if most of the mean square error is removed on an axis (`removes_most`).
+        """Return True if most of an axis' mean square error in ``before`` is removed in ``after``.
 
-        This is a property of any change from ``before`` to ``after``, such as a refit.
+        The decrease must also be significant (`removes_most`).
         """
         return any(
             won is not None and removes_most(self.before[a] or 0.0, self.after[a] or 0.0, won.low)
