@@ -80,7 +80,8 @@ def replaced_by_formula(
 
     Return the comparison with the largest margin above `TIE` that simulated flights confirm, or
     None. If the controller is unknown, a formula in place of a single cause is confirmed by
-    predictions of ``holdout``, or of blocks left out if it is empty.
+    predictions of ``holdout``, or of blocks left out if it is empty; one in place of several causes
+    needs no confirmation.
     """
     if not causes:
         return None

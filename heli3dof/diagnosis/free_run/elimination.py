@@ -258,8 +258,8 @@ def without_term(
 ) -> LeaveOneOut:
     """Return the trial that leaves out term ``name``, or puts the term ``instead`` in its place.
 
-    For a term that varies by recording, each recording is left out in turn if there are several.
-    Otherwise, each fold is left out.
+    The trial contains the increase of the held-out loss. Each fold is left out of the fit once, or
+    each recording if the term varies by recording and there are several.
     """
     p = current.fit.problem
     if any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1:

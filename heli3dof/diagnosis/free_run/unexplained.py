@@ -230,7 +230,7 @@ def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
 
 
 def compare_runs(runs: Sequence[CreepRun]) -> Iterator[dict[str, Any]]:
-    """Yield a JSON object that states whether one rise of thrust or voltage fits all ``runs``."""
+    """Yield a JSON object that states if one rise of thrust or voltage explains all ``runs``."""
     if len({c.voltage_V for c in runs}) < 2 or not any(c.creeps for c in runs):
         return
     growth = {

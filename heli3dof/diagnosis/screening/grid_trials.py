@@ -27,7 +27,7 @@ from heli3dof.model.estimation.filter_data import Data
 from heli3dof.parallel import parallel_map
 
 MIN_TRIAL_GAIN = 40.0
-"""Least Δℓ for a full fit. Chosen: Δℓ is hundreds with backlash, minus hundreds without."""
+"""Least Δℓ for a full fit. Chosen: Δℓ is over 100 with backlash, below −100 without."""
 NOISE_ROUNDS, NOISE_TOLERANCE = 4, 0.1
 """Most updates of the noise at one value; change of ln a that ends them. Chosen; not derived."""
 NEIGHBOURS = 3

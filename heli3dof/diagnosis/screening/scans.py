@@ -32,7 +32,7 @@ from heli3dof.model.effects import Term
 LOWEST_HZ, HIGHEST_HZ = 0.08, 8.0
 """Scanned frequencies; the recorded time holds at least two periods. Chosen; not derived."""
 KNOTS = 9
-"""Frequencies with a computed information; instants: two more. Chosen; not derived."""
+"""Number of frequencies at which v is computed; of instants, two more. Chosen; not derived."""
 BIN_S = 0.02
 """Sampling period of λ for the Fourier transform. Chosen."""
 Information = tuple[np.ndarray, np.ndarray]

@@ -183,7 +183,7 @@ def with_forms(
 def bias_corrected(
     setup: Setup, problem: Likelihood, optimum: Optimum, current: CorrectedFit | None = None
 ) -> CorrectedFit:
-    """Return the bias-corrected fit near an optimum; the refitted optimum without a controller.
+    """Return the bias-corrected fit near an optimum; only refitted if the controller is unknown.
 
     ``current``: the fit without the optimum's new terms, for a second start (`correction_starts`).
     On a limit cycle, the fit also uses edge rates (how often encoder counts change), if its scores

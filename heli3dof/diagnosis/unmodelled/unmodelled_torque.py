@@ -234,11 +234,13 @@ class ScoreTests:
     scale: float
     """Location and scale of the Gumbel distribution"""
     u: np.ndarray
-    """(groups, KNOTS); V: (groups, KNOTS, KNOTS)"""
+    """(groups, KNOTS) scores"""
     V: np.ndarray
+    """(groups, KNOTS, KNOTS) information"""
     kappa: np.ndarray
+    """(groups,) κ, at least 1"""
     white: np.ndarray
-    """(groups,) mean S_null/r, also below 1; kappa: (groups,)"""
+    """(groups,) mean S/r of the nulls, which may be below 1; 1 without nulls"""
     directions: tuple[np.ndarray, ...]
     """(KNOTS, r) each: informative directions"""
 

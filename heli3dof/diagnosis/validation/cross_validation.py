@@ -87,7 +87,7 @@ def on_holdout(
 
 
 def on_blocks(fit: Estimate, blocks: int = BLOCKS, *, theta: np.ndarray | None = None) -> HeldOut:
-    """Evaluate a fit on each block, with parameters estimated without it, or with ``theta``."""
+    """Evaluate a fit on each block, with parameters from the other blocks, or with ``theta``."""
     problem, o, d = fit.problem, fit.optimum, fit.problem.data
     at = problem.run(o.theta, o.noise)
     tangents = problem.tangents(o.theta, at)
