@@ -35,7 +35,7 @@ COMPENSATES = "it only compensated for an unmodelled torque"
 class Finding:
     """A cause: the selection step that added it, its size, and its gain on held-out data.
 
-    The gain is the decrease of the prediction error by the cause's term.
+    The gain is the decrease of the prediction error with the cause's term in the model.
     """
 
     choice: Choice
@@ -227,8 +227,11 @@ class NextExperiment:
 class UndecidedTerms:
     """Terms of a fit to free-run predictions on which a further flight should decide.
 
-    They are a cause and those confounded with it. Without any, they are terms that improve held-out
-    predictions but are no causes. Without these, they are terms that are not identifiable.
+    These are the first of the following that exist:
+
+    1. a cause and the terms confounded with it
+    2. terms that improve held-out predictions but are no causes
+    3. terms that are not identifiable
     """
 
     fit: MultiStepFit

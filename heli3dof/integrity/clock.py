@@ -31,7 +31,7 @@ NEAR = 51
 
 
 def clock(view: View) -> Iterable[Fault]:
-    """Yield faults of the time stamps' order; without any, those of rate and device clock."""
+    """Yield faults of the time stamps' order; if there are none, of their rate and device clock."""
     faults = [*order(view)]
     yield from faults
     if not faults:
@@ -122,8 +122,8 @@ def device(view: View) -> Iterable[Fault]:
 def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if too many rows repeat the angles and voltages of the row before.
 
-    A row is tested if its voltage is not zero, not at the limit, and changes in over a tenth of the
-    `NEAR` rows around it. A repeated row must also repeat the excitation voltage: while the axes
+    A row is tested if its voltage is neither zero nor at the limit, and changes in over a tenth of
+    the `NEAR` rows around. A repeated row must also repeat the excitation voltage: while the axes
     rest, angles and motor voltages may stay constant for a few rows.
     """
     r = view.recording

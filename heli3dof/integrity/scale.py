@@ -1,13 +1,13 @@
 """Report counts per revolution wrong by a factor of 2 or 4, and a wrong amplifier gain.
 
-If encoder i reads k_i times its angle and the thrust is K times the profile's, the axes' responses
-to the voltages are multiples g of the profile's:
+Let encoder i read k_i times its angle, and let the thrust be K times the profile's. Then the axes'
+responses to the voltages are multiples g of the profile's:
 
     g_r = K k_r          g_p = K k_p          g_ψ = K k_ψ / k_p    (pitch p drives yaw)
 
-**Counts.** A wrong number of encoder edges gives k = 2, 4, ½ or ¼ on one axis. With h the ratio
-of the hover voltage to the profile's, and k_ψ/k_p in place of k_ψ, the check compares each k with
-k = 1 by
+**Counts.** A wrong number of encoder edges gives k = 2, 4, ½ or ¼ on one axis. h is the ratio of
+the hover voltage to the profile's. The check compares each k with k = 1 by the following χ², in
+which k_ψ/k_p replaces k_ψ:
 
     χ² = min_K Σ_i (ln g_i − ln(K k_i))² / σ² + (ln K)² / σ_K² + (ln(K h))² / σ_K²
 
@@ -18,8 +18,8 @@ counterweight.
 * Yaw's k is tested only with the response of another axis: J_roll and J_yaw come from the same
   masses. Pitch's k is tested only with yaw's response: alone, it may be friction, backlash or
   inertia.
-* The best k is reported if its χ² ≤ `FITS` and every other χ² is larger by `MARGIN` (half of it if
-  the angle has only every k-th count).
+* The best k is reported if its χ² ≤ `FITS` and every other χ² is larger by `MARGIN`. Half of
+  `MARGIN` is enough if the angle has only every k-th count.
 * If the angle has all counts, k = 2 may also be half the inertia, and k = ½ twice the inertia: the
   check yields a note. Otherwise it yields bad data.
 
@@ -158,8 +158,8 @@ def _roll_divided(view: View, k: float) -> View:
 def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
     """Return the encoder factor (reading over angle) of ``axis`` and its standard deviation.
 
-    The factor is the axis' response divided by the geometric mean of the other axes' (for pitch,
-    without yaw). For roll, it is multiplied by k, because `_roll_divided` has divided roll by k.
+    The factor is the axis' response divided by the geometric mean of the other axes' responses (for
+    pitch, without yaw). For roll, it is multiplied by k: `_roll_divided` has divided roll by k.
     """
     others = [
         np.log(x.gain) for a, x in responses.items() if a != axis and (axis, a) != ("pitch", "yaw")

@@ -14,8 +14,9 @@ The second summand is BIC for the causes' further parameters, the third the prio
 one formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the
 controller is known, flights are also simulated, with the causes and with the formula. Those with
 the formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`). If
-the controller is unknown, a formula in place of a single cause must decrease the error of held-out
-predictions on its axis by more than the encoder's rounding (`conclusion.unknown_controller`).
+the controller is unknown, a formula in place of a single cause must improve held-out predictions:
+on its axis, their error must decrease by more than the encoder's rounding
+(`conclusion.unknown_controller`).
 """
 
 from __future__ import annotations
@@ -79,9 +80,9 @@ def replaced_by_formula(
     """Compare each of the ``causes``, each pair and all together with a formula in their place.
 
     Return the comparison with the largest margin above `TIE` that simulated flights confirm, or
-    None. If the controller is unknown, a formula in place of a single cause is confirmed by
-    predictions of ``holdout``, or of blocks left out if it is empty; one in place of several causes
-    needs no confirmation.
+    None. If the controller is unknown, predictions of ``holdout`` (of blocks left out if it is
+    empty) confirm a formula in place of a single cause. A formula in place of several causes needs
+    no confirmation.
     """
     if not causes:
         return None

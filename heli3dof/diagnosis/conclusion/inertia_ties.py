@@ -16,9 +16,9 @@ deviation of its score in flights simulated without it. Effect i is confounded w
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
 2. the measured Z_i lies within this range of Z, widened by `SIGMAS_99`.
 
-A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). Effect i is confounded with
-K_f under the same conditions, but with the range of α in which the corrected parameters
-θ_j − α b_ji give a K_f within the tolerance.
+A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For K_f the same conditions
+apply with another range of α: the corrected parameters θ_j − α b_ji must give a K_f within the
+tolerance.
 
 In a short step flight, a slow torque has nearly the effect of a wrong inertia. The base fit absorbs
 the torque in the inertia J_j; a full fit with the torque returns J_j to nominal. If an inertia is

@@ -56,7 +56,7 @@ def conclude(
 def without_causes(
     names: Sequence[str], causes: Sequence[Fault | Finding | OffNominal]
 ) -> tuple[str, ...]:
-    """Return the effects ``names`` without those that are ``causes``.
+    """Return the effects ``names`` that are not among the ``causes``.
 
     ``names``: effects not identifiable at their typical sizes. A larger one may still be a cause.
     """

@@ -23,9 +23,9 @@ than a term of likely size.
 replaces T_g, and zero replaces τ̄ (`MeanTrimFit`). The result has the covariance J C Jᵀ. C is the
 covariance of the fit, J the derivatives of the new parameters by the old ones.
 
-**Halves.** A fit's σ contains noise, but not errors of the model's form, which shift an estimate
-from one half of the flights to the other. So each fold's training blocks (`free_run.refits`) are
-fitted alone. θ_h ± σ_h is the estimate of a term's first parameter in half h.
+**Halves.** A fit's σ contains noise, but not errors of the model's form. Such errors make the
+estimates from two halves of the flights differ. So each fold's training blocks (`free_run.refits`)
+are fitted alone. θ_h ± σ_h is the estimate of a term's first parameter in half h.
 
     u_h = (θ_h − θ_0)/σ_h                      significant in both: min_h |u_h| ≥ `SIGNIFICANT`,
                                                all u_h of one sign, none mostly the prior
@@ -113,8 +113,11 @@ def open_terms(
 ) -> UndecidedTerms:
     """Return the terms on which a further flight should decide.
 
-    These are the first confounded cause and the terms confounded with it. Without any, they are
-    terms that improve held-out predictions but are no causes, else those not identifiable.
+    These are the first of the following that exist:
+
+    1. the first confounded cause and the terms confounded with it
+    2. terms that improve held-out predictions but are no causes
+    3. terms that are not identifiable
     """
     for r in causes:
         if r.tied_with:

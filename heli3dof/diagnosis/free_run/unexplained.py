@@ -1,11 +1,11 @@
 """Report what the fitted model explains, and what not: take-off, creep at a constant voltage.
 
 **Take-off.** The fit omits the take-off, in which the rotors' initial speed is unknown: it depends
-on earlier voltages. After `SPUN_UP_S` it no longer matters. From then to the end of the climb, the
-mean measured pitch acceleration p̈ (rad/s²) is compared with the model's along the measured path, in
-weak form. The take-off is reported if the two means differ by at least `SIGMAS_95` standard
-deviations of the model's mean (from the parameters' covariance). The report also compares the
-measured climb in roll with two simulations: rotors initially at rest, and at steady speed.
+on earlier voltages. After `SPUN_UP_S` it no longer matters. The measured mean pitch acceleration p̈
+(rad/s²) from then to the end of the climb is compared with the model's on the same path. Both are
+computed in weak form. The take-off is reported if the two means differ by at least `SIGMAS_95`
+standard deviations of the model's mean (from the parameters' covariance). The report also compares
+the measured climb in roll with two simulations: rotors initially at rest, and at steady speed.
 
 **Creep.** Both motors have one constant voltage V. Mean roll early and late (`EARLY_S`, `LATE_S`)
 is compared with the model's equilibrium, with the symbols below:

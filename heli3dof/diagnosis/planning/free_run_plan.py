@@ -174,7 +174,7 @@ def marginal(H: np.ndarray, n: int) -> np.ndarray:
 def coupling(p: MultiStep) -> np.ndarray:
     """Return Λ_b (dim, dim), which couples the recordings' own values to common parameters.
 
-    It is the prior's precision without that of the common parameters alone.
+    It is the prior's precision minus that of the common parameters alone.
     """
     L = p.prior.copy()
     L[: p.n, : p.n] -= replace(p, flights=(), data=(), rows=()).prior

@@ -45,7 +45,7 @@ class GridTrial:
 
 
 def terms_without_score(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
-    """Return the terms without a score (backlash) on ``axes``, but not those named ``without``."""
+    """Return the terms on ``axes`` that no score test detects (backlash), except ``without``."""
     return [
         t
         for e in effects().values()

@@ -81,8 +81,8 @@ class Nulls:
     def threshold_of(self, term: Term) -> float:
         """Return the threshold of a term's Z².
 
-        A term that is another form of the rigid body's equations has its own threshold, with
-        Bonferroni's correction for the number of such candidates of the base simulation.
+        Terms that are other forms of the rigid body's equations have a threshold of their own. It
+        has Bonferroni's correction for the number of such candidates of the base simulation.
         """
         from scipy.stats import t
 

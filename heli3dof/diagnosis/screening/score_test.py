@@ -173,7 +173,7 @@ class Screen:
             yield rows, a, m, m0
 
     def _unit(self, evaluation: Evaluation, t: Term) -> np.ndarray:
-        """Return the accelerations (C, 3) rad/s² by a scan's unit torque in C chunks of time."""
+        """Return the accelerations (C, 3) rad/s² that a scan's unit torque causes in C chunks."""
         p = evaluation.path
         if t.effect.name == "mass.change":
             unit: tuple[float, ...] = (1.0, -1.0)

@@ -98,8 +98,8 @@ class Nuisance:
     ) -> Nuisance:
         """Return these parameters, extended by the coefficients of a torque's hat functions.
 
-        ``D`` (KNOTS, E): the prediction changes by the functions. ``P`` (KNOTS, rank): their
-        informative directions. ``columns`` (KNOTS,): their columns in ``null.u``.
+        ``D`` (KNOTS, E): derivatives of the predictions by these coefficients. ``P`` (KNOTS, rank):
+        their informative directions. ``columns`` (KNOTS,): their columns in ``null.u``.
         """
         D = P.T @ D
         stacked = np.vstack([self.tangents, D])

@@ -168,7 +168,7 @@ def product_scores(x: Evidence, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def product_traces(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarray:
-    """Return an array (P, E): the changes of the E innovations by the torque 1 · φ on an axis.
+    """Return (P, E): changes of the E innovations that a torque 1 · φ on an axis causes.
 
     ``axis``: index of the axis; ``products``: the formulas of φ, such as ``roll_rate*sin(pitch)``.
     """

@@ -1,7 +1,7 @@
 """Test each axis for a residual torque, which the fitted model lacks.
 
-It is a free function f(z) = Σ_j τ_j φ_j(z) of an angle, rate, voltage or the time z, with hat
-functions φ_j and coefficients τ_j in N·m (`unmodelled.hat_functions`). The `KNOTS` hat functions
+It is a free function f(z) = Σ_j τ_j φ_j(z) of an angle, rate, voltage or the time z. φ_j are hat
+functions, τ_j coefficients in N·m (`unmodelled.hat_functions`). The `KNOTS` hat functions
 of one variable on one axis are a group. Rao's score test evaluates each group without a fit:
 
     S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(r)      without a residual torque
@@ -15,9 +15,9 @@ which leaves r degrees of freedom.
    `inflation`.
 2. All groups are put on one scale: x = −2 ln P(χ²_r > S/κ). The largest x of a null has a Gumbel
    distribution, which gives the threshold.
-3. A group is accepted if its torque explains more than `MIN_SHARE` of the variance of the axis's
-   residual torque, and if its x exceeds the threshold, even with S/(κρ) in place of S/κ. ρ ≥ 1 is
-   the ratio by which coloured noise increases S (`torque_evidence`). Of several such groups, that
+3. A group is accepted if its x exceeds the threshold, even with S/(κρ) in place of S/κ. ρ ≥ 1 is
+   the ratio by which coloured noise increases S (`torque_evidence`). Its torque must also explain
+   more than `MIN_SHARE` of the variance of the axis's residual torque. Of several such groups, that
    with the largest x is taken.
 4. The accepted torque is projected out, and the test is repeated.
 
@@ -106,7 +106,7 @@ class ResidualTorque:
 
     @property
     def is_slow_noise(self) -> bool:
-        """Return whether the torque depends on time only, as that of a draught does."""
+        """Return whether the torque depends on time only, such as a draught's."""
         return self.depends_on == "time"
 
     @property
@@ -118,7 +118,7 @@ class ResidualTorque:
 def split_off_slow_noise(
     torques: Sequence[ResidualTorque],
 ) -> tuple[tuple[ResidualTorque, ...], tuple[ResidualTorque, ...]]:
-    """Split ``torques`` into those of measured variables and those of time only (slow noise)."""
+    """Return the torques of measured variables, and those of time only (slow noise)."""
     return (
         tuple(t for t in torques if not t.is_slow_noise),
         tuple(t for t in torques if t.is_slow_noise),

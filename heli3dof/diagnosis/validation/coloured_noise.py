@@ -1,9 +1,9 @@
 """Compute how much coloured noise increases the error of predictions.
 
-The filter's process noise, an angular acceleration n(t) on each axis, is white with the density a²
-(a in rad/s²/√Hz). Draughts and other torques are correlated over tenths of a second. The fit then
-matches only high frequencies, so long predictions are worse than it expects. In a prediction over
-h, n causes the error
+The filter assumes white process noise: an angular acceleration n(t) of each axis, with the density
+a² (a in rad/s²/√Hz). Draughts and other real torques are correlated over tenths of a second. The
+fit then matches only high frequencies, so long predictions are worse than the filter expects. In a
+prediction over h, n causes the error
 
     e(h) = ∫_0^h (h − s) n(s) ds,       Var e(h) = ρ(h) a² h³/3
     ρ(h) = 1 + 2 Σ_{l ≥ 1} w(l Δ/h) Γ_l/Γ_0,        w(x) = 1 − 3x/2 + x³/2  for x < 1, else 0
