@@ -7,6 +7,6 @@ from typing import Any
 
 
 def name_of(finding: Mapping[str, Any]) -> str:
-    """Return a cause's name, as ``friction.coulomb.yaw``, from an object of JSON's ``findings``."""
+    """Return a cause's name, such as ``friction.coulomb.yaw``, from its JSON object."""
     axis = finding.get("axis")
     return str(finding["effect"]) if axis is None else f"{finding['effect']}.{axis}"

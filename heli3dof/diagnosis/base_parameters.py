@@ -14,11 +14,11 @@ X is a finding if x exceeds e significantly:
     |x| − |e| > √((`SCALE_QUANTILE` σ_k)² + (q f σ)²)
 
 - σ_k: standard deviation of ln K_f (`greybox.thrust_scale`), which further flights hardly reduce
-- σ: standard deviation of x by the flights' noise
-- q: normal quantile, with Bonferroni's correction, of the false-alarm probability `FALSE_ALARMS`
-- f: 1 for a fit to free-run predictions, or to rates of change of encoder counts
-  (`closed_loop_fit.edge_rates`), else `STD_INFLATION`. On a limit cycle, or with an unmodelled
-  torque, the error of x may reach f σ.
+- σ: standard deviation of x caused by noise in the flights
+- q: one-sided normal quantile for the false-alarm probability `FALSE_ALARMS`, Bonferroni-corrected
+- f: 1 for a fit to free-run predictions, or to edge rates (how often encoder counts change,
+  `closed_loop_fit.edge_rates`); else `STD_INFLATION`, because on a limit cycle or with an
+  unmodelled torque the error of x may reach f σ
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class BaseParameter(Measured):
     name: str
     unit: str
     noise_std: float = 0.0
-    """σ, the relative standard deviation by the flights' noise"""
+    """σ, the relative standard deviation caused by noise in the flights"""
     scale: float = 0.0
     """σ_k, the standard deviation of ln K_f"""
 
@@ -72,7 +72,7 @@ class BaseParameter(Measured):
 
 
 def quantile() -> float:
-    """Return q, the one-sided normal quantile for `FALSE_ALARMS` shared by all base parameters.
+    """Return q, the one-sided normal quantile for `FALSE_ALARMS` / number of base parameters.
 
     >>> round(quantile(), 2)
     3.24
@@ -125,9 +125,9 @@ def off_nominal(fit: PhysicalFit) -> tuple[OffNominal, ...]:
 
 
 def std_inflation(fit: PhysicalFit) -> float:
-    """Return the factor f by which `off_nominal` multiplies standard deviations by noise.
+    """Return the factor f by which `off_nominal` multiplies standard deviations due to noise.
 
-    It is `STD_INFLATION` for a fit by likelihood alone, else 1.
+    It is `STD_INFLATION` for a fit by likelihood alone (without edge rates), else 1.
     """
     by_likelihood = isinstance(fit, CorrectedFit) and fit.covariance_with_edge_rates is None
     return STD_INFLATION if by_likelihood else 1.0
@@ -165,7 +165,10 @@ def effect_size(fit: PhysicalFit, name: str) -> tuple[float, float] | None:
 
 
 def in_SI(fit: PhysicalFit, scale: ThrustScale, name: str) -> dict[str, tuple[float, float]]:
-    """Return {parameter: (value, standard deviation)} of the effect ``name``, in SI."""
+    """Return {parameter: (value, standard deviation)} of the effect ``name``, in SI.
+
+    ``scale`` converts fitted values that are in units of the thrust gain K_f.
+    """
     return {
         f.name.removeprefix(f"{name}."): scale.to_si(float(v), float(s), f.unit)
         for f, v, s in zip(fit.free, fit.values, fit.std, strict=True)

@@ -5,9 +5,9 @@ FALSE_ALARMS = 0.003
 LEVEL = 0.95
 """Probability covered by intervals: the usual 95 %."""
 SIGMAS_95 = 2.0
-"""Standard deviations of a significant difference: chance exceeds them with 5 %."""
+"""Standard deviations of a significant difference: chance exceeds them in 5 % of cases."""
 SIGMAS_99 = 3.0
-"""Standard deviations of a contradiction: chance exceeds them with 0.3 %."""
+"""Standard deviations of a contradiction: chance exceeds them in 0.3 % of cases."""
 TIE = 6.0
 """Difference of scores (2 ln L) that chance may cause: odds of e³ = 20. Chosen; not derived."""
 SUFFICIENT = 100.0
@@ -21,7 +21,7 @@ MAX_CAUSES = 4
 MAX_COMPARED = 3
 """Most causes, torques or terms that one step compares or adds: each costs full fits. Chosen."""
 LEAST_SHARE = 1e-6
-"""Least share of the information that remains of a tested effect with the fit's parameters
-projected out; below it, these produce the same change."""
+"""Least share of an effect's information that must remain with the fit's parameters projected out:
+with less, these parameters change the readings as the effect does."""
 ACCURACY_S = 0.05
 """s, accuracy of an instant: half the time in which an added mass takes effect."""

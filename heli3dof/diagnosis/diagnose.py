@@ -166,7 +166,9 @@ def _diagnosed(
         residual_torques=extended.torques, slow_noise=settled.slow_noise, about=about,
         not_identifiable=tuple(n for n in first.not_identifiable if not term(n).effect.formal),
     )  # fmt: skip
-    return conclude(without_verdict, setup.axes, level_deg=first.detectable_size(ROLL_OFFSET))
+    return conclude(
+        without_verdict, setup.axes, detectable_offset_deg=first.detectable_size(ROLL_OFFSET)
+    )
 
 
 def forward_selection(

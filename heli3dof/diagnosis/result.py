@@ -35,7 +35,7 @@ COMPENSATES = "it only compensated for an unmodelled torque"
 class Finding:
     """A cause: the selection step that added it, its size, and its gain on held-out data.
 
-    The gain is the decrease of the prediction error by the cause's term.
+    The gain is the decrease of the prediction error with the cause's term in the model.
     """
 
     choice: Choice
@@ -100,7 +100,7 @@ class Fitted:
     def predicts_worse(self) -> bool:
         """Return whether the extended model predicts much worse than the profile's numbers do.
 
-        On held-out data, its mean square error, summed over the axes, is half as large again.
+        Its mean square error on held-out data, summed over the axes, is over 1.5 times as large.
         """
         if self.refit is None:
             return False
@@ -129,7 +129,7 @@ class TorqueTerm:
 
 @dataclass(frozen=True)
 class UnexplainedError:
-    """An axis on which most of the error remains: RMSE (°) of predictions `HORIZON_S` ahead."""
+    """The error that remains on one axis, as RMSE (°) of predictions `HORIZON_S` ahead."""
 
     axis: str
     simulation_deg: float
@@ -165,12 +165,12 @@ class Diagnosis:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Return the recordings' faults of the kind "finding" that name an effect: causes."""
+        """Return the recordings' faults that are causes: findings with the name of an effect."""
         return tuple(f for f in self.integrity if f.is_cause)
 
     @property
     def in_order(self) -> tuple[Fault | Finding | OffNominal, ...]:
-        """Return faults, findings and base parameters off nominal in the order of `in_order`."""
+        """Return all causes, in the order of the module's function `in_order`."""
         return in_order(self.faults, self.findings, self.calibration_findings)
 
 
@@ -227,8 +227,11 @@ class NextExperiment:
 class UndecidedTerms:
     """Terms of a fit to free-run predictions on which a further flight should decide.
 
-    They are a cause and those confounded with it. Without any, they are terms that improve held-out
-    predictions but are no causes. Without these, they are terms that are not identifiable.
+    These are the first of the following that exist:
+
+    1. a cause and the terms confounded with it
+    2. terms that improve held-out predictions but are no causes
+    3. terms that are not identifiable
     """
 
     fit: MultiStepFit

@@ -1,4 +1,4 @@
-"""Check an effect that somebody else wrote: units, equations, and the names that it refers to.
+"""Check an effect that a user wrote: units, equations, and the names that it refers to.
 
 The equations run at `STATES` random states of the default rig, and must return finite numbers. With
 parameters of typical size, a torque must not be zero at all states. It must be zero if each
@@ -84,7 +84,7 @@ def effect_of_file(path: Path) -> Effect:
 
 
 def problems(effect: Effect, plans: Collection[str]) -> list[str]:
-    """Return a sentence per mistake in an effect; ``plans``: the plans that it may name."""
+    """Return a sentence per mistake in an effect; ``plans``: names of the existing plans."""
     found = [s for p in effect.parameters for s in unit_problems(p)]
     found += list(_unknown_names(effect, plans))
     try:

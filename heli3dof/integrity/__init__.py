@@ -46,7 +46,8 @@ def _of_one(recording: Recording) -> list[Fault]:
     faults: list[Fault] = []
     for stage in Stage:
         if stage is Stage.MOTION and (flown := limited(view.recording)) is not view.recording:
-            view = View(flown)  # no voltage beyond the limit was found to be applied
+            # The checks found no sign that voltages beyond the limit reached the motors.
+            view = View(flown)
         for check in checks():
             if check.stage is stage:
                 faults += check.run(view)

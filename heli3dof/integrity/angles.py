@@ -19,7 +19,7 @@ from heli3dof.recording.logs import angle_units
 
 def angles(view: View) -> Iterable[Fault]:
     """Yield each axis' faults: a wrong unit, or if the unit is right, a wrong encoder grid."""
-    if view.read.sum() < 20:
+    if view.finite_rows.sum() < 20:
         return
     for i in view.measured:
         if 0 < len(deviations(view, i)[1]) <= FEW:
@@ -30,7 +30,7 @@ def angles(view: View) -> Iterable[Fault]:
 
 def unit(view: View, i: int) -> Iterable[Fault]:
     """Yield a fault if angle number i is in degrees, in counts, or too small by a factor π/180."""
-    r, rows = view.recording, view.read
+    r, rows = view.recording, view.finite_rows
     axis, q = AXES[i], r.angle[rows, i]
     if np.abs(q).max() > 10 and angle_units.on_grid(q, 1.0, levels=10):
         counts = abs(int(getattr(r.profile.encoder, axis)))
@@ -58,7 +58,7 @@ def unit(view: View, i: int) -> Iterable[Fault]:
 def grid(view: View, i: int) -> Iterable[Fault]:
     """Yield a note if angle number i is on no encoder grid, or not on the profile's."""
     r, axis = view.recording, AXES[i]
-    q = r.angle[view.read, i]
+    q = r.angle[view.finite_rows, i]
     counts = abs(int(getattr(r.profile.encoder, axis)))
     fitted = counts if np.ptp(q) == 0 else angle_units.counts_seen(q, "rad", counts)
     if fitted is None:

@@ -31,7 +31,7 @@ NEAR = 51
 
 
 def clock(view: View) -> Iterable[Fault]:
-    """Yield faults of the time stamps' order; without any, those of rate and device clock."""
+    """Yield faults of the time stamps' order; if there are none, of their rate and device clock."""
     faults = [*order(view)]
     yield from faults
     if not faults:
@@ -122,9 +122,9 @@ def device(view: View) -> Iterable[Fault]:
 def repeated(view: View) -> Iterable[Fault]:
     """Yield a fault if too many rows repeat the angles and voltages of the row before.
 
-    The check tests only rows with a nonzero voltage below its limit that changes within the `NEAR`
-    rows around. Only rows that also repeat the excitation voltage count, because at rest the
-    motors' voltage can be constant for a few rows.
+    A row is tested if its voltage is neither zero nor at the limit, and changes in over a tenth of
+    the `NEAR` rows around. A repeated row must also repeat the excitation voltage: while the axes
+    rest, angles and motor voltages may stay constant for a few rows.
     """
     r = view.recording
     if len(r) < 2 * NEAR:

@@ -8,9 +8,9 @@ voltages cause (`Response.drive`) exceeds `DRIVEN`. An axis is
 * *inconsistent* if it is driven, and |g| is outside `RANGE` or R² < `UNEXPLAINED`.
 
 Axes *in question* are the inconsistent ones; if a voltage is constant, all driven ones. If there
-are any, the check swaps each pair of columns that may explain them. A swap must make at least one
-axis in question consistent, and no other axis inconsistent. The swap with the largest agreement
-over the driven axes
+are any, the check swaps each pair of columns that may explain their motion. A swap must make at
+least one axis in question consistent, and no other axis inconsistent. The swap with the largest
+agreement over the driven axes
 
     M = Σ R² exp(−½ (ln |g| / `USUAL`)²)
 
@@ -186,7 +186,7 @@ def _by_encoder(view: View) -> tuple[int, int, str] | None:
 
     Two columns are swapped if the reference is on the encoder's grid, but the angle is not.
     """
-    r, rows = view.recording, view.read
+    r, rows = view.recording, view.finite_rows
     if rows.sum() < 100:
         return None
     for i in view.measured:

@@ -12,9 +12,10 @@ profile's V_o (`View.hover_ratio`).
     voltages' sign wrong     h < −0.3, and g_r < 0 or g_p < 0 (−g then replaces g in the rows above)
     V_o's sign wrong         h < −0.3, and neither g_r nor g_p is negative
 
-g's sign is known if |g| exceeds `SURE` standard deviations, g explains the share `EXPLAINED` of the
-motion, and the voltages cause accelerations of at least `DRIVE`. If a sign is unknown, the fault
-names both possible causes. Roll's sign is also wrong if roll sinks into the table.
+The sign of g is known if |g| exceeds `SURE` standard deviations and g explains the share
+`EXPLAINED` of the motion. The voltages must also cause accelerations of at least `DRIVE`. If a sign
+is unknown, the fault names both possible causes. Roll's sign is also wrong if roll sinks into the
+table.
 """
 
 from __future__ import annotations
@@ -114,7 +115,7 @@ def _roll_evidence(view: View, sign_of_response: int) -> str:
         )
     if ROLL not in view.measured:
         return ""
-    roll = r.angle[view.read, ROLL]
+    roll = r.angle[view.finite_rows, ROLL]
     start = float(np.median(roll[:5]))
     lowest = float(roll.min())
     lifted = np.nanmax(r.voltage.sum(axis=1)) > 2 * abs(r.profile.motor.V_o)

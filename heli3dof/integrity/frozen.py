@@ -32,7 +32,7 @@ RISEN = np.radians(25.0)
 LEFT_OUT = ("unread", "motors_off", "ramp_down")
 
 
-def still(view: View, axis: int) -> list[tuple[int, int]]:
+def still_intervals(view: View, axis: int) -> list[tuple[int, int]]:
     """Return the intervals (first row, last row + 1) in which the axis stays on one count.
 
     They last at least `LEAST_S`.
@@ -55,10 +55,10 @@ def frozen(view: View) -> Iterable[Fault]:
     angle, voltage = np.nan_to_num(r.angle), np.nan_to_num(r.voltage)
     u = predicted_accelerations(angle, voltage, r.profile)
     J = np.array(r.profile.inertias)
-    if (np.ptp(r.angle[view.read][:, view.measured], axis=0) == 0).all():
+    if (np.ptp(r.angle[view.finite_rows][:, view.measured], axis=0) == 0).all():
         return  # `nothing` reports that no axis moves
     for i in view.measured:
-        intervals = still(view, i)
+        intervals = still_intervals(view, i)
         proven = [w for w in (_evidence(view, i, a, b, u, J) for a, b in intervals) if w]
         if not proven:
             yield from _never_moves(view, i)
@@ -87,7 +87,7 @@ def frozen(view: View) -> Iterable[Fault]:
 def _never_moves(view: View, i: int) -> Iterable[Fault]:
     """Yield a note if axis number i never moves in a flight; friction may hold it."""
     r = view.recording
-    if np.ptp(r.angle[view.read, i]) == 0 and view.airborne.any():
+    if np.ptp(r.angle[view.finite_rows, i]) == 0 and view.airborne.any():
         yield Fault(
             "encoder.frozen", Kind.NOTE, r.name,
             f"{r.name}: {AXES[i]} never changes by a count. Its voltages are too small to decide "

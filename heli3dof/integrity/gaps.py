@@ -1,7 +1,10 @@
 """Report ``timing.gaps``: lost samples, and rows with a value that is not finite.
 
-Of n samples taken (`View.ticks`), gap i lost n_i, and u have a value that is not finite. Then
-lost_share = (Σ n_i + u)/n. If gaps are independent, its standard deviation is √(Σ n_i² + u)/n.
+Of n samples taken (`View.ticks`), n_i are lost in gap i, and u contain a value that is not finite.
+
+    lost_share = (Σ n_i + u)/n
+
+If the gaps are independent, the standard deviation of lost_share is √(Σ n_i² + u)/n.
 """
 
 from __future__ import annotations

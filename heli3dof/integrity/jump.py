@@ -33,8 +33,8 @@ STOOD_S = 0.4
 def deviations(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
     """Return how far each step deviates from its neighbours, and which steps are jumps.
 
-    A step is the change of axis number ``i`` between two rows. The deviations (N − 1,) rad are
-    computed as at the head of this file. The jumps are indices of steps.
+    A step is the change of axis number ``i`` between two rows. The deviations (N − 1,) in rad are
+    the left side of the module's inequality. The jumps are indices of steps.
     """
     r = view.recording
     change = np.diff(r.angle[:, i])

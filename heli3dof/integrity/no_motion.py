@@ -30,7 +30,7 @@ LIFTED, MOVES = np.radians(1.0), np.radians(2.0)
 
 def nothing(view: View) -> Iterable[Fault]:
     r = view.recording
-    q = r.angle[view.read][:, view.measured]
+    q = r.angle[view.finite_rows][:, view.measured]
     if not view.measured or not len(q):
         yield Fault(
             "nothing.moves", Kind.NOT_IDENTIFIABLE, r.name, f"{r.name} contains no angle.",
@@ -61,7 +61,7 @@ def nothing(view: View) -> Iterable[Fault]:
             "add a flight with the motors on: heli3dof run rich",
         )  # fmt: skip
     elif ROLL in view.measured:
-        roll = r.angle[view.read, ROLL]
+        roll = r.angle[view.finite_rows, ROLL]
         rest = float(np.median(roll[:5]))
         if rest < ON_TABLE_BELOW and roll.max() < rest + LIFTED:
             still = all(s < MOVES for s, i in zip(span, view.measured, strict=True) if i != ROLL)

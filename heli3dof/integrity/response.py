@@ -11,7 +11,8 @@ The model of each angle q (rad) has a rotor lag τ (s), damping b, and gravity a
 
     q̈ = g u − g τ u̇ + Σ c_j x_j(q) − b q̇ + noise
 
-Multiplied by φ(t) = (1 − (t/T)²)³, |t| < T, and integrated by parts, only φ is differentiated:
+The equation is multiplied by φ(t) = (1 − (t/T)²)³, |t| < T, and integrated by parts, so that only φ
+is differentiated:
 
     ∫ φ̈ q = g ∫ φ u + g τ ∫ φ̇ u + Σ c_j ∫ φ x_j + b ∫ φ̇ q
 

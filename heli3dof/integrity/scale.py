@@ -1,31 +1,33 @@
 """Report counts per revolution wrong by a factor of 2 or 4, and a wrong amplifier gain.
 
-If encoder i reads k_i times its angle and the thrust is K times the profile's, the axes' responses
-to the voltages are multiples g of the profile's:
+Let encoder i read k_i times its angle, and let the thrust be K times the profile's. Then the axes'
+responses to the voltages are multiples g of the profile's:
 
     g_r = K k_r          g_p = K k_p          g_ψ = K k_ψ / k_p    (pitch p drives yaw)
 
-**Counts.** A wrong number of encoder edges gives k = 2, 4, ½ or ¼ on one axis. With h the ratio
-of the hover voltage to the profile's, and k_ψ/k_p in place of k_ψ, the check compares each k with
-k = 1 by
+**Counts.** A wrong number of encoder edges gives k = 2, 4, ½ or ¼ on one axis. h is the ratio of
+the hover voltage to the profile's. The check compares each k with k = 1 by the following χ², in
+which k_ψ/k_p replaces k_ψ:
 
     χ² = min_K Σ_i (ln g_i − ln(K k_i))² / σ² + (ln K)² / σ_K² + (ln(K h))² / σ_K²
 
-σ = `SCATTER` allows for lag, friction, inertia; σ_K = `SPREAD` for thrust gain and counterweight.
+σ = `SCATTER` allows for lag, friction and inertia; σ_K = `SPREAD` allows for thrust gain and
+counterweight.
 
 * Roll is in every equation, so its k is tested with roll divided by k and all responses recomputed.
 * Yaw's k is tested only with the response of another axis: J_roll and J_yaw come from the same
   masses. Pitch's k is tested only with yaw's response: alone, it may be friction, backlash or
   inertia.
-* The best k is reported if its χ² ≤ `FITS` and every other χ² is larger by `MARGIN` (half of it if
-  the angle has only every k-th count).
+* The best k is reported if its χ² ≤ `FITS` and every other χ² is larger by `MARGIN`. Half of
+  `MARGIN` is enough if the angle has only every k-th count.
 * If the angle has all counts, k = 2 may also be half the inertia, and k = ½ twice the inertia: the
   check yields a note. Otherwise it yields bad data.
 
-**Amplifier.** If the motors get K times the logged voltages, every response is K and h = 1/K. It is
-bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does not. Smaller
-deviations of K are usual (thrust gains of one type of rig are 0.13 … 0.22 N/V): the effect
-``motor.thrust_gain``. h = 3 with responses of 1 is another counterweight, ``mass.imbalance``.
+**Amplifier.** If the motors get K times the logged voltages, every response is K and h = 1/K. The
+check yields bad data if K and h differ from 1 by more than the factor `ANOTHER_RIG`, but K h does
+not. Smaller deviations of K are usual (thrust gains of one type of rig are 0.13 … 0.22 N/V); the
+diagnosis reports them as ``motor.thrust_gain``. h = 3 with responses of 1 shows another
+counterweight (``mass.imbalance``).
 """
 
 from __future__ import annotations
@@ -69,7 +71,7 @@ def reliable(responses: dict[str, Response]) -> dict[str, Response]:
 
 
 def misfit(log_g: dict[str, float], log_k: dict[str, float], h: float | None = None) -> float:
-    """Return χ² (head of this file): how badly encoder factors k explain the responses g.
+    """Return χ² (see the module): how badly encoder factors k explain the responses g.
 
     k: encoder reading over true angle; g: response as a multiple of the profile's. ``log_g``,
     ``log_k``: {axis: ln g}, {axis: ln k}. ``h``: ratio of the hover voltage to the profile's, None
@@ -112,7 +114,7 @@ def counts(view: View) -> Iterable[Fault]:
     best, responses = chi2s[axis, k]
     n = int(getattr(r.profile.encoder, axis))
     i = AXES.index(axis)
-    fitted = counts_seen(r.angle[view.read, i], "rad", abs(n))
+    fitted = counts_seen(r.angle[view.finite_rows, i], "rad", abs(n))
     # An angle that is k times too large has only every k-th count of the profile's grid.
     coarser = fitted is not None and abs(abs(n) / fitted - k) < 1e-6
     if best > FITS or chi2s[others[0]][0] - best < MARGIN * (0.5 if coarser else 1.0):
@@ -146,7 +148,7 @@ def _roll_divided(view: View, k: float) -> View:
     """Return a view of the recording in which roll's change since the start is divided by k."""
     r = view.recording
     angle = r.angle.copy()
-    rest = float(np.median(angle[view.read, ROLL][:5]))
+    rest = float(np.median(angle[view.finite_rows, ROLL][:5]))
     angle[:, ROLL] = rest + (angle[:, ROLL] - rest) / k
     divided = View(replace(r, angle=angle))
     divided.ticks = view.ticks  # the same time stamps
@@ -156,8 +158,8 @@ def _roll_divided(view: View, k: float) -> View:
 def _scale_of(axis: str, k: float, responses: dict[str, Response]) -> tuple[float, float]:
     """Return the encoder factor (reading over angle) of ``axis`` and its standard deviation.
 
-    The factor is the axis' response divided by the geometric mean of the other axes' (for pitch,
-    without yaw). For roll, it is multiplied by k, because `_roll_divided` has divided roll by k.
+    The factor is the axis' response divided by the geometric mean of the other axes' responses (for
+    pitch, without yaw). For roll, it is multiplied by k: `_roll_divided` has divided roll by k.
     """
     others = [
         np.log(x.gain) for a, x in responses.items() if a != axis and (axis, a) != ("pitch", "yaw")

@@ -30,7 +30,7 @@ class View:
         return [i for i, a in enumerate(AXES) if a in self.recording.axes]
 
     @cached_property
-    def read(self) -> np.ndarray:
+    def finite_rows(self) -> np.ndarray:
         """Return (N,) bool: rows with finite voltages and finite measured angles."""
         r = self.recording
         return np.asarray(

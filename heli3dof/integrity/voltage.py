@@ -141,7 +141,7 @@ def clipped(view: View) -> Iterable[Fault]:
             "the steps are too large or the gains too high for this amplifier.",
             "use smaller steps or a slower reference: heli3dof run-step --roll 5",
         )  # fmt: skip
-    v = r.voltage[view.read]
+    v = r.voltage[view.finite_rows]
     if len(v) < 100 or len(np.unique(v)) < 50:
         return
     top = float(np.abs(v).max())
@@ -161,7 +161,7 @@ def commanded(view: View) -> Iterable[Fault]:
     r = view.recording
     cmd, v = r.voltage_cmd, r.voltage
     phase = r.channels.get("phase")
-    rows = np.isfinite(cmd).all(axis=1) & view.read
+    rows = np.isfinite(cmd).all(axis=1) & view.finite_rows
     rows &= (np.abs(cmd) < AT_LIMIT * r.profile.motor.v_max).all(axis=1)
     rows &= (np.abs(v) < AT_LIMIT * r.profile.motor.v_max).all(axis=1)
     if phase is not None:

@@ -30,7 +30,7 @@ SHARE = 0.6
 def zero(view: View) -> Iterable[Fault]:
     r = view.recording
     rest = float(r.profile.encoder.rest_rad[ROLL])
-    roll = r.angle[view.read, ROLL]
+    roll = r.angle[view.finite_rows, ROLL]
     if ROLL not in view.measured or rest > ON_TABLE_BELOW or len(roll) < 100:
         return
     start = float(np.median(roll[:5]))

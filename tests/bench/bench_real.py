@@ -14,7 +14,7 @@ from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.free_run.elimination import eliminate
 from heli3dof.diagnosis.free_run.refits import STAGE_S, carried_over, restructured
-from heli3dof.diagnosis.free_run.unexplained import settles_at
+from heli3dof.diagnosis.free_run.unexplained import equilibrium_deg
 from heli3dof.diagnosis.selection.select import Choice
 from heli3dof.identification.greybox.freeflight import (
     fit_freeflight,
@@ -243,7 +243,7 @@ def open_loop(trial: Trial, model: GreyBoxModel) -> list[Figure]:
         out.append(
             Figure(
                 f"{trial.rig}: {V:g} V on both motors, open loop: steady roll angle",
-                f"model {settles_at(model, V):.1f}°, measured {early:.1f}° after 9 to 19 s, "
+                f"model {equilibrium_deg(model, V):.1f}°, measured {early:.1f}° after 9 to 19 s, "
                 f"{late:.1f}° in the last 10 of {t[-1]:.0f} s",
                 how=f"means over {path.stem}, not used in the fit; starts at {floor:.1f}°",
             )

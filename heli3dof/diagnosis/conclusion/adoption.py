@@ -1,8 +1,8 @@
 """Adopt the causes that improve the prediction of held-out data, and drop the others.
 
-Backward elimination: each cause is left out once, and the others are fitted again. The gain Δℓ is
-the increase in log-likelihood of held-out data by the cause (`validation.gain`). A cause is adopted
-if one of these conditions holds:
+Backward elimination: each cause is left out once, and the others are fitted again. The gain Δℓ of
+the cause is the log-likelihood of held-out data with it, minus that without it (`validation.gain`).
+A cause is adopted if one of these conditions holds:
 
 1. The 95 % interval of Δℓ lies above zero.
 2. Δℓ > `MIN_GAIN`, and either the cause is the first or its score (a BIC, `selection.select`) is
@@ -14,22 +14,27 @@ score test. A further cause with a score below `SUFFICIENT` may only compensate 
 of the first. Condition 3 is for effects that act only briefly, such as a dead zone: their intervals
 are wide.
 
-A cause is dropped if it significantly increases the prediction error of an axis and decreases that
-of none, each by more than the encoder's rounding.
+Even if a condition holds, a cause is dropped for any of these reasons:
 
-If no flights could be simulated, a cause is dropped if it acts on an axis whose inertia is
-implausible in the fit. It must also decrease the prediction error of another axis by more than the
-encoder's rounding (`conclusion.unknown_controller`). Predictions hardly show backlash, so it need
-not. Parts of the body's equations may lower the error of any axis.
+- It significantly increases the prediction error of an axis and decreases that of none, each by
+  more than the encoder's rounding.
+- Coloured noise explains it: ρ > 1, and Z²/ρ is below the threshold of Z² (`screening.nulls`). Z is
+  the cause's standardised score in the score test. ρ is the factor by which coloured noise
+  increases the variance of this score (`bias_correction.coloured_noise`).
+- An encoder error of at most one count explains the data as well (`within_a_count`).
 
-Whatever its gain, a cause is dropped if ρ > 1 and Z²/ρ is below the threshold of Z²
-(`screening.nulls`). Z is the cause's standardised score in the score test, ρ the factor by which
-coloured noise increases its variance (`bias_correction.coloured_noise`). A cause is also dropped if
-an encoder error of at most one count explains the data as well (`within_a_count`).
+If no flights could be simulated, there are two further reasons (`conclusion.unknown_controller`):
 
-Of the causes that fail, those that coloured noise or an encoder error explains are dropped first,
-then that with the smallest Δℓ. After each removal, the Δℓ of the remaining causes are computed
-again. Adopted causes are not reported as confounded with each other.
+- The cause acts on an axis whose inertia is implausible in the fit.
+- It decreases the prediction error of no axis with a plausible inertia by more than the encoder's
+  rounding. Backlash is exempt, because predictions hardly show it.
+
+A part of the rigid body's equations is exempt from the first, and may decrease the error of any
+axis.
+
+Causes are dropped one at a time: first those that coloured noise or an encoder error explains, then
+the one with the smallest Δℓ. After each removal, the Δℓ of the remaining causes are computed again.
+Adopted causes are not reported as confounded with each other.
 """
 
 from __future__ import annotations
@@ -100,7 +105,7 @@ class AdoptionResult:
 def adopted(
     fit: CorrectedFit, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int
 ) -> AdoptionResult:
-    """Adopt or drop each of the ``choices``, which ``fit`` contains."""
+    """Adopt or drop each of the ``choices``; ``fit`` contains them all."""
     kept, dropped = list(choices), list[Dropped]()
     while True:
         reduced = parallel_map(lambda i, f=fit: without(f, kept[i].term.name), len(kept))  # type: ignore[misc]
@@ -144,15 +149,15 @@ def objection(fit: CorrectedFit, choice: Choice, g: Gain, margin: float, *, firs
 
 
 def worsens(g: Gain, profile: Profile) -> bool:
-    """Return whether the RMSE of an axis increases significantly, and none decreases so.
+    """Return whether predictions become worse: on an axis the RMSE increases, on none it decreases.
 
-    Changes below the standard deviation of rounding to encoder counts do not matter.
+    A change counts if it is significant and exceeds the standard deviation of encoder rounding.
     """
     return exceeds_rounding(g, profile, increases=True) and not exceeds_rounding(g, profile)
 
 
 def each_held_out(fits: Sequence[CorrectedFit], holdout: Sequence[Recording]) -> list[HeldOut]:
-    """Return the evaluation of every fit on held-out data."""
+    """Return each fit's results on ``holdout``, or by cross-validation if it is empty."""
     return parallel_map(lambda i: held_out(fits[i], holdout), len(fits), what="fits")
 
 

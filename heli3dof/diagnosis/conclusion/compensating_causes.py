@@ -1,13 +1,13 @@
 """Search for residual torques, and drop the causes that only compensate for one.
 
-A cause compensates for a torque if a formula for it explains the flight better than the cause does
-(`conclusion.formula_contest`). Such causes are removed, the others are fitted again, and adopted or
-dropped. The search is repeated until no further cause is removed.
+A cause only compensates for a torque if a formula of this torque explains the flight better than
+the cause does (`conclusion.formula_contest`). Such causes are removed. The others are fitted again,
+and adopted or dropped. The search is repeated until no further cause is removed.
 
-The remaining causes are marked "…-like" (unconfirmed) if one of these holds:
+A remaining cause is marked "…-like" (unconfirmed) if one of these holds:
 
-- The size differs from no effect by less than `SIGMAS_95` standard deviations.
-- The cause does not significantly improve the prediction of held-out data.
+- Its size differs from zero by less than `SIGMAS_95` standard deviations.
+- It does not significantly improve the prediction of held-out data.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from heli3dof.recording.recording import Recording
 def search_residual_torques(
     setup: Setup, start: AdoptionResult, holdout: Sequence[Recording], *, flights: int
 ) -> AdoptionResult:
-    """Search the fit of ``start`` for residual torques; drop causes that a torque explains better.
+    """Search the fit of ``start`` for residual torques; drop causes that only compensate for one.
 
     ``flights``: number of flights simulated without residual torque, per search.
     """
-    if not start.fit.is_corrected:  # a cause dropped by now may have prevented simulation
+    if not start.fit.is_corrected:  # a cause that is now dropped may have prevented simulation
         again = bias_corrected(setup, start.fit.problem, start.fit.optimum)
         start = (
             start if not again.is_corrected else _adopted_again(setup, start, again, (), holdout)
@@ -141,9 +141,10 @@ def insignificant(fit: Estimate) -> set[str]:
 def with_resemblance(
     residuals: Sequence[ResidualTorque], causes: Sequence[Finding]
 ) -> tuple[ResidualTorque, ...]:
-    """Return the residual torques; if ``resembles`` of the first is None, it is set to a text.
+    """Return ``residuals``, the first with a text ``resembles`` that names ``causes``.
 
-    The text names the first cause and those confounded with it, such as "motor.delay-like".
+    The text, such as "motor.delay-like", names the first cause and those confounded with it. A text
+    that exists is kept.
     """
     if not residuals or residuals[0].resembles is not None or not causes:
         return tuple(residuals)

@@ -2,17 +2,18 @@
 
 These findings are doubtful:
 
-1. `disturbance.periodic` at a frequency f of the commanded motion, because the model's errors in
-   that motion have the same period. x(t) are the references (the angles, if none were logged). The
-   share of x's variance in the spectral line at f reaches `LEAST_SHARE` on an axis:
+1. `disturbance.periodic` at a frequency f of the commanded motion: the model's errors in that
+   motion have the same period. f belongs to the motion if the spectral line at f has at least the
+   share `LEAST_SHARE` of the variance of x(t) on an axis. x are the references, or the angles if
+   no references were logged:
 
        share(f) = 2 |mean (x − x̄) e^{−2πi f t}|² / var x
 
-2. `mass.change` with more than one recording, or at a constant voltage. A change at the same time
-   after the first sample of each flight is a drift, for example of warming motors. At a constant
-   voltage, a weight and a thrust are the same torque.
-3. If the controller is unknown, a cause that no recording confirms on its own (see below). No
-   flights can be simulated then, so nothing else shows which causes a model error imitates.
+2. `mass.change` with more than one recording, or at a constant voltage. With more than one, the
+   change is at the same time after the first sample of each: probably a drift, for example of
+   warming motors. At a constant voltage, a weight and a thrust are the same torque.
+3. If the controller is unknown, a cause that single recordings do not confirm (see below). No
+   flights can be simulated then, so no other test shows that the cause is only a model error.
 
 **Single recordings** (rule 3). A joint fit also attributes differences between recordings (warm
 motors, battery, thrust at another voltage) to the terms. The likelihood's σ does not contain these
@@ -21,7 +22,7 @@ estimate θ_i ± σ_i in recording i and the null value θ_0 (no effect). The re
 cause if both hold:
 
     significant:   max_i |θ_i − θ_0|/σ_i ≥ `SIGNIFICANT`
-    of one size:   |θ_i − θ_j| ≤ `SIGMAS_99` √(σ_i² + σ_j²)     for all i, j
+    of equal size: |θ_i − θ_j| ≤ `SIGMAS_99` √(σ_i² + σ_j²)     for all i, j
 
 Recordings that cannot be fitted are ignored. If fewer than two are left, every cause is confirmed.
 A periodic torque and an added mass are neither fitted nor tested here: only a scan finds their
@@ -52,7 +53,7 @@ SIGNIFICANT = 1.645
 """Least distance from θ_0 in standard deviations: the one-sided 95 % quantile of the normal
 distribution"""
 LEAST_SHARE = 0.02
-"""Share of the variance from which on a frequency belongs to the motion. Chosen; not derived."""
+"""Least share of the variance at a frequency that belongs to the motion. Chosen; not derived."""
 MOST_CONFIDENCE = 0.5
 """Largest confidence of a marked finding: as likely as not"""
 
@@ -137,10 +138,12 @@ def confirmed(sizes: Sequence[tuple[float, float]]) -> bool:
     (True, False)
     """
     significant = any(abs(d) >= SIGNIFICANT * s for d, s in sizes if s > 0)
-    return significant and all(of_one_size(*pair) for pair in itertools.combinations(sizes, 2))
+    return significant and all(
+        are_of_equal_size(*pair) for pair in itertools.combinations(sizes, 2)
+    )
 
 
-def of_one_size(a: tuple[float, float], b: tuple[float, float]) -> bool:
+def are_of_equal_size(a: tuple[float, float], b: tuple[float, float]) -> bool:
     """Return whether estimates (value, σ) differ by at most `SIGMAS_99` σ of the difference."""
     return abs(a[0] - b[0]) <= SIGMAS_99 * math.hypot(a[1], b[1])
 

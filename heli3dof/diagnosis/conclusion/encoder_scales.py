@@ -5,13 +5,13 @@ which counts start. Flights with this error look like flights of a rig with othe
 length L_a, thrust F; roll r, pitch p, yaw ψ):
 
     yaw     ψ = y/k:  k L_a F cos r sin p = J_ψ ÿ, so an inertia J_ψ/k
-    pitch   an inertia J_p/k; thrust directed by y/k, so also an inertia k J_ψ on yaw
+    pitch   an inertia J_p/k; sin p ≈ y/k drives yaw, so also an inertia k J_ψ
     roll    an inertia J_r/k; y = 0 at q = rest (1 − 1/k), so an offset or a pendulum torque
 
-Only products of rates and higher terms of the sines differ. Let x = ln(J/J_nominal), e = ln(1 + ε)
-for the profile's tolerance ε. δ is the roll offset found, or asin(τ/T_g) for a pendulum torque τ
-and the trim torque T_g. A finding is confounded with a scale if some plausible k explains all
-inertias:
+The flights differ only in products of rates and in higher terms of the sines. Let
+x = ln(J/J_nominal), and e = ln(1 + ε) for the profile's tolerance ε. δ is the roll offset found, or
+asin(τ/T_g) for a pendulum torque τ and the trim torque T_g. A finding is confounded with a scale if
+some plausible k explains all inertias:
 
     yaw     ln k = −x_ψ
     pitch   |x_p + ln k| ≤ e   and   |x_ψ − ln k| ≤ e
@@ -72,15 +72,15 @@ def with_scale_ties(
 
 def undetectable_scales(
     tied: Sequence[str], axes: Sequence[str], *, rest_rad: float, tolerance: float,
-    level_deg: float = math.inf,
+    detectable_offset_deg: float = math.inf,
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the encoder scale errors of the measured ``axes`` that the recordings cannot show.
 
     A wrong roll scale also shifts the level angle, because counts start at the rest angle
-    ``rest_rad``. ``level_deg``: least detectable shift. ``tolerance``: relative scale error that
-    must be detectable. ``tied``: scale errors to omit, because they are already reported.
+    ``rest_rad``. ``detectable_offset_deg``: least detectable shift. ``tolerance``: relative scale
+    error that must be detectable. ``tied``: scale errors to omit, as they are already reported.
     """
-    detectable = abs(math.degrees(rest_rad)) * (1 - 1 / (1 + tolerance)) > level_deg
+    detectable = abs(math.degrees(rest_rad)) * (1 - 1 / (1 + tolerance)) > detectable_offset_deg
     names = (f"{EFFECT}.{axis}" for axis in axes if axis != "roll" or not detectable)
     return tuple(name for name in names if name not in tied)
 

@@ -14,8 +14,9 @@ The second summand is BIC for the causes' further parameters, the third the prio
 one formula of K. On a limit cycle, a wrong model's ℓ may be higher by hundreds. So if the
 controller is known, flights are also simulated, with the causes and with the formula. Those with
 the formula must agree better with the recording (Cox's test, W > `TIE` in `selection.rivals`). If
-it is unknown, a formula in place of a single cause must decrease the error of held-out predictions
-on its axis by more than the encoder's rounding (`conclusion.unknown_controller`).
+the controller is unknown, a formula in place of a single cause must improve held-out predictions:
+on its axis, their error must decrease by more than the encoder's rounding
+(`conclusion.unknown_controller`).
 """
 
 from __future__ import annotations
@@ -76,11 +77,12 @@ class Contest:
 def replaced_by_formula(
     setup: Setup, fit: CorrectedFit, causes: Sequence[str], holdout: Sequence[Recording]
 ) -> Contest | None:
-    """Compare each of the ``causes``, each pair and all of them with a torque's formula.
+    """Compare each of the ``causes``, each pair and all together with a formula in their place.
 
-    Return the comparison of largest margin above `TIE` that simulated flights confirm, or None. If
-    the controller is unknown, predictions of held-out data (``holdout``, else blocks) confirm a
-    formula in place of a single cause.
+    Return the comparison with the largest margin above `TIE` that simulated flights confirm, or
+    None. If the controller is unknown, predictions of ``holdout`` (of blocks left out if it is
+    empty) confirm a formula in place of a single cause. A formula in place of several causes needs
+    no confirmation.
     """
     if not causes:
         return None
@@ -102,16 +104,20 @@ def replaced_by_formula(
 def predictions_agree(
     setup: Setup, fit: CorrectedFit, formula: Formula, holdout: Sequence[Recording]
 ) -> bool:
-    """Return whether the formula predicts its axis better than ``fit``, which has the causes."""
+    """Return whether the formula predicts held-out data better than ``fit``, which has the causes.
+
+    The RMSE of the formula's axis must decrease significantly, by more than encoder rounding.
+    """
     wide = CorrectedFit(formula.problem, formula.optimum)
     g = gain(held_out(fit, holdout), held_out(wide, holdout), seed=setup.seed)
     return exceeds_rounding(g, fit.structure.profile, axes=[formula.location.axis])
 
 
 def simulations_agree(setup: Setup, fit: CorrectedFit, formula: Formula) -> bool:
-    """Return whether the recording resembles flights of the formula more than those of the causes.
+    """Return whether simulated flights favour the formula over the causes, which ``fit`` contains.
 
-    The flights are simulated; ``fit`` contains the causes. True if simulation is impossible.
+    Flights are simulated with the formula and with the causes. Those with the formula must agree
+    better with the recordings (Cox's test, `selection.rivals`). True if simulation is impossible.
     """
     if not fit.is_corrected:
         return True

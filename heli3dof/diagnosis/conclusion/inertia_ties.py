@@ -4,9 +4,9 @@ The base fit absorbs some effects completely. For example, a step about one hove
 determines the ratio of thrust slope and inertia, so a curved thrust appears as another inertia.
 
 A probe i is an effect of a trial size. It changes the base fit's scaled parameter θ_j of T_g or an
-inertia by b_ji = (A⁻¹ T W δc_i)_j (symbols: `screening.score_test`). θ_edge is the limit of θ_j by
-the profile's tolerance. If effect i alone explains why θ_j exceeds θ_edge, its size α (in units of
-the probe) and its statistic Z are at least
+inertia by b_ji = (A⁻¹ T W δc_i)_j (symbols: `screening.score_test`). θ_edge is the limit that the
+profile's tolerance sets for θ_j. If effect i alone explains why θ_j exceeds θ_edge, its size α (in
+units of the probe) and its statistic Z are at least
 
     α = (θ_j − θ_edge)/b_ji,        Z = α √v_i / std_i
 
@@ -16,8 +16,9 @@ deviation of its score in flights simulated without it. Effect i is confounded w
 1. α is possible: at most `LARGE` typical sizes, and of the right sign;
 2. the measured Z_i lies within this range of Z, widened by `SIGMAS_99`.
 
-A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For it, α runs over the
-sizes for which the corrected parameters θ_j − α b_ji give a K_f within the tolerance.
+A wrong K_f scales all four parameters alike (`greybox.thrust_scale`). For K_f the same conditions
+apply with another range of α: the corrected parameters θ_j − α b_ji must give a K_f within the
+tolerance.
 
 In a short step flight, a slow torque has nearly the effect of a wrong inertia. The base fit absorbs
 the torque in the inertia J_j; a full fit with the torque returns J_j to nominal. If an inertia is
@@ -112,9 +113,10 @@ def confounded_with_thrust_gain(step: Step) -> tuple[str, ...]:
     limit = abs(edge(log_k(0.0, np.zeros(4)), fit.structure.profile.tolerance))
 
     def size_ranges(i: int) -> list[tuple[float, float]]:
-        """Return for each possible sign the (least, most) size α of probe ``i`` that explains K_f.
+        """Return the (least, most) size α of probe ``i`` that explains K_f, for each sign of α.
 
-        Corrected for an effect of this size, K_f is within the profile's tolerance.
+        In this range, parameters corrected for the effect give a K_f within the tolerance. A sign
+        without such sizes is left out.
         """
         p, b = screen.plain[i], screen.solved[:4, i]
         largest = LARGE * p.term.effect.parameters[0].typical / abs(p.size)

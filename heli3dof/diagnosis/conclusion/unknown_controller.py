@@ -12,7 +12,7 @@ the same condition. ΔRMSE is then the decrease by fitting it instead of keeping
 On an encoder limit cycle the bias may be so large that an axis' inertia is implausible
 (`closed_loop_fit.base_fit.with_plausible_inertias`). Then no finding on this axis is reported
 (`is_biased`), and a finding without an axis must decrease the error of another axis. The trim
-torque follows from the mean voltage, so it may decrease that of roll.
+torque may decrease the error of any axis, because it follows from the mean voltage.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ TRIM = "mass.imbalance"
 
 
 def is_biased(fit: CorrectedFit, axis: str | None) -> bool:
-    """Return whether the fit's inertia of the ``axis`` is implausible; None: False."""
+    """Return whether the fit's inertia of the ``axis`` is implausible; False without an axis."""
     return isinstance(fit.problem, ProfileLikelihood) and axis in fit.problem.implausible
 
 
@@ -47,7 +47,7 @@ def exceeds_rounding(
 ) -> bool:
     """Return whether the RMSE of one of ``axes`` decreases significantly, by more than rounding.
 
-    ``increases``: whether it increases so.
+    Rounding: `rounding_deg`. With ``increases``, return whether an RMSE increases in this way.
     """
     rounding, sign = dict(zip(AXES, rounding_deg(profile), strict=True)), -1 if increases else 1
     changes = {a: g.rmse_deg[a] for a in axes}

@@ -24,10 +24,12 @@ from heli3dof.diagnosis.validation.gain import HORIZON_S, Gain
 from heli3dof.integrity import Fault
 
 
-def conclude(d: Diagnosis, axes: Sequence[str], *, level_deg: float = math.inf) -> Diagnosis:
+def conclude(
+    d: Diagnosis, axes: Sequence[str], *, detectable_offset_deg: float = math.inf
+) -> Diagnosis:
     """Return ``d`` with its verdict, the errors that remain and confounded encoder scales.
 
-    ``axes``: the measured axes; ``level_deg``: least detectable roll offset.
+    ``axes``: the measured axes; ``detectable_offset_deg``: least detectable roll offset.
     """
     fitted = d.fitted
     assert fitted is not None
@@ -42,7 +44,7 @@ def conclude(d: Diagnosis, axes: Sequence[str], *, level_deg: float = math.inf) 
     remaining = remainders(fitted, causes, d.slow_noise)
     undetectable = undetectable_scales(
         confounded_names(causes), axes,
-        rest_rad=rest_rad, tolerance=tolerance, level_deg=level_deg,
+        rest_rad=rest_rad, tolerance=tolerance, detectable_offset_deg=detectable_offset_deg,
     )  # fmt: skip
     verdict = verdict_of(causes, (*d.residual_torques, *remaining), fitted.refit)
     return replace(
@@ -54,7 +56,7 @@ def conclude(d: Diagnosis, axes: Sequence[str], *, level_deg: float = math.inf) 
 def without_causes(
     names: Sequence[str], causes: Sequence[Fault | Finding | OffNominal]
 ) -> tuple[str, ...]:
-    """Return the effects ``names`` without those that are ``causes``.
+    """Return the effects ``names`` that are not among the ``causes``.
 
     ``names``: effects not identifiable at their typical sizes. A larger one may still be a cause.
     """
@@ -67,7 +69,7 @@ def verdict_of(
     left: Sequence[ResidualTorque | UnexplainedError],
     refit: Gain | None = None,
 ) -> str:
-    """Return the verdict, such as "explained", on the ``findings``, which `in_order` has ordered.
+    """Return the verdict, such as "explained", on the ``findings`` in the order of `in_order`.
 
     ``left``: the residual torques, and the errors that the causes leave (`remainders`).
     ``refit``: the gain of refitting the profile's numbers. The verdict is "ambiguous" if the first
@@ -78,7 +80,7 @@ def verdict_of(
         return "unexplained"
     causes = physical(findings)
     if not causes:
-        if refit is not None and refit.of_calibration:
+        if refit is not None and refit.removes_most_error:
             return "off_calibration"
         return "explained" if findings else "nothing_found"
     first = causes[0]
@@ -94,7 +96,7 @@ def remainders(
     """Return the errors that remain, largest first; empty if the causes explain most of the error.
 
     On held-out data, e_0 is the RMSE of the simulation with the profile's numbers and e_1 that of
-    the extended model; e_n is the noise floor (0 if unknown), at most e_0. Most of the error
+    the extended model; e_n is the noise floor (0 if unknown), limited to e_0. Most of the error
     remains if, with sums over the axes,
 
         Σ max(e_1² − e_n², 0) > ½ Σ e_0²
@@ -103,7 +105,7 @@ def remainders(
     and without a noise floor is left out. Without a physical cause, and if refitted numbers do not
     improve predictions either, there is no claim to refute, so the result is empty.
     """
-    if f.refit is None or not (physical(findings) or f.refit.of_calibration):
+    if f.refit is None or not (physical(findings) or f.refit.removes_most_error):
         return ()
     each = []
     slow = {x.axis for x in slow_noise}

@@ -63,7 +63,7 @@ class Candidate:
 def score_tests(fit: MultiStepFit) -> list[Candidate]:
     """Return, by falling Z², the score test of each effect that ``fit`` lacks.
 
-    Of an effect's trial values, those with the largest Z² count. Other forms of the body's
+    An effect has the largest Z² over its trial values. Other forms of the body's
     equations (``formal`` effects) are no causes, so they are not tested.
     """
     p = fit.problem

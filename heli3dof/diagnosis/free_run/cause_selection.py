@@ -10,7 +10,8 @@ of these hold:
 
 - Without it, held-out blocks are predicted worse, or its prior already excludes that it has no
   effect (a term known beforehand, `free_run.elimination`).
-- P ≥ `LEVEL`, and the estimate is not mostly the prior (`MultiStepFit.mostly_prior`).
+- P ≥ `LEVEL`, and the estimate is not mostly the prior: σ is clearly below the prior's standard
+  deviation (`MultiStepFit.mostly_prior`).
 - The estimates from both halves of the data agree, and each is significant. A half is every other
   block of each flight. For a term known beforehand it is enough that they agree.
 
@@ -22,16 +23,17 @@ than a term of likely size.
 replaces T_g, and zero replaces τ̄ (`MeanTrimFit`). The result has the covariance J C Jᵀ. C is the
 covariance of the fit, J the derivatives of the new parameters by the old ones.
 
-**Halves.** A fit's σ contains noise, but not errors of the model's form, which shift an estimate
-from one half of the flights to the other. So each fold's training blocks (`free_run.refits`) are
-fitted alone. θ_h ± σ_h is the estimate of a term's first parameter in half h.
+**Halves.** A fit's σ contains noise, but not errors of the model's form. Such errors make the
+estimates from two halves of the flights differ. So each fold's training blocks (`free_run.refits`)
+are fitted alone. θ_h ± σ_h is the estimate of a term's first parameter in half h.
 
     u_h = (θ_h − θ_0)/σ_h                      significant in both: min_h |u_h| ≥ `SIGNIFICANT`,
                                                all u_h of one sign, none mostly the prior
-    δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of one size: δ ≤ `SIGMAS_99`
+    δ = |θ_1 − θ_2| / √(σ_1² + σ_2²)           of equal size: δ ≤ `SIGMAS_99`
 
-Both fits share the prior, which pulls both halves to one size; hence the last condition. If the
-parameter varies by recording, χ² of its values is converted to a normal deviate u_h, and δ is 0.
+An estimate that is mostly the prior is not significant, because both fits share the prior, which
+makes their estimates equal. If the parameter varies by recording, χ² of its values is converted to
+a normal deviate u_h, and δ is 0.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from heli3dof.diagnosis.conclusion.doubtful_findings import SIGNIFICANT, of_one_size
+from heli3dof.diagnosis.conclusion.doubtful_findings import SIGNIFICANT, are_of_equal_size
 from heli3dof.diagnosis.constants import LEVEL
 from heli3dof.diagnosis.free_run.elimination import (
     NORMAL,
@@ -87,8 +89,8 @@ def contradicted(result: Elimination, r: TermResult) -> str:
     halves = compare_halves(result.halves, r.term)
     if halves is None:
         return ""
-    one_size, significant = halves
-    if not one_size:
+    equal_size, significant = halves
+    if not equal_size:
         return "the two halves of the data give it different sizes"
     if significant or r.term in known_beforehand(result.fit.problem):
         return ""
@@ -111,8 +113,11 @@ def open_terms(
 ) -> UndecidedTerms:
     """Return the terms on which a further flight should decide.
 
-    These are the first confounded cause and the terms confounded with it. Without any, they are
-    terms that improve held-out predictions but are no causes, else those not identifiable.
+    These are the first of the following that exist:
+
+    1. the first confounded cause and the terms confounded with it
+    2. terms that improve held-out predictions but are no causes
+    3. terms that are not identifiable
     """
     for r in causes:
         if r.tied_with:
@@ -225,7 +230,7 @@ class NullDistance(NamedTuple):
 
 
 def compare_halves(halves: Sequence[MultiStepFit], name: str) -> tuple[bool, bool] | None:
-    """Return whether a term has (one size, a significant size) in both ``halves``.
+    """Return (sizes are equal, sizes are significant) of a term in fits to two ``halves``.
 
     None without two halves, or if the term has no σ.
     """
@@ -234,11 +239,11 @@ def compare_halves(halves: Sequence[MultiStepFit], name: str) -> tuple[bool, boo
 
 
 def compared(a: NullDistance, b: NullDistance) -> tuple[bool, bool]:
-    """Return whether the estimates of both halves agree, and whether both are significant."""
+    """Return (sizes are equal, sizes are significant) of estimates from two halves of the data."""
     one_sign = math.copysign(1.0, a.u) == math.copysign(1.0, b.u)
     significant = one_sign and not (a.mostly_prior or b.mostly_prior)
     significant = significant and min(abs(a.u), abs(b.u)) >= SIGNIFICANT
-    return of_one_size((a.value, a.std), (b.value, b.std)), significant
+    return are_of_equal_size((a.value, a.std), (b.value, b.std)), significant
 
 
 def null_distance(fit: MultiStepFit, name: str) -> NullDistance | None:

@@ -94,7 +94,7 @@ PREDICTS_WORSE = (
 
 
 def can_be_fitted(recordings: Sequence[Recording]) -> bool:
-    """Return whether those with all three angles are long enough for a fit to 3 s predictions."""
+    """Return whether a recording with all three angles is long enough to fit 3 s predictions."""
     return bool(flights_to_fit(_all_angles(recordings)))
 
 
@@ -182,8 +182,8 @@ def diagnose_without_likelihood(
         "gain_measured_on": against,
         "adopted": not poor,
         "not_fitted": [r.name for r in partial],
-        "over_3_s": {"before": before.over_deg(), "after": after.over_deg()},
-        "without": {name: less.over_deg() for name, (less, _) in pairs.items()},
+        "over_3_s": {"before": before.window_rmse_deg(), "after": after.window_rmse_deg()},
+        "without": {name: less.window_rmse_deg() for name, (less, _) in pairs.items()},
         "kept_within_what_is_known": kept_terms(result, only_kept),
         "explains": explanation_sentences(adopted, flights, {f.term.name for f in findings}),
         "still_hidden": unexplained_effects(adopted, flights, partial),

@@ -161,8 +161,8 @@ def eliminate(
 def without_elimination(full: MultiStepFit) -> Elimination:
     """Return the result for the fit ``full`` without any elimination.
 
-    A term's increase is √Σ((θ − θ_0)/σ)² over its parameters θ, not the cross-validated Δ. θ_0 is
-    the value without the effect.
+    Instead of the cross-validated Δ, a term has the increase √(Σ ((θ − θ_0)/σ)²), a sum over its
+    parameters θ. θ_0 is the value without the effect.
     """
     each = [
         TermResult(t, LeaveOneOut(LossIncrease(u, u - QUANTILE, u + QUANTILE, 1.0, NORMAL.cdf(u))))
@@ -227,7 +227,7 @@ def with_confounded_terms(
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
-    """Return the terms with a prior mean over `SIGMAS_99` prior σ from the value of no effect."""
+    """Return the terms whose prior mean is more than `SIGMAS_99` prior σ away from no effect."""
     out = set()
     sd = 1 / np.sqrt(np.diag(problem.prior))
     for j, f in enumerate(problem.structure.free):
@@ -239,9 +239,9 @@ def known_beforehand(problem: MultiStep) -> set[str]:
 
 
 def correlated_terms(full: MultiStepFit, name: str) -> list[str]:
-    """Return the other terms that have a parameter correlated with a parameter of ``name``.
+    """Return the other terms with a parameter correlated with one of the term ``name``.
 
-    The |correlation| exceeds `CORRELATED`.
+    Two parameters count as correlated if their |correlation| exceeds `CORRELATED`.
     """
     free, C = full.structure.free, full.correlation
     at = [j for j, f in enumerate(free) if f.term == name]
@@ -258,8 +258,8 @@ def without_term(
 ) -> LeaveOneOut:
     """Return the trial that leaves out term ``name``, or puts the term ``instead`` in its place.
 
-    For a term that varies by recording, each recording is left out in turn if there are several.
-    Otherwise, each fold is left out.
+    The trial contains the increase of the held-out loss. Each fold is left out of the fit once, or
+    each recording if the term varies by recording and there are several.
     """
     p = current.fit.problem
     if any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1:
@@ -295,7 +295,10 @@ def training_cost(current: FitWithFolds, trial: LeaveOneOut) -> float:
 
 
 def held_out_losses(full: MultiStepFit, test: MultiStep, scale: np.ndarray) -> np.ndarray:
-    """Return the fit's mean loss (m,) on the windows ``test``, in m cells of `WINDOW_S`."""
+    """Return the fit's mean loss (m,) on the windows ``test``, in m cells of `WINDOW_S`.
+
+    ``scale``: RMS errors s by horizon and axis, to which the loss is relative.
+    """
     windows = replace(test, structure=full.structure, varying=full.problem.varying)
     each = windows.errors(full.z, full.noise, STAGE_S)
     flights = zip(windows.flights, each, strict=True)
@@ -313,7 +316,11 @@ def cell_losses(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
 
 
 def recording_losses(full: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
-    """Return the loss (m,) in m cells (`WINDOW_S`) of recording i of ``p``, left out of the fit."""
+    """Return the fit's loss (m,) in the m cells of `WINDOW_S` of recording i.
+
+    ``p`` contains all recordings, the fit ``full`` all but i. ``scale``: RMS errors s by horizon
+    and axis.
+    """
     q, flight, a = full.problem, p.flights[i], full.noise
     data = split_at_climb_end(p.data[i], int(np.argmax(p.rows[i] == flight.starts[0])))
     states = filter_jittered(q.structure, full.values, data, a[:3], a[3], q.varying).states

@@ -53,8 +53,8 @@ class FreeRun:
         """Return the predictions that ``rows`` (S,) bool selects."""
         return FreeRun(self.e[rows], self.cell[rows])
 
-    def over_deg(self) -> dict[str, float]:
-        """Return {axis: RMSE over `WINDOW_S`} in degrees."""
+    def window_rmse_deg(self) -> dict[str, float]:
+        """Return {axis: RMSE in degrees over all horizons up to `WINDOW_S`}."""
         squares = np.vstack([np.zeros((1, 3)), np.nanmean(self.e**2, axis=0)])
         mean = np.trapezoid(squares, dx=STEP_S, axis=0) / WINDOW_S
         return dict(zip(AXES, np.degrees(np.sqrt(mean)).tolist(), strict=True))
@@ -72,7 +72,7 @@ def cross_validated(models: Sequence[GreyBoxModel], recordings: Sequence[Recordi
 
 def predicts_better(before: FreeRun, after: FreeRun) -> bool:
     """Return whether ``after`` predicts better than ``before`` over 3 s; all axes weigh equally."""
-    b, a = (np.array(list(x.over_deg().values())) for x in (before, after))
+    b, a = (np.array(list(x.window_rmse_deg().values())) for x in (before, after))
     return bool(np.nansum((a / b) ** 2) < np.isfinite(a / b).sum())
 
 

@@ -34,7 +34,7 @@ FOLDS = 2
 RECOMPUTATIONS = 1
 """Number of times that a refit may recompute its tangents. An error of 0.1 in Q is acceptable."""
 DIVERGED = 3.0
-"""Ratio of costs from which on a refit may have diverged. Chosen."""
+"""Least cost, relative to that before, of a refit that may have diverged. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,10 @@ class FitWithFolds:
 
 
 def refit(full: MultiStepFit, name: str, instead: str | None = None) -> MultiStepFit:
-    """Return the fit ``full`` refitted without term ``name``, with term ``instead`` if given."""
+    """Return the fit ``full`` refitted without term ``name``, with term ``instead`` if given.
+
+    An empty ``name`` removes no term.
+    """
     names = [t.name for t in full.structure.terms if t.name != name]
     if instead is not None:
         names.append(instead)

@@ -33,7 +33,7 @@ DRAWS = 500
 
 
 def residual_torques(fit: MultiStepFit) -> tuple[ResidualTorque, ...]:
-    """Return one residual torque per axis at most, by falling share (see the module).
+    """Return at most one residual torque per axis, by falling share (see the module).
 
     ``score``: share × number of spans. ``confidence``: fraction of the bootstrap samples with a
     positive share.

@@ -1,11 +1,11 @@
 """Report what the fitted model explains, and what not: take-off, creep at a constant voltage.
 
-**Take-off.** The fit omits the take-off. Roll is simulated from the last row on the table to the
-end of the climb, once with rotors initially at rest, once at steady speed: the true initial speed
-depends on earlier voltages. After `SPUN_UP_S` the difference is negligible. From there, the
-measured mean of p̈ (pitch, rad/s²) is compared with the model's along the measured path, in weak
-form. The take-off is reported if the two means differ by `SIGMAS_95` standard deviations of the
-model's mean (from the parameters' covariance) or more.
+**Take-off.** The fit omits the take-off, in which the rotors' initial speed is unknown: it depends
+on earlier voltages. After `SPUN_UP_S` it no longer matters. The measured mean pitch acceleration p̈
+(rad/s²) from then to the end of the climb is compared with the model's on the same path. Both are
+computed in weak form. The take-off is reported if the two means differ by at least `SIGMAS_95`
+standard deviations of the model's mean (from the parameters' covariance). The report also compares
+the measured climb in roll with two simulations: rotors initially at rest, and at steady speed.
 
 **Creep.** Both motors have one constant voltage V. Mean roll early and late (`EARLY_S`, `LATE_S`)
 is compared with the model's equilibrium, with the symbols below:
@@ -15,12 +15,13 @@ is compared with the model's equilibrium, with the symbols below:
 Creep is equivalent to thrust that grows by this factor, or to the voltage increase that gives it on
 the thrust curve. `compare_runs` tests whether one such increase explains several runs.
 
-**Known properties** of the rig are explained by the model, in sentences with measured numbers. In
-steady level flight, both motors at voltage V give the thrust F (N, `motor.rotor_curve`):
+**Known properties.** `explanation_sentences` states, with measured numbers, which properties of the
+rig the model explains. In steady level flight, both motors at voltage V give the thrust F (N,
+`motor.rotor_curve`):
 
     F = 2 K_f V_o (V/V_o)^n
     L_a F = Γ(r) = (T_g + τ) cos r + k_r sin r               gives the hover voltage at each roll r
-    F(V)/F(V_hover) = (V/V_hover)^n                          gives one motor's thrust at low voltage
+    F(V)/F(V_hover) = (V/V_hover)^n                          gives one motor's relative thrust
 
 T_g, τ and k_r (N·m) are trim torque, `mass.imbalance` and pendulum torque. L_a (m) is the arm's
 length, K_f (N/V) the thrust gain, V_o (V) the operating voltage. Rows are in steady flight if the
@@ -68,7 +69,7 @@ LEAST_CREEP_DEG = 1.0
 LEAST_ERROR_DEG = 2.0
 """°: least height above the table; least creep or model error that is reported. Chosen."""
 LARGEST_RATIO = 2.0
-"""Growths or slopes with a larger ratio are of different size. Chosen."""
+"""Largest ratio of two growths or slopes that count as equal. Chosen."""
 
 
 def unexplained_effects(
@@ -178,7 +179,10 @@ class CreepRun:
 
 
 def measure_creep(fit: MultiStepFit, recording: Recording) -> CreepRun | None:
-    """Return the drift of roll at constant voltage; None unless it holds the arm off the table."""
+    """Return the drift of roll at a constant voltage; None if the recording cannot show it.
+
+    The voltage must be constant for at least `LEAST_S` and hold the arm off the table.
+    """
     r, on = recording, constant_voltage(recording)
     if on is None:
         return None
@@ -194,7 +198,14 @@ def measure_creep(fit: MultiStepFit, recording: Recording) -> CreepRun | None:
     factor = arm_torque(fit, late) / arm_torque(fit, early)
     ratio = hover_voltage(fit, late) / hover_voltage(fit, early)
     return CreepRun(
-        r.name, volts, early, late, settles_at(fit, volts), factor, volts * (ratio - 1), end
+        r.name,
+        volts,
+        early,
+        late,
+        equilibrium_deg(fit, volts),
+        factor,
+        volts * (ratio - 1),
+        end,
     )
 
 
@@ -219,7 +230,7 @@ def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
 
 
 def compare_runs(runs: Sequence[CreepRun]) -> Iterator[dict[str, Any]]:
-    """Yield a JSON object: does one rise of thrust or voltage explain all ``runs``' creep?"""
+    """Yield a JSON object that states if one rise of thrust or voltage explains all ``runs``."""
     if len({c.voltage_V for c in runs}) < 2 or not any(c.creeps for c in runs):
         return
     growth = {
@@ -266,8 +277,8 @@ def hover_voltage(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
     return float(abs(p.motor.V_o) * max(lift / 2 / hover, 0.0) ** (1 / at.get(EXPONENT, 1.0)))
 
 
-def settles_at(fit: MultiStepFit | GreyBoxModel, voltage_V: float) -> float:
-    """Return the roll (°) of equilibrium with this voltage on both motors; the table is ignored."""
+def equilibrium_deg(fit: MultiStepFit | GreyBoxModel, voltage_V: float) -> float:
+    """Return the equilibrium roll (°) at this voltage on both motors; the table is ignored."""
     angles = np.linspace(-60, 60, 1201)
     needed = np.array([hover_voltage(fit, a) for a in angles])
     return float(angles[int(np.argmin(np.abs(needed - voltage_V)))])
@@ -322,10 +333,11 @@ def explanation_sentences(
 def pendulum_sentence(
     at_minus_10: float, at_10: float, model_minus_10: float, model_10: float
 ) -> list[str]:
-    """Return a list: the sentence that a pendulum changes the hover voltage with roll, or nothing.
+    """Return a list of one sentence: that a pendulum explains how hover voltage varies with roll.
 
-    Voltages in V at −10° and +10° of roll: on a line through the recordings, and the model's. If
-    they change in opposite directions, a pendulum is no explanation, and the list is empty.
+    The arguments are hover voltages (V) at −10° and +10° of roll: ``at_…`` from a line through the
+    recordings, ``model_…`` from the model. If the two pairs change in opposite directions, a
+    pendulum is no explanation, and the list is empty.
     """
     ratio = (model_10 - model_minus_10) / (at_10 - at_minus_10)
     if not ratio > 0:

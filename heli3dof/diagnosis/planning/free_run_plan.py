@@ -9,9 +9,9 @@ own in each recording. The prior couples the new recording's values b to the com
     H_p = D_p D_pᵀ + Λ_b = [[A, B], [Bᵀ, C]],      σ_after² = diag (C_now⁻¹ + A − B C⁻¹ Bᵀ)⁻¹
 
 A is the block of the common parameters, C that of b. C_now is the present covariance of the common
-parameters. The recordings do not confirm an open parameter; only the new flight can. θ_0 is
-its value without the effect. Its expected significance u, and the probability P that it is then
-significant, are
+parameters. An open parameter θ was not confirmed by the recordings, so only the information of the
+new flight counts. θ_0 is the value of θ without the effect. The expected significance u of θ in the
+new flight, and the probability P that θ is significant there, are
 
     u² = (θ − θ_0)² (1/σ_after² − 1/σ_now²),      P = Φ(u − `QUANTILE`)
 
@@ -174,7 +174,7 @@ def marginal(H: np.ndarray, n: int) -> np.ndarray:
 def coupling(p: MultiStep) -> np.ndarray:
     """Return Λ_b (dim, dim), which couples the recordings' own values to common parameters.
 
-    It is the prior's precision without that of the common parameters alone.
+    It is the prior's precision minus that of the common parameters alone.
     """
     L = p.prior.copy()
     L[: p.n, : p.n] -= replace(p, flights=(), data=(), rows=()).prior

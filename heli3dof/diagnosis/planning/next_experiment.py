@@ -2,7 +2,7 @@
 
 Each cause i in turn is taken as the truth, with its estimated size. Every plan is simulated on this
 model in closed loop, with noise and encoders. The score test (`screening.score_test`) gives the
-score z_j of each cause j, minus its score on a flight of this plan by the base model:
+score of each cause j. z_j is this score minus that on a flight simulated without these causes:
 
     margin_i = z_i² − max_{j≠i} z_j²,      margin = min_i margin_i,      rank by margin / duration
 
@@ -242,7 +242,8 @@ def _scores(
 def _margin(z: np.ndarray, i: int, starts: np.ndarray) -> float:
     """Return the largest z² of cause ``i`` minus the largest z² of the other causes.
 
-    ``z`` (P,): scores on a flight simulated with cause ``i``; ``starts``: each cause's first probe.
+    ``z`` (P,): scores of P probes on a flight simulated with cause ``i``. ``starts``: index of the
+    first probe of each cause.
     """
     highest = np.maximum.reduceat(z**2, starts)
     return float(highest[i] - np.delete(highest, i).max(initial=0.0))

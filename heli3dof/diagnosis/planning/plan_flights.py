@@ -34,7 +34,7 @@ class Task:
 
 
 def task_of(plan: Plan, profile: Profile, seed: int) -> Task | None:
-    """Return the plan as references for a rig; None if it fails a check (safety envelope).
+    """Return the plan as references for a rig; None if it fails a check (e.g. safety envelope).
 
     If the profile's controller is unknown, the default one is used.
     """

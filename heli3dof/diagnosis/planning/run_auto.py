@@ -3,8 +3,11 @@
     fly a plan → diagnose all flights so far → is no further flight recommended? end
                ↑______________ fly the recommended plan ______________|
 
-The run also ends if the recommended plan exceeds the remaining budget. It ends too if a plan that
-was flown before is recommended for a single cause: the earlier flight did not show this cause.
+The run also ends in two other cases:
+
+- The recommended plan exceeds the remaining budget.
+- The recommended plan was flown before, and is to show a single cause: it did not show this cause
+  the first time.
 """
 
 from __future__ import annotations

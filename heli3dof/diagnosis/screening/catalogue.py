@@ -27,11 +27,11 @@ class Probe:
     term: Term
     values: tuple[float, ...]
     size: float
-    """Distance of the first parameter from its null value, at which the effect is absent"""
+    """First parameter minus its null value, at which the effect is absent"""
     grows: bool = True
-    """True if the effect grows with its first parameter from zero; False for a limit."""
+    """True if the effect grows from zero with its first parameter; False for a limit."""
     time_shifts: tuple[float, ...] = ()
-    """s to add to the time of each recording, so that all have one phase; () for none"""
+    """s to add to the time of each recording, so that all have one phase; () for no shift"""
 
     @property
     def name(self) -> str:
@@ -56,7 +56,7 @@ def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[
 def probes(term: Term, V: np.ndarray) -> list[Probe]:
     """Return a term's probes: parameter values at which the score test evaluates it.
 
-    ``V`` (N, 2): recorded voltages, which determine the values of a limit.
+    ``V`` (N, 2): recorded voltages; a voltage limit is probed at quantiles of |V|.
     """
     effect, null = term.effect, tuple(p.null for p in term.effect.parameters)
     if effect.scan:

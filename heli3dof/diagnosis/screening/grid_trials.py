@@ -27,7 +27,7 @@ from heli3dof.model.estimation.filter_data import Data
 from heli3dof.parallel import parallel_map
 
 MIN_TRIAL_GAIN = 40.0
-"""Least Δℓ for a full fit. Chosen: Δℓ is hundreds with backlash, minus hundreds without."""
+"""Least Δℓ for a full fit. Chosen: Δℓ is over 100 with backlash, below −100 without."""
 NOISE_ROUNDS, NOISE_TOLERANCE = 4, 0.1
 """Most updates of the noise at one value; change of ln a that ends them. Chosen; not derived."""
 NEIGHBOURS = 3
@@ -36,7 +36,7 @@ NEIGHBOURS = 3
 
 @dataclass(frozen=True)
 class GridTrial:
-    """A term at one ``value`` of its first parameter, and the log-likelihood it gains there."""
+    """A term at one ``value`` of its first parameter, and its gain in log-likelihood there."""
 
     term: Term
     value: float
@@ -45,7 +45,7 @@ class GridTrial:
 
 
 def terms_without_score(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
-    """Return the terms without a score (backlash) on ``axes``, but not those named ``without``."""
+    """Return the terms on ``axes`` that no score test detects (backlash), except ``without``."""
     return [
         t
         for e in effects().values()

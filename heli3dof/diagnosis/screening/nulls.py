@@ -81,8 +81,8 @@ class Nulls:
     def threshold_of(self, term: Term) -> float:
         """Return the threshold of a term's Z².
 
-        A term that is another form of the rigid body's equations has its own threshold, with
-        Bonferroni's correction for the number of such candidates of the base simulation.
+        Terms that are other forms of the rigid body's equations have a threshold of their own. It
+        has Bonferroni's correction for the number of such candidates of the base simulation.
         """
         from scipy.stats import t
 
@@ -150,7 +150,7 @@ def nulls_from_scores(z: np.ndarray, signed: int | None = None) -> Nulls:
     largest = (((z - others_mean) / std) ** 2).max(axis=1)
     if B >= GUMBEL_FROM:
         mu, beta = gumbel(largest)
-        threshold = max(threshold, mu + beta * beyond(FALSE_ALARMS))
+        threshold = max(threshold, mu + beta * gumbel_factor(FALSE_ALARMS))
     return Nulls(mean, std, inflation, threshold, nu, B, "simulated")
 
 
@@ -189,10 +189,12 @@ def gumbel(largest: np.ndarray, *, least: float = 0.0) -> tuple[float, float]:
     return float(largest.mean()) - np.euler_gamma * beta, beta
 
 
-def beyond(share: float) -> float:
-    """Return k: the ``share`` of Gumbel-distributed maxima exceeds μ + k β (location, scale).
+def gumbel_factor(share: float) -> float:
+    """Return k such that a ``share`` of Gumbel-distributed maxima exceeds μ + k β.
 
-    >>> round(beyond(0.0005), 2)
+    μ and β are location and scale of the distribution.
+
+    >>> round(gumbel_factor(0.0005), 2)
     7.6
     """
     return -math.log(-math.log(1 - share))

@@ -5,16 +5,17 @@ to the acceleration of each axis in each chunk. The base parameters are projecte
 (`screening.score_test`). e (C, 3) is the acceleration by a unit torque, in rad/s². λ(t) = L·e, a
 sum over the axes, is the efficient score of a unit torque at time t.
 
-    u(f) = Σ λ(t) exp(i 2π f t)      real part: cosine torque, imaginary part: sine torque
-    u(t_0) = Σ_{t ≥ t_0} λ(t)        of a torque that sets in at t_0
+    u(f) = Σ λ(t) exp(i 2π f t)      score; real part: cosine torque, imaginary part: sine torque
+    u(t_0) = Σ_{t ≥ t_0} λ(t)        score of a torque that starts at t_0
 
 The information v is computed at a few f or t_0 and interpolated. The result is the largest
 z² = |u|²/v.
 
-A periodic torque has its own phase φ_r in each of R recordings. Without a torque the sum S over the
-recordings of |u_r|²/v_r, v_r their share of v, is χ² with 2 R degrees of freedom. z² is the value
-that χ² with 2 degrees exceeds as rarely: z² = S − 2 ln Σ_{k < R} (S/2)^k/k!. Adding
-(φ_r − φ_1)/(2π f) to the time of recording r gives all recordings the phase φ_1.
+A periodic torque has its own phase φ_r in each of R recordings. Let u_r be the part of u from
+recording r, and v_r that of v. Without a torque, S = Σ_r |u_r|²/v_r is χ² with 2 R degrees of
+freedom. S is converted to the z² with the same p-value for 2 degrees of freedom:
+z² = S − 2 ln Σ_{k < R} (S/2)^k/k!. Adding (φ_r − φ_1)/(2π f) to the time of recording r gives all
+recordings the phase φ_1.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from heli3dof.model.effects import Term
 LOWEST_HZ, HIGHEST_HZ = 0.08, 8.0
 """Scanned frequencies; the recorded time holds at least two periods. Chosen; not derived."""
 KNOTS = 9
-"""Frequencies with a computed information; instants: two more. Chosen; not derived."""
+"""Number of frequencies at which v is computed; of instants, two more. Chosen; not derived."""
 BIN_S = 0.02
 """Sampling period of λ for the Fourier transform. Chosen."""
 Information = tuple[np.ndarray, np.ndarray]
@@ -39,8 +40,8 @@ Information = tuple[np.ndarray, np.ndarray]
 
 
 Peak = tuple[float, tuple[float, ...], tuple[float, ...]]
-"""The largest score z of a scan, the parameters of the torque that has it (the first is its size),
-and the s to add to the time of each recording; () for none"""
+"""Largest score z of a scan, parameters of the torque with this score (the first is its size), and
+time shifts: s to add to the time of each recording; () for no shift"""
 
 
 def _informations(evaluation: Evaluation, a: np.ndarray, A: np.ndarray) -> np.ndarray:
@@ -62,7 +63,7 @@ class Frequencies:
     term: Term
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return frequencies, and the information v of a unit torque at each.
+        """Return frequencies (K,) in Hz, and the information v (K,) of a unit torque at each.
 
         ``unit`` (C, 3): the torque's acceleration, rad/s². ``A`` (n, n): the fit's information.
         """
@@ -77,7 +78,7 @@ class Frequencies:
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> Peak:
-        """Return the peak over all frequencies.
+        """Return the largest score over all frequencies, with its torque (see `Peak`).
 
         ``L`` (C, 3): derivative of the log-likelihood with respect to the acceleration in C
         chunks of time. ``unit`` (C, 3): acceleration in rad/s² by one unit of the first parameter.
@@ -114,7 +115,7 @@ class Frequencies:
 
 
 def as_one_recording(S: float, R: int) -> float:
-    """Return z² that χ² with 2 degrees of freedom exceeds as rarely as χ² with 2 R exceeds S.
+    """Return the z² whose p-value for χ² with 2 degrees of freedom is that of S with 2 R.
 
     >>> as_one_recording(30.0, 1)
     30.0
@@ -134,7 +135,7 @@ class Instants:
     term: Term
 
     def information(self, evaluation: Evaluation, unit: np.ndarray, A: np.ndarray) -> Information:
-        """Return instants, and the information v of a unit torque from each on."""
+        """Return instants (K,) in s, and the information v (K,) of a unit torque from then on."""
         t = evaluation.path.t
         when = np.linspace(t.min(), t.max(), KNOTS + 4)[1:-1]
         v = _informations(evaluation, (t >= when[:, None])[:, :, None] * unit, A)
@@ -143,7 +144,7 @@ class Instants:
     def peak(
         self, evaluation: Evaluation, L: np.ndarray, unit: np.ndarray, information: Information
     ) -> Peak:
-        """Return the peak over all instants."""
+        """Return the largest score over all instants, with its torque (see `Peak`)."""
         when, v = information
         t = evaluation.path.t
         ok = np.isfinite(v)

@@ -10,9 +10,9 @@ T = ∂c/∂θ (n, E) and A = T W Tᵀ + Λ,
     z = u/√v                                           standard normal without the effect
     u/v                                                estimated size, in units of the probe
 
-The parts with A⁻¹ project out the base parameters, so no refit of the base is necessary. Sums
-with weights q over readings use their adjoint L: Σ q δc = Σ L·δa, where the probe changes the
-acceleration by δa (`bias_correction.perturbation`).
+The parts with A⁻¹ project out the base parameters, so no refit of the base is necessary. A sum
+over readings with weights q is computed by its adjoint L: Σ q δc = Σ L·δa, where δa is the probe's
+change of the acceleration (`bias_correction.perturbation`).
 
 The likelihood is approximate, so z is biased; `screening.nulls` standardises it.
 """
@@ -105,7 +105,7 @@ class Screen:
         return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
 
     def correlation(self, a: int, b: int) -> float:
-        """Return the correlation ρ of two probes' prediction changes, base fit projected out."""
+        """Return the correlation ρ of two probes' traces, the fit's parameters projected out."""
         full = float((self.D[a] * self.weight) @ self.D[b])
         projected = full - float(self.cross[:, a] @ self.solved[:, b])
         return projected / float(np.sqrt(self.v[a] * self.v[b]))
@@ -173,7 +173,7 @@ class Screen:
             yield rows, a, m, m0
 
     def _unit(self, evaluation: Evaluation, t: Term) -> np.ndarray:
-        """Return the accelerations (C, 3) rad/s² by a scan's unit torque in C chunks of time."""
+        """Return the accelerations (C, 3) rad/s² that a scan's unit torque causes in C chunks."""
         p = evaluation.path
         if t.effect.name == "mass.change":
             unit: tuple[float, ...] = (1.0, -1.0)

@@ -60,10 +60,10 @@ class Screening:
 
     @cached_property
     def not_identifiable(self) -> tuple[str, ...]:
-        """Return the terms whose first parameter has `SIGMAS_99` σ > `LARGE` typical sizes.
+        """Return the terms that the recordings do not determine, the best determined first.
 
-        They are ordered by σ in typical sizes, smallest first. Limits that the recordings do not
-        reach are included.
+        The standard deviation σ of their first parameter is so large that `SIGMAS_99` σ exceeds
+        `LARGE` typical sizes. Limits that the recordings do not reach are included.
         """
         best: dict[str, float] = {}
         for p, s, v in zip(self.screen.plain, self._sigma, self.screen.v, strict=True):
@@ -84,7 +84,7 @@ class Screening:
 
     @cached_property
     def _sigma(self) -> np.ndarray:
-        """Return the standard deviation of each unscanned probe's first parameter, in its unit."""
+        """Return the standard deviation of every probe's first parameter; scans are omitted."""
         v = np.maximum(self.screen.information(), 1e-300)
         return np.asarray(self.nulls.std[: len(self.screen.plain)] / np.sqrt(v))
 

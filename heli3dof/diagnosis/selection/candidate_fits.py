@@ -38,7 +38,7 @@ from heli3dof.parallel import parallel_map
 SECOND_START = 0.1
 """Start of a second fit, as a share of the probe's value. Chosen; not derived."""
 MAX_SCORE_PER_Z2 = 30.0
-"""Largest expected score/Z²; above 1, as the base may attribute a cause to noise. Chosen."""
+"""Largest expected score/Z²; over 1 because the base fit may take a cause for noise. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +60,9 @@ def fit_candidates(
 ) -> list[CandidateFit]:
     """Return full fits of the ``ranked`` terms and of the ``tried`` terms, best score first.
 
-    ``ranked``: of `Screening.ranked`; ``tried``: terms that the score test cannot detect. Fits that
-    diverge or end at a bound are omitted. Ranked terms whose Z² is too small to exceed the scores
-    of ``tried`` are not fitted.
+    ``ranked``: entries of `Screening.ranked`; ``tried``: terms that the score test cannot detect.
+    Fits that diverge or end at a bound are omitted. Ranked terms are not fitted if their Z² is too
+    small for their score to exceed those of ``tried``.
     """
     if not ranked and not tried:
         return []
@@ -113,7 +113,7 @@ def fit_candidates(
         fit = maximise_corrected(ext, begin, level.noise, score_bias, hold=jagged)
         held = fit.at_bound.copy()
         held[: len(o.theta) + 1] = False
-        if fit.at_bound[len(o.theta)]:  # so far from a solution, the others mislead its size
+        if fit.at_bound[len(o.theta)]:  # far from a solution, the others would mislead the size
             held[len(o.theta) + 1 :] = True
         if held.any():
             # The recordings do not determine these parameters: hold them at their start.
@@ -168,8 +168,8 @@ def start_at_probe(
 ) -> np.ndarray:
     """Return start parameters (n + m,): the current fit (n,), the new term (m,) at probe i.
 
-    ``ext``: likelihood with the new term. ``unbiased``: (z − nulls' mean z)/z of the probe, which
-    multiplies the new term's size.
+    ``ext``: likelihood with the new term. ``unbiased``: (z − z̄)/z, with the probe's score z and its
+    mean z̄ over the nulls; this factor corrects the size of the new term for bias.
     """
     probe = result.probes[i]
     new = ext.structure.free[len(current.free) :]

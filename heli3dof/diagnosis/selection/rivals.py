@@ -8,10 +8,11 @@ have mean m_k and standard deviation s_k. With Student's density t of B − 1 de
 
     f_k(d) = t_{B−1}((d − m_k)/(s_k √(1 + 1/B))) / s_k,      W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
-If the score bias of a rival is large (|z̄|/√κ > `SIGMAS_99`, with the nulls' mean score z̄ and
-inflation κ), the rival k with the largest min_j W_kj is the cause. Rivals j with W_kj < `TIE` are
-confounded with it. The confidence in k is at most the `certainty` that follows from the smallest
-W_kj of the other rivals. If no score bias is large, the scores decide, and nothing is simulated.
+z̄ is a rival's mean score over the nulls, κ their inflation. If the score bias of a rival is large
+(|z̄|/√κ > `SIGMAS_99`), the rival k with the largest min_j W_kj is the cause. Rivals j with W_kj <
+`TIE` are confounded with it. The confidence in k is at most the `certainty` that follows from the
+smallest W_kj of the other rivals. If no score bias is large, the scores decide, and nothing is
+simulated.
 """
 
 from __future__ import annotations

@@ -20,8 +20,9 @@ simulated without the cause. The rules (`best_choice`):
    it: their scores may be bias.
 4. The error of an earlier cause's formula may resemble a further cause. So a further cause needs at
    least a share `MIN_SHARE` of the largest earlier score, or `SUFFICIENT` if that is less. An
-   inertia off nominal counts as an earlier cause, because the position of its mass is unknown.
-   Other forms of the body's equations (``formal`` effects) are exempt.
+   inertia off nominal counts as an earlier cause: the position of the additional mass is unknown,
+   so its formula is inexact, too. Other forms of the body's equations (``formal`` effects) are
+   exempt.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ class Choice:
     threshold: float = 0.0
     """Threshold of Z², from the nulls"""
     by_flights: bool = False
-    """True if it was chosen by simulated flights of its rivals (`selection.rivals`), not scores."""
+    """True if simulated flights of rivals (`selection.rivals`), not scores, decided the choice"""
 
 
 Cause = TypeVar("Cause", Choice, OffNominal)

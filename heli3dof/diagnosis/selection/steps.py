@@ -103,11 +103,15 @@ class Step(Screening):
 
 
 def with_rivals_that_remain(steps: Sequence[Step]) -> list[Step]:
-    """Return the steps; each cause is also confounded with the rivals that remain significant.
+    """Return the steps; the ``tied_with`` of each cause also names rivals that remain significant.
 
-    A rival is another candidate of the cause's step. It remains significant if, in the last step,
-    its Z² still reaches its threshold, though it is less than half of that in the cause's step. If
-    the last step chose a cause, nothing is added.
+    A rival is another candidate of the cause's step. It is added if both conditions hold:
+
+    - Its Z² in the last step is below half of that in the cause's step: the cause explains much of
+      what the rival would explain.
+    - Its Z² in the last step still reaches the threshold: the cause does not explain all of it.
+
+    If the last step chose a cause, no rival is added.
     """
     last = steps[-1]
     if last.choice is not None:
@@ -179,7 +183,7 @@ def with_forms(
 def bias_corrected(
     setup: Setup, problem: Likelihood, optimum: Optimum, current: CorrectedFit | None = None
 ) -> CorrectedFit:
-    """Return the bias-corrected fit near an optimum; the refitted optimum without a controller.
+    """Return the bias-corrected fit near an optimum; only refitted if the controller is unknown.
 
     ``current``: the fit without the optimum's new terms, for a second start (`correction_starts`).
     On a limit cycle, the fit also uses edge rates (how often encoder counts change), if its scores
@@ -204,7 +208,8 @@ def _corrected(
     )
     if not fit.is_corrected or not scatters_on_limit_cycle(fit):
         return fit
-    # The noise held on such axes is that of a fit without the last cause; it may be too large.
+    # On axes with a limit cycle, the noise is held at that of a fit without the last cause, which
+    # may be too large.
     again = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)
     return min(fit, again, key=lambda f: f.unexplained_scatter)
 

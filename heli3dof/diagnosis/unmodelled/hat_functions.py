@@ -44,10 +44,11 @@ class Hats:
     def columns(self, group: int) -> slice:
         return slice(group * KNOTS, (group + 1) * KNOTS)
 
-    def place(self, flight: LinearisedRun) -> tuple[np.ndarray, np.ndarray]:
-        """Return, for each variable z, the knot below z and the fraction of the way to the next.
+    def knot_positions(self, flight: LinearisedRun) -> tuple[np.ndarray, np.ndarray]:
+        """Return, for each row and variable z, the knot below z and the way to the next knot.
 
-        Both arrays are (N, M), for N rows and M variables.
+        Both arrays are (N, M), for N rows and M variables. The way is a fraction of the distance
+        between the knots.
         """
         N, M = len(flight.data.t), len(self.variables)
         left, share = np.zeros((N, M), dtype=np.int8), np.zeros((N, M), dtype=np.float32)
@@ -64,7 +65,7 @@ class Hats:
 
         With ``blocks`` (N,), the block number of each row, the scores are (B, J), by block.
         """
-        left, share = self.place(flight)
+        left, share = self.knot_positions(flight)
         from heli3dof.diagnosis.unmodelled.residual_torque_passes import gather
 
         nu = np.where(flight.in_runs[:, None], flight.gradients[0], 0.0)
@@ -114,7 +115,7 @@ def sums_along(
     """
     from heli3dof.diagnosis.unmodelled.residual_torque_passes import forced
 
-    left, share = library.place(flight)
+    left, share = library.knot_positions(flight)
     d, at = flight.data, flight.at
     groups = len(library.groups)
     keep = np.zeros(0, dtype=np.int64) if wanted is None else np.asarray(wanted, dtype=np.int64)

@@ -60,7 +60,7 @@ class LinearisedRun:
 
     @cached_property
     def in_runs(self) -> np.ndarray:
-        """Return (N,) bool: the rows of usable stretches (runs), without the last of each."""
+        """Return (N,) bool: the rows of the runs (usable intervals), except each run's last row."""
         out = np.zeros(len(self.data.t), dtype=bool)
         for _, start, stop in self.data.blocks:
             out[start : stop - 1] = True

@@ -114,9 +114,10 @@ def _forced(  # type: ignore[no-untyped-def]
 
     Each of M variables has ``knots`` functions on each of ``axes``. ``left``, ``share`` (N, M): the
     knot below the variable's value, and the fraction of the way to the next one. Results:
-    ``score`` (J,), ``information`` (groups, knots, knots), ``cross`` (n, J): information shared
-    with the n parameters of ``tangents`` (n, E), ``traces`` (len(wanted), E): δc by the functions
-    ``wanted``, numbered as in `Hats`.
+
+    - ``score`` (J,) and ``information`` (groups, knots, knots)
+    - ``cross`` (n, J): information shared with the n parameters of ``tangents`` (n, E)
+    - ``traces`` (len(wanted), E): δc caused by the functions ``wanted``, numbered as in `Hats`
     """
     M = left.shape[1]
     groups = axes.shape[0] * M

@@ -9,9 +9,9 @@ information. D (K, E) are the derivatives by K coefficients of free-form torques
     V = D w Dᵀ            u = D ∂ ln L/∂c                   information and score of the torques
     X = T w Dᵀ                                              information shared by both
 
-In B simulated flights of the fitted rig, which contain no residual torque, the scores by θ omit the
-prior, so their mean is the filter's bias ḡ (`bias_correction.correction`). Without simulated
-flights, the scores are computed for half-second blocks of the recorded flight.
+B flights of the fitted rig are simulated, without residual torque. Their scores of θ do not include
+the prior, so the mean score is the filter's bias ḡ (`bias_correction.correction`). If flights
+cannot be simulated, the scores are computed for half-second blocks of the recorded flight.
 
 **Similarity.** δ (E,) is the change of the readings by a torque, δ_p that by probe p of a named
 cause (`screening.score_test`). With θ projected out, their correlation is
@@ -59,7 +59,7 @@ from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
 LIKE = 0.9
-"""|cos| from which torque and cause count as similar. Chosen; not derived."""
+"""Least |cos| of a similar torque and cause. Chosen; not derived."""
 RANK_TOLERANCE = 1e-4
 """Directions with less than this share of the largest information are dropped. Chosen."""
 CONSTANT_MEMORY_S = 1.5
@@ -98,8 +98,8 @@ class Nuisance:
     ) -> Nuisance:
         """Return these parameters, extended by the coefficients of a torque's hat functions.
 
-        ``D`` (KNOTS, E): the prediction changes by the functions. ``P`` (KNOTS, rank): their
-        informative directions. ``columns`` (KNOTS,): their columns in ``null.u``.
+        ``D`` (KNOTS, E): derivatives of the predictions by these coefficients. ``P`` (KNOTS, rank):
+        their informative directions. ``columns`` (KNOTS,): their columns in ``null.u``.
         """
         D = P.T @ D
         stacked = np.vstack([self.tangents, D])
@@ -129,7 +129,7 @@ class Evidence:
 
     @cached_property
     def path(self) -> Path:
-        """Return the filter's states with derivatives, for a torque's effect on the innovations."""
+        """Return the filter's states and derivatives, from which a torque's effect follows."""
         problem, o = self.fit.problem, self.fit.optimum
         return path(problem.structure, problem.values(o.theta), problem.data, self.flight.at)
 
@@ -166,14 +166,15 @@ def coloured_noise_ratio(
 ) -> float:
     """Return ρ ≥ 1, the ratio of the scores' variance to that with white noise.
 
-    ``torque`` (K,): a torque's estimated coefficients. D (K, E): derivatives of the E predictions
-    by them. The torque is subtracted from the readings' scores, and these are summed along k
-    directions, by block of time. The sums have information V and long-run covariance S
-    (`bias_correction.coloured_noise`). ``white`` is tr(V⁺ S)/k in null simulations.
+    ``torque`` (K,): estimated coefficients of a torque. ``D`` (K, E): derivatives of the E
+    predictions by them. The torque's effect is subtracted from the readings' scores. From these,
+    the scores of k linear combinations of the coefficients are summed over blocks of time. The sums
+    have the information V and the long-run covariance S (`bias_correction.coloured_noise`).
 
-    ρ is the largest of 1 and two ratios tr(V⁺ S)/(k ``white``): along P (K, k), the directions with
-    information, and along a constant torque. A ratio that white noise exceeds with a probability
-    above ``chance`` is ignored. ``nuisance``: parameters projected out.
+    ρ is the largest of 1 and two ratios tr(V⁺ S)/(k ``white``): for the combinations P (K, k) with
+    information, and for a constant torque. ``white`` is tr(V⁺ S)/k in null simulations. A ratio
+    that white noise exceeds with a probability above ``chance`` is ignored. ``nuisance``:
+    parameters projected out.
     """
     at = flight.at
     which = block_numbers(flight.data, BLOCK_S)[at.row]
@@ -256,7 +257,10 @@ def scores_in_blocks(flight: LinearisedRun, library: Hats, tangents: np.ndarray)
 
 
 def named_traces(fit: Estimate) -> tuple[list[str], np.ndarray]:
-    """Return names and changes (P, E) of E readings, by P probes of causes that ``fit`` lacks."""
+    """Return the names of P probes of causes that ``fit`` lacks, and their traces (P, E).
+
+    A trace is the change of the E predicted readings by the probe.
+    """
     problem, o = fit.problem, fit.optimum
     axes = [a for a, measured in zip(AXES, problem.data.axes, strict=True) if measured]
     fitted = [t.name for t in fit.structure.terms]

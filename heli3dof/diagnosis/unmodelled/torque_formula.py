@@ -17,11 +17,11 @@ Of products whose S is within `constants.TIE` κ of the largest, the one with fe
 is proposed; the others are alternatives.
 
 If flights of the fit cannot be simulated, the best formula of each axis shows whether there is a
-torque. Subtract its torque c φ, and sum the score of φ over blocks of `greybox.estimate.BLOCK_S`.
-Var s is the long-run variance of these sums s (Newey and West), at least κ v. Then t² = u²/Var s
-is valid for coloured noise. The threshold is twice the squared two-sided quantile of Student's
-t at `TORQUE_FALSE_ALARMS` divided by the number of formulas (Bonferroni). The factor 2 allows for
-the unknown bias of the filter's score.
+torque (`significant_formula`). The torque c φ is subtracted, and the score of φ is summed over
+blocks of `greybox.estimate.BLOCK_S`. Var s is the long-run variance of these sums s (Newey and
+West), at least κ v. Then t² = u²/Var s is valid for coloured noise. The threshold of t² is twice
+the square of Student's two-sided quantile at `TORQUE_FALSE_ALARMS` divided by the number of
+formulas (Bonferroni). The factor 2 allows for the unknown bias of the filter's score.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def product_scores(x: Evidence, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def product_traces(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarray:
-    """Return an array (P, E): the changes of the E innovations by the torque 1 · φ on an axis.
+    """Return (P, E): changes of the E innovations that a torque 1 · φ on an axis causes.
 
     ``axis``: index of the axis; ``products``: the formulas of φ, such as ``roll_rate*sin(pitch)``.
     """
@@ -179,9 +179,9 @@ def product_traces(x: Evidence, axis: int, products: Sequence[str]) -> np.ndarra
 
 
 def projected(x: Evidence, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return score (K,) and information (K, K) of K changes D (K, E) of the E predictions.
+    """Return score (K,) and information (K, K) of K coefficients of a torque.
 
-    The fit's parameters are projected out.
+    ``D`` (K, E): derivatives of the E predictions by them. The fit's parameters are projected out.
     """
     at, nuisance = x.flight.at, x.nuisance
     weighted = D * at.w

@@ -1,7 +1,7 @@
 """Test each axis for a residual torque, which the fitted model lacks.
 
-It is a free function f(z) = Σ_j τ_j φ_j(z) of an angle, rate, voltage or the time z, with hat
-functions φ_j and coefficients τ_j in N·m (`unmodelled.hat_functions`). The `KNOTS` hat functions
+It is a free function f(z) = Σ_j τ_j φ_j(z) of an angle, rate, voltage or the time z. φ_j are hat
+functions, τ_j coefficients in N·m (`unmodelled.hat_functions`). The `KNOTS` hat functions
 of one variable on one axis are a group. Rao's score test evaluates each group without a fit:
 
     S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(r)      without a residual torque
@@ -15,10 +15,10 @@ which leaves r degrees of freedom.
    `inflation`.
 2. All groups are put on one scale: x = −2 ln P(χ²_r > S/κ). The largest x of a null has a Gumbel
    distribution, which gives the threshold.
-3. A group is accepted if its torque explains more than `MIN_SHARE` of the variance of the axis's
-   residual torque, and its x exceeds the threshold, also with S/(κρ). ρ ≥ 1 is the ratio by which
-   coloured noise increases S (`torque_evidence`). Of several such groups, that with the largest x
-   is taken.
+3. A group is accepted if its x exceeds the threshold, even with S/(κρ) in place of S/κ. ρ ≥ 1 is
+   the ratio by which coloured noise increases S (`torque_evidence`). Its torque must also explain
+   more than `MIN_SHARE` of the variance of the axis's residual torque. Of several such groups, that
+   with the largest x is taken.
 4. The accepted torque is projected out, and the test is repeated.
 
 A torque that depends on time only is slow noise, such as a draught's: it is projected out like the
@@ -39,7 +39,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.constants import MAX_COMPARED, TIE
-from heli3dof.diagnosis.screening.nulls import beyond, gumbel
+from heli3dof.diagnosis.screening.nulls import gumbel, gumbel_factor
 from heli3dof.diagnosis.unmodelled.hat_functions import Hats, HatScores, sums_along
 from heli3dof.diagnosis.unmodelled.residual_torque import LinearisedRun
 from heli3dof.diagnosis.unmodelled.torque_evidence import (
@@ -67,7 +67,7 @@ MIN_SHARE = 0.05
 """Least share of the variance: a limit cycle may be significant, yet explain nothing. Chosen."""
 TORQUE_FALSE_ALARMS = 0.0005
 """Probability of a false residual torque per recording, extrapolated from few nulls. Chosen low."""
-THRESHOLD_SCALES = beyond(TORQUE_FALSE_ALARMS)
+THRESHOLD_SCALES = gumbel_factor(TORQUE_FALSE_ALARMS)
 """Distance of the threshold from the location of the Gumbel distribution, in scales"""
 WINDOW_S = 0.1
 """s, over which torques are averaged. Chosen; not derived."""
@@ -106,7 +106,7 @@ class ResidualTorque:
 
     @property
     def is_slow_noise(self) -> bool:
-        """Return whether the torque depends on time only, as that of a draught does."""
+        """Return whether the torque depends on time only, such as a draught's."""
         return self.depends_on == "time"
 
     @property
@@ -118,7 +118,7 @@ class ResidualTorque:
 def split_off_slow_noise(
     torques: Sequence[ResidualTorque],
 ) -> tuple[tuple[ResidualTorque, ...], tuple[ResidualTorque, ...]]:
-    """Split ``torques`` into those of measured variables and those of time only (slow noise)."""
+    """Return the torques of measured variables, and those of time only (slow noise)."""
     return (
         tuple(t for t in torques if not t.is_slow_noise),
         tuple(t for t in torques if t.is_slow_noise),
@@ -234,11 +234,13 @@ class ScoreTests:
     scale: float
     """Location and scale of the Gumbel distribution"""
     u: np.ndarray
-    """(groups, KNOTS); V: (groups, KNOTS, KNOTS)"""
+    """(groups, KNOTS) scores"""
     V: np.ndarray
+    """(groups, KNOTS, KNOTS) information"""
     kappa: np.ndarray
+    """(groups,) κ, at least 1"""
     white: np.ndarray
-    """(groups,) mean S_null/r, also below 1; kappa: (groups,)"""
+    """(groups,) mean S/r of the nulls, which may be below 1; 1 without nulls"""
     directions: tuple[np.ndarray, ...]
     """(KNOTS, r) each: informative directions"""
 
@@ -327,7 +329,7 @@ def _without_constant(V: np.ndarray, full: np.ndarray) -> tuple[np.ndarray, np.n
     one = np.ones(KNOTS)
     along = V @ one
     total = float(one @ along)
-    if total <= RANK_TOLERANCE * float(np.trace(full)):  # a nuisance parameter already
+    if total <= RANK_TOLERANCE * float(np.trace(full)):  # already projected out
         return V, np.eye(KNOTS)
     return V - np.outer(along, along) / total, np.eye(KNOTS) - np.outer(along, one) / total
 
@@ -353,7 +355,7 @@ def _residual_torque(
     inverse = E @ np.linalg.inv(E.T @ tests.V[best] @ E) @ E.T
     torque = inverse @ tests.u[best]
     m = library.variables.index(name)
-    below, part = library.place(flight)
+    below, part = library.knot_positions(flight)
     rows = flight.in_runs & np.isfinite(flight.torque[:, axis])
     at, part = below[rows, m], part[rows, m]
     torque -= float(np.mean(torque[at] * (1 - part) + torque[at + 1] * part))

@@ -1,21 +1,22 @@
 """Compute how much coloured noise increases the error of predictions.
 
-The filter's process noise, an angular acceleration n(t) on each axis, is white with the density a²
-(a in rad/s²/√Hz). Draughts and other torques are correlated over tenths of a second. The fit then
-matches only high frequencies, so long predictions are worse than it expects. In a prediction over
-h, n causes the error
+The filter assumes white process noise: an angular acceleration n(t) of each axis, with the density
+a² (a in rad/s²/√Hz). Draughts and other real torques are correlated over tenths of a second. The
+fit then matches only high frequencies, so long predictions are worse than the filter expects. In a
+prediction over h, n causes the error
 
     e(h) = ∫_0^h (h − s) n(s) ds,       Var e(h) = ρ(h) a² h³/3
     ρ(h) = 1 + 2 Σ_{l ≥ 1} w(l Δ/h) Γ_l/Γ_0,        w(x) = 1 − 3x/2 + x³/2  for x < 1, else 0
 
-w is the normalised autocorrelation of the ramp h − s. Γ_l is the autocovariance at lag l of the
-scores u_b = Σ g δc, summed over blocks of Δ = `BLOCK_S` and without their mean, which a constant
-torque causes; g is the score of a reading's prediction, δc its change by a constant acceleration of
-1 rad/s². With white noise the u_b are uncorrelated, and ρ has the standard deviation √(4 Σ w²/m)
-for m blocks. ρ is set to 1 unless it exceeds 1 by `SIGNIFICANT` standard deviations.
+w is the normalised autocorrelation of the ramp h − s. The correlation of n is estimated from scores
+u_b = Σ g δc, each a sum over the readings in one block of Δ = `BLOCK_S`. g is the score of a
+reading's prediction, δc its change by a constant acceleration of 1 rad/s². The mean of the u_b,
+which a constant torque causes, is subtracted. Γ_l is their autocovariance at lag l. With white
+noise the u_b are uncorrelated, and ρ has the standard deviation √(4 Σ w²/m) for m blocks. ρ is set
+to 1 unless it exceeds 1 by `SIGNIFICANT` standard deviations.
 
-The formula neglects stiffness and damping within h. The u_b stand for n, because the filter follows
-n faster than h. A slow torque that the model lacks also counts as noise.
+The formula neglects stiffness and damping within h. The u_b have the correlation of n, because the
+filter responds to n faster than h. A slow torque that the model lacks also counts as noise.
 """
 
 from __future__ import annotations
@@ -42,7 +43,10 @@ SIGNIFICANT = NormalDist().inv_cdf(1 - CHANCE)
 def coloured_variance(
     model: GreyBoxModel, recordings: Sequence[Recording], horizons_s: Sequence[float]
 ) -> np.ndarray:
-    """Return (ρ − 1) a² h³/3 in rad² (H, 3), what colour adds to the variance at H horizons."""
+    """Return the variance (H, 3) rad² that coloured noise adds to predictions at H horizons.
+
+    It is (ρ − 1) a² h³/3 for each horizon h and axis.
+    """
     scores = [torque_scores(model, r) for r in recordings]
     h = np.array(horizons_s)
     rho = [[_rho([u[:, i] for u in scores], float(x)) for i in range(3)] for x in h]
@@ -65,7 +69,7 @@ def torque_scores(model: GreyBoxModel, recording: Recording) -> np.ndarray:
 
 
 def _rho(series: Sequence[np.ndarray], horizon_s: float) -> float:
-    """Return ρ of the scores of one axis, an array (m,) per recording.
+    """Return ρ of one axis at one horizon; ``series``: its scores (m,) of each recording.
 
     >>> rng = np.random.default_rng(0)
     >>> white = rng.standard_normal(40_000)

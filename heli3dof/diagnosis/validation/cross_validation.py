@@ -87,7 +87,7 @@ def on_holdout(
 
 
 def on_blocks(fit: Estimate, blocks: int = BLOCKS, *, theta: np.ndarray | None = None) -> HeldOut:
-    """Evaluate a fit on each block, with parameters estimated without it, or with ``theta``."""
+    """Evaluate a fit on each block, with parameters from the other blocks, or with ``theta``."""
     problem, o, d = fit.problem, fit.optimum, fit.problem.data
     at = problem.run(o.theta, o.noise)
     tangents = problem.tangents(o.theta, at)
@@ -108,7 +108,7 @@ def held_out(
 ) -> HeldOut:
     """Evaluate a fit on the hold-out recordings if there are any, else by cross-validation.
 
-    With ``theta`` (n,), its model with these parameters is evaluated on the same rows.
+    With ``theta`` (n,), the model is evaluated on the same rows with these parameters instead.
     """
     return on_holdout(fit, holdout, theta) if holdout else on_blocks(fit, theta=theta)
 
@@ -276,7 +276,7 @@ def _most_likely_noise(
 
 
 def _summed_over_cells(d: Data, on: str, parts: Sequence[RowResults]) -> HeldOut:
-    """Sum the results ``parts`` over cells, pieces of about `CELL_S` s into which runs are cut.
+    """Return the sums of all results in ``parts`` over cells, intervals of about `CELL_S` s.
 
     ``on``: description of the held-out data.
     """

@@ -69,7 +69,7 @@ class HeldOut:
     source: np.ndarray
     """(m,) index of the recording"""
     on: str
-    """"holdout" or "blocks left out\""""
+    """Description of the evaluated data, such as "holdout" or "blocks left out\""""
     course: Predictions
 
     @property
@@ -93,10 +93,10 @@ class Gain:
     """Δℓ; None if the likelihood is not reliable (`free_run.diagnose_free_run`)"""
 
     @property
-    def of_calibration(self) -> bool:
-        """Return True if refitting removes most of any axis's mean square error (`removes_most`).
+    def removes_most_error(self) -> bool:
+        """Return True if most of an axis' mean square error in ``before`` is removed in ``after``.
 
-        ``before``: RMSE with the profile's parameters; ``after``: RMSE with refitted parameters.
+        The decrease must also be significant (`removes_most`).
         """
         return any(
             won is not None and removes_most(self.before[a] or 0.0, self.after[a] or 0.0, won.low)
@@ -119,7 +119,7 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
 
 
 def interval(draws: np.ndarray) -> tuple[float, float]:
-    """Return the interval that contains the share `LEVEL` of bootstrap ``draws``, except NaN."""
+    """Return the interval with the share `LEVEL` of bootstrap ``draws``; NaN is ignored."""
     tail = 50 * (1 - LEVEL)
     low, high = np.nanpercentile(draws, [tail, 100 - tail])
     return float(low), float(high)

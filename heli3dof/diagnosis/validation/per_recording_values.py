@@ -2,8 +2,8 @@
 
 A periodic torque has the same amplitude and frequency in every recording of a rig, but not the same
 phase φ; a mass is added at another instant t_m. In recordings that were not fitted, φ or t_m is the
-value that maximises the log-likelihood ℓ there; all other parameters stay as they are. Several are
-estimated one after another.
+value that maximises the log-likelihood ℓ there; all other parameters stay as they are. Several
+phases and instants are estimated one after another.
 
 For a torque proportional to sin(2π f t + φ), ℓ is nearly a quadratic function of cos φ and sin φ:
 

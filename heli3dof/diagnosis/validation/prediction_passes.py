@@ -7,8 +7,8 @@ q̈ (rad/s²) is that at the middle of the step:
     F̄ = (1/h) ∫ F dt,      q ← q + h q̇ + h²/2 q̈,      q̇ ← q̇ + h q̈
 
 `prediction_variances` propagates the covariance P of the states (angles and rates) as
-`heli3dof.model.estimation.ekf_quantised` does. A filter update reads one state c, with the gain K
-and the information w. It reduces P like a reading of variance R, where P_c is column c of P:
+`heli3dof.model.estimation.ekf_quantised` does. A filter update by a reading of one state c has the
+gain K and the information w. It reduces P like a reading of variance R (P_c: column c of P):
 
     P ← P − P_c P_cᵀ/(P_cc + R),      R = 1/w − K_c
 """

@@ -2,7 +2,8 @@
 
 The noise floor is the error that the true model would have (`validation.prediction`), with the
 recordings' coloured noise (`validation.coloured_noise`). It should be computed for the model with
-the effects found: a fit without these attributes them to noise.
+the effects found: a fit without these effects attributes them to noise.
+
 The worst interval of an axis is the window of `WINDOW_S` in which predictions over `HORIZON_S` have
 the largest mean square error.
 """

@@ -86,8 +86,12 @@ def test_a_weak_pendulum_is_confounded_with_the_roll_encoder_scale(
 
 
 def test_an_encoder_scale_within_the_tolerance_is_not_identifiable() -> None:
-    def invisible(*axes: str, tied: tuple[str, ...] = (), level_deg: float = 2.0) -> list[str]:
-        names = undetectable_scales(tied, axes, rest_rad=REST, tolerance=E, level_deg=level_deg)
+    def invisible(
+        *axes: str, tied: tuple[str, ...] = (), detectable_offset_deg: float = 2.0
+    ) -> list[str]:
+        names = undetectable_scales(
+            tied, axes, rest_rad=REST, tolerance=E, detectable_offset_deg=detectable_offset_deg
+        )
         return [n.removeprefix("encoder.scale.") for n in names]
 
     axes = ("roll", "pitch", "yaw")
@@ -97,8 +101,8 @@ def test_an_encoder_scale_within_the_tolerance_is_not_identifiable() -> None:
         "pitch"
     ]  # it is already reported there
     # 27.5° (1 − 1/1.15) = 3.59°: level is off by that where roll counts 15 % too much.
-    assert invisible(*axes, level_deg=3.5) == ["pitch", "yaw"]
-    assert invisible(*axes, level_deg=3.7) == ["roll", "pitch", "yaw"]
+    assert invisible(*axes, detectable_offset_deg=3.5) == ["pitch", "yaw"]
+    assert invisible(*axes, detectable_offset_deg=3.7) == ["roll", "pitch", "yaw"]
 
 
 def test_no_plan_is_proposed_for_causes_that_no_flight_separates() -> None:

@@ -84,14 +84,14 @@ def test_a_fault_of_the_clock_does_not_hide_an_ambiguous_cause() -> None:
 
 def errors(
     before: tuple[float, ...], after: tuple[float, ...], noise: tuple[float, ...],
-    of_calibration: bool = False,
+    removes_most_error: bool = False,
 ) -> Any:  # fmt: skip
     """A fit whose errors (roll, pitch, yaw) are ``before`` with the profile's numbers."""
     known = {a: (b, n) for a, b, n in zip(AXES, before, noise, strict=True)}
     return SimpleNamespace(
         simulation_error=SimpleNamespace(at=lambda horizon_s, axis: known[axis]),
         refit=SimpleNamespace(
-            before=dict(zip(AXES, before, strict=True)), of_calibration=of_calibration
+            before=dict(zip(AXES, before, strict=True)), removes_most_error=removes_most_error
         ),
         gain=SimpleNamespace(after=dict(zip(AXES, after, strict=True))),
     )
@@ -121,7 +121,7 @@ def test_causes_that_leave_most_of_the_error_do_not_explain_it(
 def test_refitted_numbers_that_predict_an_axis_worse_do_not_explain_the_error() -> None:
     """The noise floor, 9.8°, cannot be right: without any fit the error is only 2.4°."""
     e = (1.6, 2.4, 0.4), (0.1, 8.3, 0.9), (0.2, 9.8, 0.9)
-    remaining = remainders(errors(*e, of_calibration=True), [])
+    remaining = remainders(errors(*e, removes_most_error=True), [])
     assert next((r.axis, r.noise_deg) for r in remaining) == ("pitch", 2.4)
 
 

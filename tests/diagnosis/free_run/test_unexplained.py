@@ -13,9 +13,9 @@ from heli3dof.diagnosis.free_run.unexplained import (
     arm_torque,
     compare_runs,
     creep,
+    equilibrium_deg,
     hover_voltage,
     pendulum_sentence,
-    settles_at,
     take_off,
 )
 from tests.diagnosis.rig_a import quick, recording
@@ -24,7 +24,9 @@ from tests.diagnosis.rig_a import quick, recording
 def test_the_arm_settles_where_its_hover_voltage_equals_the_voltage() -> None:
     recording("closed-1a")
     for angle in (-15.0, 0.0, 10.0):
-        assert settles_at(quick(), hover_voltage(quick(), angle)) == pytest.approx(angle, abs=0.06)
+        assert equilibrium_deg(quick(), hover_voltage(quick(), angle)) == pytest.approx(
+            angle, abs=0.06
+        )
 
 
 def test_twice_the_torque_needs_two_to_the_one_over_n_times_the_voltage() -> None:
@@ -66,7 +68,7 @@ def test_creep_of_the_arm_under_constant_voltage_is_reported() -> None:
 
 def test_an_arm_at_the_predicted_angle_is_not_reported() -> None:
     run = recording("open-roll-5V-1")
-    still = np.where(run.t[:, None] > 5, np.radians(settles_at(quick(), 5.0)), run.angle)
+    still = np.where(run.t[:, None] > 5, np.radians(equilibrium_deg(quick(), 5.0)), run.angle)
     still[run.t < 1] = np.radians(-40)  # the table, well below
     assert not list(creep(quick(), replace(run, angle=still)))
 
