@@ -46,7 +46,7 @@ def gaps(view: View) -> Iterable[Fault]:
             f"{1e3 * longest * view.ticks.period_s:.3g} ms"
         )
     if incomplete:
-        parts.append(f"{incomplete} of them are rows without a finite value")
+        parts.append(f"{incomplete} of them are rows with a value that is not finite")
     yield Fault(
         "timing.gaps", Kind.BAD_DATA if share > BAD_SHARE else kind, r.name,
         f"{r.name}: {', '.join(parts)}.",
@@ -59,4 +59,8 @@ def gaps(view: View) -> Iterable[Fault]:
     )  # fmt: skip
 
 
-CHECKS = (Check("timing.gaps", Stage.CLOCK, "lost samples, or rows without a finite value", gaps),)
+CHECKS = (
+    Check(
+        "timing.gaps", Stage.CLOCK, "lost samples, or rows with a value that is not finite", gaps
+    ),
+)

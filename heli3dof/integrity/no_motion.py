@@ -44,7 +44,7 @@ def nothing(view: View) -> Iterable[Fault]:
         off = top < OFF * r.profile.motor.v_max
         yield Fault(
             "nothing.moves", Kind.NOT_IDENTIFIABLE, r.name,
-            f"{r.name}: no angle moves by more than {COUNTS} counts in {r.duration:.3g} s; the "
+            f"{r.name}: no angle moves by {COUNTS} counts or more in {r.duration:.3g} s; the "
             f"voltage reaches {top:.3g} V.",
             "the recording is a fragment." if r.duration < LEAST_S else
             "the motors were off." if off else

@@ -339,11 +339,12 @@ def pendulum_sentence(
     recordings, ``model_…`` from the model. If the two pairs change in opposite directions, a
     pendulum is no explanation, and the list is empty.
     """
-    ratio = (model_10 - model_minus_10) / (at_10 - at_minus_10)
-    if not ratio > 0:
+    measured, model = at_10 - at_minus_10, model_10 - model_minus_10
+    if not measured * model > 0:
         return []
+    ratio = model / measured
     also = "" if 1 / LARGEST_RATIO < ratio < LARGEST_RATIO else ", unlike the measurement"
-    changes = "rises" if at_10 > at_minus_10 else "falls"
+    changes = "rises" if measured > 0 else "falls"
     return [
         f"The hover voltage {changes} with roll because the arm is a pendulum "
         f"(stiffness.pendulum.roll): measured {at_minus_10:.1f} V at −10° and "

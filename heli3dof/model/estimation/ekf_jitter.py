@@ -36,7 +36,7 @@ from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.rigid_body import accelerations
 from heli3dof.model.physics.rotor import thrusts
 
-T, F_FRONT, F_BACK = _s.T, _s.F_FRONT, _s.F_BACK
+T, F_FRONT, F_BACK, STEPPED = _s.T, _s.F_FRONT, _s.F_BACK, _s.STEPPED
 DIFFERENCE_STEP = 1e-6
 """Step of the finite differences with respect to b, in the unit of b."""
 
@@ -164,7 +164,7 @@ def _filter(  # type: ignore[no-untyped-def]
                 par[where[q, 0], where[q, 1]] = x[6 + where[q, 2]]
             if since >= RELINEARISE_S:
                 since = 0.0
-                s[T] = t[k]
+                s[T], s[STEPPED] = t[k], 1.0
                 _slopes(s, x, F[k], first, address, par, mem, axes, where, w, A)
             since += h[k]
             step_midpoint(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, cache)
@@ -181,11 +181,11 @@ def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: i
     linearise(s, x, F, first, address, par, mem, free, w, A)
     for j in range(6, A.shape[1]):
         s[F_FRONT], s[F_BACK] = F[0], F[1]
-        place(par, where, j - 6, x[j] + 1e-5)
+        place(par, where, j - 6, x[j] + DIFFERENCE_STEP)
         accelerations(s, first, address, par, mem, free, w[0], w[1], w[3])
         place(par, where, j - 6, x[j])
         for i in range(3):
-            A[i, j] = (w[3, i] - w[2, i]) / 1e-5
+            A[i, j] = (w[3, i] - w[2, i]) / DIFFERENCE_STEP
 
 
 _slopes = compiled(_slopes_py, error_model="numpy")

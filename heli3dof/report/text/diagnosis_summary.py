@@ -36,14 +36,14 @@ def diagnosis_summary(document: Document) -> list[str]:
 
 
 def faults(document: Document) -> list[str]:
-    """Return sentences on bad data, and on effects that integrity checks found (such as jitter).
+    """Return sentences on faults that end the diagnosis, and on effects such as jitter.
 
-    Equal sentences on bad data are given once. If several recordings have the same effect, one
-    sentence describes the first and names the others. With --verbose, heli3dof prints all faults.
+    Equal sentences are given once. If several recordings have the same effect, one sentence
+    describes the first and names the others. With --verbose, heli3dof prints all faults.
     """
     by_check = dict[str, list[Document]]()
     for f in document.get("integrity", ()):
-        if f["kind"] == "bad_data":
+        if f["kind"] in ("bad_data", "not_identifiable"):
             by_check[f["sentence"]] = [f]
         elif f["kind"] == "finding":
             by_check.setdefault(name_of(f), []).append(f)
@@ -83,7 +83,9 @@ def causes(document: Document) -> Iterator[str]:
             )
         sure = "" if f["confidence"] is None else f" (confidence {percent(f['confidence'])})"
         others = [str(x) for x in f["tied_with"]]
-        confounded = f"; or {listed(others, 'or')}: these recordings do not tell" if others else ""
+        confounded = (
+            f"; or {listed(others, 'or')}, indistinguishable in these recordings" if others else ""
+        )
         like = "; likely, not confirmed" if f.get("like") else ""
         yield f"Cause {n}: {name_of(f)}, {', '.join(sizes)}{sure}{confounded}{like}."
 

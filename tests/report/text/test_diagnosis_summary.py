@@ -93,3 +93,13 @@ def test_a_formula_is_shown_with_and_without_alternatives(
         }
     ]  # fmt: skip
     assert shown in "\n".join(diagnosis_summary(document))
+
+
+def test_a_recording_without_information_is_reported_with_cause_and_remedy() -> None:
+    document = {**deepcopy(kept("diagnose.json")), "verdict": "not_identifiable", "findings": []}
+    document["integrity"] = [
+        {"kind": "not_identifiable", "check": "nothing.moves", "sentence": "a contains no angle.",
+         "cause": "no encoder was logged.", "fix": "log roll_deg", "recording": "a"},
+    ]  # fmt: skip
+    sentence = "a contains no angle. Likely cause: no encoder was logged. Try: log roll_deg"
+    assert diagnosis_summary(document)[1] == sentence
