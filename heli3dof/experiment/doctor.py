@@ -54,8 +54,8 @@ def doctor(
 
     ``device``: a URL; default: the only rig found, else an emulated rig. ``folder``: the folder of
     the recordings. ``arm``: True also arms the rig at zero volts, which tests its watchdog and its
-    emergency stop. A DeviceError, as for a rig that cannot be opened, becomes the report's last
-    check and is not raised.
+    emergency stop. A DeviceError, e.g. if the rig cannot be opened, is not raised: it becomes the
+    report's last check.
     """
     device, profile = device or default_device(), profile or default_profile()
     done: list[tuple[str, Check]] = []

@@ -186,7 +186,7 @@ def _fly(
         at_once=lambda: received.at_once() or monitors.at_once(),
         live=live,
         monitors=monitors.each_period,
-        must_still_fall=monitors.must_still_fall,
+        awaits_fall=monitors.awaits_fall,
     )
     # Disarm before the recording is finished: a disk may take longer than the device's watchdog.
     # `open_rig` closes the rig again, and reports what went wrong.

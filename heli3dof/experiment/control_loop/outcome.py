@@ -61,7 +61,7 @@ class Outcome:
     punctuality: Punctuality | None = None
     """None on a virtual clock, or if no period was flown"""
     realtime: Realtime | None = None
-    """Real-time settings that the system granted; None on a virtual clock"""
+    """Which real-time settings the system granted; None on a virtual clock"""
     link: dict[str, Any] | None = None
     """Counters of the link to the rig (`link_counts`); None for a rig without counters"""
     device_skipped: int = 0

@@ -58,8 +58,8 @@ class ExpectedAcceleration:
     def typical(self) -> tuple[float, float, float]:
         """Return a typical size of the acceleration α, in rad/s², for roll, pitch and yaw.
 
-        The motors are at the hover voltage `hover_V`: both motors for roll, one motor for pitch.
-        For yaw, both motors, with the body at the pitch angle `TILT`.
+        Roll: both motors at the hover voltage `hover_V`, without gravity. Pitch: one motor at this
+        voltage. Yaw: both motors at this voltage, and the body pitched by `TILT`.
         """
         return (
             2 * self.roll_per_V * self.hover_V,

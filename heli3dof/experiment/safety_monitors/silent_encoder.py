@@ -7,9 +7,9 @@ standstills lasts longer than T is about N exp(−λ T). This probability is bel
     T > L (1 + ln(1/ε) / ln N)
 
 Pitch and yaw are judged during the ramp to zero while the arm is in the air, on standstills of two
-seconds and more. Without the controller, an axis with a live encoder drifts away. Roll must fall
-then, and `FrozenEncoder` judges it. An axis that did not wander to and fro before is not reported,
-because dry friction may hold it.
+seconds and more. In the ramp the loop is open, so these axes drift, and a working encoder shows it.
+An axis that did not wander to and fro before is not reported, because dry friction may hold it.
+`FrozenEncoder` judges roll in the ramp, because the arm must fall.
 """
 
 from __future__ import annotations
