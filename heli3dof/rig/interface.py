@@ -13,7 +13,7 @@ end of the period. So the voltage computed from the angles of sample k is held u
 ==========  =====================================================================================
 host        the driver waits until ``due_s`` (`heli3dof.rig.clock.wait_until`), then samples
 device      ``due_s`` is ignored; `Rig.exchange` returns the device's next sample
-virtual     the clock runs as fast as the host exchanges; no sample is ever late
+virtual     each exchange advances a simulated clock by one period; no sample is ever late
 ==========  =====================================================================================
 
 A driver package registers a `Driver` in the entry-point group ``heli3dof.drivers``, under the

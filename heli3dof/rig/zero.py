@@ -1,8 +1,8 @@
-"""Measures the encoder counts at known angles, with the rig at rest.
+"""Measures the encoder counts at the rest angles, while the rig stands still at known angles.
 
     counts_at_rest = median(count) − (angle now − rest angle) · counts per revolution / 2π
 
-rounded to whole counts, with both angles in rad. The rig is not at rest if an axis moves by more
+rounded to whole counts; both angles are in rad. The rig is not at rest if an axis moves by more
 than both `STILL_DEG` and `STILL_COUNTS` during the measurement.
 """
 
