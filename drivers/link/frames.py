@@ -10,8 +10,8 @@ microvolts, currents whole milliamperes, times whole microseconds, so no frame c
 Each CRC-16 is CRC-16/IBM-3740 ("CCITT-FALSE"): x¹⁶ + x¹² + x⁵ + 1, initial value 0xFFFF, nothing
 reflected, nothing inverted; "123456789" gives 0x29B1. It detects every burst of up to 16 bits, and
 every one, two or three wrong bits. Any other error passes one CRC-16 with probability 2⁻¹⁶. In
-reverse order the wrong bits form a different error polynomial, so this error passes both CRCs with
-probability 2⁻³².
+reverse order the wrong bits form another error polynomial, so the two CRCs are independent: both
+miss such an error with probability 2⁻³².
 """
 
 from __future__ import annotations

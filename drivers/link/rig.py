@@ -82,9 +82,9 @@ class LinkRig:
         """Identify the device and compare it with the profile; nothing moves.
 
         ``driver``: the driver's name, for recordings. ``stream=False``: the host requests each
-        sample. ``watchdog_s``: timeout that replaces the device's own. ``signs="profile"``: the
-        profile's signs of the encoder counts apply, even if the device's differ. After an error
-        the transport is closed.
+        sample. ``watchdog_s``: timeout that replaces the device's own, at least three control
+        periods. ``signs="profile"``: the profile's signs of the encoder counts apply, even if the
+        device's differ. After an error the transport is closed.
         """
         self._transport = transport
         self._client = RequestClient(transport)
