@@ -63,7 +63,7 @@ class Unknown:
 
 
 class Endpoint:
-    """One emulated device: it takes the host's bytes and returns its replies.
+    """One emulated device: takes bytes from the host and returns bytes for the host.
 
     The caller passes the time ``now_us``, µs on the device's clock, to every method.
     """

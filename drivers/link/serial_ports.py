@@ -29,8 +29,8 @@ def usb_ports() -> Sequence[str]:
 def is_known(path: str) -> bool:
     """Return True if a rig is probably connected to the port ``path``.
 
-    This is so if the port's USB vendor and product numbers are a known rig's, or if a heli3dof
-    process, perhaps another user's, has locked it.
+    Either the port's USB vendor and product numbers are a known rig's, or a heli3dof process,
+    perhaps another user's, has locked the port.
     """
     from ..udev import known_ids
 

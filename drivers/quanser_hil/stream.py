@@ -14,8 +14,8 @@ device time d of the last sample read, the number of samples in the buffer is
 
     waiting = ⌊(t − d − θ) / dt⌋
 
-These samples are read together, and only the last one is used. If the host twice in succession has
-to wait for samples that should be in the buffer, θ is wrong and its estimate is restarted.
+These samples are read together, and only the last one is used. If two reads in succession have to
+wait for samples that should be in the buffer, θ is wrong, and its estimation restarts.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ BLOCKED = 0.1
 DRIFT = 0.01
 """s per s by which a board's clock may run slow; a crystal is within 1e-4"""
 DOUBTS = 2
-"""Times in a row that expected samples are not waiting, until the estimate of θ is restarted"""
+"""Successive reads without the expected samples in the buffer that restart the estimation of θ"""
 
 Counts = tuple[int, int, int]
 

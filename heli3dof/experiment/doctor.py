@@ -6,7 +6,7 @@ The groups of checks, and where each group comes from:
 - ``computer``: `heli3dof.rig.doctor.host` and the real-time priority that the system grants
 - ``recordings``: `heli3dof.rig.doctor.folder`
 - ``rig``: `heli3dof.rig.doctor.link`, on the open rig
-- ``armed``: `heli3dof.rig.doctor.armed`, at zero volts, on request
+- ``armed``: `heli3dof.rig.doctor.armed`, at zero volts, only with ``arm=True``
 """
 
 from __future__ import annotations

@@ -139,7 +139,7 @@ class _Flight:
         """(t in s, angles in rad, V at the motors) of the last periods"""
 
     def fly_plan(self) -> tuple[_End, Sample | None]:
-        """Fly the plan; return how it ended, and the last sample (None: the device gave none)."""
+        """Fly the plan; return its end, and the last sample (None: the device does not answer)."""
         sample: Sample | None = None
         live = self.live
         live.total = len(self.reference)

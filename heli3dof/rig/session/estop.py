@@ -152,7 +152,7 @@ class EstopResult:
     unconfirmed: list[Stopped] = field(default_factory=list)
     """Results of the devices that did not confirm the stop"""
     skipped: list[str] = field(default_factory=list)
-    """URLs of ports at which no rig was ever opened: nothing was sent to them"""
+    """URLs of ports at which no rig is known: nothing was sent to them"""
 
     def raise_if_not_stopped(self, device: str | None = None) -> None:
         """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
