@@ -6,11 +6,10 @@
     IDLE, STOPPED  v(t) = 0
 
 After the time ``watchdog`` without a command, ARMED becomes LATCHED; the voltage then falls to zero
-in the time ``ramp``. ARM and DISARM are requests of the host. DISARM changes ARMED to IDLE and
-leaves other states; a stop or a fault gives STOPPED. An ARM must carry the current ticket, a number
-that changes with every ARM, DISARM, stop and expiry of the watchdog. All voltages are whole
-microvolts, rounded towards zero, except in `Amplifier.mean_V` (V); all times are whole
-microseconds.
+in the time ``ramp``. ARM and DISARM are requests of the host. DISARM changes ARMED to IDLE, and
+no other state; a stop or a fault gives STOPPED. An ARM must carry the current ticket, a number that
+changes with every ARM, DISARM, stop and expiry of the watchdog. All voltages are whole microvolts,
+rounded towards zero, except in `Amplifier.mean_V` (V); all times are whole microseconds.
 """
 
 from __future__ import annotations

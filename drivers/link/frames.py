@@ -304,13 +304,13 @@ def decoded(piece: bytes) -> bytes | None:
     return data if whole else None
 
 
-def parse(stuffed: bytes) -> Frame | None:
-    """Return the frame in ``stuffed``, the COBS-encoded bytes between two delimiters.
+def parse(piece: bytes) -> Frame | None:
+    """Return the frame in ``piece``, the COBS-encoded bytes between two delimiters.
 
     Returns None if they are not a valid frame. A HELLO is valid with any version in its header,
     because it asks for the device's version.
     """
-    data = decoded(stuffed)
+    data = decoded(piece)
     if data is None or (data[0] != VERSION and data[1] != Type.HELLO):
         return None
     kind = _KINDS.get(data[1])

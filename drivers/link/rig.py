@@ -182,7 +182,10 @@ class LinkRig:
         return self._poll()
 
     def estop(self, reason: str) -> None:
-        """Set zero volts now. Raises DeviceError if the device does not confirm the stop."""
+        """Set zero volts now; ``reason`` is not used.
+
+        Raises DeviceError if the device does not confirm the stop.
+        """
         if not self._open:
             return
         tries = SHARED_TRIES if self._gone else STOP_TRIES

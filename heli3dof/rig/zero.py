@@ -133,8 +133,9 @@ def zero(
 ) -> ZeroResult:
     """Measure the encoder counts of a rig at rest and store them. Moves nothing.
 
-    ``angles_deg``: roll, pitch and yaw at which the rig stands now, in degrees; None: the axis's
-    rest angle. ``store``: False only measures. Raises DeviceError, SafetyTrip for an armed rig, and
+    ``device``: the rig's URL; default: the only rig found, else an emulated rig. ``angles_deg``:
+    roll, pitch and yaw at which the rig stands now, in degrees; None: the axis's rest angle.
+    ``store``: False only measures. Raises DeviceError, SafetyTrip for an armed rig, and
     CheckFailed for a rig that moves.
     """
     device, profile = device or default_device(), profile or default_profile()

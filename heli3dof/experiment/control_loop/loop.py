@@ -38,8 +38,8 @@ from heli3dof.rig.trip import Trip
 REMEMBERED_S = 4.0
 """s of motion before a trip that the search for a wiring fault uses"""
 BRIDGED = 500
-"""Largest number of skipped periods that the controller steps through (of more, the last): many
-times the memory of its filters. At 500 Hz they last 1 s, in which every watchdog expires."""
+"""Largest number of skipped periods for which the controller is run: many times the memory of its
+filters. At 500 Hz they last 1 s, in which every watchdog expires."""
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
@@ -259,7 +259,7 @@ class _Flight:
         adds, the controller's output before the limiter, its output after the limiter.
         ``angle``: measured angles in rad.
         """
-        # Plain floats from here on, made row by row: an hour of them would fill the memory.
+        # Plain floats, converted row by row: those of an hour would fill the memory.
         reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
         if self.opened is None:
             return (reference, extra, *self.controller.step(angle, reference, extra))

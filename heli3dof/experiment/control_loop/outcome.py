@@ -32,7 +32,7 @@ class Punctuality:
     p999_s: float
     worst_s: float
     late_share: float
-    """Share of all periods whose sample came later than `LATE_S`, or which the host missed"""
+    """Share of the flown and missed periods that were missed, or late by more than `LATE_S`"""
     turnaround_median_s: float
     """s from a sample's arrival to sending the command computed from it"""
     turnaround_p999_s: float

@@ -46,8 +46,8 @@ FALL_S = 2.0
 """s within which an arm without thrust reaches the table from any height (1 rad at 1 rad/s²)"""
 Pair = tuple[float, float]
 Record = Callable[[Sample, Pair, float, Sample], None]
-"""Records a period: its first sample, the voltages sent (V), that sample's lateness (s), the next
-sample"""
+"""Records a period, given its first sample, the voltages sent (V), the lateness of this sample (s)
+and the next sample"""
 
 
 @dataclass(frozen=True)

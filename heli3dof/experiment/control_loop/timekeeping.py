@@ -5,7 +5,7 @@ Deadlines due[k] of the samples k are absolute: due[k+1] = due[k] + dt, in s.
 =========  ==============================  ====================================================
 timebase   deadline of sample k            skipped periods
 =========  ==============================  ====================================================
-host       due[k]: the host requests it    missed: ⌊lateness / dt⌋ before a late sample
+host       due[k]: the host's request      missed: ⌊lateness / dt⌋ before a late sample
 device     by the device's clock, mapped   those that the link counted, or the jump of the
            to the host's (`ClockOffset`)   device's time in periods (`Instants`)
 virtual    its arrival                     none

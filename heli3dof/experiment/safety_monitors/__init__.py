@@ -25,7 +25,7 @@ class SafetyMonitor(ABC):
     """Base class of safety monitors, which judge every control period of one flight."""
 
     order: ClassVar[int]
-    """Monitors judge a period by rising order; the first report ends the flight."""
+    """The monitors judge a period in ascending ``order``; the first report ends the flight."""
 
     @abstractmethod
     def __init__(self, profile: Profile) -> None: ...

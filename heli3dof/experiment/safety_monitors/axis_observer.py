@@ -34,7 +34,7 @@ BANDWIDTH = (15.0, 22.0, 15.0)
 """Ω in rad/s for roll, pitch, yaw: faster than the loop's own motion (1 to 5 rad/s). At 500 Hz one
 count of quantisation moves the rate by less than 10 counts/s."""
 LONGEST_GAP_S = 0.25
-"""s without a sample after which the observers start again"""
+"""s without a sample after which the observers restart"""
 
 
 class ExpectedAcceleration:

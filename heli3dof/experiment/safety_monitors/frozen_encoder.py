@@ -204,7 +204,7 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, angle: float) -> None:
-        """Restart the observer at rest at ``angle`` (rad); keep the friction estimates."""
+        """Restart the observer at rest at ``angle`` (rad) and ``count``; keep F and C."""
         self._observer.restart(angle)
         self.count = count
         self._bias = self._bias_s = 0.0
