@@ -2,14 +2,13 @@
 
 If another process requests an emergency stop, the next calls do this::
 
-    exchange(command):   stop the device and confirm the stop to the requester, once;
-                         send zero volts instead of the command
-    arm():               stop the device and raise SafetyTrip, since arming would clear the stop;
-                         also if a stop came since the program began
-                         (`heli3dof.rig.session.stop_stamp`)
+    exchange(command), read():   stop the device and confirm the stop to the requester, once;
+                                 exchange sends zero volts instead of the command
+    arm():                       stop the device and raise SafetyTrip, since arming would clear
+                                 the stop; also if a stop came since the program began
+                                 (`heli3dof.rig.session.stop_stamp`)
 
-After an exchange that stops the device, the samples have the flag ESTOP, which ends the control
-loop.
+The samples then have the flag ESTOP, which ends the control loop.
 
 The stop acts within one control period of the request, in every phase of a flight, also in the ramp
 to zero. `StoppableRig.arm` checks before and after it arms. A rig with several attempts to arm
