@@ -5,8 +5,8 @@
 
 `amplifier` gives the voltage in each state. The caller passes the time in whole microseconds on
 the device's clock: nothing here waits. The plant is simulated in whole control periods, counted
-from the arming. Its voltage in a period is the mean of the amplifier's output over this period, so
-a late command acts late.
+from the arming. The motors' voltage in a period is the mean of the amplifier's output over this
+period, so a late command acts late.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Raises the priority of the kernel's unbound workers, which deliver a serial line's bytes.
+"""Raises the priority of the kernel workers that deliver a serial line's bytes.
 
 The kernel passes on what a tty driver or a pseudo-terminal receives (``flush_to_ldisc``) in a
 *kernel worker* (``kworker/u…``). This thread waits for a processor core among ordinary programs,

@@ -1,4 +1,4 @@
-"""Lists the running sessions from another process, and requests a stop or the state.
+"""Lists the running sessions of other processes; requests a stop or the rig's state from them.
 
 A session is a process that uses a rig. It describes itself in the holder file of its lock
 (`heli3dof.rig.session.locks`). A session is alive if its socket accepts a connection. The socket of
