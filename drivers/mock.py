@@ -5,8 +5,8 @@ every option and effect. The option ``speed`` selects the clock:
 
 - ``speed=max`` or a number (times real time): a virtual clock. Each `exchange` (a command, then a
   sample) advances it by a control period, so the same seed and commands give the same samples.
-- ``speed=real``: the host's clock. Between exchanges the device continues: it holds
-  the last voltage and simulates the periods that the host missed. Its watchdog counts them.
+- ``speed=real`` or 1: the host's clock. Between exchanges the device continues: it holds the last
+  voltage and simulates the periods that the host missed, so its watchdog may expire.
 """
 
 from __future__ import annotations
@@ -90,8 +90,8 @@ def own_profile(options: RigOptions, profile: Profile) -> Profile:
     return load_profile(options.profile)
 
 
-def opened(options: RigOptions) -> HiddenRig | None:
-    """Return the rig in the exercise file that ``exercise=`` names, None without this option.
+def hidden_rig_of(options: RigOptions) -> HiddenRig | None:
+    """Return the rig in the exercise file that ``exercise=`` names; None without this option.
 
     An exercise is a rig with hidden effects, for students. Raises UsageError if one of the options
     `SEALED`, which change a rig's physics, is also given.
@@ -127,7 +127,7 @@ def device_of(profile: Profile, options: RigOptions) -> Device:
     from .emulator.faults import FaultyPlant, parse_faults
     from .emulator.plant import Plant
 
-    sealed = opened(options)
+    sealed = hidden_rig_of(options)
     dt = 1 / (options.rate_hz or profile.loop.rate_hz)
     watchdog_s = options.watchdog_s or max(WATCHDOG_S, 3 * dt)
     if watchdog_s < 2 * dt:

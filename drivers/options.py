@@ -35,9 +35,9 @@ class RigOptions(UrlOptions):
         default=(), description="effects to hide: name[.axis]:value[@value]"
     )
     exercise: str | None = Field(
-        default=None, description="a sealed rig, a file of heli3dof exercise new"
+        default=None, description="an exercise's file, made by heli3dof exercise new"
     )
-    seed: Whole = Field(default=0, ge=0, le=2**63, description="of everything random")
+    seed: Whole = Field(default=0, ge=0, le=2**63, description="seed of all random numbers")
     noise: float = Field(default=1.0, ge=0, le=100, description="scale of the random torques")
     noise_s: float = Field(
         default=0.01, ge=1e-3, le=100, description="s, correlation time of the random torques"
@@ -52,7 +52,7 @@ class RigOptions(UrlOptions):
         default=0.0,
         ge=0,
         le=0.5,
-        description="share by which K_f, gravity torque and inertias may depart",
+        description="largest relative change of K_f, gravity torque and inertias",
     )
     rate_hz: float | None = Field(
         default=None, ge=10, le=10000, examples=[500], description="the device's own sample rate"
@@ -62,7 +62,7 @@ class RigOptions(UrlOptions):
         ge=1e-3,
         le=10,
         examples=[0.1],
-        description="s without a command before it latches",
+        description="s without a command until the watchdog expires",
     )
     fault: tuple[str, ...] = Field(
         default=(), description="what fails, and when: KIND[.AXIS]@SECONDS[:COUNTS]"
@@ -82,17 +82,17 @@ class LinkOptions(UrlOptions):
     """URL options of every driver that uses the link protocol (docs/reference/protocol.md)."""
 
     stream: Literal["1", "0"] = Field(
-        default="1", description="1: the device times its samples; 0: the host asks for each one"
+        default="1", description="1: the device times its samples; 0: the host requests each one"
     )
     watchdog_s: float | None = Field(
         default=None,
         ge=1e-3,
         le=1,
         examples=[0.1],
-        description="s without a command before it latches",
+        description="s without a command until the watchdog expires",
     )
     signs: Literal["device", "profile"] = Field(
-        default="device", description="which of the two gives the encoders' counting direction"
+        default="device", description="whose signs of the encoder counts apply"
     )
 
 

@@ -45,9 +45,9 @@ class SerialDriver:
 
     def persistent_name(self, url: DeviceUrl) -> str:
         """Return a name of the device at the port, with its USB serial number if it has one."""
-        from .link.serial_ports import plugged_in
+        from .link.serial_ports import persistent_name
 
-        return url.where if "+" in url.scheme else plugged_in(url.where)
+        return url.where if "+" in url.scheme else persistent_name(url.where)
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
         """Open the port for this program only, and return the rig that is connected to it."""

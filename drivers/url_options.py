@@ -1,6 +1,7 @@
 """Base of the pydantic models of URL options, one class for each driver.
 
-A field is one option: its type and bounds, its default, and its description for the option table.
+A field is one option: its type and bounds, its default and its description.
+
 Import this module only where a rig is opened: pydantic takes 0.2 s of processor time to load, which
 is too long for `heli3dof estop`.
 """
@@ -78,7 +79,7 @@ class UrlOptions(BaseModel):
 
     @classmethod
     def rows(cls) -> list[tuple[str, str, str]]:
-        """Return (name, default, description) of each option, for a table in the documentation."""
+        """Return (name, default, description) of each option."""
         return [
             (name, _shown_default(field), field.description)
             for name, field in cls.model_fields.items()

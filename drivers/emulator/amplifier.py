@@ -6,10 +6,10 @@
     IDLE, STOPPED  v(t) = 0
 
 After the time ``watchdog`` without a command, ARMED becomes LATCHED; the voltage then falls to zero
-in the time ``ramp``. DISARM gives IDLE, a stop or a fault gives STOPPED. All voltages are whole
-microvolts, rounded towards zero, except in `Amplifier.mean_V` (V); all times are whole
-microseconds. ARM and DISARM are requests of the host. An ARM must carry the current ticket, a
-number that changes with every ARM, DISARM, stop and expiry of the watchdog.
+in the time ``ramp``. ARM and DISARM are requests of the host. DISARM changes ARMED to IDLE, and
+no other state; a stop or a fault gives STOPPED. An ARM must carry the current ticket, a number that
+changes with every ARM, DISARM, stop and expiry of the watchdog. All voltages are whole microvolts,
+rounded towards zero, except in `Amplifier.mean_V` (V); all times are whole microseconds.
 """
 
 from __future__ import annotations
@@ -92,8 +92,8 @@ class Amplifier:
     def command(self, now_us: int, number: int, front_uV: int, back_uV: int) -> bool:
         """Apply voltages in µV, clipped to ± ``v_max_uV``, and return True.
 
-        If the state is not ARMED, the method has no effect and returns False. The same holds if the
-        command's number ``number`` is not newer than that of the last accepted command.
+        Does nothing and returns False in any state but ARMED, or if ``number``, the command's
+        number, is not newer than that of the last accepted command.
         """
         if not self.enabled or not 0 < (number - self.last) & 0xFFFFFFFF < 0x80000000:
             return False
@@ -130,9 +130,9 @@ class Amplifier:
         return (0, 0)
 
     def mean_V(self, now_us: int) -> tuple[float, float]:
-        """Return the mean output (front, back) in V since the last call or the last arming.
+        """Return the mean output (front, back) in V up to ``now_us`` (µs).
 
-        The average starts at the later of the two and ends at ``now_us`` (µs).
+        The average starts at the last call or the last arming, whichever is later.
         """
         self._sum(now_us)
         span = max(1, now_us - self._mean_from_us)

@@ -18,8 +18,8 @@ from .effects import Effect, Hidden, catalogue
 def parse_hide(texts: Iterable[str]) -> tuple[Hidden, ...]:
     """Return the effects in ``texts``, values of ``hide=``, in the order in which they act.
 
-    Raises UsageError for an unknown effect or axis (naming the nearest) and an effect given twice.
-    A value that is missing, superfluous or out of range also raises it.
+    Raises UsageError for an unknown effect or axis (naming the nearest) and a repeated effect, also
+    for a missing, superfluous or out-of-range value.
     """
     hidden: list[Hidden] = []
     for text in texts:

@@ -5,8 +5,8 @@
 
 `amplifier` gives the voltage in each state. The caller passes the time in whole microseconds on
 the device's clock: nothing here waits. The plant is simulated in whole control periods, counted
-from the arming. Its voltage in a period is the mean of the amplifier's output over this period, so
-a late command acts late.
+from the arming. The motors' voltage in a period is the mean of the amplifier's output over this
+period, so a late command acts late.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Unknown:
 
 
 class Endpoint:
-    """One emulated device: it takes the host's bytes and returns its replies.
+    """One emulated device: takes bytes from the host and returns bytes for the host.
 
     The caller passes the time ``now_us``, µs on the device's clock, to every method.
     """

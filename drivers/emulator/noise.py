@@ -5,12 +5,12 @@ sampled exactly at the control period and held over it: w[k+1] = a w[k] + σ √
 exp(−dt/τ_c). So its standard deviation is σ (N·m), its correlation time τ_c (s), for any dt.
 
 σ was chosen by comparing a closed-loop run with noise (angles y) and the same run without noise
-(angles ŷ); default controller, start level. The table shows the fit
+(angles ŷ). The controller is the default one; the runs start level. The table shows the fit
 100 (1 − ‖y − ŷ‖/‖y − mean y‖) % for three flight plans: the mean over noise seeds 1–6 for roll /
-pitch / yaw, and pitch's range over these seeds. The plans' random signals have seed 1:
+pitch / yaw, and the range of the pitch fit over these seeds. The plans' random signals have seed 1:
 
 ==============  ======================  ===============
-plan            fit                     pitch
+plan            mean fit, %             pitch fit, %
 ==============  ======================  ===============
 ``multisine``   99.1 / 93.8 / 98.9      92.8 … 94.6
 ``steps``       99.0 / 94.6 / 99.2      93.7 … 95.2
@@ -44,8 +44,8 @@ class TorqueNoise:
     """Draws random torques (3,) in N·m for each control period of ``dt`` s.
 
     ``scale`` multiplies the standard deviations σ (`SIGMA_NM`). ``correlation_s``: correlation time
-    τ_c, s. A τ_c other than the default also changes σ: σ² τ_c, and with it the spectral density
-    at low frequencies, stays the same.
+    τ_c, s. With a τ_c other than the default, σ is changed so that σ² τ_c stays the same: the
+    spectral density at low frequencies is proportional to it.
     """
 
     def __init__(

@@ -307,7 +307,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
     def _wait(self, function: UsbFunction, deadline: float) -> None:
         """Wait until a bulk transfer with the rig ``function`` may succeed, but at most 10 ms.
 
-        Raises USBTimeoutError if ``deadline`` (s on the bus's clock) has passed.
+        Raises USBTimeoutError if ``deadline`` (s, host's monotonic clock) has passed.
         """
         now = time.monotonic()
         if now >= deadline:

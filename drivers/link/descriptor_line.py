@@ -1,7 +1,7 @@
 """A `Transport` over an open file descriptor: a serial port, a pseudo-terminal or a socket.
 
-Reading returns as soon as bytes arrive, so a round trip takes a third of the time of one with
-pyserial's ``read``.
+Reading returns as soon as bytes arrive. So a round trip takes only a third of the time that it
+takes with pyserial's ``read``.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ def stop(client: RequestClient, tries: int = STOP_TRIES) -> bool:
     """Send the emergency stop, up to ``tries`` times, `STOP_EVERY_S` seconds apart.
 
     Returns True once an ACK or a sample shows that the device has stopped, else False. If another
-    program reads from the same port, this one receives only some of the replies and samples.
+    program reads from the same port, this program receives only some of the replies and samples.
     """
     is_ack = ack_of(Type.ESTOP)
     numbers: set[int] = set()

@@ -51,7 +51,7 @@ def not_stopped(name: str, tries: int, *, shared: bool = False) -> DeviceError:
 def not_arming(name: str, code: int, cause: int, period_us: int, watchdog_us: int) -> DeviceError:
     """Return the DeviceError for an ARM request that the device refused.
 
-    ``code`` and ``cause`` are those of its ACK (`Code`, `Cause`). ``period_us`` and ``watchdog_us``
+    ``code`` and ``cause`` are those of the ACK (`Code`, `Cause`). ``period_us`` and ``watchdog_us``
     are the sample period and watchdog timeout of the request in µs; ``name`` is the rig's port or
     URL.
     """

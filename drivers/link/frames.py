@@ -10,8 +10,8 @@ microvolts, currents whole milliamperes, times whole microseconds, so no frame c
 Each CRC-16 is CRC-16/IBM-3740 ("CCITT-FALSE"): x¹⁶ + x¹² + x⁵ + 1, initial value 0xFFFF, nothing
 reflected, nothing inverted; "123456789" gives 0x29B1. It detects every burst of up to 16 bits, and
 every one, two or three wrong bits. Any other error passes one CRC-16 with probability 2⁻¹⁶. In
-reverse order the wrong bits form a different error polynomial, so this error passes both CRCs with
-probability 2⁻³².
+reverse order the wrong bits form another error polynomial, so the two CRCs are independent: both
+miss such an error with probability 2⁻³².
 """
 
 from __future__ import annotations
@@ -304,13 +304,13 @@ def decoded(piece: bytes) -> bytes | None:
     return data if whole else None
 
 
-def parse(stuffed: bytes) -> Frame | None:
-    """Return the frame in ``stuffed``, the COBS-encoded bytes between two delimiters.
+def parse(piece: bytes) -> Frame | None:
+    """Return the frame in ``piece``, the COBS-encoded bytes between two delimiters.
 
     Returns None if they are not a valid frame. A HELLO is valid with any version in its header,
     because it asks for the device's version.
     """
-    data = decoded(stuffed)
+    data = decoded(piece)
     if data is None or (data[0] != VERSION and data[1] != Type.HELLO):
         return None
     kind = _KINDS.get(data[1])

@@ -89,10 +89,10 @@ def check_profile(
 ) -> None:
     """Raise a DeviceError if the device's ``identity`` contradicts the ``profile``.
 
-    A contradiction is: other counts per revolution or another sign of them, a voltage limit above
-    the device's, or a control period below its shortest sample period. The error names the
-    profile's key. ``name`` is the rig's port or URL. With ``signs="profile"`` the signs may
-    differ; the profile's apply.
+    The profile contradicts the device if its counts per revolution have another size or sign, its
+    voltage limit is above the device's, or its control period is below the device's shortest sample
+    period. The error names the profile's key. ``name`` is the rig's port or URL. With
+    ``signs="profile"`` the signs may differ; the profile's apply.
     """
     for axis, theirs in zip(
         AXES, (identity.counts_roll, identity.counts_pitch, identity.counts_yaw), strict=True

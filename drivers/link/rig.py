@@ -82,9 +82,9 @@ class LinkRig:
         """Identify the device and compare it with the profile; nothing moves.
 
         ``driver``: the driver's name, for recordings. ``stream=False``: the host requests each
-        sample. ``watchdog_s``: timeout that replaces the device's own. ``signs="profile"``: the
-        profile's signs of the encoder counts apply, even if the device's differ. After an error
-        the transport is closed.
+        sample. ``watchdog_s``: timeout that replaces the device's own, at least three control
+        periods. ``signs="profile"``: the profile's signs of the encoder counts apply, even if the
+        device's differ. After an error the transport is closed.
         """
         self._transport = transport
         self._client = RequestClient(transport)
@@ -182,7 +182,10 @@ class LinkRig:
         return self._poll()
 
     def estop(self, reason: str) -> None:
-        """Set zero volts now. Raises DeviceError if the device does not confirm the stop."""
+        """Set zero volts now; ``reason`` is not used.
+
+        Raises DeviceError if the device does not confirm the stop.
+        """
         if not self._open:
             return
         tries = SHARED_TRIES if self._gone else STOP_TRIES

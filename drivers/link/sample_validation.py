@@ -13,8 +13,8 @@ clock (µs modulo 2³²) and its 32-bit encoder counts. Each accepted sample inc
     lost           += (n − n_last) − 1                 samples that never arrived
     device_skipped += (i − i_last) − (n − n_last)      not sampled: device was busy
 
-i is the number of the stream's sampling instants up to the sample's time (`Instants`), i_last that
-up to the last accepted sample's time. i is exact: the device's clock gives both time and period.
+i counts the stream's sampling instants up to the sample's time (`Instants`); i_last is this count
+for the last accepted sample. It is exact, because the device's clock gives both time and period.
 """
 
 from __future__ import annotations

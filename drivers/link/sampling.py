@@ -2,7 +2,7 @@
 
 Of several samples that arrived together the newest is used. The others, and those that arrived
 before the host waited for a sample, are discarded as stale. A POLL without a reply is repeated
-after four times the last round trip. So two replies may arrive, the second perhaps in the next
+after four times the last round-trip time. So two replies may arrive, the second perhaps in the next
 period. The second is discarded if its sample was taken before that period's command was applied.
 `_extra_replies` counts how many more replies may arrive.
 """

@@ -29,8 +29,8 @@ def usb_ports() -> Sequence[str]:
 def is_known(path: str) -> bool:
     """Return True if a rig is probably connected to the port ``path``.
 
-    This is so if the port's USB vendor and product numbers are a known rig's, or if a heli3dof
-    process, perhaps another user's, has locked it.
+    Either the port's USB vendor and product numbers are a known rig's, or a heli3dof process,
+    perhaps another user's, has locked the port.
     """
     from ..udev import known_ids
 
@@ -40,12 +40,12 @@ def is_known(path: str) -> bool:
     return any(_runs_heli3dof(pid) for pid, _ in lockers(path))
 
 
-def plugged_in(path: str) -> str:
+def persistent_name(path: str) -> str:
     """Return a name of the device at the port ``path``: USB vendor, product and serial number.
 
-    So a USB device has the same name at every port. If it has no serial number, its USB port takes
-    the number's place. A pseudo-terminal's name is its path with its creation time, because the
-    system reuses the path; any other port's name is its path.
+    So a USB device has the same name at every port. A USB device without a serial number is named
+    by vendor, product and its USB port. A pseudo-terminal's name is its path with its creation
+    time, because the system reuses the path; any other port's name is its path.
     """
     if path.startswith(PSEUDO):
         return f"{path} of {os.stat(path).st_ctime_ns}" if os.path.exists(path) else path

@@ -128,7 +128,7 @@ class Board:
         return self._sensed[0] * scale, self._sensed[1] * scale
 
     def watchdog_start(self) -> None:
-        """Start the watchdog, after setting the outputs' states at its timeout (expiration states).
+        """Set the outputs' states after a watchdog timeout (expiration states); start the watchdog.
 
         Some boards, such as the Q8 series, require such a state for all outputs or for none. On
         these it is set for all outputs.
@@ -150,7 +150,7 @@ class Board:
             hil.watchdog_start(timeout_s)
 
     def _set_expiration(self, analog: array[int], lines: array[int]) -> None:
-        """Set what the channels ``analog`` and ``lines`` (digital) do at a watchdog timeout.
+        """Set the states of the channels ``analog`` and ``lines`` (digital) at a watchdog timeout.
 
         Analog outputs go to 0 V, enable lines to the level that disables, other lines to tristate.
         The Q8 series accepts only tristate, so there all lines go to tristate.

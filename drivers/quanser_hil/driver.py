@@ -42,7 +42,7 @@ class QuanserDriver:
         return ()
 
     def persistent_name(self, url: DeviceUrl) -> str:
-        """Return ``BOARD/NUMBER`` of the URL; ``heli3dof estop`` finds an open board by it."""
+        """Return ``BOARD/NUMBER`` of the URL, because the board's serial number cannot be read."""
         return url.where
 
     def open(self, url: DeviceUrl, profile: Profile) -> QuanserRig:

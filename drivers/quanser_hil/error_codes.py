@@ -233,7 +233,7 @@ def explained(hil_error: type[Exception], name: str, doing: str) -> Iterator[Non
 
 
 def no_library(error: BaseException) -> DeviceError:
-    """Return the DeviceError if the vendor's Python package or HIL library is missing.
+    """Return the DeviceError for a missing Python package or HIL library of the vendor.
 
     ``error`` is the exception that importing the package raised.
     """

@@ -147,7 +147,10 @@ class QuanserRig:
             raise explain(error, self._name, "running") from error
 
     def estop(self, reason: str) -> None:
-        """Set zero volts and disable the amplifier now; the watchdog is no longer reloaded."""
+        """Set zero volts and disable the amplifier now; the watchdog is no longer reloaded.
+
+        ``reason`` is not used. Raises DeviceError if the board does not accept the stop.
+        """
         if not self._open:
             return
         problem = self._switch_off()

@@ -1,20 +1,21 @@
 """Reads the newest sample of the board's encoder task, which samples by the board's own clock.
 
 The task stores sample k in a buffer at device time d = k·dt; reading waits until the buffer has a
-sample. The library does not report how many samples are waiting. A host that was late must skip the
-old ones. So the driver estimates θ, host time minus device time in s. The sample of device time d
-is expected at host time d + θ. If the host reads it at host time h,
+sample. The library does not report how many samples are waiting, but a late host must skip the old
+ones. So the driver estimates θ, host time minus device time in s: the sample of device time d is
+expected at host time d + θ. If the host reads it at host time h,
 
-    θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  where the read waited for the sample: it was new
-    θ[k] = min(h − d,  θ[k−1])             where the read did not wait
-    waiting = ⌊(now − d − θ) / dt⌋
+    θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  if the read had to wait, so that the sample is new
+    θ[k] = min(h − d,  θ[k−1])             if the sample was already in the buffer
 
-`DRIFT` bounds how slow the board's clock may run (s per s). ``waiting`` is the number of samples in
-the buffer, ``now`` the host's time, d the device time of the last sample read. These samples are
-read together; the last one is used, and the device's time advances over the others. θ rises by at
-most DRIFT·dt per sample, so a stall of the host during a read hardly changes it. If the host waits
-twice in succession for samples that should be in the buffer, θ is wrong and its estimate is
-restarted.
+`DRIFT` bounds how slow the board's clock may run (s per s). A host stall during a read hardly
+changes θ, because θ rises by at most DRIFT·dt per sample. With the host's present time t and the
+device time d of the last sample read, the number of samples in the buffer is
+
+    waiting = ⌊(t − d − θ) / dt⌋
+
+These samples are read together, and only the last one is used. If two reads in succession have to
+wait for samples that should be in the buffer, θ is wrong, and its estimation restarts.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ BLOCKED = 0.1
 DRIFT = 0.01
 """s per s by which a board's clock may run slow; a crystal is within 1e-4"""
 DOUBTS = 2
-"""Times in a row that expected samples are not waiting, until the estimate of θ is restarted"""
+"""Successive reads without the expected samples in the buffer that restart the estimation of θ"""
 
 Counts = tuple[int, int, int]
 

@@ -6,7 +6,7 @@ The groups of checks, and where each group comes from:
 - ``computer``: `heli3dof.rig.doctor.host` and the real-time priority that the system grants
 - ``recordings``: `heli3dof.rig.doctor.folder`
 - ``rig``: `heli3dof.rig.doctor.link`, on the open rig
-- ``armed``: `heli3dof.rig.doctor.armed`, at zero volts, on request
+- ``armed``: `heli3dof.rig.doctor.armed`, at zero volts, only with ``arm=True``
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ def doctor(
 
     ``device``: a URL; default: the only rig found, else an emulated rig. ``folder``: the folder of
     the recordings. ``arm``: True also arms the rig at zero volts, which tests its watchdog and its
-    emergency stop. A DeviceError, as for a rig that cannot be opened, becomes the report's last
-    check and is not raised.
+    emergency stop. A DeviceError, e.g. if the rig cannot be opened, is not raised: it becomes the
+    report's last check.
     """
     device, profile = device or default_device(), profile or default_profile()
     done: list[tuple[str, Check]] = []

@@ -105,10 +105,10 @@ def fly_plan(
 ) -> Flight:
     """Fly a plan on a rig and record it (to the file ``output``, or in memory).
 
-    ``seed``: seed of the plan's random signals, and of an emulated rig's noise if its URL has no
-    seed. ``force`` overwrites the file; ``meta`` is added to the recording's metadata; ``live``
-    receives the progress. Before the rig is armed, ``opened`` is called with the rig's identity,
-    and ``warn`` with each warning.
+    ``device``: the rig's URL. ``seed``: seed of the plan's random signals, and of an emulated rig's
+    noise if its URL has no seed. ``force`` overwrites the file; ``meta`` is added to the
+    recording's metadata; ``live`` receives the progress. Before the rig is armed, ``opened`` is
+    called with the rig's identity, and ``warn`` with each warning.
 
     Returns the flight however it ended (see `Flight.raise_if_cut_short`). If the flight did not
     start, raises PlanError, UnstableLoop, DeviceError or OutputExists. Raises SafetyTrip if an
@@ -186,7 +186,7 @@ def _fly(
         at_once=lambda: received.at_once() or monitors.at_once(),
         live=live,
         monitors=monitors.each_period,
-        must_still_fall=monitors.must_still_fall,
+        awaits_fall=monitors.awaits_fall,
     )
     # Disarm before the recording is finished: a disk may take longer than the device's watchdog.
     # `open_rig` closes the rig again, and reports what went wrong.

@@ -27,8 +27,8 @@ def simulate(
 ) -> Recording:
     """Fly a plan in closed loop on a model and return the recording.
 
-    ``start``: at rest on the table (the profile's rest angles) or level. ``seed``: seed of the
-    plan's random signals. ``quantised``: controller and recording get angles rounded to whole
+    ``start``: ``rest`` (on the table, at the profile's rest angles) or ``level``. ``seed``: seed of
+    the plan's random signals. ``quantised``: controller and recording get angles rounded to whole
     encoder counts. Raises PlanError, or UnstableLoop if the controller does not stabilise the
     model.
     """

@@ -19,7 +19,7 @@ stored calibration, compared with the device           counts_at_rest
 none                                                   0: the device is assumed to have started
                                                        at rest
 unreadable, or other counts per revolution             0, with a note
-another boot number, or one of the two is missing      0, with a note
+another boot number, or only one of the two is known   0, with a note
 both start instants known, and too far apart           0, with a note
 no boot number, and a start instant unknown            as stored, with a note of the date
 any other                                              as stored
@@ -128,10 +128,10 @@ def rest_counts_of(identity: Identity) -> RestCounts:
 
 
 def _same_start(stored: Calibration, identity: Identity) -> bool | None:
-    """Return True if the device has not restarted since ``stored`` was measured; None: unknown.
+    """Return False if the device has restarted since ``stored`` was measured, else True.
 
     The function compares the start instants of ``stored`` and of the connected device ``identity``.
-    The result is None if an instant or the date of ``stored`` is missing.
+    It returns None if an instant or the date of ``stored`` is missing.
     """
     if stored.started_s is None or identity.started_s is None:
         return None

@@ -20,7 +20,7 @@ An instant without a sample was skipped. dt is the control period in s; BUSY and
 of it. The estimate of t_0 is the smallest d − i·dt so far. It may rise by up to CREEP·dt per
 sample, since the device's period may be longer than dt.
 
-Uptime: the device counts it in ms modulo 2³² on its own clock.
+Uptime: the time since the device started, which it counts in ms modulo 2³².
 """
 
 from __future__ import annotations
@@ -83,7 +83,10 @@ class ClockOffset:
 
 
 class Instants:
-    """Counts a device's sampling instants: the first at ``first_s`` (s), then every ``dt`` s."""
+    """Counts a device's sampling instants: the first at ``first_s`` (s), then every ``dt`` s.
+
+    ``busy``, ``creep``: as `BUSY` and `CREEP` (see the module).
+    """
 
     def __init__(
         self, dt: float, first_s: float, *, busy: float = BUSY, creep: float = CREEP

@@ -28,7 +28,8 @@ def registered() -> dict[str, EntryPoint]:
 def load_driver(scheme: str) -> Driver:
     """Return the driver for a URL scheme.
 
-    An unregistered scheme such as ``serial+socket`` uses the driver of the part before the +.
+    For a scheme with a +, such as ``serial+socket``, that is not registered itself, the driver is
+    that of the part before the +.
     Raises UsageError for an unknown scheme, DeviceError if the driver cannot be loaded.
     """
     known = registered()

@@ -1,6 +1,6 @@
 """Checks the safety envelope in every control period.
 
-A flight ends (exit code 4, motors ramped to zero) as soon as
+A flight ends (exit code 4, motors to zero volts) as soon as
 
     roll ∉ [roll_min, roll_max],  |pitch| > pitch_max,  |yaw| > yaw_max,
     |rate| > its limit,  a voltage is not a number or beyond v_max,

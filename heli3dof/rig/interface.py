@@ -13,7 +13,7 @@ end of the period. So the voltage computed from the angles of sample k is held u
 ==========  =====================================================================================
 host        the driver waits until ``due_s`` (`heli3dof.rig.clock.wait_until`), then samples
 device      ``due_s`` is ignored; `Rig.exchange` returns the device's next sample
-virtual     the clock runs as fast as the host exchanges; no sample is ever late
+virtual     each exchange advances a simulated clock by one period; no sample is ever late
 ==========  =====================================================================================
 
 A driver package registers a `Driver` in the entry-point group ``heli3dof.drivers``, under the
@@ -66,14 +66,14 @@ class Identity:
     watchdog_s: float
     """Seconds without a command until the device ramps to zero and latches."""
     timebase: Literal["host", "device", "virtual"]
-    """What ends a control period: the host, which waits until ``due_s``; the device, which samples
-    on its own; or each command, because time is simulated and nothing can be late"""
+    """What ends a control period. ``host``: the host waits until ``due_s``. ``device``: the device
+    samples by its own clock. ``virtual``: each exchange, in simulated time"""
     emulated: bool
     """True if no real motor can move. The conformance cases that move motors then run without
     ``--moves``."""
     boot: int | None = None
     """Number that changes at every start of the device, when its counts begin at zero; None:
-    unknown. A board without a random source or flash may repeat a number; ``started_s`` then
+    unknown. A board without a random source or flash memory may repeat a number; ``started_s`` then
     detects the restart."""
     started_s: float | None = None
     """When the device started, s since 1970 by the host's clock, from its uptime; None: unknown"""

@@ -139,7 +139,7 @@ class Motor(Section):
 
     @property
     def hover_V(self) -> float:
-        """Return max(|V_o|, v_max/8) in V, a positive scale for comparing voltages with hover.
+        """Return max(|V_o|, v_max/8) in V: the size of the hover voltage, but never zero.
 
         V_o: hover voltage, which is 0 for a balanced arm; v_max: the amplifier's limit.
         """

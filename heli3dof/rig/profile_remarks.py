@@ -31,7 +31,7 @@ INERTIA_RATIO = 1.5
 
 
 def mass_hover_voltage(profile: Profile) -> float:
-    """Return the hover voltage V_m per motor in V that the masses give.
+    """Return the hover voltage V_m per motor, in V, that follows from the masses.
 
     V_m is negative if the counterweight's torque exceeds that of the body. The paper's eq (6) has
     the opposite sign (erratum E2).
@@ -40,7 +40,7 @@ def mass_hover_voltage(profile: Profile) -> float:
 
 
 def estimated_hover_voltage(profile: Profile) -> float:
-    """Return a first value of the hover voltage per motor (V), until it is measured.
+    """Return an estimate of the hover voltage per motor (V), to be used until it is measured.
 
     It is |V_m| with the sign of −(rest angle in roll), or V_m if that angle is 0. V_m:
     `mass_hover_voltage`.

@@ -1,8 +1,8 @@
-"""Measures the encoder counts at known angles, with the rig at rest.
+"""Measures the encoder counts at the rest angles, while the rig stands still at known angles.
 
     counts_at_rest = median(count) − (angle now − rest angle) · counts per revolution / 2π
 
-rounded to whole counts, with both angles in rad. The rig is not at rest if an axis moves by more
+rounded to whole counts; both angles are in rad. The rig is not at rest if an axis moves by more
 than both `STILL_DEG` and `STILL_COUNTS` during the measurement.
 """
 
@@ -133,8 +133,9 @@ def zero(
 ) -> ZeroResult:
     """Measure the encoder counts of a rig at rest and store them. Moves nothing.
 
-    ``angles_deg``: roll, pitch and yaw at which the rig stands now, in degrees; None: the axis's
-    rest angle. ``store``: False only measures. Raises DeviceError, SafetyTrip for an armed rig, and
+    ``device``: the rig's URL; default: the only rig found, else an emulated rig. ``angles_deg``:
+    roll, pitch and yaw at which the rig stands now, in degrees; None: the axis's rest angle.
+    ``store``: False only measures. Raises DeviceError, SafetyTrip for an armed rig, and
     CheckFailed for a rig that moves.
     """
     device, profile = device or default_device(), profile or default_profile()

@@ -118,7 +118,7 @@ def flown(plan: Plan, url: str, profile: Profile, sink: Course) -> Outcome:
     monitors = monitors_for(profile)
     return fly(
         open_driver(url, profile), profile, prepare(plan, profile, 1), sink,
-        monitors=monitors.each_period, must_still_fall=monitors.must_still_fall,
+        monitors=monitors.each_period, awaits_fall=monitors.awaits_fall,
     )  # fmt: skip
 
 

@@ -184,7 +184,7 @@ def test_estop_stops_devices_if_sessions_cannot_be_read(
 
     driver = FakeDriver()
     only_drivers(monkeypatch, fake=driver)
-    monkeypatch.setattr("heli3dof.rig.session.estop.listed", strangers)
+    monkeypatch.setattr("heli3dof.rig.session.estop.recorded_sessions", strangers)
     assert heli3dof("estop").code == 0
     assert driver.stops == ["fake://1"]
 

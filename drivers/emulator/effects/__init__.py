@@ -1,9 +1,9 @@
 """The effects, one family per file: physics that the URL option ``hide=`` adds to the ideal rig.
 
-`catalogue` collects the tuple ``EFFECTS`` of every module in this folder. A new effect needs a
-short function (compiled, or one that changes the `Setup`), and an `Effect` that names its
-parameters with units and bounds. Its equation is in the module's docstring. Another package
-registers its tuple of effects under the entry-point group `GROUP`.
+`catalogue` collects the tuple ``EFFECTS`` of every module in this folder. A new effect needs an
+`Effect`, which names its parameters with units and bounds, and a short function. The function is
+compiled, or changes the `Setup`; the module's docstring gives the effect's equation. Another
+package registers its tuple of effects under the entry-point group `GROUP`.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ GROUP = "heli3dof.emulated_effects"
 def catalogue() -> dict[str, Effect]:
     """Return every effect, with its name as key, in alphabetical order.
 
-    A plug-in is left out with a warning if it does not load or compile, or if one of its effects
-    has the name of another effect.
+    A plug-in is left out with a warning if it does not load or compile, or if another effect
+    already has the name of one of its effects.
     """
     effects: list[Effect] = []
     for module in modules_of(__name__):

@@ -5,9 +5,9 @@ of the front, F_b of the back; V_f, V_b are the motor voltages. L_a is the arm's
 distance of a rotor from the pitch axis. n is the body's normal and ω its angular velocity, with the
 components ω_a along the arm and ω_b along the body's bar (`lagrange`). a, h₀, k, κ are parameters.
 
-- Ground effect: near the table a rotor's thrust is F (1 + a exp(−h/h₀)). Its height above the
-  table is h = max(L_a (sin r − sin r_rest) ± L_h sin p cos r, 0), + for the front, − for the back.
-  On the table, roll is r_rest.
+- Ground effect: near the table a rotor's thrust is F (1 + a exp(−h/h₀)). The rotor's height above
+  the table is h = max(L_a (sin r − sin r_rest) ± L_h sin p cos r, 0), + for the front rotor, − for
+  the back rotor. r_rest is the roll angle on the table.
 - Inflow: a rotor that moves along its axis at v_n (m/s) has the thrust F (1 − k v_n), with v_n =
   L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇), + for the front, − for the back. 1 − k v_n is
   limited to 0 … 2.

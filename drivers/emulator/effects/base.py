@@ -31,9 +31,9 @@ class Parameter:
 class Effect:
     """Physics that ``hide=`` adds to the ideal rig, e.g. friction.
 
-    ``kernels`` are compiled functions, called at their `Stage` (a point of the computation) in each
-    integration substep. ``setup(setup, axis, values)`` is called once before the rig runs and
-    returns the changed `Setup`. Effects of the same stage act in ascending ``order``.
+    ``kernels``: `Stage`, a point of each integration substep → the compiled function called there.
+    ``setup(setup, axis, values)`` is called once before the rig runs and returns the changed
+    `Setup`. Effects of the same stage act in ascending ``order``.
     """
 
     name: str

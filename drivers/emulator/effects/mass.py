@@ -2,7 +2,7 @@
 
 - ``mass.imbalance``: the level arm's gravity torque T_g is larger by τ in N·m (+: heavier body).
 - ``inertia``: the level rig's inertia about the axis is ``ratio`` times the profile's. The
-  difference is rotary inertia on the joint's shaft (ΔJ in `lagrange`).
+  difference is added as rotary inertia on the joint's shaft (ΔJ in `lagrange`).
 - ``mass.change``: at time t₀ a mass m is added to the body on the pitch axis, at the arm's length
   L_a from the vertical axis. T_g grows by m g L_a, the body's inertias I_bb and I_nn (`lagrange`)
   by m L_a². The rates do not jump at t₀.

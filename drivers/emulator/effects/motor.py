@@ -1,18 +1,18 @@
 """Effects of the motors, from the commanded voltage to the thrust, along the signal's path.
 
 V is one motor's voltage (V_f front, V_b back, V_o at hover), F its thrust, K_f the profile's thrust
-per volt. T, k, V_d, s, m, τ_m are the effects' parameters:
+per volt. T, k, V_d, s, m, τ_m, d and ``limit`` are the effects' parameters:
 
 1. ``motor.delay``: V(t − T), averaged exactly over each integration substep.
 2. ``motor.supply_sag``: the supply voltage drops under load: V (1 − k (|V_f| + |V_b|)).
-3. ``motor.saturation``: |V| ≤ limit, below the amplifier's own.
+3. ``motor.saturation``: |V| ≤ ``limit``, below the amplifier's own limit.
 4. ``motor.dead_zone``: zero for |V| below V_d, and V − V_d sgn V above.
 5. ``motor.thrust_curve``: V → (1 − s) V + s V |V| / V_ref: a share s of the thrust is quadratic in
    V. At V_ref = |V_o| the thrust remains K_f V.
 6. ``motor.thrust_gain``: the thrust of both motors times k; ``motor.thrust_mismatch``:
    F_f : F_b = m : 1 at equal voltages, with their sum unchanged.
-7. ``motor.thrust_drift``: F (1 − d t), t: time on the plant's clock.
-8. ``motor.lag``: τ_m Ḟ = K_f V − F for each rotor.
+7. ``motor.lag``: τ_m Ḟ = K_f V − F for each rotor.
+8. ``motor.thrust_drift``: F (1 − d t), but at least 0; t: time on the device's clock (s).
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ class Period(NamedTuple):
 
     @property
     def motor_V(self) -> tuple[float, float]:
-        """Return the voltages (front, back) at the motors before this sample, in V."""
+        """Return the voltages (front, back) in V at the motors in the period before this sample."""
         return motor_voltage(self.sample, self.sent)
 
 

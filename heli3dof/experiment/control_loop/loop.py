@@ -3,9 +3,9 @@
     sample k → angles k → V[k] = controller(angles k, references k) → held until sample k+1
 
 Deadlines are absolute; the loop skips missed periods and never makes up for them
-(`heli3dof.experiment.control_loop.timekeeping`). Whatever ends the flight, the motors go to zero
-(`heli3dof.experiment.control_loop.ramp_down`). They follow a ramp if the last voltages are near the
-hover voltage, else they go to zero at once. The loop records these periods, too.
+(`heli3dof.experiment.control_loop.timekeeping`). At the end of every flight the loop takes the
+motor voltages to zero (`heli3dof.experiment.control_loop.ramp_down`): by a ramp if they are near
+the hover voltage, else at once. The loop also records the periods of the ramp.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from heli3dof.rig.trip import Trip
 REMEMBERED_S = 4.0
 """s of motion before a trip that the search for a wiring fault uses"""
 BRIDGED = 500
-"""Largest number of skipped periods that the controller steps through (of more, the last): many
-times the memory of its filters. At 500 Hz they last 1 s, in which every watchdog expires."""
+"""Largest number of skipped periods for which the controller is run: many times the memory of its
+filters. At 500 Hz they last 1 s, in which every watchdog expires."""
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
@@ -83,7 +83,7 @@ def fly(
     at_once: Callable[[], str | None] = lambda: None,
     live: Live | None = None,
     monitors: Sequence[Monitor] = (),
-    must_still_fall: Callable[[], bool] = lambda: False,
+    awaits_fall: Callable[[], bool] = lambda: False,
 ) -> Outcome:
     """Fly the rendered plan in closed loop, ramp the motors to zero, and return the outcome.
 
@@ -93,20 +93,20 @@ def fly(
     Args:
         signals: the rendered plan: references and added voltages of each control period.
         sink: receives a row for every control period.
-        stop: returns why to end the flight, or None. Called in every period of the plan, and of
-            the ramp to zero if the plan was completed.
+        stop: returns why to end the flight, or None. Called in every period of the plan. If the
+            plan was completed, called also in every period of the ramp to zero.
         at_once: returns why to stop the device without the rest of the ramp to zero, or None.
             Called in every period of the ramp.
         live: receives the progress.
-        monitors: each judges every period in which ``stop`` is called, before the envelope does.
-        must_still_fall: returns True while the roll count is constant above the table. Called
-            after the ramp of a completed plan: at zero volts a live roll encoder shows the arm
-            fall. While it returns True, the loop holds zero volts, for `ramp_down.FALL_S` at most.
+        monitors: safety monitors; they judge the periods in which ``stop`` is called.
+        awaits_fall: returns True if the arm must fall at zero volts, but the roll count does not
+            change: the encoder may be dead. Called after the ramp of a completed plan. While it
+            returns True, the loop holds zero volts, for `ramp_down.FALL_S` at most.
     """
     flight = _Flight(rig, profile, signals, sink, stop, live or Live(), monitors)
     with _granted(rig.identity) as granted:
         end, sample = flight.fly_plan()
-        end, ramp = flight.ramp_down(end, sample, at_once, must_still_fall)
+        end, ramp = flight.ramp_down(end, sample, at_once, awaits_fall)
         return flight.outcome(end, ramp, granted)
 
 
@@ -139,7 +139,7 @@ class _Flight:
         """(t in s, angles in rad, V at the motors) of the last periods"""
 
     def fly_plan(self) -> tuple[_End, Sample | None]:
-        """Fly the plan; return how it ended, and the last sample (None: the device gave none)."""
+        """Fly the plan; return its end, and the last sample (None: the device does not answer)."""
         sample: Sample | None = None
         live = self.live
         live.total = len(self.reference)
@@ -166,7 +166,7 @@ class _Flight:
         end: _End,
         sample: Sample | None,
         at_once: Callable[[], str | None],
-        must_still_fall: Callable[[], bool],
+        awaits_fall: Callable[[], bool],
     ) -> tuple[_End, RampDown]:
         """Ramp to zero from the last ``sample``; return how flight and ramp ended.
 
@@ -180,8 +180,8 @@ class _Flight:
         if completed:
             supervision = Supervision(
                 monitor=self.judge_ramp,
-                asked_to_end=lambda: self.stop() or recorder.problem,
-                must_still_fall=must_still_fall,
+                reason_to_shorten=lambda: self.stop() or recorder.problem,
+                awaits_fall=awaits_fall,
                 shortened_steps=steps,
             )
             steps = self.steps(limits.landing_s)
@@ -197,8 +197,8 @@ class _Flight:
     def outcome(self, end: _End, ramp: RampDown, granted: Realtime | None) -> Outcome:
         """Return the flight's outcome; it names a wiring fault if one explains a safety trip.
 
-        ``end``, ``ramp``: how the plan and the ramp ended. ``granted``: the real-time settings
-        that the system granted; None on a virtual clock.
+        ``end``, ``ramp``: how the plan and the ramp ended. ``granted``: which real-time settings
+        the system granted; None on a virtual clock.
         """
         detail, tally = end.detail, self.tally
         if end.ending == "tripped" and isinstance(detail, Trip) and detail.by_motion:
@@ -253,12 +253,13 @@ class _Flight:
         return after, None
 
     def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:
-        """Run the controller for period ``k``; return the reference (rad) and three voltages (V).
+        """Run the controller for period ``k``; return the reference and three pairs of voltages.
 
-        The voltages, each (front, back), are in this order: the voltage that the plan adds, the
-        controller's output before the limiter, and after it. ``angle``: measured angles in rad.
+        The reference is in rad. The pairs (front, back), in V, are: the voltages that the plan
+        adds, the controller's output before the limiter, its output after the limiter.
+        ``angle``: measured angles in rad.
         """
-        # Plain floats from here on, made row by row: an hour of them would fill the memory.
+        # Plain floats, converted row by row: those of an hour would fill the memory.
         reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
         if self.opened is None:
             return (reference, extra, *self.controller.step(angle, reference, extra))
@@ -303,8 +304,8 @@ class _Flight:
     ) -> str | None:  # fmt: skip
         """Return the first report of a safety monitor on the period with index k, or None.
 
-        ``t``: s in the flight; angle in rad; command and voltage in V, before and after the
-        limiter; ``ramping_down``: True in the ramp to zero.
+        ``t``: time in the flight (s); ``angle`` in rad; ``command``, ``voltage`` in V, before and
+        after the limiter; ``ramping_down``: True in the ramp to zero.
         """
         if not self.monitors:
             return None
@@ -361,10 +362,10 @@ def _after_ramp(end: _End, ramp: RampDown) -> _End:
 
 @contextmanager
 def _granted(identity: Identity) -> Iterator[Realtime | None]:
-    """Context manager: request the real-time settings; yield those that the system granted.
+    """Context manager: request the real-time settings; yield which of them the system granted.
 
-    On a virtual clock no setting is requested, and None is yielded. ``identity``: what the device
-    reports about itself.
+    ``identity``: the device's. On a virtual clock only garbage collection and the interpreter's
+    thread switching are set, and None is yielded.
     """
     with ExitStack() as undo:
         if identity.timebase == "virtual":

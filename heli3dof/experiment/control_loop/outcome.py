@@ -32,7 +32,7 @@ class Punctuality:
     p999_s: float
     worst_s: float
     late_share: float
-    """Share of all periods whose sample came later than `LATE_S`, or which the host missed"""
+    """Share of the flown and missed periods that were missed, or late by more than `LATE_S`"""
     turnaround_median_s: float
     """s from a sample's arrival to sending the command computed from it"""
     turnaround_p999_s: float
@@ -61,7 +61,7 @@ class Outcome:
     punctuality: Punctuality | None = None
     """None on a virtual clock, or if no period was flown"""
     realtime: Realtime | None = None
-    """Real-time settings that the system granted; None on a virtual clock"""
+    """Which real-time settings the system granted; None on a virtual clock"""
     link: dict[str, Any] | None = None
     """Counters of the link to the rig (`link_counts`); None for a rig without counters"""
     device_skipped: int = 0

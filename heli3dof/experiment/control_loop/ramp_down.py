@@ -2,14 +2,17 @@
 
     V[i] = V_start · (1 − i/n),  i = 1 … n,  n = ramp time / dt
 
-    V_start = V_last   where |V_last,front − V_o| ≤ ½ V_h and |V_last,back − V_o| ≤ ½ V_h
-    V_start = 0        otherwise,                             V_h = max(|V_o|, v_max/8)
+    V_start = V_last   if |V_last,front − V_o| ≤ ½ V_h and |V_last,back − V_o| ≤ ½ V_h
+    V_start = 0        otherwise,                          V_h = max(|V_o|, v_max/8)
 
-V_last: last voltages sent; V_o: hover voltage of each motor; v_max: the amplifier's limit. From
-voltages near the hover voltage, a ramp sets the arm down. From other voltages, a ramp would drive
-the arm into the table or throw it (by up to 100° from 24 V, which a wrong encoder sign causes). So
-both motors go to zero at once. V depends on no angle, because wrong encoders may be why the flight
-ends. Comparison with other laws: `make bench TOPIC=ramp_down`.
+V: a motor's voltage (V); i: control periods of length dt since the start; V_last: last voltages
+sent; V_o: hover voltage of each motor; v_max: the amplifier's limit.
+
+From voltages near the hover voltage, a ramp sets the arm down. From other voltages, a ramp would
+drive the arm into the table or throw it upwards. (With a wrong encoder sign the controller may end
+at 24 V; a ramp from there throws the arm by up to 100°.) So both motors go to zero at once. V does
+not depend on the angles, because a faulty encoder may have ended the flight. Comparison with other
+laws: `make bench TOPIC=ramp_down`.
 
 * Periods that the host misses or the connection loses are skipped, so the ramp takes no longer.
 * If the device does not answer, or a second Ctrl-C arrives, the loop stops the device at once.
@@ -43,8 +46,8 @@ FALL_S = 2.0
 """s within which an arm without thrust reaches the table from any height (1 rad at 1 rad/s²)"""
 Pair = tuple[float, float]
 Record = Callable[[Sample, Pair, float, Sample], None]
-"""Records a period: its first sample, the voltages sent (V), that sample's lateness (s), the next
-sample"""
+"""Records a period, given its first sample, the voltages sent (V), the lateness of this sample (s)
+and the next sample"""
 
 
 @dataclass(frozen=True)
@@ -53,10 +56,10 @@ class Supervision:
 
     monitor: Callable[[Sample, Pair], str | None]
     """Judges each sample and the voltages (V) sent before it; returns why to shorten, or None"""
-    asked_to_end: Callable[[], str | None]
+    reason_to_shorten: Callable[[], str | None]
     """Returns why to shorten: a request of the user or a failure of the recorder; else None"""
-    must_still_fall: Callable[[], bool]
-    """Returns True while the roll count is constant above the table, so the arm must still fall"""
+    awaits_fall: Callable[[], bool]
+    """Returns True if the arm must fall, but the roll count is constant above the table"""
     shortened_steps: int
     """Control periods that the rest of a shortened ramp may take"""
 
@@ -84,8 +87,8 @@ class RampDown:
 def ramp_start(last: Pair, motor: Motor) -> Pair:
     """Return the voltages (front, back) in V at which the ramp to zero starts.
 
-    They are the voltages ``last`` (V) that were sent last if both are near the hover voltage of
-    ``motor``, else zero.
+    ``last``: the last voltages sent (V). The ramp starts there if both are near the hover voltage
+    of ``motor``, else at zero.
     """
     most = HOVER_BAND * motor.hover_V
     hovers = all(abs(volts - motor.V_o) <= most for volts in last)
@@ -135,7 +138,7 @@ def ramp_to_zero(
 
     Args:
         exchange: sends the commands and returns the samples.
-        sample: the last sample; None if the device does not answer, which is then stopped.
+        sample: the last sample; None if the device does not answer: it is then stopped at once.
         motor: the profile's motors; V_o and v_max decide where the ramp starts (`ramp_start`).
         record: records each period.
         at_once: returns why to stop the device without the rest of the ramp, or None.
@@ -158,13 +161,13 @@ def ramp_to_zero(
             supervision is not None
             and not hurried
             and ramp.left > -fall_steps
-            and supervision.must_still_fall()
+            and supervision.awaits_fall()
         ):
             if (reason := at_once()) is not None:
                 exchange.stop(reason)
                 return RampDown(False, reason, stopped=True)
             if supervision is not None:
-                requested = requested or supervision.asked_to_end()
+                requested = requested or supervision.reason_to_shorten()
                 if not hurried and (requested is not None or tripped is not None):
                     hurried = True
                     ramp.shorten(supervision.shortened_steps)

@@ -1,24 +1,24 @@
 """Real-time settings for the control loop, in force during a flight.
 
 =============  ==========================================  ======================================
-setting        purpose                                     permitted to
+setting        purpose                                     permission
 =============  ==========================================  ======================================
 scheduling     SCHED_FIFO: no ordinary program delays      rtprio in limits.d, or CAP_SYS_NICE
                the loop
 memory         mlockall: no page of the program has to be  memlock in limits.d, or CAP_IPC_LOCK
                read from the disk in flight
-idle states    a core wakes up at once                     users who may write
-                                                           /dev/cpu_dma_latency
+idle states    a core wakes up at once                     write access to /dev/cpu_dma_latency
 workers        the kernel's workers, which serve serial    CAP_SYS_NICE
                lines, run before programs (`workers`)
-timer          sleeps end within 1 µs, not 50              every user
-interpreter    no garbage collection; other threads give   every user
+timer          sleeps end within 1 µs, not 50              none needed
+interpreter    no garbage collection; other threads give   none needed
                way within 0.1 ms
 =============  ==========================================  ======================================
 
 The flight goes on without a setting that is not granted; `Realtime` reports the command that grants
-it. The loop must wait while another thread of this program holds the interpreter's lock. So the
-other threads, too, run under SCHED_FIFO, above all ordinary programs but below the loop.
+it. The loop must wait while another thread of this program holds the interpreter's lock, and no
+ordinary program may delay that thread. So the other threads, too, run under SCHED_FIFO, below the
+loop.
 """
 
 from __future__ import annotations

@@ -43,11 +43,11 @@ class RigExchange:
         self._time.start(sample)
         return sample
 
-    def exchange(self, since: Sample, voltage: tuple[float, float]) -> Sample:
-        """Send the voltages (V) computed from the sample ``since``; return the next sample.
+    def exchange(self, measured: Sample, voltage: tuple[float, float]) -> Sample:
+        """Send the voltages (V) computed from the sample ``measured``; return the next sample.
 
-        If a field of the next sample is not a valid number, the method returns ``since`` with the
-        next period's time.
+        If a field of the next sample is not a valid number, the method sets `unreadable`, and
+        returns ``measured`` with the next period's time.
         """
         time = self._time
         self.sequence = (self.sequence + 1) & 0xFFFFFFFF
@@ -59,14 +59,14 @@ class RigExchange:
         self.unreadable = unusable_sample(sample)
         if self.unreadable is not None:
             sample = replace(
-                since, device_time_s=since.device_time_s + self.dt, host_time_s=monotonic()
+                measured, device_time_s=measured.device_time_s + self.dt, host_time_s=monotonic()
             )
         time.arrived(sample, sent_s)
         self.echo.exchanged(self.sequence, sent_s, sample)
         self.lateness = time.lateness
         missed, lost, self.device_skipped = time.missed, time.lost, time.device_skipped
         self.skipped = missed + lost + self.device_skipped
-        turnaround = sent_s - since.host_time_s
+        turnaround = sent_s - measured.host_time_s
         self._tally.count(time.lateness, turnaround, missed, lost, self.device_skipped)
         return sample
 

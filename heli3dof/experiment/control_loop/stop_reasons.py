@@ -68,7 +68,7 @@ BY_CAUSE = {
 
 
 def explain(flags: int, device_cause: str | None = None) -> Trip | None:
-    """Return what stopped the device, with likely cause and fix; None if it is not stopped.
+    """Return what stopped the device, with likely cause and fix; None if nothing did.
 
     ``flags``: the flags of a sample; ``device_cause``: the cause that the device states.
     """

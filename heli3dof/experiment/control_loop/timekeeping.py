@@ -5,10 +5,10 @@ Deadlines due[k] of the samples k are absolute: due[k+1] = due[k] + dt, in s.
 =========  ==============================  ====================================================
 timebase   deadline of sample k            skipped periods
 =========  ==============================  ====================================================
-host       when the host requests it       missed: ⌊lateness / dt⌋ before a late sample
+host       due[k]: the host's request      missed: ⌊lateness / dt⌋ before a late sample
 device     by the device's clock, mapped   those that the link counted, or the jump of the
            to the host's (`ClockOffset`)   device's time in periods (`Instants`)
-virtual    when it arrives                 none
+virtual    its arrival                     none
 =========  ==============================  ====================================================
 
 A link that numbers its samples counts three kinds of skipped period in ``rig.statistics``:
@@ -17,9 +17,9 @@ A link that numbers its samples counts three kinds of skipped period in ``rig.st
 * ``device_skipped``: the device was busy and made no sample
 * ``samples_stale``: the sample came too late to be used; its period counts as missed
 
-Over any other link, the jump of the device's time gives the number of skipped periods. If the link
-counts lost samples, that many of the periods count as lost. If the link has no such count, those
-periods count as lost that were due after the host began to wait. All others count as missed.
+Over any other link, the jump of the device's time gives the number of skipped periods. Of these,
+as many count as lost as the link has counted lost samples. Without such a count, the periods that
+were due after the host began to wait count as lost. All others count as missed.
 
 The plan's index k advances by skipped periods, too, so the references follow real time. Lateness
 counts from the first deadline that the host did not meet. With the host and the device timebase, a

@@ -1,4 +1,4 @@
-"""Raises the priority of the kernel's unbound workers, which deliver a serial line's bytes.
+"""Raises the priority of the kernel workers that deliver a serial line's bytes.
 
 The kernel passes on what a tty driver or a pseudo-terminal receives (``flush_to_ldisc``) in a
 *kernel worker* (``kworker/u…``). This thread waits for a processor core among ordinary programs,
@@ -31,7 +31,7 @@ def raise_workers(undo: ExitStack) -> tuple[Check, ...]:
     if not hasattr(os, "sched_setscheduler"):
         return ()
     workers = _workers()
-    # A flight that was killed leaves the workers raised; this one puts them back.
+    # A killed flight leaves the workers at `PRIORITY`; this flight lowers them at its end.
     raised = (os.SCHED_FIFO, PRIORITY)
     ordinary = [pid for pid in workers if _policy(pid) in ((os.SCHED_OTHER, 0), raised)]
     try:

@@ -1,6 +1,6 @@
 """Safety monitors: each judges every control period and reports why the flight must end now.
 
-Each monitor is a subclass of `SafetyMonitor` in a file of its own here. A monitor's report is
+Each monitor is a subclass of `SafetyMonitor` in a file of this package. A monitor's report is
 stored in the recording and ends the flight with a ramp to zero, or at once
 (`SafetyMonitor.at_once`). No monitor changes a command. Limits: the profile's ``[limits]``.
 
@@ -25,7 +25,7 @@ class SafetyMonitor(ABC):
     """Base class of safety monitors, which judge every control period of one flight."""
 
     order: ClassVar[int]
-    """Monitors judge a period by rising order; the first report ends the flight."""
+    """The monitors judge a period in ascending ``order``; the first report ends the flight."""
 
     @abstractmethod
     def __init__(self, profile: Profile) -> None: ...
@@ -38,8 +38,8 @@ class SafetyMonitor(ABC):
         """Return why the device must be stopped at once, without a ramp to zero, or None."""
         return None
 
-    def must_still_fall(self) -> bool:
-        """Return True if the arm must still fall after the ramp; the loop then holds 0 V."""
+    def awaits_fall(self) -> bool:
+        """Return True if the arm must fall after the ramp, but the encoder does not show it yet."""
         return False
 
 
@@ -49,7 +49,7 @@ class FlightMonitors:
 
     each_period: tuple[Monitor, ...]
     at_once: Callable[[], str | None]
-    must_still_fall: Callable[[], bool]
+    awaits_fall: Callable[[], bool]
 
 
 @cache
@@ -73,5 +73,5 @@ def monitors_for(profile: Profile) -> FlightMonitors:
     return FlightMonitors(
         monitors,
         lambda: next(filter(None, (monitor.at_once() for monitor in monitors)), None),
-        lambda: any(monitor.must_still_fall() for monitor in monitors),
+        lambda: any(monitor.awaits_fall() for monitor in monitors),
     )

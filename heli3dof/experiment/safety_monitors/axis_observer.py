@@ -34,7 +34,7 @@ BANDWIDTH = (15.0, 22.0, 15.0)
 """Ω in rad/s for roll, pitch, yaw: faster than the loop's own motion (1 to 5 rad/s). At 500 Hz one
 count of quantisation moves the rate by less than 10 counts/s."""
 LONGEST_GAP_S = 0.25
-"""s without a sample after which the observers start again"""
+"""s without a sample after which the observers restart"""
 
 
 class ExpectedAcceleration:
@@ -58,8 +58,8 @@ class ExpectedAcceleration:
     def typical(self) -> tuple[float, float, float]:
         """Return a typical size of the acceleration α, in rad/s², for roll, pitch and yaw.
 
-        The motors are at the hover voltage `hover_V`: both motors for roll, one motor for pitch.
-        For yaw, both motors, with the body at the pitch angle `TILT`.
+        Roll: both motors at the hover voltage `hover_V`, without gravity. Pitch: one motor at this
+        voltage. Yaw: both motors at this voltage, and the body pitched by `TILT`.
         """
         return (
             2 * self.roll_per_V * self.hover_V,

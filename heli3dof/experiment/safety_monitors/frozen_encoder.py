@@ -33,8 +33,8 @@ On the table friction may hold pitch and yaw, so they are not judged. Roll is ju
 under a thrust that lifts every known rig. An axis at a mechanical stop is reported as such, and is
 not judged during the ramp to zero.
 
-False alarms: 0 in 10 h (half calm, half plan `rich`) on rigs that differ by ±15 % from the profile;
-detection times: docs/results/benchmarks.md, `make bench TOPIC=watches`.
+False alarms: 0 in 10 h (half in hover, half in plan `rich`) on rigs that differ by ±15 % from the
+profile; detection times: docs/results/benchmarks.md, `make bench TOPIC=watches`.
 """
 
 from __future__ import annotations
@@ -151,8 +151,8 @@ class FrozenEncoder(SafetyMonitor):
                 return trip
         return None
 
-    def must_still_fall(self) -> bool:
-        """Return True if the arm is above the table and roll's count constant for `LIVE_S`."""
+    def awaits_fall(self) -> bool:
+        """Return True if the arm is above the table and the roll count constant for `LIVE_S`."""
         return self._airborne and self._axes[0].still_s > LIVE_S
 
     def _report(self, i: int, now: Period) -> Trip | None:
@@ -204,7 +204,7 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, angle: float) -> None:
-        """Restart the observer at rest at ``angle`` (rad); keep the friction estimates."""
+        """Restart the observer at rest at ``angle`` (rad) and ``count``; keep F and C."""
         self._observer.restart(angle)
         self.count = count
         self._bias = self._bias_s = 0.0
@@ -235,7 +235,7 @@ class _Axis:
         """Update roll by a sample, taken while the arm is near its rest angle on the table.
 
         ``h``: s since the last sample; ``angle``: the encoder's angle in rad. ``lift`` (rad/s²):
-        acceleration by the part of the thrust above the thrust that lifts every known rig.
+        acceleration by the thrust in excess of the thrust that lifts every known rig.
         """
         if count != self.count:
             self.restart(count, angle)

@@ -4,8 +4,9 @@ A sample is late if it came more than ``late_max_s`` after its deadline. The mon
 share of late samples within the last second exceeds ``late_max_share``. Periods that the host
 missed or the line lost just before a late sample count as late samples, too.
 
-Even on a busy host, some commands are echoed quickly. If the 10 % quantile of the last second's
-command-to-echo latencies exceeds `SLOW_PERIODS`, the report names the link or the device as cause.
+A busy host delays some commands, a slow link or device delays all of them. So the report names the
+link or the device as the cause if the 10 % quantile of the last second's command-to-echo latencies
+exceeds `SLOW_PERIODS` control periods.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from heli3dof.rig.trip import Trip
 WINDOW_S = 1.0
 """s of flight over which late periods are counted"""
 QUICKEST = 0.1
-"""Quantile of the last second's command-to-echo latency by which the link is judged: a busy host is
-in time in more than this share of periods, or else the device's watchdog expires first"""
+"""Quantile of the last second's command-to-echo latency by which the link is judged. A busy host is
+in time in a larger share of the periods; if not, the device's watchdog expires first"""
 SLOW_PERIODS = 1.5
 """Periods: half-way between a command echoed by the next sample (1) and by the one after (2)"""
 

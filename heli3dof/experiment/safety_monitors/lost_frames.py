@@ -31,7 +31,7 @@ class LostFrames(SafetyMonitor):
         self._unacknowledged = 0
 
     def __call__(self, now: Period) -> str | None:
-        # Periods that the host itself was too late for are no loss on the line.
+        # Periods that the host itself missed are no loss on the line.
         lost = now.skipped - int(now.lateness / self._dt + 1e-6)
         if lost > self._most:
             gap_ms = 1e3 * (1 + lost) * self._dt

@@ -1,7 +1,7 @@
 """Detects a motor that was commanded beyond its limit for longer than ``saturated_max_s``.
 
 While |command| > v_max the control loop is open and the integrators wind up: the rig does not
-follow the plan. The time starts again after the command was below the limit for a tenth of
+follow the plan. The time restarts at zero once the command has been below the limit for a tenth of
 ``saturated_max_s``. A sample with the device's flag SATURATED counts for both motors.
 """
 

@@ -7,9 +7,9 @@ standstills lasts longer than T is about N exp(−λ T). This probability is bel
     T > L (1 + ln(1/ε) / ln N)
 
 Pitch and yaw are judged during the ramp to zero while the arm is in the air, on standstills of two
-seconds and more. Without the controller, an axis with a live encoder drifts away. Roll must fall
-then, and `FrozenEncoder` judges it. An axis that did not wander to and fro before is not reported,
-because dry friction may hold it.
+seconds and more. In the ramp the loop is open, so these axes drift, and a working encoder shows it.
+An axis that did not wander to and fro before is not reported, because dry friction may hold it.
+`FrozenEncoder` judges roll in the ramp, because the arm must fall.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from heli3dof.experiment.safety_monitors.frozen_encoder import frozen_trip
 from heli3dof.rig.profile import Profile
 
 FALSE_ALARM = 1e-3
-"""ε: share of ramps in which a live axis may be reported"""
+"""ε: share of ramps in which a working encoder may be reported"""
 CALM = 4
 """counts: an axis is calm while its count varies by no more than this within `WINDOW_S`"""
 WINDOW_S = 1.0
@@ -33,7 +33,7 @@ PIECES = 10
 STANDSTILLS, REVERSALS = 10, 3
 """Least numbers of calm standstills and of reversals that show that an axis wanders"""
 LEAST_S = 2.0
-"""s, lower bound of T: without the controller, random torques alone move a live axis by a count
+"""s, lower bound of T: without the controller, random torques alone move an axis by a count
 within 1.2 s (measured on emulated rigs)"""
 SHORTEST_S = 0.01
 """s: a shorter standstill belongs to a limit cycle on one count and is not counted"""
@@ -116,7 +116,7 @@ class _Axis:
         self._way = way
 
     def longest_credible_s(self) -> float:
-        """Return the longest standstill in s that a live encoder may show (see the module).
+        """Return in s how long a working encoder may stand still (T in the module).
 
         It is infinite for an axis that has not yet moved to and fro enough.
         """

@@ -116,7 +116,7 @@ HYPOTHESES = (NORMAL, *FAULTS)
 
 
 def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
-    """Return the wiring fault that clearly best explains the motion before a trip, or None.
+    """Return the wiring fault that explains the motion before a trip; None if none clearly does.
 
     ``moments``: the last control periods before the safety trip.
     """
@@ -129,12 +129,14 @@ def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
         return FAULTS[0]
     expected = ExpectedAcceleration(profile)
     unmodelled = UNKNOWN * np.array(expected.typical)
-    seen = {fault.what: _seen(fault, angle, applied, profile, expected) for fault in HYPOTHESES}
+    accelerations = {
+        fault.what: _accelerations(fault, angle, applied, profile, expected) for fault in HYPOTHESES
+    }
     for window_s in WINDOWS_S:
         windows = _windows(t, angle, profile, window_s)
         scores = {
             what: _score(t, angle, alpha, windows, profile, unmodelled)
-            for what, alpha in seen.items()
+            for what, alpha in accelerations.items()
         }
         best, second = sorted(FAULTS, key=lambda f: -scores[f.what])[:2]
         sure = scores[best.what] - scores[NORMAL.what] > SURE
@@ -186,7 +188,7 @@ def _windows(
     return rows_of
 
 
-def _seen(
+def _accelerations(
     fault: Fault,
     angle: np.ndarray,
     applied: np.ndarray,
@@ -200,8 +202,8 @@ def _seen(
     rest, sign = profile.encoder.rest_rad, np.array(fault.sign)
     true = (rest + sign * (angle - rest)).tolist()
     volts = (np.array(fault.mix, dtype=float) @ applied.T).tolist()
-    seen: np.ndarray = sign * np.array([expected(*m) for m in zip(true, *volts, strict=True)])
-    return seen
+    shown: np.ndarray = sign * np.array([expected(*m) for m in zip(true, *volts, strict=True)])
+    return shown
 
 
 def _score(

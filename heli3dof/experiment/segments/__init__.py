@@ -119,7 +119,7 @@ class FreeSegment(BaseSegment):
     learn_s: Annotated[
         Finite,
         Field(ge=0),
-        Key("hover time whose mean voltage is kept; 0: the voltage an earlier one kept", "s"),
+        Key("hover time whose mean voltage is stored; 0: use the last stored voltage", "s"),
     ] = 4.0
 
     def opened_after(self, clock: Clock, axis: int, approach_s: float) -> np.ndarray:

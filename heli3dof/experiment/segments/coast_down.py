@@ -24,7 +24,7 @@ from heli3dof.toml_file import Finite, Key, Positive
 
 class Segment(FreeSegment):
     kind: Literal["coast-down"] = "coast-down"
-    rate_deg_per_s: Annotated[Finite, Key("yaw rate at its release", "°/s")] = 18.0
+    rate_deg_per_s: Annotated[Finite, Key("yaw rate when the loop opens", "°/s")] = 18.0
     spin_s: Annotated[Positive, Key("time to come up to speed", "s")] = 6.0
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -28,7 +28,7 @@ class Segment(BaseSegment):
     band_Hz: Band = (0.05, 5.0)
     common_V: Annotated[Finite, Key("RMS on both motors alike", "V")] = 0.5
     difference_V: Annotated[Finite, Key("RMS on front, opposite on back", "V")] = 0.5
-    tilt: Annotated[Finite, Key("lines fall as 1/frequency to this power", "–")] = 0.0
+    tilt: Annotated[Finite, Key("amplitudes fall as 1/frequency to this power", "–")] = 0.0
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         f0 = 1 / (clock.n * clock.dt)

@@ -26,9 +26,9 @@ from heli3dof.toml_file import Finite, Key, Positive
 class Segment(FreeSegment):
     kind: Literal["ring-down"] = "ring-down"
     displacement_deg: Annotated[
-        Finite, Key("roll, above its reference, at which it is let go", "°")
+        Finite, Key("roll above its reference when the loop opens", "°")
     ] = 8.0
-    settle_s: Annotated[Positive, Key("time to get there", "s")] = 5.0
+    settle_s: Annotated[Positive, Key("time to reach it", "s")] = 5.0
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         reference, extra = super().render(clock, before)

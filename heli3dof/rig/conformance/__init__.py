@@ -1,4 +1,4 @@
-"""Tests the requirements on every driver: test cases that run on any device URL.
+"""Test cases for the requirements that every driver must meet; they run on any device URL.
 
 In a driver's own tests::
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from heli3dof.rig.doctor import RECORDINGS, checks_of, verdict
 from heli3dof.rig.interface import Check
 
-ROOM_BYTES = 1 << 30
+LEAST_FREE_BYTES = 1 << 30
 """bytes that must be free: a flight of 10 min takes about 15 MB, its analysis as much again"""
 PIECE_BYTES = 32 * 1024
 """bytes, about as many as the recorder writes at a time"""
@@ -21,16 +21,16 @@ SLOW_S = 0.3
 """s: a longer median is reported; a power failure loses data that is not yet on the disk"""
 
 
-def room(folder: Path) -> Check:
+def free_space(folder: Path) -> Check:
     """Check that the disk of ``folder`` has enough free space."""
     what = "room for recordings"
     free = shutil.disk_usage(folder).free
     found = f"{free / 1e9:.1f} GB free in {folder}"
     fix = f"make room, or record elsewhere with -o; df -h {folder}"
-    return verdict(what, found, free >= ROOM_BYTES, fix)
+    return verdict(what, found, free >= LEAST_FREE_BYTES, fix)
 
 
-def to_disk(folder: Path) -> Check:
+def write_time(folder: Path) -> Check:
     """Check the time to write a file in ``folder`` and force it to the disk (fsync)."""
     what = "time to the disk"
     try:
@@ -45,7 +45,7 @@ def to_disk(folder: Path) -> Check:
 
 
 GROUP = RECORDINGS
-CHECKS: tuple[Callable[[Path], Check], ...] = (room, to_disk)
+CHECKS: tuple[Callable[[Path], Check], ...] = (free_space, write_time)
 
 
 def checks(folder: Path) -> Iterator[Check]:

@@ -67,7 +67,7 @@ def listen(rig: StoppableRig, profile: Profile) -> Opened:
 
 
 def identity(opened: Opened) -> Check:
-    """Check that the device's counts per revolution and voltage limit suit the profile."""
+    """Check the device's counts per revolution and voltage limit against the profile's."""
     found, profile = opened.rig.identity, opened.profile
     e = profile.encoder
     stated = (

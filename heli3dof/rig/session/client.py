@@ -1,4 +1,4 @@
-"""Lists the running sessions from another process, and requests a stop or the state.
+"""Lists the running sessions of other processes; requests a stop or the rig's state from them.
 
 A session is a process that uses a rig. It describes itself in the holder file of its lock
 (`heli3dof.rig.session.locks`). A session is alive if its socket accepts a connection. The socket of
@@ -41,8 +41,8 @@ class Running:
     lock: Path
 
 
-def listed(device: str | None = None) -> list[Running]:
-    """Return the sessions that holder files of locks describe, also those of killed processes.
+def recorded_sessions(device: str | None = None) -> list[Running]:
+    """Return every session with a holder file, even if its process was killed.
 
     ``device``: URL of the rig that the sessions use; None: any rig.
     """
@@ -61,7 +61,7 @@ def running(device: str | None = None) -> list[Running]:
     ``device``: URL of the rig that the sessions use; None: any rig; ``mock:``: any emulated rig.
     """
     alive = []
-    for session in listed(device):
+    for session in recorded_sessions(device):
         if lives(session):
             alive.append(session)
         elif session.private:
@@ -73,17 +73,21 @@ def running(device: str | None = None) -> list[Running]:
 
 
 class Request:
-    """A request to a session (a process that uses a rig). The constructor sends the request."""
+    """A request to a session (a process that uses a rig). The constructor sends the request.
 
-    def __init__(self, session: Running, question: Mapping[str, Any]) -> None:
+    ``content``: the request's keys and values, without the session's key. If it is empty, the
+    constructor only connects to the session.
+    """
+
+    def __init__(self, session: Running, content: Mapping[str, Any]) -> None:
         self.session = session
-        self.asked_s = time.monotonic()
+        self.sent_s = time.monotonic()
         self.timed_out = False
         self._line: socket.socket | None = None
         try:
             self._line = socket.create_connection(("127.0.0.1", session.port), CONNECT_S)
-            if question:
-                text = json.dumps({"key": session.key, **question})
+            if content:
+                text = json.dumps({"key": session.key, **content})
                 self._line.sendall(text.encode() + b"\n")
         except TimeoutError:
             self.timed_out = True
@@ -98,7 +102,7 @@ class Request:
         text = b""
         try:
             while not text.endswith(b"\n"):
-                left = self.asked_s + timeout_s - time.monotonic()
+                left = self.sent_s + timeout_s - time.monotonic()
                 line.settimeout(max(left, 1e-3))
                 piece = line.recv(LONGEST_ANSWER)
                 if not piece:
@@ -112,12 +116,12 @@ class Request:
         return answer if isinstance(answer, dict) else None
 
     @property
-    def taken(self) -> bool:
-        """Return True if the session accepted the connection, even if it does not answer.
+    def accepted(self) -> bool:
+        """Return True if the session is alive: it accepted the connection or holds its lock.
 
-        The system accepts connections for a hanging process, but only a limited number. Windows
-        takes seconds to refuse a connection. So after a timeout, the lock on the rig decides
-        whether the session is alive.
+        The lock is checked only if the connection timed out, which does not show that the process
+        has ended. For a hanging process the system accepts only a limited number of connections,
+        and Windows takes seconds to refuse a connection.
         """
         return self._line is not None or (self.timed_out and is_held(self.session.lock))
 
@@ -129,11 +133,11 @@ class Request:
 
 
 def lives(session: Running) -> bool:
-    """Return True if the session still accepts connections."""
-    question = Request(session, {})
-    taken = question.taken
-    question.close()
-    return taken
+    """Return True if the session's process is alive, even if it hangs."""
+    request = Request(session, {})
+    accepted = request.accepted
+    request.close()
+    return accepted
 
 
 def state(session: Running, timeout_s: float = 0.2) -> dict[str, Any] | None:

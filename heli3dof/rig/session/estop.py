@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 
 from heli3dof.errors import DeviceError, Heli3dofError, UsageError
 from heli3dof.rig.drivers import check_url, find_rigs, is_private, load_driver
-from heli3dof.rig.session.client import Request, listed
+from heli3dof.rig.session.client import Request, recorded_sessions
 from heli3dof.rig.session.known_devices import is_known, remembered, serials_at
 from heli3dof.rig.session.locks import is_held
 from heli3dof.rig.session.paths import device_name
@@ -60,18 +60,18 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
     try:
         with suppress(OSError):  # e.g. a full disk: running sessions can still be stopped
             leave_stamp([ALL] if device is None else names_of(device, serials_at(device)), reason)
-        sessions = listed(device)
+        sessions = recorded_sessions(device)
     except DeviceError:
         # The folder is another user's, so it shows no sessions; devices can still be stopped.
         sessions = []
     requests = [Request(s, {"do": "estop", "reason": reason}) for s in sessions]
-    questions = [q for q in requests if q.taken]
-    results = [stopped for q in questions if (stopped := _await(q, start)) is not None]
+    alive = [request for request in requests if request.accepted]
+    results = [stopped for each in alive if (stopped := _await(each, start)) is not None]
     if device is not None:
         if not results and not is_private(device):
             results = [_directly(device, start)]
         return results, []
-    held = {device_name(q.session.device) for q in questions}
+    held = {device_name(request.session.device) for request in alive}
     found_now = [url for _, urls, problem in find_rigs() if problem is None for url in urls]
     # A remembered URL replaces a found one: it has the options that the device needs.
     free = {device_name(u): u for u in (*found_now, *remembered()) if not is_private(u)}
@@ -83,16 +83,16 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
     return results + _all_directly(known, start), left_out
 
 
-def _await(question: Request, start: float) -> Stopped | None:
+def _await(request: Request, start: float) -> Stopped | None:
     """Wait for a session's answer to a stop request, and return the result.
 
     Without an answer, the driver stops a real rig directly. An emulated rig exists only in the
-    session's process. If that has ended without an answer, the result is None: nothing is left to
-    stop. ``start``: when the stop began, in s (monotonic).
+    session's process. If this process has ended without an answer, nothing is left to stop, and the
+    result is None. ``start``: when the stop began, in s (monotonic).
     """
-    session = question.session
+    session = request.session
     who = f"pid {session.pid} (`{session.doing}`)"
-    answer = question.answer(PATIENCE_S) or {}
+    answer = request.answer(PATIENCE_S) or {}
     if "stopped" in answer:
         how = f"{who} stopped it {answer['stopped']}"
         return Stopped(session.device, True, how, time.monotonic() - start, True)
@@ -152,13 +152,13 @@ class EstopResult:
     unconfirmed: list[Stopped] = field(default_factory=list)
     """Results of the devices that did not confirm the stop"""
     skipped: list[str] = field(default_factory=list)
-    """URLs of ports at which no rig was ever opened: nothing was sent to them"""
+    """URLs of ports at which no rig is known: nothing was sent to them"""
 
     def raise_if_not_stopped(self, device: str | None = None) -> None:
         """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
 
-        ``device``: URL of the rig to stop; None: all. With None, if any rig was stopped, devices
-        without a session need not confirm: they may be no rigs.
+        ``device``: URL of the rig to stop; None: all rigs. If all rigs are to be stopped and one
+        was stopped, an unconfirmed device without a session is no error: it may be no rig.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:

@@ -1,8 +1,9 @@
 """Records where rigs were opened, so that ``heli3dof estop`` stops only rigs.
 
 A serial port may lead to any instrument, and bytes that stop a rig may start another instrument. A
-*place* is a device URL's scheme with the device's persistent name, or else with the URL's address.
-A place is known to be a rig's if one of these applies:
+*place* is the scheme of a device URL, followed by the device's persistent name. If the driver has
+no such name, the URL's address follows instead. A place is known to be a rig's if one of these
+applies:
 
 - The search of the URL's driver returns only rigs. (A driver whose search also returns other
   instruments has a method ``is_rig``: it is a `RecognisesRigs`.)

@@ -110,7 +110,7 @@ class Session:
                 self.confirm("before it had armed its emulated rig")
 
     def begin_to_arm(self) -> str | None:
-        """Return None if the rig may be armed, else the reason of the stop that forbids it.
+        """Return None if the rig may be armed now, else the reason of the stop that forbids it.
 
         A stop forbids arming if it was requested from this session, or came after the program or
         call that uses the rig began (`heli3dof.rig.session.stop_stamp`). Call this method again

@@ -4,13 +4,13 @@
                                       time: of the stop, ns on the host's monotonic clock
 
 Such a file is the *stamp* of a stop; it contains the reason and the computer's boot identifier. An
-*invocation* of heli3dof starts flights: the run of a program, or a call. A flight must not arm if
+*invocation* is the run of a program, or the call, that starts a flight. A flight must not arm if
 
     start of its invocation ≤ time of a stop of its rig ≤ now
 
-A stop writes its stamp before it looks for sessions (processes that use a rig). A flight looks for
-stamps after its session is visible. So either the stop finds the session, or the flight finds the
-stamp.
+A stop writes its stamp before it looks for sessions (processes that use a rig). A flight creates
+its session before it looks for stamps. So either the stop finds the session, or the flight finds
+the stamp.
 
 When an invocation began:
 
@@ -80,7 +80,7 @@ def leave_stamp(names: Iterable[str], reason: str) -> None:
 
 
 def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
-    """Return the reason of a stop since ``began_ns``, which forbids arming; None without a stop.
+    """Return the reason of a stop since ``began_ns`` that forbids arming; None without a stop.
 
     ``began_ns``: when the program or call began, in ns on the host's monotonic clock; ``names``:
     the rig's, from `names_of`.

@@ -1,12 +1,14 @@
 """Wraps a rig: other processes can stop it, and its encoder counts are zero at the rest angles.
 
-An emergency stop that another process requests ends the loop by the samples' flag ESTOP::
+If another process requests an emergency stop, the next calls do this::
 
-    exchange(command):   requested?  →  estop and confirmation to the requester, once;
-                                     zero volts from then on
-    arm():               requested, or a stop since the program began
-                         (`heli3dof.rig.session.stop_stamp`)?
-                         →  SafetyTrip, since arming would clear the stop
+    exchange(command), read():   stop the device and confirm the stop to the requester, once;
+                                 exchange sends zero volts instead of the command
+    arm():                       stop the device and raise SafetyTrip, since arming would clear
+                                 the stop; also if a stop came since the program began
+                                 (`heli3dof.rig.session.stop_stamp`)
+
+The samples then have the flag ESTOP, which ends the control loop.
 
 The stop acts within one control period of the request, in every phase of a flight, also in the ramp
 to zero. `StoppableRig.arm` checks before and after it arms. A rig with several attempts to arm

@@ -18,7 +18,7 @@ from heli3dof_drivers.link.serial_ports import (
     is_known,
     lockers,
     permission_fix,
-    plugged_in,
+    persistent_name,
 )
 
 from heli3dof.errors import UsageError
@@ -87,21 +87,21 @@ def test_a_device_is_named_by_its_serial_number(monkeypatch, tmp_path):
     port.touch()
     link.symlink_to(port)
     on_usb(monkeypatch, port, vid=0x2341, pid=0x43, serial_number="A1")
-    assert plugged_in(str(port)) == plugged_in(str(link)) == "2341:0043 A1"
+    assert persistent_name(str(port)) == persistent_name(str(link)) == "2341:0043 A1"
     on_usb(monkeypatch, port, vid=0x1A86, pid=0x7523)
-    assert plugged_in(str(port)) == "1a86:7523 at 1-2"
-    assert plugged_in("/dev/ttyS0") == "/dev/ttyS0"
+    assert persistent_name(str(port)) == "1a86:7523 at 1-2"
+    assert persistent_name("/dev/ttyS0") == "/dev/ttyS0"
 
 
 def test_a_later_pseudo_terminal_of_the_same_number_has_another_name():
     ours, theirs = os.openpty()
     path = os.ttyname(theirs)
-    first = plugged_in(path)
+    first = persistent_name(path)
     assert first.startswith(f"{path} of ")
-    assert plugged_in(path) == first
+    assert persistent_name(path) == first
     os.close(ours)
     os.close(theirs)
-    assert plugged_in(path) != first
+    assert persistent_name(path) != first
 
 
 def test_a_rig_is_known_by_the_usb_numbers_of_the_rule(monkeypatch, tmp_path):

@@ -27,7 +27,7 @@ class TooManyPeriods(SafetyMonitor):
     def __call__(self, now: Period) -> str | None:
         return f"period {now.k} is too many" if now.k > self._most else None
 
-    def must_still_fall(self) -> bool:
+    def awaits_fall(self) -> bool:
         return True
 """
 
@@ -70,10 +70,10 @@ def test_a_new_file_is_a_new_monitor() -> None:
     monitors = monitors_for(PROFILE)
     reports = [monitor(period(4)) for monitor in monitors.each_period]
     assert [report for report in reports if report] == ["period 4 is too many"]
-    assert monitors.must_still_fall()
+    assert monitors.awaits_fall()
 
 
 def test_each_flight_gets_new_monitors() -> None:
     first, second = monitors_for(PROFILE), monitors_for(PROFILE)
     assert not set(map(id, first.each_period)) & set(map(id, second.each_period))
-    assert (first.at_once(), first.must_still_fall()) == (None, False)
+    assert (first.at_once(), first.awaits_fall()) == (None, False)

@@ -169,7 +169,7 @@ def test_a_roll_that_does_not_fall_without_thrust_is_reported() -> None:
     at_s, report = first(frozen, ramp())
     assert at_s < 4.0
     assert "the roll encoder" in report
-    assert frozen.must_still_fall()
+    assert frozen.awaits_fall()
 
 
 @pytest.mark.parametrize(("axis", "within_s"), [("pitch", 10.0), ("yaw", 30.0)])

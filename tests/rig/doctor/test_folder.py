@@ -19,14 +19,14 @@ def test_a_missing_folder_is_judged_by_its_parent(tmp_path: Path):
 
 def test_a_full_disk_is_reported(monkeypatch, tmp_path):
     monkeypatch.setattr(folder.shutil, "disk_usage", lambda _: Usage(10**12, 10**12, 10**8))
-    check = folder.room(tmp_path)
+    check = folder.free_space(tmp_path)
     assert check.good is False
     assert "0.1 GB free" in check.found
 
 
 def test_a_slow_disk_is_reported(monkeypatch, tmp_path):
     monkeypatch.setattr(folder, "_once", lambda _: 0.5)
-    check = folder.to_disk(tmp_path)
+    check = folder.write_time(tmp_path)
     assert check.good is False
     assert "500.0 ms at the median" in check.found
 
@@ -36,6 +36,6 @@ def test_an_unwritable_folder_is_reported(monkeypatch, tmp_path):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(folder.tempfile, "TemporaryFile", refused)
-    check = folder.to_disk(tmp_path)
+    check = folder.write_time(tmp_path)
     assert check.good is False
     assert "permission denied" in check.found
