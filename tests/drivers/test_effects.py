@@ -196,6 +196,9 @@ def test_a_drift_takes_thrust_in_proportion_to_time():
     # The lost share 0.01 t of the thrust turns the arm: ṙ(1 s) = −T_g/J_roll · 0.01 · 1²/2,
     # a little less because the arm falls by 0.1°.
     assert p.truth.rate[0] == pytest.approx(-0.005 * T_g / J_roll, rel=1e-3)
+    # A negative thrust stays: q̈ = −2 T_g/J_roll.
+    pushed = plant("motor.thrust_drift:0.01", dt=SHORT)
+    assert acceleration(pushed, -V_o, -V_o)[0] == pytest.approx(-2 * T_g / J_roll, rel=1e-3)
 
 
 def test_ground_effect_increases_the_thrust_near_the_table_only():

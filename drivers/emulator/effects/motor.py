@@ -59,8 +59,9 @@ def supply_sag(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
 
 @kernel
 def thrust_drift(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
-    for i in range(2):
-        out[i] = max(0.0, out[i] * (1 - par[A] * s[T]))
+    left = max(0.0, 1 - par[A] * s[T])
+    out[0] *= left
+    out[1] *= left
 
 
 @kernel

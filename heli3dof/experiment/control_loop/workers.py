@@ -40,7 +40,7 @@ def raise_workers(undo: ExitStack) -> tuple[Check, ...]:
                 os.sched_setscheduler(pid, os.SCHED_FIFO, os.sched_param(PRIORITY))
                 undo.callback(_lower, pid)
     except OSError:
-        found = "ordinary threads: on a busy computer a serial line is late, whatever is granted"
+        found = "ordinary threads: on a busy computer a serial line is late despite other settings"
         return (Check(WHAT, found, None, BY_HAND),)
     return (Check(WHAT, "in real time, below the loop", True),) if workers else ()
 

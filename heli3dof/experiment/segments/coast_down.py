@@ -38,4 +38,4 @@ class Segment(FreeSegment):
 
     def details(self) -> str:
         free_s = self.free_s(self.spin_s)
-        return f"let go of {self.rate_deg_per_s:g}°/s for {free_s:g} s"
+        return f"released at {self.rate_deg_per_s:g}°/s for {free_s:g} s"

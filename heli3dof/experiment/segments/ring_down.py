@@ -41,4 +41,4 @@ class Segment(FreeSegment):
 
     def details(self) -> str:
         free_s = self.free_s(self.settle_s)
-        return f"let go of {self.displacement_deg:g}° for {free_s:g} s"
+        return f"released at {self.displacement_deg:g}° for {free_s:g} s"
