@@ -104,7 +104,7 @@ def _weights(s: FloatArray, variance: float) -> FloatArray:
 
 
 def shrunken(y: FloatArray, s: FloatArray, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-    """Return the estimates (n,) of the measurements' own values, and their standard deviations (n,).
+    """Return estimates (n,) of the measurements' own values, and their standard deviations (n,).
 
     The own value of measurement i is θ + bᵢ (see the module): the value without the error eᵢ. Its
     estimate is yᵢ, shrunken towards the mean. ``estimate`` is what `random_effects` returns for the
