@@ -1,4 +1,4 @@
-"""The verbs that ``heli3dof batch`` can run, and the columns of the results table for each."""
+"""The verbs that ``heli3dof batch`` can run, and their columns of the results table."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
 
 FITS = ("one_step", "0.5_s", "1_s")
-"""Horizons of predictions whose fit is a column"""
+"""Prediction horizons for which the results table has columns with the fit"""
 Document = Mapping[str, Any]
 Row = dict[str, Any]
 
@@ -46,7 +46,7 @@ class Job:
 
     @cached_property
     def intact(self) -> tuple[Recording, dict[str, Any]]:
-        """Return the recording, or its intact part if the file is torn, and its `file_info`."""
+        """Return the recording (of an incomplete file, the intact part) and its `file_info`."""
         return read_with_info(self.file, self.profile)
 
     @property

@@ -2,9 +2,9 @@
 
 A recording of length T is cut into ⌊T/L⌋ blocks of length L = `BLOCK_S`. A replicate consists of as
 many blocks, drawn with replacement and sorted by time (Künsch, Annals of Statistics 17, 1989). The
-samples within a block are unchanged, so a replicate has the same correlated noise up to the length
-L. A pause of `PAUSE_S` without samples separates the blocks, so the estimation uses a separate
-initial state for each.
+samples within a block are unchanged, so the correlation of the noise over times shorter than L is
+preserved. A pause of `PAUSE_S` without samples separates the blocks, so the estimation uses a
+separate initial state for each.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`OutputFolder`: stores each outcome of a batch at once, so that an interrupted batch can resume.
+"""`OutputFolder`: stores each outcome as it arrives, so that an interrupted batch can be resumed.
 
 ::
 

@@ -51,7 +51,7 @@ def _marks(mark: Mark | None) -> dict[str, Any]:
 
 
 def _printable(text: str) -> str:
-    """Return a student's text with �, for safety, in place of control characters of terminals."""
+    """Return a student's text with � for each control character, which could harm the terminal."""
     return "".join(c if c.isprintable() else "�" for c in text)
 
 

@@ -125,7 +125,7 @@ class _Series:
     scale: Scale | None
 
     def is_searchable(self, flights: np.ndarray) -> bool:
-        """Return True if ``flights`` are at least `LEAST_FLIGHTS` + number of their plans − 1."""
+        """Return True if there are enough ``flights``: `LEAST_FLIGHTS` + number of plans − 1."""
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:

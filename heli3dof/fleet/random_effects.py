@@ -1,4 +1,4 @@
-"""Estimate a quantity from measurements that have known errors and scatter between each other.
+"""Estimate a quantity from several measurements with errors and with scatter between them.
 
 Random-effects model of n measurements yᵢ with standard deviations sᵢ, all in the quantity's unit::
 

@@ -95,9 +95,9 @@ def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Differen
 
 
 def _with_scatter(estimate: Estimate, scatter: float) -> Estimate:
-    """Return ``estimate``; if it is of a single flight, with the scatter between flights.
+    """Return ``estimate``, with the scatter between flights added if it is from a single flight.
 
-    In this case, its standard deviation becomes √(std² + ``scatter``²).
+    The standard deviation of such an estimate becomes √(std² + ``scatter``²).
     """
     if estimate.n > 1:
         return estimate

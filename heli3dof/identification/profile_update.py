@@ -10,11 +10,11 @@
                                k (angle − rest)); −old value, if the integrity check encoder.sign
                                finds the wrong sign
 
-In a model file, the trim torque T_g (N·m) and the inertias J (kg·m²) are computed with the thrust
-gain K_f (N/V) of its profile. `greybox.thrust_scale` estimates K_f and converts them to SI, as
-``diagnose --json`` does. The operating voltage V_o does not depend on K_f. Causes without a key
-(friction, lag, …) and confounded causes do not change the profile; `Calibration.left_out` lists
-them.
+In a model file, the trim torque T_g (N·m) and the inertias J (kg·m²) are relative to the thrust
+gain K_f (N/V) of its profile. `greybox.thrust_scale` estimates the rig's K_f and multiplies them by
+the ratio, as ``diagnose --json`` does. The operating voltage V_o does not depend on K_f. Causes
+without a key (friction, lag, …) and confounded causes do not change the profile;
+`Calibration.left_out` lists them.
 """
 
 from __future__ import annotations
@@ -200,8 +200,8 @@ def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured
     """Return ratios in which the error of thrust gain K_f cancels: V_o in V, K_f/J in N/(V·kg·m²).
 
     V_o = T_g/(2 L_a K_f) is the operating voltage, L_a the arm length. The ratios are more accurate
-    than the trim torque T_g and the inertias J alone. Their standard deviations include that of
-    K_f, which flights do not identify.
+    than the trim torque T_g and the inertias J, which contain the error of K_f. Flights do not
+    identify K_f.
     """
     if not base:
         return {}
@@ -215,7 +215,7 @@ def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured
 
 
 def _relative_std_without_K_f(m: Measured, K_f: Measured) -> float:
-    """Return the relative std of m/K_f. The error of K_f, which m contains, too, cancels."""
+    """Return the relative std of m/K_f. As m contains the error of K_f, this error cancels."""
     return sqrt(max(_relative_std(m) ** 2 - _relative_std(K_f) ** 2, 0.0))
 
 

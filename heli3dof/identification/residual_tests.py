@@ -93,7 +93,7 @@ def whiteness(innovations: Sequence[np.ndarray], h: int = 20) -> ResidualTest:
 def past_inputs(
     innovations: Sequence[np.ndarray], inputs: Sequence[np.ndarray], h: int = 20
 ) -> ResidualTest:
-    """Return the result of the test for independence of the voltages in the ``h`` rows before.
+    """Return the result of the test whether innovations are independent of ``h`` past voltages.
 
     ``innovations`` has an array (N_i, l) per segment, ``inputs`` an array of voltages (N_i, m);
     segments of at most 2h rows are skipped.

@@ -83,8 +83,8 @@ class Metrics:
 def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
     """Return the score over pairs of measured and predicted angles (N, 3) rad.
 
-    Rows with a NaN are skipped. The mean ȳ in the fit is that of each pair. The fit is NaN if the
-    measured angle is constant.
+    Rows with a NaN are skipped. Each pair has its own mean ȳ in the fit (see the module). The fit
+    is NaN if the measured angle is constant.
     """
     error, spread, rows = np.zeros(3), np.zeros(3), 0
     for y, predicted in pairs:

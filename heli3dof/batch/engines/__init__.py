@@ -16,8 +16,8 @@ def engine(cluster: str | None = None, workers: int | None = None) -> Engine:
 
     ``cluster`` is the address of the cluster's scheduler. If both arguments are None, the
     environment variable ``DASK_SCHEDULER_ADDRESS`` gives the address. Without an address, the
-    engine is processes, by default one per core. Raises UsageError or DeviceError if the cluster
-    cannot be used.
+    engine uses processes: ``workers``, or if this is None, one per core. Raises UsageError or
+    DeviceError if the cluster cannot be used.
     """
     address = cluster or (os.environ.get(SCHEDULER) if workers is None else None)
     if address:

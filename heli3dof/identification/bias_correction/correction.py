@@ -46,7 +46,7 @@ ROUNDS = 10
 CONVERGED = 0.35
 """The search ends at a step of θ below this many standard deviations: about 1/√8, the error of ḡ
 from eight simulated flights."""
-NOISE_CONVERGED = 0.1  # the same for a step of ln a, chosen
+NOISE_CONVERGED = 0.1  # largest step of ln a at the end of the search, chosen
 REUSED_WITHIN = 0.3, 3.0
 """Largest changes of ln a, and of θ in standard deviations, up to which s̄ is not computed again.
 This saves two filter runs per flight. Chosen."""
@@ -313,7 +313,7 @@ class AndersonAcceleration:
     """Anderson acceleration of the iteration y ← y + f(y), over the last `DEPTH` steps."""
 
     DEPTH = 2
-    MAX_STEP = 6.0  # of an element of y, chosen
+    MAX_STEP = 6.0  # largest step of an element of y, chosen
     RIDGE = 0.5  # regularisation, chosen
 
     def __init__(self) -> None:

@@ -70,7 +70,7 @@ def pem(
     output_error: bool = False,
     rho_max: float = RHO_MAX,
 ) -> PemFit:
-    """Return a state-space model fitted to ``data``: V = ½ log det S of the innovations is least.
+    """Return the fit of a state-space model that minimises V = ½ log det S of the innovations.
 
     Args:
         data: segments at one rate, u (N, m) and y (N, l), deviations from fixed trims.

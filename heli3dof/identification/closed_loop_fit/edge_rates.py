@@ -16,10 +16,10 @@ solves (Hansen 1982; simulated moments: Gallant and Tauchen 1996)
     cov y = A⁻¹ (Gᵀ W (1 + 1/B) C W G + Λ) A⁻¹,          C = cov m_b
 
 Each axis has three moments: the score of its inertia, its ∂ℓ/∂ln a and its edge rate. W is the
-inverse of C, of which only these three 3 × 3 blocks and the rest of the diagonal are kept. G
-contains the derivatives of the three moments with respect to the axis' inertia and noise. They are
-estimated in the first rounds, in which a two-level design varies the flights' inertias and noises.
-The scores' other derivatives with respect to θ are the information H. The rest of G is zero.
+inverse of C, after all covariances except those within an axis are set to zero. G contains the
+derivatives of the three moments with respect to the axis' inertia and noise. They are estimated in
+the first rounds, in which a two-level design varies the flights' inertias and noises. The scores'
+other derivatives with respect to θ are the information H. The rest of G is zero.
 """
 
 from __future__ import annotations

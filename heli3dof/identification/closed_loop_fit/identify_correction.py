@@ -44,7 +44,7 @@ def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
 
     ``recordings`` are those that ``found`` was fitted to, in the same order. The correction needs a
     known controller (`model.control.voltage_replay`), all angles and a reference in each of them.
-    It is not possible either if the search diverges, because the controller may not stabilise the
+    The result is ``found``, too, if the search diverges: the controller may not stabilise the
     fitted rig.
     """
     if found.inflation <= MAX_INFLATION:

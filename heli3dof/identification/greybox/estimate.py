@@ -206,7 +206,10 @@ def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
 
 
 def block_numbers(data: Data, block_s: float) -> np.ndarray:
-    """Return each row's block number (N,). A block lasts ``block_s`` s, the last of a run less."""
+    """Return each row's block number (N,).
+
+    A block lasts ``block_s`` s; the last one of a run may be shorter.
+    """
     which = np.zeros(len(data.t), dtype=np.int64)
     at = 0
     for _, start, stop in data.blocks:

@@ -209,8 +209,8 @@ def flight_of(recording: Recording) -> Flight:
 def free_rows(recording: Recording) -> np.ndarray:
     """Return (N,) bool: True for the rows to which the rigid-body model can be fitted.
 
-    After take-off, rows are True from the end of the climb on. A linear model could be fitted only
-    to rows from seconds later on (`heli3dof.identification.row_selection`).
+    After take-off, rows are True from the end of the climb on. For a linear model, rows are usable
+    only some seconds later (`heli3dof.identification.row_selection`).
     """
     masks = unusable(recording)
     bad = np.logical_or.reduce([m for reason, m in masks.items() if reason != "take_off"])

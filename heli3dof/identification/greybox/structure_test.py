@@ -32,7 +32,7 @@ means odds of e⁶ = 400 to 1."""
 
 
 def with_simplifications(found: Estimate) -> Estimate:
-    """Return ``found``, or if it is far more likely, a fit of simplified equations."""
+    """Return ``found``, or a fit of simplified equations if that fit is far more likely."""
     g, V = score_and_curvature(found)
     worth = [float(a @ g - 0.5 * a @ V @ a) for a in COMBINATIONS]
     best = int(np.argmax(worth))
