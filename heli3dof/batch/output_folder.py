@@ -90,7 +90,7 @@ class OutputFolder:
     def add(self, outcome: Outcome, label: str) -> None:
         """Write an outcome to the folder; ``label``: name of its JSON document.
 
-        Raises NoSpace if the disk is full; earlier outcomes stay.
+        Raises NoSpace if the disk is full; earlier outcomes are kept.
         """
         text = json.dumps(outcome.document, ensure_ascii=False, indent=1, allow_nan=False)
         document = f"documents/{label}.json"

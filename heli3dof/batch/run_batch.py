@@ -1,4 +1,4 @@
-"""`run_batch`: distribute tasks, keep their outcomes, and write the results table."""
+"""`run_batch`: distribute tasks, store their outcomes, and write the results table."""
 
 from __future__ import annotations
 
@@ -100,7 +100,10 @@ def _row(task: Task, folder: OutputFolder) -> Mapping[str, Any]:
 
 
 def _with_content(task: Task) -> Task:
-    """Return the task with its file's content; unchanged if it is a URL or cannot be read."""
+    """Return the task with its file's content, or unchanged if the file cannot be read here.
+
+    A URL is not read: the worker does this.
+    """
     source = Source(task.source)
     if not task.source or source.is_url:
         return task

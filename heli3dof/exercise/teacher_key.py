@@ -52,7 +52,10 @@ def default_key() -> Path:
 
 
 def new_key(path: Path) -> None:
-    """Write a new key to the file ``path``, readable by this user only; OSError if it exists."""
+    """Write a new key to the file ``path``, readable by this user only.
+
+    Raises OSError if the file exists.
+    """
     content = {"schema": FORM, "private_key": secrets.token_hex(32)}
     path.parent.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

@@ -191,7 +191,7 @@ def corrected_from(
     problem: Likelihood, start: Start, recordings: Sequence[Recording], *,
     seed: int, flights_per_round: int, rounds: int,
 ) -> CorrectedFit | None:  # fmt: skip
-    """Return the result of `correct` from one start; None if it or its flights diverge."""
+    """Return the result of `correct` from one start; None if the search or its flights diverge."""
     theta, noise = start
     low, high = problem.bounds
     precision = problem.prior_precision

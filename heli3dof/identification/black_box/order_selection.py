@@ -76,9 +76,9 @@ class Decimated:
 
 
 def decimated(prepared: Prepared, runs: Sequence[RowRange], interval_s: float) -> Decimated:
-    """Return voltages and angles of ``runs``, decimated to about ``interval_s`` s.
+    """Return voltages and angles of ``runs``, decimated to an interval near ``interval_s`` (s).
 
-    The means over all runs are subtracted.
+    The interval is a multiple of the control period. The means over all runs are subtracted.
     """
     factor = max(1, round(interval_s / prepared.dt))
     cut = segments(prepared, runs, factor)
