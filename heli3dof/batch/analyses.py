@@ -1,4 +1,4 @@
-"""The verbs that ``heli3dof batch`` can run on each recording, and their columns of the table."""
+"""The verbs that ``heli3dof batch`` can run, and their columns of the results table."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
 
 FITS = ("one_step", "0.5_s", "1_s")
-"""Horizons of predictions whose fit is a column"""
+"""Prediction horizons for which the results table has columns with the fit"""
 Document = Mapping[str, Any]
 Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Job:
-    """The arguments of a verb for one recording: file on the worker's machine, options, profile."""
+    """The arguments with which a worker runs a verb on one recording."""
 
     path: Path | None
-    """The recording's file; None in a sweep"""
+    """The recording's file on the worker's machine; None in a sweep"""
     label: str
     """Name of the files that the verb writes"""
     folder: Path
@@ -46,7 +46,7 @@ class Job:
 
     @cached_property
     def intact(self) -> tuple[Recording, dict[str, Any]]:
-        """Return the recording (of a torn file, its intact part) and facts about the file."""
+        """Return the recording (of an incomplete file, the intact part) and its `file_info`."""
         return read_with_info(self.file, self.profile)
 
     @property
@@ -138,8 +138,9 @@ def _diagnose(job: Job) -> Document:
 def _diagnose_columns(document: Document) -> Row:
     """Return the columns of a diagnosis.
 
-    ``causes`` lists the causes, strongest first; after ``|`` follow the effects that a cause is
-    confounded with, as in ``friction.coulomb.yaw|friction.viscous.yaw; motor.lag``.
+    The column ``causes`` lists the causes, strongest first, as in
+    ``friction.coulomb.yaw|friction.viscous.yaw; motor.lag``. The effects after ``|`` are confounded
+    with the cause before it.
     """
     findings = document["findings"]
     first: Mapping[str, Any] = findings[0] if findings else {}
@@ -174,9 +175,10 @@ def _gains(errors: Mapping[str, Mapping[str, float | None]]) -> Row:
 
 
 def _identify(job: Job) -> Document:
-    """Return the model's document, with the faults that the integrity checks found.
+    """Identify and save a model; return its ``identify --json`` document, with two more keys.
 
-    ``fleet`` leaves out recordings with bad data.
+    ``faults`` names the integrity checks that found bad data: ``fleet`` leaves out such recordings.
+    ``nominal_hover_voltage_V`` is the hover voltage in the profile.
     """
     from heli3dof.identification.greybox.method import chosen_terms
     from heli3dof.identification.identify import identify
@@ -282,9 +284,10 @@ def _run_columns(document: Document) -> Row:
 
 
 def bad_data(integrity: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return the names of the checks that found bad data.
+    """Return the names of the integrity checks that found bad data in a recording.
 
-    ``integrity``: the faults of a recording as in the JSON document of a diagnosis.
+    ``integrity``: the recording's faults, as the key ``integrity`` of ``diagnose --json`` lists
+    them.
     """
     return [f["check"] for f in integrity if f["kind"] == Kind.BAD_DATA]
 

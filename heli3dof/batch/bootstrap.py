@@ -1,10 +1,10 @@
 """Block bootstrap of one recording: replicates, and how often their diagnoses name each cause.
 
-A replicate of a recording of length T consists of ⌊T/L⌋ blocks of length L = `BLOCK_S`. They are
-drawn with replacement and sorted by time (Künsch, Annals of Statistics 17, 1989). Within a block
-the samples remain as they were, so noise that is correlated over less than L is reproduced. A pause
-of `PAUSE_S` without samples separates the blocks, so the estimation uses a separate initial state
-for each.
+A recording of length T is cut into ⌊T/L⌋ blocks of length L = `BLOCK_S`. A replicate consists of as
+many blocks, drawn with replacement and sorted by time (Künsch, Annals of Statistics 17, 1989). The
+samples within a block are unchanged, so the correlation of the noise over times shorter than L is
+preserved. A pause of `PAUSE_S` without samples separates the blocks, so the estimation uses a
+separate initial state for each.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ PAUSE_S = 1.0
 """Pause in s between two blocks: longer than the gaps that an estimation bridges. Chosen."""
 LEAST_BLOCKS = 6
 """Fewest blocks: with 6, two replicates are equal with a probability of less than 1 %"""
-OF_THE_PAUSES = "timing."
-"""Prefix of the effects on the time stamps, such as ``timing.gaps``, which the pauses cause"""
+TIME_STAMP_EFFECTS = "timing."
+"""Prefix of the effects on the time stamps, such as ``timing.gaps``; the pauses cause them."""
 
 
 def block_replicate(recording: Recording, replicate: int, seed: int = 0) -> Recording:
@@ -115,4 +115,4 @@ def causes_of(row: Mapping[str, Any]) -> set[str]:
     """
     groups = (row["causes"] or "").split("; ")
     names = {name for group in groups for name in group.split("|") if name}
-    return {n for n in names if not n.startswith(OF_THE_PAUSES)}
+    return {n for n in names if not n.startswith(TIME_STAMP_EFFECTS)}

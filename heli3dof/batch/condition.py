@@ -2,8 +2,8 @@
 
 The condition may contain the names in `recording_columns.COLUMNS` (the results table's first
 columns), numbers, texts in quotes, ``= != < <= > >= in``, ``and``, ``or``, ``not`` and parentheses.
-simpleeval evaluates it, restricted to these elements. A column without a value meets no comparison
-but ``!=``.
+simpleeval evaluates the condition, restricted to these elements. If a recording has no value in a
+column, every comparison with this column is false, except ``!=``.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SYNTAX = (
 
 
 def _of_values(compare: Callable[[Any, Any], bool]) -> Callable[[Any, Any], bool]:
-    """Return ``compare``, changed to return False for values that are missing or not comparable."""
+    """Return a function like ``compare`` that returns False for values it cannot compare (None)."""
 
     def compared(one: Any, other: Any) -> bool:
         try:

@@ -1,14 +1,14 @@
-"""`OutputFolder`: keeps what a batch computes, outcome by outcome, so that it can be resumed.
+"""`OutputFolder`: stores each outcome as it arrives, so that an interrupted batch can be resumed.
 
 ::
 
     OUT/results.parquet, results.csv   one row per task
     OUT/documents/NAME-KEY.json        what the verb prints with --json
     OUT/models/, OUT/recordings/       files that the verb writes
-    OUT/journal.jsonl                  a line per outcome: task key, table row, cost (s, bytes)
+    OUT/journal.jsonl                  a line per outcome, as `journal_lines` yields it
 
-An outcome's files are complete before its line is added to the journal. If an interruption cuts a
-line off, the line is ignored, so its task is done again.
+An outcome's files are complete before its line is added to the journal. An incomplete line, left by
+an interruption, is ignored, so its task runs again.
 """
 
 from __future__ import annotations
@@ -39,10 +39,13 @@ def is_output_folder(folder: Path) -> bool:
 
 
 class OutputFolder:
-    """The output folder of a batch. As a context manager it locks the folder for this process."""
+    """The output folder of a batch; a context manager that locks the folder for this process."""
 
     def __init__(self, path: Path, *, resume: bool) -> None:
-        """Open or create ``path``. Raises OutputExists if it has results, unless ``resume``."""
+        """Open or create the folder ``path``.
+
+        Raises OutputExists if the folder has results of a batch, unless ``resume`` is true.
+        """
         if is_output_folder(path) and not resume:
             raise OutputExists(
                 f"{path} contains the results of a batch.",
@@ -87,7 +90,7 @@ class OutputFolder:
     def add(self, outcome: Outcome, label: str) -> None:
         """Write an outcome to the folder; ``label``: name of its JSON document.
 
-        Raises NoSpace if the disk is full; earlier outcomes stay.
+        Raises NoSpace if the disk is full; earlier outcomes are kept.
         """
         text = json.dumps(outcome.document, ensure_ascii=False, indent=1, allow_nan=False)
         document = f"documents/{label}.json"
@@ -109,7 +112,11 @@ class OutputFolder:
 
 
 def journal_lines(folder: Path) -> Iterator[Line]:
-    """Yield a batch's journal lines, dicts with the keys ``key``, ``final``, ``row``, ``cost``."""
+    """Yield the complete lines of a batch's journal as dicts with four keys.
+
+    ``key`` is the task's key, ``final`` is false if a retry may succeed, ``row`` is the row of the
+    table, and ``cost`` holds the seconds and bytes that the task needed.
+    """
     path = folder / JOURNAL
     if not path.exists():
         return
@@ -117,14 +124,14 @@ def journal_lines(folder: Path) -> Iterator[Line]:
         for text in stream:
             try:
                 line = json.loads(text)
-            except ValueError:  # an interruption cut it off
+            except ValueError:  # incomplete because of an interruption
                 continue
             if isinstance(line, dict) and {"key", "final", "row", "cost"} <= line.keys():
                 yield line
 
 
 def _is_cut_off(path: Path) -> bool:
-    """Return True if the last line of the journal has no line break, because it was cut off."""
+    """Return True if the last line of the journal is incomplete: it has no line break."""
     with path.open("rb") as stream:
         if not stream.seek(0, os.SEEK_END):
             return False

@@ -1,8 +1,8 @@
 """The first columns of the results table, which describe the recording; the same for all verbs.
 
-``--where`` may use all of them. Jitter is rounded to a multiple of `RESOLUTION_S`. The columns
-``roll_start_deg_std`` and ``pitch_start_deg_std`` contain the standard deviation of rounding to one
-encoder count: 360°/(√12 · counts per revolution).
+The option ``--where`` may use all of them. Jitter is rounded to a multiple of `RESOLUTION_S`. The
+columns ``roll_start_deg_std`` and ``pitch_start_deg_std`` contain the standard deviation of the
+rounding error of an encoder, 360°/(√12 · counts per revolution).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ STARTS = ("roll", "pitch")
 
 
 def recording_columns(recording: Recording, path: str) -> dict[str, Any]:
-    """Return the columns `COLUMNS` of a recording; None for a value that it does not contain.
+    """Return column → value of a recording, for all `COLUMNS`; None if the value is unknown.
 
     ``path``: the recording's path or URL, as the user gave it.
     """

@@ -1,8 +1,7 @@
 """The results table as CSV and Parquet: one row per task (recording, replicate or swept flight).
 
 A column has one type: 64-bit integer, 64-bit floating-point number, boolean or text. Missing values
-are empty. The order of the columns is that of their first appearance, so that the files depend on
-the rows alone.
+are empty. The columns are in the order in which they first appear in the rows.
 """
 
 from __future__ import annotations
@@ -60,7 +59,7 @@ def _one_type(values: list[Any]) -> list[Any]:
 
 
 def csv_bytes(columns: Mapping[str, Sequence[Any]]) -> bytes:
-    """Return the table as CSV in UTF-8; numbers have the fewest digits that read back exactly."""
+    """Return the table as CSV in UTF-8; each number has the fewest digits that restore it."""
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
@@ -86,7 +85,7 @@ def parquet_bytes(columns: Mapping[str, Sequence[Any]]) -> bytes | None:
 
 
 def read_rows(folder: Path, *, needed: Sequence[str] = ()) -> list[dict[str, Any]]:
-    """Return the rows of ``folder``'s results.csv: numbers as float, missing values as None.
+    """Return the rows of results.csv in ``folder``: numbers as float, missing values as None.
 
     Raises UsageError if there is no such file, RecordingError if it is not a CSV file. With
     ``needed``, also raises RecordingError if one of these columns is missing, or if no row exists.

@@ -1,4 +1,4 @@
-"""`run_batch`: distribute tasks, keep their outcomes, and write the results table."""
+"""`run_batch`: distribute tasks, store their outcomes, and write the results table."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ Progress = Callable[["Batch"], None]
 class Batch:
     """The progress of a batch: how many of its tasks are done, failed or left out.
 
-    A task is left out if its recording does not meet ``--where``. `run_batch` passes this object to
-    its argument ``progress``.
+    A task is left out if its recording does not meet the condition ``--where``. `run_batch` passes
+    this object to the function ``progress``.
     """
 
     total: int
-    """All tasks: recordings, replicates of them, or flights of a sweep"""
+    """Number of all tasks; a task is a recording, a bootstrap replicate, or a flight of a sweep."""
     kept: int = 0
-    """Tasks that need no work: an earlier run finished them, or they equal another one"""
+    """Tasks that this run skips: an earlier run finished them, or they equal another task"""
     done: int = 0
-    """Tasks that this run has worked on, including those in ``left_out``"""
+    """Tasks that this run has completed, including those in ``left_out``"""
     failed: int = 0
     """Tasks of this and earlier runs whose verb failed"""
     left_out: int = 0
@@ -49,9 +49,10 @@ def tasks_of(
     verb: str, sources: Sequence[Source], options: Sequence[Mapping[str, Any]],
     profile: Profile | None, where: str,
 ) -> Iterator[Task]:  # fmt: skip
-    """Yield a task for each recording and each set of the verb's options in ``options``.
+    """Yield a task for each pair of a recording in ``sources`` and a set of options in ``options``.
 
-    ``where``: condition on the recordings; ``profile``: the rig's, for logs, which contain none.
+    ``where``: the condition that a recording must meet, empty for none. ``profile``: the rig's
+    profile; it is needed for logs, which contain none.
     """
     version = code_version()
     for source in sources:
@@ -65,12 +66,11 @@ def run_batch(
     tasks: Sequence[Task], folder: OutputFolder, engine: Engine,
     progress: Progress = lambda batch: None,
 ) -> Batch:  # fmt: skip
-    """Run the tasks without a final outcome in the folder; return the batch's final counts.
+    """Run the tasks that have no final outcome in ``folder``; return the counts at the end.
 
-    Also writes the table of all outcomes in the folder, in the order of ``tasks``. An outcome is
-    final if no retry would change it. ``engine`` runs the tasks; ``progress`` is called at the
-    start and after each outcome. After Ctrl-C or an error, the table contains the tasks done so
-    far.
+    An outcome is final if no retry would change it. ``engine`` runs the tasks. ``progress`` is
+    called with the counts at the start and after each outcome. At the end, or after Ctrl-C or an
+    error, the function writes the table of all ``tasks`` with an outcome, in their order.
     """
     # Two files of the same name and content are one task.
     todo = list({t.key: t for t in tasks if not folder.is_done(t.key)}.values())
@@ -100,7 +100,10 @@ def _row(task: Task, folder: OutputFolder) -> Mapping[str, Any]:
 
 
 def _with_content(task: Task) -> Task:
-    """Return the task with its file's content; unchanged if it is a URL or cannot be read."""
+    """Return the task with its file's content, or unchanged if the file cannot be read here.
+
+    A URL is not read: the worker does this.
+    """
     source = Source(task.source)
     if not task.source or source.is_url:
         return task

@@ -24,7 +24,7 @@ from heli3dof.errors import Heli3dofError, no_file
 from heli3dof.model.model_file import jsonable
 
 FAILURE = ("exit_code", "error", "cause", "fix")
-"""Columns of every row that state how a verb ended; the last three are empty if it succeeded"""
+"""Columns of every row that state how a verb ended; if it succeeded, the last three are empty"""
 
 
 def run_task(task: Task) -> Outcome:
@@ -41,7 +41,10 @@ def run_task(task: Task) -> Outcome:
 
 
 def failed(task: Task, error: BaseException, *, final: bool) -> Outcome:
-    """Return the outcome of a task that ended with ``error``; ``final``: a retry would fail too."""
+    """Return the outcome of a task that ended with ``error``.
+
+    ``final``: True if the task would fail again when it is retried.
+    """
     if not isinstance(error, Heli3dofError):
         error = Heli3dofError(
             f"{type(error).__name__}: {error}",
@@ -101,13 +104,17 @@ def _local(task: Task, folder: Path) -> Path | None:
 
 
 def _files(folder: Path) -> dict[str, bytes]:
-    """Return the content of the files that a verb wrote, by their paths relative to ``folder``."""
+    """Return path relative to ``folder`` → content, of each file that a verb wrote there."""
     paths = sorted(p for p in folder.rglob("*") if p.is_file())
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in paths}
 
 
 def _replaced(outcome: Outcome, folder: str, source: str) -> Outcome:
-    """Return the outcome as JSON types, with the user's paths instead of the temporary folder's."""
+    """Return the outcome in JSON types, with other paths in place of those in ``folder``.
+
+    Paths of written files become relative to the output folder. The recording's temporary path
+    becomes ``source``, the path or URL that the user gave.
+    """
 
     def text(value: str) -> str:
         value = value.replace(f"{folder}/out/", "")

@@ -1,7 +1,7 @@
 """Find the recordings that a batch is to work on: files, folders, patterns, lists and URLs.
 
 ====================  ===========================================================
-word                  recordings
+argument              recordings
 ====================  ===========================================================
 ``flight.mcap``       this file
 ``term-1/``           all recordings and logs in the folder and its subfolders
@@ -54,10 +54,10 @@ class Source:
         return stem(Path(self.file_name))
 
     def fingerprint(self) -> str:
-        """Return a hash that changes with the file's content; empty if it cannot be read.
+        """Return a hash that changes with the file's content; empty if the file cannot be read.
 
-        For a URL it is the file system's checksum (on S3: of ETag, size and date), so that the
-        content need not be transferred.
+        For a URL, the hash is the checksum that the file system gives, so the content need not be
+        transferred. On S3 this checksum covers the ETag, the size and the date.
         """
         try:
             if self.is_url:
@@ -89,11 +89,11 @@ class Source:
 
 
 def find(words: Sequence[str]) -> list[Source]:
-    """Return the recordings that ``words`` name, each once, in the order of the words.
+    """Return the recordings that the command's arguments ``words`` name, each once, in their order.
 
-    The recordings of one folder or pattern are sorted by path. A file named directly need not
-    exist: its row of the table then has an error. Raises UsageError for a folder, pattern or list
-    without any recording.
+    The recordings of one folder or pattern are sorted by path. A file given by its own path need
+    not exist: its row of the table then states the error. Raises UsageError for a folder, pattern
+    or list without any recording.
     """
     found = dict.fromkeys(each for word in words for each in _expanded(word))
     return [Source(each) for each in found]
@@ -163,7 +163,10 @@ def _not_empty(found: list[str], word: str, kind: str) -> list[str]:
 
 
 def _file_system(url: str) -> tuple[AbstractFileSystem, str]:
-    """Return a URL's file system and the path on it. Raises UsageError if fsspec lacks it."""
+    """Return a URL's file system, and the path in it.
+
+    Raises UsageError if fsspec does not support this kind of URL.
+    """
     fsspec: Any = optional("fsspec", extra="cluster")
     try:
         files, path = fsspec.url_to_fs(url)

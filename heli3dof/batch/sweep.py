@@ -9,14 +9,14 @@
     "hide.friction.coulomb.yaw" = [0, 0.02, 0.04]
     noise = [1, 3]
 
-    [design]                                  # each combination at points in these ranges
+    [design]                                  # and with each, points in these ranges
     points = 16
     seed = 1
     between."hide.motor.lag" = [0.02, 0.1]
 
 The varied names are options of ``mock:``, or ``hide.EFFECT`` for the size of a hidden effect.
-The points are those of a scrambled Sobol sequence. Flight k = 0, 1, … has the seed k unless
-``seed`` is varied.
+The points are those of a scrambled Sobol sequence. Flight k = 0, 1, … uses the seed k of the
+emulated rig, unless ``seed`` is varied.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class SweepFile(Section):
 
 @dataclass(frozen=True)
 class SweptFlight:
-    """One flight of a sweep: the emulated rig's URL, and the varied options, name → value."""
+    """One flight of a sweep: the emulated rig's URL ``device``, and varied option → value."""
 
     device: str
     values: Mapping[str, Value]
@@ -107,7 +107,7 @@ def tasks_of_sweep(path: Path, profile: Profile) -> list[Task]:
 
 
 def _points(design: Design | None) -> list[dict[str, float]]:
-    """Return the design's points, each as name → value; without a design, one empty point."""
+    """Return the design's points, each as option → value; without a design, one empty point."""
     if design is None:
         return [{}]
     from scipy.stats import qmc
@@ -121,7 +121,7 @@ def _points(design: Design | None) -> list[dict[str, float]]:
 
 
 def _device(device: str, options: Mapping[str, Value]) -> str:
-    """Return the URL ``device`` with these options; ``hide.EFFECT`` values are joined in ``hide=``.
+    """Return the URL ``device`` with these options; options ``hide.EFFECT`` become one ``hide=``.
 
     >>> _device("mock:?speed=max&seed=9", {"seed": 3, "hide.motor.lag": 0.1, "noise": 2})
     'mock:?speed=max&seed=3&noise=2&hide=motor.lag:0.1'

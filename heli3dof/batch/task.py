@@ -1,4 +1,4 @@
-"""`Task`: one verb on one recording; `Outcome`: its result. Processes send them to one another.
+"""`Task`: one verb on one recording. `Outcome`: its result. Both are sent between processes.
 
 The key of a task is a hash of all that its result depends on: the verb, its options, the profile,
 the recording's content and name, and the version of heli3dof with a hash of its code.
@@ -23,7 +23,7 @@ KEY_SHOWN = 12
 """Hexadecimal digits of the key in the names of files: 48 bits, so that among 10⁶ recordings of the
 same name two have the same digits with a probability of 0.2 %"""
 ENDINGS = (".py", ".toml", ".json")
-"""Ends of the names of the files that the version's hash covers"""
+"""Endings of the files that the hash in the version covers"""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Task:
 
     verb: str
     key: str
-    """What `key_of` returns for this task"""
+    """The task's key, computed by `key_of`"""
     name: str
     """The recording's name: that of its file without the ending"""
     source: str = ""
@@ -75,7 +75,7 @@ class Outcome:
 def code_version() -> str:
     """Return the version and 12 digits of the code's SHA-256, as in 0.1.0+1f0c5a7e93b2.
 
-    A resumed batch repeats the tasks whose results are from other code.
+    A resumed batch repeats the tasks whose results were computed by other code.
     """
     folder = Path(heli3dof.__file__).parent
     digest = hashlib.sha256()

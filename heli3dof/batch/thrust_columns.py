@@ -1,11 +1,11 @@
 """Columns of the table that combine parameters of a grey-box model.
 
-- ``thrust_gain_ratio``: g, the thrust gain over its nominal value K_f. The identification keeps K_f
-  at the profile's value, so a thrust gain g·K_f appears as inertias J/g. ln g is the generalised
-  least-squares mean of ln(J_nominal/Ĵ) over the three axes, with the covariance of the estimated
-  inertias Ĵ.
-- ``hover_voltage_V``: V_o T̂_g/T_g, the voltage per motor at hover, with the profile's hover voltage
-  V_o and gravity torque T_g, and the estimated T̂_g.
+- ``thrust_gain_ratio``: g, the ratio of the rig's thrust gain to the profile's value K_f. The
+  identification keeps K_f fixed, so on a rig with the thrust gain g·K_f it finds the inertias J/g
+  instead of J. ln g is the generalised least-squares mean of ln(J_nominal/Ĵ) over the three axes,
+  with the covariance of the estimated inertias Ĵ.
+- ``hover_voltage_V``: V_o T̂_g/T_g, the voltage per motor at hover. V_o and T_g are the profile's
+  hover voltage and gravity torque, T̂_g is the estimated gravity torque.
 """
 
 from __future__ import annotations
@@ -24,9 +24,11 @@ INERTIAS = tuple(f"J_{axis}" for axis in AXES)
 def thrust_columns(
     parameters: Mapping[str, Mapping[str, Any]], correlation: Sequence[Any] | None, V_o: float
 ) -> dict[str, float]:
-    """Return the columns of thrust gain ratio and hover voltage; empty if they are not estimated.
+    """Return four columns: thrust gain ratio and hover voltage, each with standard deviation.
 
-    ``parameters``, ``correlation``: estimates of the model; ``V_o``: the profile's hover voltage.
+    ``parameters``: name → estimate of the model's parameters; ``correlation``: their correlation
+    matrix; ``V_o``: the profile's hover voltage (V). The result is empty if the inertias and the
+    gravity torque, or their correlation, were not estimated.
     """
     if not correlation or any(n not in parameters for n in (*INERTIAS, "T_g")):
         return {}

@@ -1,9 +1,10 @@
 """`compare`: compare models with recordings, as in Table II and Figures 7–9 of the paper.
 
-If a recording's controller is known, each model is simulated in the same closed loop
-(`heli3dof.comparison.replay`). The report gives the model's step metrics and their differences from
-the measured step metrics. The entries of Table II are such differences (erratum E11). For every
-recording, multi-step prediction errors are reported too (`heli3dof.comparison.prediction`).
+If a recording's controller is known, each model is simulated in closed loop with it
+(`heli3dof.comparison.replay`). The comparison then contains the model's step metrics and their
+differences from the measured ones. The entries of Table II are such differences (erratum E11). For
+every recording, it contains the errors of multi-step predictions
+(`heli3dof.comparison.prediction`).
 """
 
 from __future__ import annotations
@@ -56,11 +57,11 @@ def compare(
 ) -> Comparison:  # fmt: skip
     """Return the comparison of every model with every recording.
 
-    ``models``: the models, or a function that makes the models for a recording. ``horizons_s``:
-    prediction horizons in s; if it is empty, nothing is predicted. If a model cannot be compared,
-    ``ModelComparison.cannot`` gives the reason, and the other models are compared.
-    ``identify_controller``: identify a linear controller from each recording whose profile has
-    none, and replay the recording with it.
+    ``models``: the models, or a function that returns the models for a recording. ``horizons_s``:
+    prediction horizons in s; if it is empty, nothing is predicted. ``identify_controller``:
+    identify a linear controller from each recording whose profile has none, and replay the
+    recording with it. If a model cannot be compared, ``ModelComparison.cannot`` gives the reason;
+    the other models are still compared.
     """
     flights = tuple(
         compare_flight(
@@ -148,8 +149,8 @@ def _model_comparison(
 
 def _metrics(flown: Recording, angle: np.ndarray) -> Mapping[str, AxisMetrics]:
     """Return, by axis, the step metrics of ``angle`` (N, 3) rad for the references in ``flown``."""
-    grain = flown.profile.encoder.rad_per_count
-    return step_metrics(flown.t, angle, flown.reference, resolution=grain)
+    resolution = flown.profile.encoder.rad_per_count
+    return step_metrics(flown.t, angle, flown.reference, resolution=resolution)
 
 
 def _prediction_error(
@@ -169,7 +170,7 @@ def _prediction_error(
 
 
 def _divergence(replayed: Replay) -> list[str]:
-    """Return a list with one sentence if the replay is unstable or diverged, else an empty list."""
+    """Return one sentence in a list if the loop is unstable or the replay diverged, else []."""
     parts = []
     if replayed.unstable_poles:
         p = replayed.unstable_poles[0]
@@ -185,7 +186,7 @@ def _divergence(replayed: Replay) -> list[str]:
 def _attempt(work: Callable[[], T], reasons: list[str]) -> T | None:
     """Return ``work()``, or None if it raises a `Heli3dofError`.
 
-    The text of this error is then added to ``reasons``.
+    In this case, the function adds the error's text to ``reasons``.
     """
     try:
         return work()

@@ -9,7 +9,8 @@
                    models[]               name, kind, cannot[], diverged_at_s, unstable_poles
                      axes.<axis>          the six metrics, difference (the same six, model minus
                                           experiment), replay_rmse_deg
-                     prediction           rmse_deg.<horizon>.<axis>, over_window_deg.<axis>
+                     prediction           rmse_deg.<horizon>.<axis>, over_window_deg.<axis> (RMSE
+                                          over all horizons from 0 to the longest)
                    held_still             as prediction, for constant angles in place of a model
     published[]    the paper's number, the one simulated here, whether and why it is reproducible
 
@@ -41,7 +42,7 @@ SCHEMA = "heli3dof.comparison/1"
 
 
 class PublishedRow(Protocol):
-    """Number printed in the paper and the same number simulated here; ``to_dict`` returns both."""
+    """A number printed in the paper and the same number simulated here; `to_dict` returns both."""
 
     def to_dict(self) -> dict[str, Any]: ...
 
@@ -113,7 +114,7 @@ def _axis(metrics: AxisMetrics) -> dict[str, Any]:
 
 
 def steps_document(metrics: AxisMetrics) -> list[dict[str, Any]]:
-    """Return every segment of an axis' reference with its metrics, for JSON."""
+    """Return the segments of an axis' reference, each with its step metrics, as JSON types."""
     return [{**_step(s), **_numbers(s.values())} for s in metrics.steps]
 
 

@@ -1,8 +1,8 @@
 """Compute step metrics per axis: peak, overshoot, steady error, rise and settling time.
 
-A *segment* is a stretch of constant reference. Every segment after the first lasts at least
-`MIN_HOLD_S`. With the measured angle y, the set value y_r and the start value y_a (degrees), and
-s = sgn(y_r − y_a):
+A *segment* is a time in which the reference is constant. After the first one, only segments of
+`MIN_HOLD_S` or more count. With the measured angle y, the set value y_r and the start value y_a
+(degrees), and s = sgn(y_r − y_a):
 
     peak               y_pk, with s·y_pk = max s·y
     overshoot          s·(y_pk − y_r)                   (negative if y does not reach y_r)
@@ -22,8 +22,8 @@ Kinds of segment:
 ``hold``     the first segment, if the angle starts at its set value. The peak is the angle farthest
              from the set value and the overshoot its distance (≥ 0). Percent, rise and settling
              time are undefined.
-``moving``   the reference rarely rests (a ramp, a multisine): as ``hold``, relative to the moving
-             reference, without the steady error.
+``moving``   the reference is rarely constant (a ramp, a multisine): as ``hold``, relative to the
+             moving reference, without the steady error.
 ``none``     there is no reference, and every metric is undefined.
 
 The *reported* segment of an axis is its first ``step``, else its ``start``, else the ``hold`` or
@@ -71,7 +71,7 @@ METRICS = (
 
 @dataclass(frozen=True)
 class StepMetrics:
-    """Step metrics of one axis in one segment of its reference; the module defines each metric."""
+    """Step metrics of one axis in one segment of its reference, as the module defines them."""
 
     kind: Kind
     start_s: float
@@ -115,7 +115,7 @@ NOTHING = StepMetrics("none", np.nan, np.nan, np.nan, np.nan)
 def flight_metrics(recording: Recording) -> Mapping[str, AxisMetrics]:
     """Return the step metrics of a recording by axis name.
 
-    They do not cover the ramp of the voltages to zero at the flight's end.
+    The ramp of the voltages to zero at the end of the flight is left out.
     """
     flown = under_control(recording)
     return step_metrics(
@@ -133,15 +133,15 @@ def step_metrics(
     """Return the step metrics of measured or simulated angles by axis.
 
     ``t`` (N,) in s; ``angle`` (N, 3) in rad; ``reference`` (N, 3) in rad, before the rate limiter,
-    NaN where there is none. The settling band is at least ± ``resolution`` (3,) rad, the encoder's
-    step.
+    NaN where there is none. ``resolution`` (3,) rad, the angle of one encoder count, is the least
+    half-width of the settling band.
     """
     changes = [_changes(reference[:, i]) for i in range(len(AXES))]
     first = min((int(c[0]) for c in changes if len(c)), default=0)
-    grain = np.zeros(len(AXES)) if resolution is None else np.abs(resolution)
+    count = np.zeros(len(AXES)) if resolution is None else np.abs(resolution)
     return {
         axis: axis_metrics(
-            t, angle[:, i], reference[:, i], since_s=float(t[first]), resolution=float(grain[i])
+            t, angle[:, i], reference[:, i], since_s=float(t[first]), resolution=float(count[i])
         )
         for i, axis in enumerate(AXES)
     }
@@ -157,8 +157,9 @@ def axis_metrics(
 ) -> AxisMetrics:
     """Return the step metrics of one axis: t (N,) s, angle (N,) rad, reference (N,) rad.
 
-    If the reference never steps, the ``hold`` or ``moving`` segment (see the module) begins at the
-    time ``since_s`` (s). The settling band is at least ± ``resolution`` (rad), the encoder's step.
+    If the reported segment is a ``hold`` or ``moving`` one (see the module), it begins at the time
+    ``since_s`` (s). ``resolution`` (rad), the angle of one encoder count, is the least half-width
+    of the settling band.
     """
     y, ref = np.degrees(angle), np.degrees(reference)
     segments = _segments(t, y, ref)
@@ -179,7 +180,7 @@ def axis_metrics(
 
 
 def _changes(reference: FloatArray) -> IndexArray:
-    """Return the indices at which ``reference`` changes, begins or ends (NaN: no reference)."""
+    """Return the indices at which ``reference`` changes, or becomes or ceases to be NaN (none)."""
     absent = np.isnan(reference)
     with np.errstate(invalid="ignore"):
         moved = np.abs(np.diff(reference)) > 1e-9
@@ -189,8 +190,8 @@ def _changes(reference: FloatArray) -> IndexArray:
 def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
     """Return the segments of a reference ``ref`` (N,), split where its value changes.
 
-    A reference that rarely rests is one ``moving`` segment. t (N,) in s; ``ref`` and the angle y
-    (N,) in degrees.
+    A reference that is rarely constant is one ``moving`` segment. t (N,) in s; ``ref`` and the
+    angle y (N,) in degrees.
     """
     known = np.flatnonzero(~np.isnan(ref))
     if not len(known):
@@ -214,11 +215,13 @@ def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
 
 
 def _measure(
-    t: FloatArray, y: FloatArray, ref: FloatArray, segment: _Segment, grain_deg: float
+    t: FloatArray, y: FloatArray, ref: FloatArray, segment: _Segment, resolution_deg: float
 ) -> StepMetrics:
-    """Return the step metrics of one segment; t in s, angles y and reference ref in degrees.
+    """Return the step metrics of one segment.
 
-    ``grain_deg``, the encoder's step in degrees, is the least half-width of the settling band.
+    t (N,) in s, the angle y (N,) and the reference ref (N,) in degrees cover the whole recording.
+    ``resolution_deg``, the angle of one encoder count, is the least half-width of the settling
+    band.
     """
     rows = segment.rows
     t, y, ref = t[rows], y[rows], ref[rows]
@@ -241,7 +244,7 @@ def _measure(
     peak = float(s * np.max(s * y))
     overshoot = float(s * (peak - segment.set_deg))
     progress = (y - segment.from_deg) / size
-    outside = np.abs(y - segment.set_deg) > max(SETTLING_BAND * abs(size), grain_deg)
+    outside = np.abs(y - segment.set_deg) > max(SETTLING_BAND * abs(size), resolution_deg)
     return replace(
         base,
         peak_deg=peak,
@@ -254,14 +257,15 @@ def _measure(
 
 
 def _steady_error(t: FloatArray, error: FloatArray) -> float:
-    """Return the mean ``error`` (N,) in degrees over the last tenth of the times t (N,) in s."""
+    """Return the mean of ``error`` (N,) in degrees over the last tenth of the time t (N,) in s."""
     return float(np.mean(error[t >= t[-1] - STEADY_SHARE * (t[-1] - t[0])]))
 
 
 def _crossing(t: FloatArray, progress: FloatArray, level: float) -> float:
-    """Return the time (s) at which ``progress`` first rises through ``level``, else NaN.
+    """Return the time (s) at which ``progress`` first rises through ``level``; NaN if never.
 
-    ``progress`` (N,): angle, scaled to 0 at the step's start and 1 at the reference; ``t`` (N,): s.
+    ``progress`` (N,) is the angle, scaled to 0 at the step's start and 1 at its set value. ``t``
+    (N,) in s.
     """
     above = progress >= level
     k = int(np.argmax(above))

@@ -3,9 +3,9 @@
     e_h[k] = y[k] − ŷ[k | angles until h seconds earlier, voltages],    RMSE_h = √(mean e_h²)
 
 y are the measured angles, ŷ the predicted angles. Predictions need no controller. The RMSE is given
-for three horizons h, and *over* a window of 3 s: the root of the mean square over all horizons from
-0 to 3 s. The baseline is constant angles: ŷ[k] is the angle measured h seconds earlier. A useful
-model has a smaller error than this baseline.
+for three horizons h, and *over* a window of 3 s: the root of the mean square error over all
+horizons from 0 to 3 s. The baseline is constant angles: ŷ[k] is the angle measured h seconds
+earlier. A useful model has a smaller error than this baseline.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ STEPS_AVERAGED = 12
 class Predictions:
     """A model's predictions of the angles in one recording, at several horizons.
 
-    A prediction window is the prediction from one start row at all horizons ``instants_s``.
+    A prediction window consists of the predictions from one row, at all horizons ``instants_s``.
     """
 
     ahead: Mapping[float, FloatArray]
     """Horizon h in s → (N, 3) rad: each row's angles, predicted h earlier; NaN: not predicted"""
     instants_s: FloatArray
-    """(M,) s: the horizons, ascending, at which a prediction window is sampled"""
+    """(M,) s: the horizons of a prediction window, ascending and evenly spaced"""
 
     @property
     def window_s(self) -> float:
@@ -45,7 +45,7 @@ class Predictions:
 
 
 class ConstantAngles:
-    """A predictor for comparison: angles stay constant from the time of prediction on."""
+    """The baseline predictor: every angle stays at its last measured value."""
 
     name = "constant angles"
     kind = "held"
@@ -78,10 +78,10 @@ def predictions(
 
 
 def common_rows(several: Sequence[Predictions]) -> Mapping[float, BoolArray]:
-    """Return which samples all models predict: horizon (s) → (N, 3) bool, by axis.
+    """Return the samples that all models predict: horizon (s) → (N, 3) bool, by axis.
 
-    On each axis, models without any prediction of that axis are ignored. All models are evaluated
-    on the common samples, so that a model with fewer predictions has no advantage.
+    On each axis, models without any prediction of that axis are ignored. The errors of all models
+    are computed on these samples, so that a model with fewer predictions has no advantage.
     """
     rows: dict[float, BoolArray] = {}
     for h in several[0].ahead if several else ():

@@ -6,9 +6,8 @@ This is eq (7) of the paper, with errata E5 and E6 corrected. V_o is the hover v
 controller's gain matrix, x the state, x_ref its reference, V_extra the flight's excitation, v_max
 the voltage limit. The model starts at rest at the flight's initial angles; later angles are not
 used. An open-loop simulation would drift, because the plant integrates twice: 0.05 V of bias gives
-25° after 10 s. In closed loop, model and rig follow the same references. A linear controller that
-was identified from the log (`heli3dof.recording.linear_controller`) replaces the profile's; its
-input is computed from the logged voltages and angles.
+25° after 10 s. In closed loop, model and rig follow the same references. If a linear controller was
+identified from the log (`heli3dof.recording.linear_controller`), it replaces eq (7).
 """
 
 from __future__ import annotations
@@ -47,9 +46,10 @@ class Replay:
 
 
 def replay(model: Model, recording: Recording) -> Replay:
-    """Simulate a model in closed loop with a recording's controller, references and initial angles.
+    """Return a model's closed-loop simulation with a recording's controller and references.
 
-    Raises ValueError if the recording lacks its controller, references or initial angles
+    The simulation starts at rest at the recording's initial angles. Raises ValueError if the
+    recording lacks its controller, references or initial angles
     (`heli3dof.model.control.loop_task.why_not_replayed`).
     """
     flown = under_control(recording)

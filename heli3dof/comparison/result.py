@@ -55,7 +55,7 @@ class ModelComparison:
     prediction: PredictionError | None
     trace: Trace | None
     cannot: tuple[str, ...]
-    """What could not be computed with this model, and why"""
+    """Sentences: what could not be computed with this model, and why"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ class Comparison(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Return a sentence for each replay, model or metric that could not be computed."""
+        """Return sentences on replays, models and metrics that could not be computed."""
         sentences = []
         for f in self.flights:
             if f.why is not None:

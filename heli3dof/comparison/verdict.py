@@ -1,8 +1,9 @@
-"""State a comparison's result in a few sentences: which model is best, and is it useful?
+"""State a comparison's result in a few sentences: which model is best, and whether it is useful.
 
-Two errors are compared, in degrees (RMS over the recordings): of predictions `HORIZON_S` ahead, and
-of the closed-loop replay. Models whose error is at most `EQUAL` times the smallest count as equally
-good. A prediction is useful only if its error is smaller than that of constant angles.
+The sentences compare two errors of the models, in degrees (RMS over the recordings): those of
+predictions `HORIZON_S` ahead, and those of the closed-loop replay. Models whose error is at most
+`EQUAL` times the smallest count as equally good. A model's prediction is useful only if its error
+is smaller than that of constant angles.
 """
 
 from __future__ import annotations
@@ -45,9 +46,10 @@ def verdict(comparison: Comparison) -> tuple[str, ...]:
 
 
 def prediction_errors(comparison: Comparison, horizon_s: float) -> dict[str, FloatArray]:
-    """Return each model's RMSE of predictions ``horizon_s`` s ahead, and that of constant angles.
+    """Return model → RMSE (3,) in degrees of predictions ``horizon_s`` s ahead.
 
-    If there are recordings that every model predicts, only these are used.
+    The baseline is among the models, with the name ``constant angles``. If there are recordings
+    that every model predicts, only these are used.
     """
 
     def error(f: FlightComparison, m: ModelComparison | None) -> FloatArray | None:
@@ -62,15 +64,15 @@ def prediction_errors(comparison: Comparison, horizon_s: float) -> dict[str, Flo
 
 
 def replay_errors(comparison: Comparison) -> dict[str, FloatArray]:
-    """Return each model's RMSE of the closed-loop replay."""
+    """Return model → RMSE (3,) in degrees of the closed-loop replay."""
     return _pooled([{m.name: m.replay_rmse_deg for m in f.models} for f in comparison.flights])
 
 
 def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, FloatArray]:
-    """Return model → RMS over flights of the model's errors on the three axes.
+    """Return model → RMS (3,) over the flights of the model's errors.
 
-    ``table``: for each flight, model → error (3,). If there are flights in which every model has an
-    error, only these are used.
+    ``table``: for each flight, model → error (3,), or None if unknown. If there are flights for
+    which the errors of all models are known, only these are used.
     """
     usable = {name for row in table for name, e in row.items() if e is not None}
     common = [r for r in table if all(r.get(name) is not None for name in usable)] or table
@@ -83,10 +85,10 @@ def _pooled(table: Sequence[Mapping[str, FloatArray | None]]) -> dict[str, Float
 
 
 def _best(errors: Errors, what: str) -> list[str]:
-    """Return one sentence in a list: each axis's best model, its error, and a second one's error.
+    """Return one sentence in a list: each axis's best model, its error and another model's error.
 
-    The second model is ``hover`` if that is not best, else the next best one. The list is empty if
-    no error is known. ``what`` describes the ``errors``, for example "closed-loop replay".
+    The other model is ``hover`` if that is not the best, else the next best one. The list is empty
+    if no error is known. ``what`` describes the ``errors``, for example "closed-loop replay".
     """
     models = {name: e for name, e in errors.items() if name != STILL}
     groups: dict[tuple[str, ...], list[str]] = {}
@@ -96,7 +98,7 @@ def _best(errors: Errors, what: str) -> list[str]:
             continue
         best = tuple(name for name, e in known.items() if e <= EQUAL * min(known.values()))
         others = [name for name in known if name not in best]
-        # The paper's model is the one to improve on; without it, the next best.
+        # Compare with the paper's model, or if it was not compared, with the next best one.
         other = "hover" if "hover" in others else min(others, key=lambda n: known[n], default="")
         against = f", {other} {_degrees(known[other])}" if other else ""
         smallest = _degrees(min(known.values()))
@@ -114,10 +116,10 @@ def _best(errors: Errors, what: str) -> list[str]:
 
 
 def _against_constant_angles(ahead: Mapping[float, Errors], horizon_s: float) -> list[str]:
-    """Return sentences on models that predict worse than the assumption of constant angles.
+    """Return sentences that name the models whose predictions are worse than constant angles.
 
-    They name the worse models by axis at ``horizon_s`` (s), and the axes and horizons at which all
-    models are worse. ``ahead``: horizon (s) → errors by model.
+    One sentence names the models and axes at the horizon ``horizon_s`` (s). Another one names the
+    axes and horizons at which all models are worse. ``ahead``: horizon (s) → errors by model.
     """
 
     def worse(name: str, h: float, i: int) -> bool:

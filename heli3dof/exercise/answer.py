@@ -1,4 +1,4 @@
-"""A student's answer to an exercise: the effects that the student claims are hidden in the rig.
+"""A student's answer to an exercise: it claims which effects are hidden in the emulated rig.
 
 The claims come from ``diagnose --json`` documents or from the student's own statements, such as
 ``stiffness.cable.yaw=0.1±0.01``.
@@ -35,7 +35,7 @@ class _Part(BaseModel):
 
 
 class Size(_Part):
-    """The claimed value of an effect's parameter; its 95 % interval (None: not stated)."""
+    """The claimed value of an effect's parameter, and its 95 % interval (None: not stated)."""
 
     value: float
     low: float | None = None
@@ -45,8 +45,8 @@ class Size(_Part):
 class Claim(_Part):
     """The claim that the rig has the hidden effect ``name``, e.g. ``stiffness.cable.yaw``.
 
-    ``confidence``: probability that the claim is right (None: not stated); ``tied_with``: effects
-    that the diagnosis cannot distinguish from this one.
+    ``confidence``: probability that the claim is right (None: not stated). ``parameters``: name →
+    claimed value. ``tied_with``: effects that the diagnosis reports as confounded with this one.
     """
 
     name: str = Field(max_length=200)
@@ -117,12 +117,12 @@ def make_answer(
     own: Sequence[Claim] = (),
     diagnoses: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Answer:
-    """Return the answer with a student's own claims ``own``, or those of diagnosis documents.
+    """Return a student's answer: the claims ``own``, or without any, those of ``diagnoses``.
 
-    ``name``: the student's; ``diagnoses``: file name → content of ``diagnose --json``. If there are
-    own claims, those of the documents are not used. Of several claims for the same effect the first
-    is kept. The answer's error on held-out data is taken from the first document. Raises UsageError
-    for a diagnosis of another rig's recordings, RecordingError for an incomplete document.
+    ``name`` is the student's name. ``diagnoses``: file name → content of ``diagnose --json``. Of
+    several claims for the same effect, the first is kept. The error on held-out data is that in the
+    first document. Raises UsageError if a diagnosis used recordings of another rig, RecordingError
+    for an incomplete document.
     """
     claims: list[Claim] = []
     flown_on: list[str | None] = []
@@ -160,8 +160,9 @@ def make_answer(
 def claims_of(document: Mapping[str, Any]) -> list[Claim]:
     """Return the claims of a diagnosis document: its ``findings`` and its unmodelled torques.
 
-    A torque in ``leftover`` that depends on no measured variable is no claim. If there is no claim
-    and the verdict is in `QUIET`, the result is the claim `NONE`: no hidden effect.
+    The key ``leftover`` lists residual torques. One that depends on a measured variable is an
+    unmodelled torque. If there is no claim and the verdict is in `QUIET`, the function returns the
+    claim `NONE`: no hidden effect.
     """
     claims = [_finding(f) for f in document["findings"]]
     claims += [
@@ -201,9 +202,9 @@ _STATEMENT = re.compile(r"([^=]+)(?:=([^±=]+?)(?:(?:±|\+/?-)(.+))?)?")
 def statements(texts: Sequence[str], confidence: Sequence[float]) -> list[Claim]:
     """Return claims from texts ``NAME``, ``NAME=VALUE`` or ``NAME=VALUE±HALF``.
 
-    NAME is an effect, VALUE that of its first parameter, VALUE ± HALF the 95 % interval.
-    ``confidence`` has one value for each text, one for all, or none. Raises UsageError for an
-    unknown name, a text of another form, or a number of confidences that does not match.
+    NAME is an effect, VALUE the value of its first parameter, VALUE ± HALF the 95 % interval.
+    ``confidence`` has one value for each text, one value for all, or none. Raises UsageError for an
+    unknown name, a text of another form, or a wrong number of confidences.
     """
     if len(confidence) not in (0, 1, len(texts)) or (confidence and not texts):
         raise UsageError(
@@ -232,10 +233,10 @@ def _statement(text: str, confidence: float | None) -> Claim:
 
 
 def _sizes(name: str, value: str | None, half: str | None) -> dict[str, Size]:
-    """Return the claimed size of the effect ``name`` by parameter; empty if ``value`` is None.
+    """Return {parameter: claimed size} of the effect ``name``; empty if ``value`` is None.
 
-    Raises UsageError for an unknown name, or a value for a claim without a parameter; ValueError
-    for a value that is not a number.
+    Raises UsageError for an unknown name, and for a value of a claim without parameters (`NONE`,
+    `UNMODELLED`). Raises ValueError if ``value`` or ``half`` is not a number.
     """
     if name == NONE or name in [f"{UNMODELLED}.{a}" for a in AXES]:
         if value is not None:

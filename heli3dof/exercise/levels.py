@@ -1,9 +1,9 @@
-"""Draws the hidden effects of an exercise at random, as its difficulty (`LEVELS`) demands.
+"""Draw the hidden effects of an exercise at random, by its level of difficulty (`LEVELS`).
 
 The table `_SIZES` gives a medium and a large size of each effect, for the emulated rig with the
 default profile. A medium effect is noticeable, a large one spoils a demonstration; with either, a
-flight stays inside the safety envelope. A drawn size is weaker than the table's by up to 15 %, so
-that the table does not reveal it.
+flight stays inside the safety envelope. The drawn size is up to 15 % weaker than the size in the
+table, so that the table does not reveal it.
 
 Not in the table are effects that no flight can identify (`encoder.offset`, `encoder.scale`),
 effects that depend on the flown plan (`mass.change`, `motor.saturation`), and those that the time
@@ -83,14 +83,14 @@ _OUTSIDE: dict[str, tuple[str, float, float]] = {
 _SECOND = {"disturbance.periodic": (0.2, 3.0), "aero.ground_effect": (0.07, 0.15)}
 """Effect → range of its second value, drawn log-uniformly: the frequency in Hz, the height in m"""
 _CALIBRATION = {"mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw"}
-"""Effects on those numbers of the profile that levels 4 and 5 change at random anyway"""
+"""Effects that levels 4 and 5 do not hide, as they already change these numbers of the profile"""
 _ALONE = "motor.thrust_gain"
-"""Effect that scales every torque, so it is hidden only on its own, in levels 1 and 2"""
+"""Effect that is hidden only in levels 1 and 2, without a second one, as it scales every torque"""
 
 
 @dataclass(frozen=True)
 class Cause:
-    """A hidden effect: its name with the axis; each parameter's value, such as ``torque_Nm``."""
+    """A hidden effect: its name with the axis, and parameter (such as ``torque_Nm``) → value."""
 
     name: str
     values: Mapping[str, float]
@@ -102,9 +102,10 @@ class Cause:
 
 
 def draw(level: int, rng: np.random.Generator) -> tuple[list[Cause], float]:
-    """Return hidden effects for a difficulty ``level``, and the rig's largest parameter error.
+    """Return random hidden effects for a difficulty ``level``, and the rig's spread.
 
-    This error is the largest relative difference of the rig from its profile: 0 or `SPREAD`.
+    The spread is the largest relative difference of the rig's parameters from the profile: 0 or
+    `SPREAD`.
     """
     if level <= 2:
         name = str(rng.choice(list(_SIZES)))
@@ -125,7 +126,10 @@ def draw(level: int, rng: np.random.Generator) -> tuple[list[Cause], float]:
 
 
 def _cause(name: str, size: int, rng: np.random.Generator) -> Cause:
-    """Return the effect ``name`` with a random size; ``size``: 0 medium, 1 large."""
+    """Return the effect ``name`` with a value drawn near its medium or large size in `_SIZES`.
+
+    ``size``: 0 medium, 1 large.
+    """
     effect = term(name).effect
     medium, large, way = _SIZES[name]
     null = 1.0 if way == RATIO else 0.0
@@ -153,11 +157,11 @@ _EQUAL = {
     "stiffness.pendulum.roll": "encoder.offset.roll",
     "aero.reaction_torque": "encoder.offset.pitch",
 }
-"""Hidden effect → an effect that moves the rig in the same way and is a right answer, too"""
+"""Hidden effect → another right answer: an effect that moves the rig in the same way"""
 
 
 def right_names(cause: str) -> set[str]:
-    """Return the effect names that count as a right answer for the hidden effect ``cause``."""
+    """Return the names of effects that are right answers for the hidden effect ``cause``."""
     if cause.startswith("other."):
         axis = next(a for a in AXES if cause.startswith(f"other.{a}_"))
         return {f"{UNMODELLED}.{axis}"}

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from nacl.signing import SigningKey
 
 NOT_ANSWERS = (".mcap", ".exercise")
-"""Endings of files in the folder that are not taken for answers"""
+"""Endings of the files in the folder that are not answers"""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class MarkedAnswer:
     reason: str | None
 
     def document(self) -> dict[str, Any]:
-        """Return the file's marks as a dict for JSON; a file without marks has the same keys."""
+        """Return the file's marks as a dict of JSON types; without marks, it has the same keys."""
         answer, truth = self.answer, self.truth
         return {
             "file": self.file,
@@ -51,16 +51,16 @@ def _marks(mark: Mark | None) -> dict[str, Any]:
 
 
 def _printable(text: str) -> str:
-    """Return a student's text without control characters, which could change the terminal."""
+    """Return a student's text with � for each control character, which could harm the terminal."""
     return "".join(c if c.isprintable() else "�" for c in text)
 
 
 def mark_folder(folder: Path, key: SigningKey) -> list[MarkedAnswer]:
     """Return a `MarkedAnswer` for each answer file in the folder and its subfolders.
 
-    For a file that is not an answer, the `MarkedAnswer` states the reason. Hidden files, and files
-    with a name ending in `NOT_ANSWERS`, are skipped. ``key``: the teacher's. Raises UsageError if
-    the folder is missing or contains only skipped files.
+    If a file cannot be marked, its `MarkedAnswer` gives the reason. Hidden files, and files whose
+    ending is in `NOT_ANSWERS`, are skipped. ``key`` is the teacher's key. Raises UsageError if the
+    folder is missing or contains only skipped files.
     """
     if not folder.is_dir():
         raise UsageError(

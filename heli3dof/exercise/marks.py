@@ -1,9 +1,9 @@
-"""Marks an answer by the truly hidden effects (causes): names, sizes and stated confidence.
+"""Mark an answer: compare the claimed effects with those that are really hidden (the causes).
 
-The confidence is marked by the Brier score: the sum of (c − o)² over all claimed and all hidden
-causes. c is the stated confidence, 1 if none is stated, 0 for a cause that is not claimed; o is 1
-for a hidden cause and 0 for any other.
-The score is proper: in expectation, stating the true probabilities gives the lowest sum. 0 is best.
+Names, sizes and stated confidence are marked. The mark of the confidence is the Brier score, the
+sum of (c − o)² over all claimed effects and all causes. c is the stated confidence: 1 if none is
+stated, 0 for a cause that is not claimed. o is 1 for a cause and 0 for any other effect. The score
+is proper: in expectation, stating the true probabilities gives the lowest sum. 0 is best.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from heli3dof.model.effects import term
 
 @dataclass(frozen=True)
 class SizeMark:
-    """Comparison of the claimed and the true value of a hidden effect's parameter.
+    """Comparison of the claimed and the true value of one parameter of a hidden effect.
 
-    ``relative_error``: |claimed − true| / |true − value without the effect|; ``inside``: the
-    claimed interval contains the true value (None: no interval was claimed).
+    ``relative_error`` is |claimed − true| / |true − null value|; without the effect, the parameter
+    has its null value. ``inside``: True if the claimed interval contains the true value, None if no
+    interval was claimed.
     """
 
     cause: str
@@ -44,7 +45,7 @@ class Mark:
     missed: tuple[str, ...]
     """Hidden causes that the answer does not name"""
     confounded: tuple[str, ...]
-    """Missed causes that the answer calls indistinguishable from a wrongly claimed one"""
+    """Missed causes that the answer states to be confounded with a wrongly claimed one"""
     sizes: tuple[SizeMark, ...]
     brier: float | None
     """Brier score, 0 is best; None if the answer was not marked"""
@@ -87,14 +88,14 @@ def mark(answer: Answer, truth: Truth) -> Mark:
 def _sizes(claim: Claim, truth: Mapping[str, float]) -> list[SizeMark]:
     marks = []
     effect = term(claim.name).effect
-    null = {effect.parameters[0].name: effect.parameters[0].null}  # of others: 0
+    null = {effect.parameters[0].name: effect.parameters[0].null}  # 0 for other parameters
     for parameter, true in truth.items():
         size = claim.parameters.get(parameter)
         if size is None:
             continue
         value, low, high = size.value, size.low, size.high
         if effect.name == "disturbance.periodic" and value < 0 and parameter == "torque_Nm":
-            # −τ sin equals τ sin half a period later.
+            # A torque −τ sin(ωt) equals τ sin(ωt), shifted by half a period.
             value, low, high = (
                 -value,
                 None if high is None else -high,

@@ -1,8 +1,8 @@
 """The teacher's private key, which signs exercises and decrypts their hidden effects.
 
-It is an Ed25519 key of 32 bytes. Its X25519 form opens the sealed box with the hidden effects. The
-effects are drawn from key, seed and level, so a student who knows only seed and level cannot draw
-them.
+It is an Ed25519 key of 32 bytes; converted to X25519, it decrypts the hidden effects. The key, a
+seed and the level determine which effects are drawn. So a student who knows seed and level, but not
+the key, cannot draw the same effects.
 """
 
 from __future__ import annotations
@@ -47,12 +47,15 @@ class Truth:
 
 
 def default_key() -> Path:
-    """Return the path of the key file if ``--key`` is omitted, in the user's state folder."""
+    """Return the path of the key file, in the user's state folder, if ``--key`` is omitted."""
     return state_folder() / "teacher.key"
 
 
 def new_key(path: Path) -> None:
-    """Write a new key to the file ``path``, readable by this user only; OSError if it exists."""
+    """Write a new key to the file ``path``, readable by this user only.
+
+    Raises OSError if the file exists.
+    """
     content = {"schema": FORM, "private_key": secrets.token_hex(32)}
     path.parent.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -90,7 +93,7 @@ def load_key(path: Path) -> SigningKey:
 
 
 def others_can_read(path: Path) -> bool:
-    """Return True if users other than its owner may read the key file (never on Windows)."""
+    """Return True if users other than the owner may read the key file (on Windows always False)."""
     return os.name != "nt" and bool(path.stat().st_mode & (stat.S_IRGRP | stat.S_IROTH))
 
 
@@ -128,9 +131,9 @@ def _sealed(key: SigningKey, text: bytes) -> str:
 
 
 def signature_problem(key: SigningKey, exercise: Exercise) -> str | None:
-    """Return None if ``key`` signed exactly this exercise, else why not.
+    """Return None if ``key`` signed this exercise, else the reason why the signature is wrong.
 
-    The reason is that the exercise was changed, or that another key signed it.
+    Either the exercise was changed, or another key signed it.
     """
     if not exercise.is_intact():
         return "the exercise in it was changed after it was sealed"
@@ -142,7 +145,7 @@ def signature_problem(key: SigningKey, exercise: Exercise) -> str | None:
 def open_truth(key: SigningKey, exercise: Exercise) -> Truth:
     """Return the hidden effects of an exercise, decrypted with the teacher's ``key``.
 
-    Raises RecordingError if this key did not sign exactly this exercise.
+    Raises RecordingError if this key did not sign the exercise, or if the exercise was changed.
     """
     if (why := signature_problem(key, exercise)) is not None:
         raise RecordingError(

@@ -1,4 +1,4 @@
-"""Analyse a batch's results table: estimates, changes and differing rigs of each quantity."""
+"""Analyse a batch's results table: estimate each quantity, find changes and rigs that differ."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ from heli3dof.fleet.tracks import (
 
 
 def analyse(rows: Sequence[Row]) -> Fleet:
-    """Return each quantity's estimates, changes and differing rigs from a batch's table ``rows``.
+    """Return the estimates, the changes and the differing rigs for each quantity in ``rows``.
 
-    `heli3dof.fleet.tracks.read_rows` reads the rows. Raises RecordingError if none can be used.
+    `heli3dof.fleet.tracks.read_rows` reads the ``rows`` from a batch's results table. Raises
+    RecordingError if none can be used.
     """
     bad = bad_recordings(rows)
     names = quantities_of(rows)
@@ -61,9 +62,9 @@ def _quantity(name: str, tracks: Sequence[Track], quantities: int, plan: str) ->
 def _rig(track: Track, siblings: Sequence[Track], quantities: int, plan: str) -> RigQuantity:
     """Return the changes of one quantity of one rig, and its estimate since the last step.
 
-    ``track``: values of the quantity; ``siblings``: those of the other rigs; ``quantities``:
-    number of quantities in the table. The estimate uses the flights of one plan: ``plan``, or the
-    most frequent plan since the last step if ``plan`` was not flown since.
+    ``track``: values of the quantity; ``siblings``: the same quantity's values of the other rigs;
+    ``quantities``: number of quantities in the table. The estimate uses the flights of one plan
+    since the last step: those of ``plan``, or without any, those of the most frequent plan.
     """
     changes = find_changes(
         track.t, track.y, track.s, track_prior(quantities), track.plans, sibling_scale(siblings)

@@ -10,16 +10,16 @@ one regressor x to a constant::
     drift                    xᵢ = (tᵢ − t₀)/(tₙ₋₁ − t₀)     δ: change over all flights
     deviating flight j       xᵢ = 1 for i = j, else 0
 
-p(i) is the plan of flight i: each plan has its own level m, because a fit to small steps and one to
-large ones differ on an unchanged rig. φ is the standard deviation of a typical flight (s̃: median
-of s). The fraction a of φ² is due to scatter between flights. A step needs two flights on each
-side, because one flight alone is a deviating flight. Two steps need a model of their own: if the
-second undoes the first, or repeats it, one step describes the flights badly. The flights j and k of
-two steps are on a grid of at most `MOST_BOUNDARIES`.
+p(i) is the plan of flight i. Each plan has its own level m, because the estimate also depends on
+the plan: on the same rig, small and large steps give different values. φ is the standard deviation
+of a typical flight (s̃: median of s). The fraction a of φ² is due to scatter between flights. A step
+needs two flights on each side, because one flight alone is a deviating flight. Two steps need a
+model of their own: if the second one reverses or repeats the first, the model of one step fits
+badly. To save time, the flights j and k of two steps are on a grid of at most `MOST_BOUNDARIES`.
 
-Priors: m is flat; a is on the grid `SHARES`, dense near 0; g on the grid `SIZES`. So a change has
-equal probability in each octave of 1 to 32 standard deviations. φ² has the prior d·φ₀²/χ²_d; the
-sibling rigs give d and φ₀ (`Scale`). Without siblings, p(φ) ∝ 1/φ (d = 0).
+Priors: m has a flat prior. a is on the grid `SHARES`, dense near 0, and g on the grid `SIZES`: 1,
+2, 4, … 32, all equally probable. φ² has the prior d·φ₀²/χ²_d; the sibling rigs give d and φ₀
+(`Scale`). Without siblings, p(φ) ∝ 1/φ (d = 0).
 
 m, δ and φ integrate in closed form. Let wᵢ = 1/uᵢ, P the number of plans, and ν = n − P. Sxx is
 Σwᵢxᵢ², after the weighted mean of each plan is subtracted from x; Sxy and Syy likewise::
@@ -29,7 +29,7 @@ m, δ and φ integrate in closed form. Let wᵢ = 1/uᵢ, P the number of plans,
     δ | x, a, g, d, y ~ Student t with ν + d degrees of freedom, mean B·Sxy,
                         scale² B·(R + dφ₀²)/(ν + d)
 
-A step at a change of plan has Sxx = 0, because the flights cannot distinguish the two.
+A step at a change of plan has Sxx = 0: the flights cannot distinguish the step from the plan.
 
 The constant alone has g = 0. For two steps, Sxx is a matrix and Sxy a vector: 1 + g²Sxx becomes
 det(I + g²Sxx), and Sxy²·B becomes Sxyᵀ(Sxx + I/g²)⁻¹Sxy. Sums over a, g, d and the flights of a
@@ -48,20 +48,20 @@ from heli3dof.arrays import FloatArray
 SHARES = np.linspace(0.0, 1.0, 9) ** 2
 """Grid of a, the share of the scatter between flights in the variance of a flight. Chosen."""
 SIZES: FloatArray = np.exp2(np.arange(6.0))
-"""Grid of g, the typical size of a change in standard deviations φ of a flight. Chosen: below 1 no
-flight shows a change, and above 32 every value of the prior's width gives the same answer."""
+"""Grid of g, the typical size of a change in standard deviations φ of a flight. Chosen: below 1, a
+change cannot be detected; above 32, g has no more influence on the result."""
 KINDS = ("step", "two_steps", "drift", "deviating")
 SINGLE = ("step", "drift", "deviating")
 """Kinds with one size δ"""
 Places = Mapping[str, tuple[tuple[int, ...], ...]]
 UNLIKE = 0.01
-"""Probability that a rig's scatter is unlike that of its siblings (d = 1). Chosen: if it were more
-probable than a step, a large scatter would explain every step in few flights."""
+"""Prior probability that a rig's scatter is unlike that of its siblings (d = 1). Chosen below that
+of a step: otherwise, with few flights, every step would be explained by a large scatter."""
 LEAST_SIDE = 2
 """Fewest flights on each side of a step: one alone is a deviating flight (a definition)"""
 MOST_BOUNDARIES = 30
-"""Most grid points for j and k of two steps. Chosen: it limits the pairs (j, k) to about 400. The
-search computes both steps again without a grid."""
+"""Most grid points for j and k of two steps. Chosen: this limits the pairs (j, k) to about 400. The
+search then computes the date of each step without a grid."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,8 @@ class Prior:
 class Scale:
     """Prior distribution d·φ₀²/χ²_d of a flight's variance φ², from the sibling rigs.
 
-    χ²_d is chi-squared with d degrees of freedom. d is `freedom`; with the probability `UNLIKE` the
-    rig is unlike its siblings; then d is 1.
+    χ²_d is chi-squared with d degrees of freedom. d is 1 with the probability `UNLIKE` (the rig is
+    unlike its siblings), otherwise d is `freedom`.
     """
 
     variance: float
@@ -105,8 +105,8 @@ class ChangePosterior:
     """Posterior probability and size δ of each possible change in n flights.
 
     Each possible change is a model: a step, two steps, a drift through all flights, or a deviating
-    flight. A step is before flight 2 … n − 2, counted from 0, so at least two flights are on each
-    side.
+    flight. A step is before one of the flights 2 … n − 2 (the first is flight 0), so it has at
+    least two flights on each side.
     """
 
     places: Places
@@ -141,7 +141,7 @@ def change_posterior(
     y: FloatArray, s: FloatArray, t: FloatArray, prior: Prior,
     plans: np.ndarray | None = None, scale: Scale | None = None,
 ) -> ChangePosterior:  # fmt: skip
-    """Return the probabilities of all changes in n flights of P plans, n − P ≥ 3.
+    """Return the posterior of all possible changes in n flights of P plans; n − P must be ≥ 3.
 
     ``y``, ``s`` (n,): values and standard deviations s > 0; ``t`` (n,): increasing times, in any
     unit; ``plans`` (n,): the plan of each flight, by default one for all; ``scale``: prior of
@@ -217,9 +217,10 @@ def change_posterior(
 
 
 def _log_sum(each: FloatArray) -> FloatArray:
-    """Return each change model's log evidence, averaged over the grid of prior parameters d, g, a.
+    """Return the log evidence of each model of a change, averaged over the grid of d, g and a.
 
-    ``each`` (d, g, a, model): log evidence at each grid point of d, g and a (see the module).
+    ``each`` (d, g, a, model) is the log evidence at each grid point (symbols: see the module). The
+    average is that of the evidence, not of its logarithm.
     """
     rows = each.reshape(int(np.prod(each.shape[:-1])), each.shape[-1])
     total: FloatArray = np.logaddexp.reduce(rows, axis=0) - np.log(len(rows))
@@ -232,13 +233,14 @@ def _two_steps(
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Return Sxyᵀ(Sxx + I/g²)⁻¹Sxy and det(I + g²Sxx), each (g, a, pair), of all pairs of steps.
 
-    ``w`` (a, n): weights; ``x`` (k, n): the regressor of a step before flight k; ``mean``
-    (a, plan, k): its weighted mean over each plan, times √Σwᵢ; ``s_xy``, ``s_xx`` (a, k): its sums
-    Sxy, Sxx; ``square`` (g, 1, 1): g². The module's docstring explains the symbols.
+    The module explains the symbols. The arguments describe single steps: ``w`` (a, n) are the
+    weights wᵢ, ``x`` (k, n) the regressor of a step before flight k. ``mean`` (a, plan, k) is the
+    regressor's weighted mean over each plan, times √Σwᵢ. ``s_xy`` and ``s_xx`` (a, k) are its sums
+    Sxy and Sxx, ``square`` (g, 1, 1) is g².
     """
     pairs = np.array(places["two_steps"], dtype=int).reshape(-1, 2) - LEAST_SIDE
     j, k = pairs.T
-    # The later step's regressor is the product of both.
+    # The product of both regressors is that of the later step.
     s_jk = (w @ x.T)[:, k] - np.einsum("apm,apm->am", mean[:, :, j], mean[:, :, k])
     b_j, b_k = s_xy[:, j], s_xy[:, k]
     jj, kk = (s_xx[:, i] + 1 / square for i in (j, k))

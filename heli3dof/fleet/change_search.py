@@ -1,17 +1,17 @@
 """Changes of one quantity of one rig: steps, drifts, deviating flights.
 
 The search finds the most probable change in all flights (`change_posterior`). A step divides the
-flights, and both sides are searched; two steps make three parts. A deviating flight is removed,
-and the search starts again. Several deviating flights would hide each other, so a Hampel filter
-proposes candidates first, and each is tested in the absence of the other candidates. At the end,
-the date, size and probability of each step are computed from the flights between its two
+flights into two parts, two steps into three; the search continues in each part. A deviating flight
+is removed, and the search starts again. Several deviating flights would hide each other. So a
+Hampel filter first proposes candidates, and each is tested without the other candidates. At the
+end, the date, size and probability of each step are computed from the flights between its two
 neighbouring steps.
 
-A change is reported if its probability is at least `REPORTED`. Prior probabilities come from
-`CHANGES_PER_RIG_SEMESTER`, divided by the number of quantities. If the posterior is calibrated (one
-report in 20 is false), a track (one quantity of one rig) without a change gets a false report with
-a probability of at most π·(1 − p)/p. Here π is the prior probability of a change, and p is
-`REPORTED`. For a rig with all its quantities, this is 0.15 · 0.05/0.95 = 0.8 %.
+A change is reported if its probability is at least p = `REPORTED`. The prior probability π of a
+change in one quantity is that in `CHANGES_PER_RIG_SEMESTER`, divided by the number of quantities.
+If the posterior is calibrated (one report in 20 is false), a quantity of a rig without a change
+gets a false report with a probability of at most π·(1 − p)/p. For all quantities of a rig together,
+this is 0.15 · 0.05/0.95 = 0.8 %.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ NORMAL_95 = 1.96
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change of a quantity. Flights are given by their index in the arrays that were searched."""
+    """A change of a quantity; flights are indices in the arrays of all flights searched."""
 
     kind: str
     """``step``, ``drift`` or ``deviating``"""
@@ -93,10 +93,10 @@ def find_changes(
 ) -> tuple[Change, ...]:  # fmt: skip
     """Return the changes in n flights: steps and drifts in order of time, then deviating flights.
 
-    ``t``, ``y``, ``s`` (n,): increasing times, values, standard deviations. Without ``s``, the
-    search uses the values' normal scores, because no normal distribution can be assumed. ``plans``
-    (n,): the plan of each flight, by default one for all; ``scale``: prior of the variance of one
-    flight from the sibling rigs.
+    ``t``, ``y``, ``s`` (n,): increasing times, values, standard deviations. If ``s`` is None, the
+    values need not be normally distributed, so the search uses their normal scores. ``plans`` (n,):
+    the plan of each flight, by default one for all. ``scale``: prior of a flight's variance φ²,
+    from the sibling rigs.
     """
     series = _Series(t, y, s, prior, np.zeros(len(y), int) if plans is None else plans, scale)
     deviating = list(_candidates(series))
@@ -125,13 +125,13 @@ class _Series:
     scale: Scale | None
 
     def is_searchable(self, flights: np.ndarray) -> bool:
-        """Return True if ``flights`` suffice: `LEAST_FLIGHTS`, plus one for each further plan."""
+        """Return True if there are enough ``flights``: `LEAST_FLIGHTS` + number of plans − 1."""
         return len(flights) - len(np.unique(self.plans[flights])) >= LEAST_FLIGHTS - 1
 
     def posterior(self, flights: np.ndarray) -> ChangePosterior:
-        """Return the posterior of changes in ``flights``, a part of the series.
+        """Return the posterior of changes in ``flights``, indices of a part of the series.
 
-        The prior probabilities are multiplied by this part's share of all flights.
+        The prior probabilities are multiplied by the share of these flights in the series.
         """
         t, y, plans = self.t[flights], self.y[flights], self.plans[flights]
         prior = self.prior.scaled(len(flights) / len(self.y))
@@ -179,7 +179,7 @@ def _candidates(series: _Series) -> Iterator[Change]:
 
 
 def _search(series: _Series, flights: np.ndarray) -> Iterator[Change]:
-    """Yield the most probable change in ``flights``; steps divide them, and each part is searched.
+    """Yield the changes in ``flights``: the most probable one, and after a step those in each part.
 
     Yields nothing if the flights are too few, or the probability of any change is below `REPORTED`.
     """
@@ -212,11 +212,12 @@ def _single(series: _Series, flights: np.ndarray) -> Change | None:
 
 
 def _refined(series: _Series, kept: np.ndarray, steps: list[Change]) -> list[Change]:
-    """Return the steps, each computed again from the flights between its neighbouring steps.
+    """Return ``steps``, each computed again from the flights between its neighbouring steps.
 
-    This is repeated until the dates no longer change. Then the least probable of the doubtful steps
-    is removed, and all are computed again. A step is doubtful if the probability of any change is
-    below `REPORTED`, or that of a step below 0.5.
+    This is repeated until the dates no longer change. Then, if there are doubtful steps, the least
+    probable one is removed, and the others are computed again. A step is doubtful if the
+    probability of any change is below `REPORTED`, or that of a step is below 0.5. ``kept``: the
+    flights that do not deviate.
     """
     for _ in range(REFINEMENTS * len(steps)):
         before = [c.first for c in steps]
@@ -239,8 +240,8 @@ def _change(
 ) -> Change:
     """Return the most probable change of this ``kind`` in ``flights``.
 
-    ``before`` selects a step: index in ``flights`` of the first flight after the step. None: the
-    most probable step.
+    ``before`` selects the step before this flight (an index in ``flights``); None selects the most
+    probable step.
     """
     model = posterior.best(kind)
     size, std = posterior.size[kind], posterior.size_std[kind]
@@ -267,10 +268,10 @@ def _change(
 
 
 def _dates(share: FloatArray, flights: np.ndarray) -> dict[int, float]:
-    """Return the most probable dates of a step: first flight after it → probability.
+    """Return the most probable dates of a step: first flight after the step → probability.
 
-    Together the dates have at least the probability `DATES`. ``share``: probability of a step
-    before each of ``flights``, from index 2 on.
+    Together the dates have at least the probability `DATES`. ``share``: the probability of a step
+    before each of ``flights`` from index 2 on, given that there is a step.
     """
     order = np.argsort(-share, kind="stable")
     many = int(np.searchsorted(np.cumsum(share[order]), DATES)) + 1

@@ -12,13 +12,13 @@
     differing[]        rig, quantity, difference, std, p_value
     bad_recordings[]   recording, rig, reason
 
-An estimate has ``value std interval scatter flights``, in the quantity's unit: the 95 % interval,
-the scatter between flights (in ``fleet``: between rigs), and the number of flights (or rigs).
-``own`` holds each flight's estimate, shrunken towards the rig's mean. A rig's ``estimate`` and
-``own`` are from flights of ``plan`` (null: the recordings state none). A flight has ``recording``,
-``day`` (days since 1970-01-01 UTC; null if the flights are ordered by name). ``kinds`` gives the
-probability of each kind of change, ``p_value`` the chance of such a difference if all rigs are
-alike. Undefined numbers are null.
+An estimate has ``value std interval scatter flights``. ``interval`` is the 95 % interval,
+``scatter`` the standard deviation between flights, ``flights`` their number. In ``fleet``, the last
+two refer to rigs instead. ``own`` holds each flight's value, shrunken towards the rig's mean. A
+rig's ``estimate`` and ``own`` use flights of ``plan`` (null: the recordings state no plan). A
+flight has ``recording`` and ``day`` (days since 1970-01-01 UTC; null if the flights are ordered by
+name). ``kinds`` gives the probability of each kind of change, ``p_value`` the chance of such a
+difference if all rigs are alike. Numbers are in the quantity's unit; undefined numbers are null.
 """
 
 from __future__ import annotations
@@ -87,9 +87,9 @@ def _estimate(e: Estimate) -> dict[str, Any]:
 
 
 def _own(r: RigQuantity) -> list[dict[str, Any]]:
-    """Return the recording and the shrunken value of each flight of the rig's estimate.
+    """Return recording, shrunken value and standard deviation of each flight of the estimate.
 
-    The list is empty without standard deviations, or if there is only one flight.
+    The list is empty if the standard deviations are unknown, or if there is only one flight.
     """
     if r.track.s is None or r.estimate.n < 2:
         return []

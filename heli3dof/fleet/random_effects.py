@@ -1,4 +1,4 @@
-"""Estimate one quantity from several measurements that have errors and scatter between them.
+"""Estimate a quantity from several measurements with errors and with scatter between them.
 
 Random-effects model of n measurements yᵢ with standard deviations sᵢ, all in the quantity's unit::
 
@@ -54,9 +54,9 @@ class Estimate:
 
 
 def random_effects(y: FloatArray, s: FloatArray) -> Estimate:
-    """Return a quantity's estimate from its values ``y`` (n,) with standard deviations ``s`` (n,).
+    """Return the estimate of a quantity from values ``y`` (n,) with standard deviations ``s`` (n,).
 
-    ``s`` = 0: the error of a measurement is unknown, and counts as part of the scatter.
+    s = 0 means that the error of a measurement is unknown. This error then counts as scatter.
     """
     n = len(y)
     if n == 1:
@@ -77,7 +77,7 @@ def scatter_variance(y: FloatArray, s: FloatArray) -> float:
     from scipy.optimize import brentq
 
     n = len(y)
-    # Σwᵢ(yᵢ−θ̂)² ≤ Σ(yᵢ−ȳ)²/τ², so the root is at most the variance of y.
+    # Q(τ²) ≤ Σ(yᵢ − ȳ)²/τ², so the root of Q = n − 1 is at most the variance of y.
     most = float(np.var(y, ddof=1))
     if most <= np.finfo(float).tiny:
         return 0.0
@@ -91,7 +91,7 @@ def scatter_variance(y: FloatArray, s: FloatArray) -> float:
     least = 0.0 if np.all(s > 0) else 1e-12 * most
     if excess(least) <= 0:
         return 0.0
-    if excess(most) >= 0:  # by rounding, where all s are tiny compared with the scatter
+    if excess(most) >= 0:  # by rounding, if all s are tiny compared with the scatter
         return most
     return float(brentq(excess, least, most, xtol=1e-12 * most, rtol=1e-12))
 
@@ -104,10 +104,11 @@ def _weights(s: FloatArray, variance: float) -> FloatArray:
 
 
 def shrunken(y: FloatArray, s: FloatArray, estimate: Estimate) -> tuple[FloatArray, FloatArray]:
-    """Return each measurement's own value (n,), shrunken towards the mean, and its std (n,).
+    """Return estimates (n,) of the measurements' own values, and their standard deviations (n,).
 
-    The own value is the value without the measurement's error (θ + bᵢ in the module). ``estimate``:
-    that of the two or more measurements ``y`` with standard deviations ``s``.
+    The own value of measurement i is θ + bᵢ (see the module): the value without the error eᵢ. Its
+    estimate is yᵢ, shrunken towards the mean. ``estimate`` is what `random_effects` returns for the
+    measurements ``y`` (n,) with standard deviations ``s`` (n,), n ≥ 2.
     """
     total = s**2 + estimate.scatter**2
     share = np.divide(estimate.scatter**2, total, out=np.zeros_like(s), where=total > 0)

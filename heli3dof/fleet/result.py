@@ -1,6 +1,8 @@
 """The result classes of `heli3dof.fleet.analyse`.
 
-They contain the results on a fleet, on one quantity of all rigs, and on one quantity of one rig."""
+`Fleet` is the whole result. It consists of a `FleetQuantity` for each quantity, and this of a
+`RigQuantity` for each rig.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class RigQuantity:
-    """Results on one quantity of one rig: its values, changes, estimate and difference."""
+    """One quantity of one rig: values, changes, estimate, and difference from the other rigs."""
 
     track: Track
     changes: tuple[Change, ...]
@@ -43,7 +45,7 @@ class RigQuantity:
 
 @dataclass(frozen=True, eq=False)
 class FleetQuantity:
-    """Results on one quantity, for each rig that has this quantity, and the mean of the fleet."""
+    """One quantity: the results of each rig that has this quantity, and the mean of the rigs."""
 
     name: str
     rigs: tuple[RigQuantity, ...]
@@ -56,7 +58,7 @@ class FleetQuantity:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fleet(Result):
-    """The result of `heli3dof.fleet.analyse`: the results on each quantity, and the bad data."""
+    """The result of `heli3dof.fleet.analyse`: results for each quantity, and bad recordings."""
 
     recordings: int
     plan: str
@@ -75,21 +77,21 @@ class Fleet(Result):
         return tuple(sorted({r.track.rig for r in self.tracks() if not r.track.dated}))
 
     def tracks(self) -> Iterator[RigQuantity]:
-        """Yield the results on each quantity of each rig."""
+        """Yield the results for each quantity of each rig."""
         for quantity in self.quantities:
             yield from quantity.rigs
 
     def changes(self) -> list[tuple[Track, Change]]:
-        """Return (track, change) of all steps, then drifts, then deviating flights.
+        """Return (track, change) for all steps, then all drifts, then all deviating flights.
 
-        In each kind, the most probable change comes first.
+        Within each kind, the most probable change comes first.
         """
         found = [(r.track, c) for r in self.tracks() for c in r.changes]
         kinds = ("step", "drift", "deviating")
         return sorted(found, key=lambda tc: (kinds.index(tc[1].kind), -tc[1].probability))
 
     def differences(self) -> list[tuple[str, Difference]]:
-        """Return (quantity, difference) of all rigs that differ, smallest p-value first."""
+        """Return (quantity, difference) for all rigs that differ, smallest p-value first."""
         found = [(r.track.quantity, r.difference) for r in self.tracks() if r.difference]
         return sorted(found, key=lambda qd: qd[1].p_value)
 

@@ -1,9 +1,9 @@
 """Prior for a quantity's variance from flight to flight, estimated from the sibling rigs.
 
-A few flights of one rig hardly determine its standard deviation φ, but rigs of one kind scatter
-alike. For sibling rig r, q_r estimates φ² from the differences between the values y of successive
-flights of one plan. A step changes only one of these differences (von Neumann, Ann. Math. Stat. 12,
-1941)::
+A few flights of one rig hardly determine their standard deviation φ, but rigs of one kind have
+similar φ. For sibling rig r, q_r estimates φ² from the differences between the values y of
+successive flights of one plan. A step changes only one of these differences (von Neumann, Ann.
+Math. Stat. 12, 1941)::
 
     q_r = mean of (yᵢ₊₁ − yᵢ)²/2 over n_r differences,   f_r = 2n_r²/(3n_r − 1) degrees of freedom
 
@@ -12,9 +12,10 @@ the mean E and the variance V of ln q_r are::
 
     E = ln φ₀² + ψ(f_r/2) − ln(f_r/2) − ψ(d/2) + ln(d/2),   V = ψ'(f_r/2) + ψ'(d/2)
 
-φ₀² and d follow from median and median absolute deviation over the siblings, so rigs that changed
-have little influence (Smyth, Stat. Appl. Genet. Mol. Biol. 3, 2004, uses means). d is at least 1,
-and at most the sum of f_r, the degrees of freedom of φ₀² itself.
+For φ₀² and d, E is replaced by the median over the siblings, and √V by 1.4826 times the median
+absolute deviation. So rigs that changed have little influence (Smyth, Stat. Appl. Genet. Mol.
+Biol. 3, 2004, uses mean and variance). d is at least 1, and at most the sum of f_r, the degrees of
+freedom of φ₀² itself.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ MAD_TO_STD = 1.4826
 
 
 def sibling_scale(siblings: Sequence[Track]) -> Scale | None:
-    """Return the prior of a rig's variance between flights; None if ``siblings`` are too few."""
+    """Return the prior of a rig's variance φ² of a flight; None if ``siblings`` are too few."""
     from scipy.special import digamma, polygamma
 
     found = [d for d in map(_differences, siblings) if len(d) >= LEAST_DIFFERENCES and d.any()]
@@ -54,7 +55,7 @@ def sibling_scale(siblings: Sequence[Track]) -> Scale | None:
 
 
 def _differences(track: Track) -> np.ndarray:
-    """Return the differences between the values of successive flights of the same plan."""
+    """Return the differences between the values of two flights in a row with the same plan."""
     return np.asarray(np.diff(track.y)[track.plans[1:] == track.plans[:-1]])
 
 

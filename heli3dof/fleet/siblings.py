@@ -1,18 +1,18 @@
-"""Rigs whose quantity differs from that of the other rigs, by leave-one-out prediction.
+"""Find the rigs that differ from the other rigs in one quantity, by leave-one-out prediction.
 
 R rigs have estimates θ̂ᵣ with standard errors vᵣ. Without rig r, the estimates have the mean θ̄ and
 the standard deviation S, and the squared standard errors the mean v². If r is like the others::
 
     z = (θ̂ᵣ − θ̄)/√(S²·(1 + 1/(R − 1)) + max(vᵣ² − v², 0)) ~ Student t with R − 2 degrees of freedom
 
-S² contains the scatter between rigs and v². With equally many flights on each rig, this is the
-exact prediction of one more normal value. For a rig with fewer flights, max(vᵣ² − v², 0) adds its
-larger error.
+S² contains the scatter between rigs and the mean squared error v². If each rig has equally many
+flights, the distribution is exact for normal values. For a rig with fewer flights,
+max(vᵣ² − v², 0) adds its larger error.
 
-The p-value of z is multiplied by the number of rigs and of quantities (Bonferroni). Two differing
-rigs would hide each other, so the search removes the most deviating rig, and tests the next against
-the rest. The last removed rig with a p-value of at most `LARGEST_P`, and those removed before it,
-differ (Rosner, Technometrics 25, 1983).
+The p-value of z is multiplied by the number of rigs and by that of quantities (Bonferroni). Two
+differing rigs would hide each other. So the search removes the most deviating rig, and tests the
+next one against the rest. The last removed rig with a p-value of at most `LARGEST_P` differs, and
+so do all that were removed before it (Rosner, Technometrics 25, 1983).
 """
 
 from __future__ import annotations
@@ -47,7 +47,10 @@ class Difference:
 
 
 def fleet_estimate(rigs: Mapping[str, Estimate]) -> Estimate | None:
-    """Return the rigs' mean and the scatter between them; None if no rig has a standard error."""
+    """Return the mean of the rigs and the scatter between them, as an `Estimate`.
+
+    Rigs without a standard error are ignored; the result is None if no rig is left.
+    """
     known = [e for e in rigs.values() if is_known(e)]
     return _mean(known) if known else None
 
@@ -92,9 +95,9 @@ def _difference(name: str, rigs: Mapping[str, Estimate], tests: int) -> Differen
 
 
 def _with_scatter(estimate: Estimate, scatter: float) -> Estimate:
-    """Return ``estimate``; if it is from a single flight, ``scatter`` is added to its std.
+    """Return ``estimate``, with the scatter between flights added if it is from a single flight.
 
-    ``scatter``: standard deviation between flights; it is added in quadrature.
+    The standard deviation of such an estimate becomes √(std² + ``scatter``²).
     """
     if estimate.n > 1:
         return estimate

@@ -1,10 +1,10 @@
 """Tracks: the values of one quantity of one rig in its flights, in order of time.
 
 A quantity is a column NAME of the batch's results table that has a column ``NAME_std``, or one of
-`WITHOUT_STD`. A recording is bad data if its command failed (``exit_code``), an integrity check
-failed (``faults``), or an earlier recording has the same samples (``digest``). No track contains
-bad data. A quantity's track omits flights without a finite value or, unless the quantity is in
-`WITHOUT_STD`, without a standard deviation > 0.
+`WITHOUT_STD`. Tracks leave out recordings that are bad data, for one of three reasons: their
+command failed (``exit_code``), an integrity check found bad data (``faults``), or an earlier
+recording has the same samples (``digest``). A track also omits flights without a finite value.
+Unless the quantity is in `WITHOUT_STD`, it omits flights without a standard deviation > 0.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Track:
     rig: str
     quantity: str
     t: FloatArray
-    """(n,) days since 1970-01-01 UTC; number of the flight from 0 if a start is not known"""
+    """(n,) days since 1970-01-01 UTC; if a start is unknown, the flights' numbers 0, 1, 2, …"""
     y: FloatArray
     """(n,) values in the quantity's unit"""
     s: FloatArray | None
@@ -65,8 +65,8 @@ class Track:
 def read_rows(folder: Path) -> list[dict[str, Any]]:
     """Return the rows of the results table in ``folder``, without those of bootstrap replicates.
 
-    An empty cell is None. Raises UsageError if the table is missing, RecordingError if it cannot be
-    used.
+    Empty cells become None. Raises UsageError if the table is missing, RecordingError if it is not
+    a results table.
     """
     rows = results_table.read_rows(folder, needed=NEEDED)
     return [row for row in rows if not row.get("replicate")]
@@ -128,7 +128,7 @@ def quantities_of(rows: Sequence[Row]) -> tuple[str, ...]:
 
 
 def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ...]:
-    """Return a track for each rig and each of the ``quantities`` that it has, sorted by rig."""
+    """Return a track of each rig for each of the ``quantities`` that the rig has, sorted by rig."""
     rigs: dict[str, list[Row]] = {}
     for row in usable_rows(rows):
         rigs.setdefault(rig_of(row), []).append(row)
@@ -144,8 +144,8 @@ def tracks_of(rows: Sequence[Row], quantities: Sequence[str]) -> tuple[Track, ..
 def _in_order(rows: Sequence[Row]) -> tuple[list[Row], list[float] | None]:
     """Return the rows in order of time, and their starts in days since 1970-01-01 UTC.
 
-    If a start is missing, or if several rows all have the same start, the rows are ordered by name,
-    without starts (None).
+    If the start of a row is missing, or if all rows have the same start, the rows are in the order
+    of their names, and the starts are None.
     """
     named = sorted(rows, key=_name)
     starts = {id(row): _start(row.get("started_utc")) for row in named}
@@ -189,9 +189,9 @@ def _track(
 
 
 def _value(row: Row, quantity: str) -> tuple[float, float] | None:
-    """Return a row's value and standard deviation of a quantity; None if they are not usable.
+    """Return a row's (value, standard deviation) of a quantity; None if they are not usable.
 
-    The standard deviation is 0 for a quantity `WITHOUT_STD`.
+    For a quantity in `WITHOUT_STD`, the standard deviation is 0.
     """
     with_std = quantity not in WITHOUT_STD
     value, std = row.get(quantity), row.get(quantity + STD) if with_std else 0.0

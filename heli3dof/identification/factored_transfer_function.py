@@ -2,7 +2,7 @@
 
     G(s) = k · Π (s + a_i) Π (s² + b_i s + c_i) / [ Π (s + a_j) Π (s² + b_j s + c_j) ]
 
-The unit of k is rad/V/s^m, with m the number of poles minus the number of zeros.
+The gain k is in rad/V/s^m, with m the number of poles minus the number of zeros.
 `heli3dof.identification.reduction` computes the factors of a fit.
 """
 
@@ -59,8 +59,9 @@ class Factor:
 class FactoredTransferFunction:
     """A transfer function from ``input`` (V) to the angle ``output`` (rad): gain and factors.
 
-    ``input`` is ``sum`` (both voltages rise by 1 V) or ``difference`` (front rises, back falls). A
-    gain of 0 means that the angle does not respond to the input within the accuracy of the fit.
+    One unit of ``input`` is a change of both voltages by +1 V (``sum``), or of the front voltage by
+    +1 V and the back voltage by −1 V (``difference``). A gain of 0 means that the angle does not
+    respond to the input within the accuracy of the fit.
     """
 
     output: str
@@ -73,7 +74,7 @@ class FactoredTransferFunction:
     def __str__(self) -> str:
         """Return the transfer function in degrees/V, each coefficient with its standard deviation.
 
-        Factors with a root at the origin come first, then the others by increasing root modulus.
+        The factors are in the order of the modulus of their roots, the smallest first.
         """
         if self.gain == 0:
             return "0"
@@ -138,7 +139,7 @@ def _sign(value: float) -> str:
 
 
 def _with_std(value: float, std: float) -> str:
-    """Format ``99.66±0.32``: a value with two digits of its standard deviation, if known."""
+    """Return text such as ``99.66±0.32``: the standard deviation, if known, has two digits."""
     if not np.isfinite(std) or std <= 0:
         return f"{value:.4g}"
     digits = 1 - int(np.floor(np.log10(std)))

@@ -2,13 +2,13 @@
 
 Autoregressions of order p whiten both signals. e is the innovation of a regression of the 3 angles
 on past angles and voltages; w is the innovation of a regression of the 2 voltages on their
-own past. Without feedback w[k] is independent of e[k], e[k−1], …. So over h lags and N samples,
+own past. Without feedback, w[k] is independent of e[k], e[k−1], …. Then over h lags and N samples,
 with tr the trace and ~ for "follows the distribution",
 
     Q = N Σ_{j=0}^{h−1} tr(R_jᵀ R_j)  ~  χ²(2·3·h),      R_j = corr(w[k], e[k−j])
 
 with w and e scaled to unit covariance (Haugh 1976; Söderström & Stoica 1989, section 12.10).
-The sum includes j = 0 because sample k's voltage follows from sample k's angles.
+The sum includes j = 0, because a controller computes the voltages of sample k from its angles.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ SHARE_MIN = 0.005
 class Feedback:
     """The result of a feedback test: χ² statistic, p-value, and whether feedback is ``present``.
 
-    ``share`` (0 to 1) is the part of the variance of the voltages' innovations that the angles'
-    innovations explain. ``sentence`` states the result for the report.
+    ``share`` (0 to 1) is the part of the variance of the voltages' innovations w that the angles'
+    innovations e explain. ``sentence`` states the result for the report.
     """
 
     statistic: float
@@ -45,7 +45,7 @@ class Feedback:
 
 
 def feedback_test(data: Sequence[Pair]) -> Feedback:
-    """Return the result of the test whether the voltages respond to the angles.
+    """Return the result of the feedback test: do the voltages respond to the angles?
 
     ``data`` has a pair per segment without gaps: voltages (N, 2) V, angles (N, 3) rad.
     """
@@ -95,7 +95,7 @@ def _input_innovations(data: Sequence[Pair], p: int) -> list[np.ndarray]:
 
 
 def _whitener(cov: np.ndarray) -> np.ndarray:
-    """Return a matrix L with L cov Lᵀ = I; directions in which ``cov`` is zero are dropped."""
+    """Return a matrix L with L cov Lᵀ = I; it omits directions in which ``cov`` is zero."""
     lam, V = np.linalg.eigh(cov)
     keep = lam > 1e-12 * lam.max()
     return np.asarray((V[:, keep] / np.sqrt(lam[keep])).T)

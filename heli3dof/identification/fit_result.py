@@ -1,4 +1,4 @@
-"""The interface of all identification methods: a method gets a `Request`, returns a `FitResult`.
+"""The interface of all identification methods: they get a `Request` and return a `FitResult`.
 
 All methods share preprocessing, validation, residual tests, JSON and printing.
 """
@@ -55,7 +55,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Pole:
-    """A continuous-time pole (rad/s); std_real, std_imag: standard deviations, NaN if unknown."""
+    """A continuous-time pole (rad/s), and the standard deviations of its parts (NaN: unknown)."""
 
     value: complex
     std_real: float
@@ -79,8 +79,8 @@ def rightmost_first(poles: Sequence[Pole]) -> tuple[Pole, ...]:
 class CandidateOrder:
     """A fit of the order search: a black box of one order, fitted at one sampling interval.
 
-    The search compares ``score``, the mean fit of the axes in %. ``bic`` is the Bayesian
-    information criterion.
+    The search compares the ``score``, which is the mean fit of the axes in %. ``bic`` is the
+    Bayesian information criterion.
     """
 
     order: int

@@ -28,13 +28,13 @@ from heli3dof.stage_clock import Progress, StageClock
 
 FEEDBACK_TEST_S = 0.02
 TEST_ROWS = 60
-"""Rows: residual tests skip segments with fewer innovations after the filter has settled."""
+"""Residual tests skip segments with fewer innovations (rows) than this after the warm-up."""
 __all__ = ["Identification", "identify"]
-BEYOND = 2.0
-"""Ratio of an axis' rms motion in held-out and in training data, above which a warning is given"""
+EXTRAPOLATION = 2.0
+"""Ratio of an axis' rms motion in held-out to training data above which there is a warning"""
 LITTLE_MOTION_DEG = 1.0
-"""Rms motion of held-out data below which it does not test a model: a few times the 0.2° to 0.5° by
-which process noise moves roll and pitch of known rigs within the 1 s of a prediction"""
+"""Rms motion (°) below which held-out data do not test a model: a few times the motion by process
+noise alone, which is 0.2° to 0.5° on roll and pitch of known rigs within the 1 s of a prediction"""
 ORDER_MAX = 20
 OPEN_LOOP_WARNING = (
     "Output error assumes that the voltages are independent of the disturbances. In closed loop "
@@ -66,8 +66,8 @@ def identify(
             (physical parameters), or a black box: ``pem``, ``pbsid``, ``oe``, ``tf4``.
         order: number of states of a black box; None starts an order search
             (`heli3dof.identification.black_box.order_selection`).
-        terms: effects of a physical model by name, as ``motor.lag`` or ``friction.viscous.yaw``;
-            None takes the method's default.
+        terms: names of the effects of a physical model, such as ``motor.lag`` or
+            ``friction.viscous.yaw``; None takes the method's default.
         holdout: recordings to validate on. None sets aside the last quarter of each recording.
         intervals_s: sampling intervals (s) that the order search tries, each rounded to a multiple
             of the control period.
@@ -135,9 +135,9 @@ def identify(
 
 
 def residual_tests(found: FitResult, prepared: Prepared) -> tuple[ResidualTest, ...]:
-    """Return two tests of the residuals on held-out data; () if the data are too short.
+    """Return two residual tests on held-out data: for whiteness, and independence of past voltages.
 
-    They test whiteness, and independence of past voltages.
+    The result is () if the data are too short.
     """
     settle = round(WARM_UP_S / (found.test_interval_s or found.interval_s))
     E, U = [], []
@@ -149,7 +149,7 @@ def residual_tests(found: FitResult, prepared: Prepared) -> tuple[ResidualTest, 
 
 
 def recording_warnings(prepared: Prepared) -> list[str]:
-    """Return warnings about a wrong log rate, jitter, lost samples and voltages at their limit."""
+    """Return warnings of a wrong log rate, jitter, lost samples and voltages at their limit."""
     out = []
     for r in prepared.reports:
         c = r.clock
@@ -176,7 +176,7 @@ def recording_warnings(prepared: Prepared) -> list[str]:
 
 
 def extrapolation_warnings(prepared: Prepared) -> list[str]:
-    """Return a warning for each axis that moves much further in held-out than in training data."""
+    """Return a warning for each axis that moves much more in held-out than in training data."""
     if not prepared.held_out:
         return []
     fitted, tested = (rms_motion_deg(prepared, x) for x in (prepared.train, prepared.held_out))
@@ -184,12 +184,12 @@ def extrapolation_warnings(prepared: Prepared) -> list[str]:
         f"{axis}: the held-out data move it by {b:.1f}° rms, the training data by {a:.1f}° only, "
         "so the held-out scores are an extrapolation. Fit a recording that moves it as far."
         for axis, a, b in zip(AXES, fitted, tested, strict=True)
-        if b > BEYOND * a
+        if b > EXTRAPOLATION * a
     ]
 
 
 def rms_motion_deg(prepared: Prepared, runs: Sequence[RowRange]) -> np.ndarray:
-    """Return the standard deviation (3,) of the angles in ranges ``runs`` of rows, in degrees."""
+    """Return the standard deviation (3,) of the angles in the row ranges ``runs``, in degrees."""
     parts = [prepared.recordings[r.source].angle[r.start : r.stop] for r in runs]
     return np.asarray(np.rad2deg(np.vstack([p - p.mean(axis=0) for p in parts]).std(axis=0)))
 
@@ -197,9 +197,9 @@ def rms_motion_deg(prepared: Prepared, runs: Sequence[RowRange]) -> np.ndarray:
 def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
     """Return warnings that name the axes with a negative fit on held-out data.
 
-    Negative means: predictions `SUMMARY_HORIZON_S` s ahead are worse than the measured angle's
-    mean. Such axes with less motion than `LITTLE_MOTION_DEG` get another warning, because their fit
-    does not test the model.
+    The fit is negative if predictions `SUMMARY_HORIZON_S` s ahead are worse than the mean of the
+    measured angle. Axes that move less than `LITTLE_MOTION_DEG` get a different warning, because
+    their fit does not test the model.
     """
     score = scores.prediction.get(SUMMARY_HORIZON_S)
     if score is None or not prepared.held_out:

@@ -24,14 +24,15 @@ GROUP = "heli3dof.methods"
 
 @dataclass(frozen=True)
 class Method:
-    """An identification method: its name for ``--method``, a sentence for the help, and its fit."""
+    """An identification method: name for ``--method``, sentence for the help, and function."""
 
     name: str
     sentence: str
     function: str
-    """The fit as ``module:function``, called with (`Prepared`, `Request`); it returns a `FitResult`
-    (`heli3dof.identification.preprocessing`, `heli3dof.identification.fit_result`). Only `fit`
-    imports it, because the command line loads every `Method` to list them."""
+    """The function that fits a model, as text ``module:function``. It is called with a `Prepared`
+    (`heli3dof.identification.preprocessing`) and a `Request`, and returns a `FitResult` (both
+    `heli3dof.identification.fit_result`). The module is only imported for a fit, so that the
+    command line can list all methods quickly."""
     assumes_open_loop: bool = False
     """True if feedback from the angles to the voltages biases the estimates."""
     physical: bool = False
@@ -39,9 +40,9 @@ class Method:
     method can also use recordings that lack an angle."""
 
     def fit(self, prepared: Prepared, request: Request) -> FitResult:
-        """Import the method's function, call it with ``prepared`` and ``request``, return its fit.
+        """Return the fit to ``prepared`` with the options ``request``, by the method's function.
 
-        Raises UsageError if the function is missing or returns no `FitResult`.
+        Raises UsageError if the function cannot be imported or returns no `FitResult`.
         """
         from heli3dof.identification.fit_result import FitResult
 
@@ -108,7 +109,7 @@ BUILT_IN = (
 def methods() -> Mapping[str, Method]:
     """Return all methods by name, including those of other packages.
 
-    Logs a warning for a plug-in that does not load, and leaves it out.
+    A plug-in that does not load is left out, and a warning is logged.
     """
     out = {m.name: m for m in BUILT_IN}
 
@@ -123,7 +124,7 @@ def methods() -> Mapping[str, Method]:
 
 
 def known_method(name: str) -> Method:
-    """Return the method ``name``; raise UsageError, which suggests a similar name, if unknown."""
+    """Return the method ``name``. Raises UsageError with a similar name if it is unknown."""
     if name in methods():
         return methods()[name]
     raise UsageError(

@@ -1,8 +1,8 @@
 """Prepare recordings for a fit: check clocks, select rows, set held-out data aside, decimate.
 
-The amplifier holds the voltage V[k] of the sample at time t[k] until t[k+1]. So over an interval of
-q samples the mean voltage ū is *exactly* the integral of the input divided by the interval. With i
-the row of the decimated data and y its angles,
+The amplifier holds the voltage V[k] of the sample at time t[k] until t[k+1]. So the mean voltage ū
+of q samples is *exactly* the integral of the input over their interval, divided by its length. With
+i the row of the decimated data and y its angles,
 
     ū[i] = Σ_{j=iq}^{iq+q−1} V[j] (t[j+1] − t[j]) / (t[(i+1)q] − t[iq]),      y[i] = angle[iq]
 
@@ -58,15 +58,15 @@ class Clock:
 class RecordingReport:
     """Sampling statistics of one recording, and the shares of usable and of left-out rows.
 
-    ``clipped_share`` is the share of rows that are usable and have a voltage at the amplifier's
-    limit. ``segments`` is the number of runs of usable rows.
+    ``clipped_share`` is the share of rows that are usable with a voltage at the amplifier's limit.
+    ``segments`` is the number of runs of usable rows.
     """
 
     name: str
     seconds: float
     clock: Clock
     left_out: dict[str, float]
-    """Reason for leaving rows out → share of rows. A row with several counts under the first."""
+    """Reason for leaving rows out → share of rows. If a row has several, the first one counts."""
     usable_share: float
     clipped_share: float
     segments: int
@@ -112,7 +112,7 @@ class RecordingReport:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Recordings with their runs (ranges of usable rows) to train on and to hold out."""
+    """Recordings, with the runs (ranges of usable rows) for training and those held out."""
 
     recordings: tuple[Recording, ...]
     train: tuple[RowRange, ...]
@@ -155,7 +155,7 @@ def check_clock(recording: Recording) -> Clock:
 
 
 def prepare(recordings: Sequence[Recording], *, held_out: Sequence[Recording] = ()) -> Prepared:
-    """Return the recordings prepared for a fit: clocks checked, usable runs found, some held out.
+    """Return the recordings with checked clocks and their usable runs, some of them held out.
 
     Args:
         recordings: recordings to fit; all need roll, pitch and yaw, and the same sample interval.
@@ -273,7 +273,7 @@ def _common_period(recordings: Sequence[Recording]) -> float:
             fix="identify each by a command of its own: heli3dof identify ONE.mcap",
         )
     period, nominal = float(np.median(periods)), recordings[0].profile.dt
-    # Time stamps are rounded; where they agree with the profile, the profile is exact.
+    # Time stamps are rounded. If they agree with the profile, its value is the exact one.
     return nominal if abs(period / nominal - 1) < 1e-3 else period
 
 

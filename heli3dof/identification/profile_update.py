@@ -1,18 +1,20 @@
 """Convert the results of a diagnosis or a grey-box fit to keys of a profile.
 
-Columns: the result; the profile's key, or its new value; a condition or equation.
+    key of the profile         new value
+    motor.K_f                  K_f
+    motor.V_o                  T_g/(2 L_a K_f), with the arm length L_a of the profile
+    inertia.<axis>             J_<axis>
+    encoder.<axis>_rest_deg    old value − offset, for the cause encoder.offset (reading = angle +
+                               offset)
+    encoder.<axis>             old value · k, for the cause encoder.scale (reading = rest +
+                               k (angle − rest)); −old value, if the integrity check encoder.sign
+                               finds the wrong sign
 
-    K_f                    motor.K_f
-    T_g/(2 L_a K_f)        motor.V_o           with the arm length L_a of the profile
-    J_roll, J_pitch, J_yaw inertia.roll, .pitch, .yaw
-    encoder.offset         encoder.<axis>_rest_deg − offset     reading = angle + offset
-    encoder.scale          encoder.<axis> · k                   reading = rest + k (angle − rest)
-    encoder.sign           −encoder.<axis>                      (from the integrity checks)
-
-The trim torque T_g (N·m) and the inertias (kg·m²) of a model file are in units of its profile's
-thrust gain K_f (N/V). `greybox.thrust_scale` converts them to SI and gives K_f, as
-``diagnose --json`` does. The operating voltage V_o does not depend on that scale. Causes without a
-key (friction, lag, …) stay in the model file; they and confounded causes are listed.
+In a model file, the trim torque T_g (N·m) and the inertias J (kg·m²) are relative to the thrust
+gain K_f (N/V) of its profile. `greybox.thrust_scale` estimates the rig's K_f and multiplies them by
+the ratio, as ``diagnose --json`` does. The operating voltage V_o does not depend on K_f. Causes
+without a key (friction, lag, …) and confounded causes do not change the profile;
+`Calibration.left_out` lists them.
 """
 
 from __future__ import annotations
@@ -33,23 +35,24 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.profile_file import Change
 
 DIGITS = 5
-"""Significant digits of a number in the profile: ten times finer than any measurement."""
+"""Significant digits of a number in the profile: ten times finer than any measurement"""
 SAME_NOMINAL = 1e-3
-"""Relative difference below which two nominal values are equal, as files round their digits."""
+"""Relative difference below which two nominal values count as equal, because files round them"""
 MIN_SIGN_CONFIDENCE = 0.9
 """Confidence of the integrity check above which an encoder's sign is changed. Chosen."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A rig's calibration: measured values for its profile, read from a file."""
+    """The measured values for a rig's profile, read from the file ``source``."""
 
     source: str
     base: Mapping[str, Measured]
+    """Name in `BASE` → measured value; empty if the file has none"""
     rest_deg: Mapping[str, float] = field(default_factory=dict)
     """Axis → angle in degrees to add to the rest angle"""
     counts: Mapping[str, float] = field(default_factory=dict)
-    """Axis → factor for the counts per revolution, −1 if the sign is wrong"""
+    """Axis → factor for the encoder's counts per revolution; −1 if the sign is wrong"""
     left_out: tuple[str, ...] = ()
     """Causes without a key in the profile, and confounded causes"""
     profile: Profile | None = None
@@ -145,9 +148,9 @@ def _from_model(path: Path) -> Calibration:
 
 
 def check_same_rig(calibration: Calibration, profile: Profile, file: str) -> None:
-    """Raise UsageError if the calibration was measured with another profile than ``profile``.
+    """Raise UsageError if the calibration was computed with another profile than ``profile``.
 
-    ``file``: name of the profile's file, for the message.
+    ``file``: name of the file of ``profile``, for the message.
     """
     J = dict(zip(AXES, profile.inertias, strict=True))
     nominal = {"K_f": profile.motor.K_f, "T_g": profile.trim_torque}
@@ -163,7 +166,7 @@ def check_same_rig(calibration: Calibration, profile: Profile, file: str) -> Non
 
 
 def changes(calibration: Calibration, profile: Profile) -> list[Change]:
-    """Return the keys to change, each with the source of its number."""
+    """Return the changes of the profile: key, old and new value, and source of the new value."""
     return [*_base_changes(calibration, profile), *_encoder_changes(calibration, profile)]
 
 
@@ -173,7 +176,10 @@ def _base_changes(calibration: Calibration, profile: Profile) -> Iterator[Change
 
 
 def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
-    """Return motor.K_f, motor.V_o and inertias from measurements ``base``; empty without any."""
+    """Return key of the profile → measured value, of motor.K_f, motor.V_o and the inertias.
+
+    ``base``: name in `BASE` → measured value. If it is empty, so is the result.
+    """
     if not base:
         return {}
     K_f, T_g = base["K_f"], base["T_g"]
@@ -193,8 +199,9 @@ def profile_keys(base: Mapping[str, Measured], profile: Profile) -> dict[str, Me
 def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured]:
     """Return ratios in which the error of thrust gain K_f cancels: V_o in V, K_f/J in N/(V·kg·m²).
 
-    V_o = T_g/(2 L_a K_f) is the operating voltage, L_a the arm length. The standard deviations of
-    trim torque T_g and inertias J include that of K_f, which only the profile's tolerance bounds.
+    V_o = T_g/(2 L_a K_f) is the operating voltage, L_a the arm length. The ratios are more accurate
+    than the trim torque T_g and the inertias J, which contain the error of K_f. Flights do not
+    identify K_f.
     """
     if not base:
         return {}
@@ -208,7 +215,7 @@ def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured
 
 
 def _relative_std_without_K_f(m: Measured, K_f: Measured) -> float:
-    """Return the relative std of m/K_f, in which the error of the thrust gain K_f cancels."""
+    """Return the relative std of m/K_f. As m contains the error of K_f, this error cancels."""
     return sqrt(max(_relative_std(m) ** 2 - _relative_std(K_f) ** 2, 0.0))
 
 

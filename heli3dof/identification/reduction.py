@@ -4,8 +4,8 @@ A simplification H of the fitted transfer function G is accepted if at all frequ
 
     |H(jω) − G(jω)| ≤ 2 σ(ω),        σ² = var Re G + var Im G
 
-that is, if the recordings do not distinguish H from G. Without a covariance, `ROUNDING`·|G|
-replaces 2σ. There are five simplifications:
+that is, if the recordings do not distinguish H from G. If the covariance of G is unknown,
+`ROUNDING`·|G| replaces 2σ. There are five simplifications:
 
 * the transfer function is zero,
 * a zero moves to infinity (its factor of the numerator is omitted),
@@ -40,7 +40,7 @@ from heli3dof.parallel import one_blas_thread
 INPUTS = {"sum": np.array([1.0, 1.0]), "difference": np.array([1.0, -1.0])}
 """Input → change (2,) of the front and back voltage in V for one unit of the input"""
 LOWEST, HIGHEST = 0.1, 100.0
-"""rad/s: range of the grid. A flight of one minute holds no information below it (a convention)."""
+"""rad/s: range of the grid. A flight of one minute has no information below it (a convention)."""
 NYQUIST_SHARE = 0.8
 """Highest frequency of the grid as a share of π/T, with the sampling interval T of the fit"""
 POINTS = 120
@@ -58,10 +58,10 @@ def factored(
     """Return the six simplified transfer functions from the voltages to the angles, in factors.
 
     The inputs are the sum and the difference of the voltages. The result is sorted by angle (roll,
-    pitch, yaw), then by input (sum, difference). ``interval_s``: the sampling interval of the fit,
-    which limits the frequencies at which the simplified and the fitted response must agree. If it
-    is None, the limit is `HIGHEST`. ``poles``: the poles of ``transfer`` with their standard
-    deviations, which are copied to the factors.
+    pitch, yaw), then by input (sum, difference). ``interval_s``: the sampling interval of the fit.
+    It limits the frequencies at which the simplified and the fitted response must agree; if it is
+    None, the limit is `HIGHEST`. ``poles``: the poles of ``transfer``. Their standard deviations
+    are used in the denominators' factors.
     """
     highest = HIGHEST if interval_s is None else min(HIGHEST, NYQUIST_SHARE * np.pi / interval_s)
     s = 1j * np.geomspace(LOWEST, highest, POINTS)
@@ -70,10 +70,10 @@ def factored(
 
 
 class _Channel:
-    """The fitted frequency response G from the voltages' sum or difference to an angle.
+    """One of the six transfer functions: from the voltages' sum or difference to an angle.
 
-    G and its uncertainty are computed at ``s`` = jω (F,) rad/s. ``limit`` (F,) is the largest
-    |H − G| of an accepted simplification H.
+    G is the fitted frequency response at ``s`` = jω (F,) rad/s, in rad/V. A simplification H is
+    accepted if |H − G| ≤ ``limit`` (F,) at all frequencies.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class _Channel:
             self.limit = np.maximum(self.limit, SIGMAS * np.sqrt(np.maximum(var, 0)))
 
     def simplified(self) -> FactoredTransferFunction:
-        """Return the transfer function after all accepted simplifications (head of this file)."""
+        """Return the transfer function after all accepted simplifications (see the module)."""
         H = FactoredTransferFunction(AXES[self.axis], self.name, 0.0, np.nan, (), ())
         if np.all(np.abs(self.G) <= self.limit):
             return H
@@ -126,9 +126,9 @@ class _Channel:
     def rounded(self, polynomial: np.ndarray) -> tuple[Factor, ...]:
         """Return a polynomial's factors, with rounding errors removed from its roots.
 
-        The coefficients of ``polynomial`` start with the highest power.
-        Roots that only rounding separates from 0 become 0. A conjugate pair that only rounding
-        separates from a double real root becomes this double root.
+        The coefficients of ``polynomial`` start with the highest power. Roots that differ from 0
+        only by rounding become 0. A conjugate pair that differs from a double real root only by
+        rounding becomes this double root.
         """
         roots = np.roots(polynomial)
         roots = roots[np.argsort(np.abs(roots))]
@@ -151,16 +151,15 @@ class _Channel:
         return tuple(_factor(r) for r in roots if np.imag(r) >= 0)
 
     def _values(self, f: Factor) -> np.ndarray:
-        """Return a factor's values (F,) at the frequencies; cached, as candidates share factors."""
+        """Return a factor's values (F,) at ``s``, cached because candidates have common factors."""
         if f.coefficients not in self._factors:
             self._factors[f.coefficients] = f.at(self.s)
         return self._factors[f.coefficients]
 
     def refitted(self, H: FactoredTransferFunction) -> tuple[FactoredTransferFunction, float]:
-        """Return H with its gain fitted to the response G, and the largest |H − G|/`limit`.
+        """Return H with its gain fitted to the response G, and the largest |H − G|/``limit``.
 
-        `limit` (F,) is the largest accepted |H − G|. The gain is fitted by least squares with the
-        weights 1/`limit`².
+        The gain is fitted by least squares with the weights 1/``limit``².
         """
         shape = replace(H, gain=1.0).at(self.s, self._values)
         w = 1 / self.limit**2
@@ -171,9 +170,9 @@ class _Channel:
     def nearest(
         self, candidates: Iterator[FactoredTransferFunction]
     ) -> FactoredTransferFunction | None:
-        """Return the candidate nearest to the fitted response G, with refitted gain.
+        """Return the accepted candidate nearest to the fitted response G, with its gain refitted.
 
-        The result is None if each candidate deviates from G by more than `limit` somewhere.
+        The result is None if no candidate is accepted.
         """
         best, least = None, 1.0
         for H, deviation in map(self.refitted, candidates):
@@ -216,8 +215,9 @@ class _Channel:
 def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> FactoredTransferFunction:
     """Return H with the standard deviations of ``poles`` in its denominator's factors.
 
-    These values are smaller than those from H alone, because the poles are common to all transfer
-    functions. For a pair α ± jβ, b = −2α and c = α² + β²; the covariance of α and β counts as zero.
+    They are smaller than those from H alone, because the poles are common to all transfer
+    functions. For a pair α ± jβ, b = −2α and c = α² + β²; the covariance of α and β is taken as
+    zero.
     """
     if not poles:
         return H
@@ -236,7 +236,7 @@ def _with_pole_std(H: FactoredTransferFunction, poles: Sequence[Pole]) -> Factor
 
 
 def _shorter(H: FactoredTransferFunction, highest: float) -> Iterator[FactoredTransferFunction]:
-    """Yield the transfer functions with fewer factors that may replace H.
+    """Yield the simplifications of H that have fewer factors.
 
     Each lacks a numerator factor, or a numerator and a denominator factor of the same order (1 or
     2), or a real pole beyond ``highest`` (rad/s).
@@ -258,10 +258,10 @@ def _degree(factors: Sequence[Factor]) -> int:
 
 
 def _at_origin(H: FactoredTransferFunction) -> Iterator[FactoredTransferFunction]:
-    """For each factor of H near s or s², yield H with this factor's roots moved to 0.
+    """Yield the simplifications of H in which the roots of one factor are moved to 0.
 
-    A factor s + a or s² + b s + c is near if a, or b and c, are within `SIGMAS` standard deviations
-    of 0.
+    This applies to each factor s + a or s² + b s + c with a, or b and c, within `SIGMAS` standard
+    deviations of 0.
     """
     zero = Factor((0.0,), (0.0,))
     for factors in (H.numerator, H.denominator):

@@ -7,16 +7,17 @@ multivariate portmanteau test) of N innovations e with l outputs, over h lags:
     Q = N² Σ_{j=1}^{h} tr(R_jᵀ R_0⁻¹ R_j R_0⁻¹)/(N − j)  ~  χ²(l² h),     R_j = (1/N) Σ e[k] e[k−j]ᵀ
 
 Past inputs (score test): e[k] is regressed on the h vectors u[k−1], …, u[k−h] of m voltages. S_e is
-the covariance of e, S_explained that of the regression's prediction:
+the covariance of e, S_p that of the regression's prediction:
 
-    LM = N tr(S_e⁻¹ S_explained)  ~  χ²(l m h)
+    LM = N tr(S_e⁻¹ S_p)  ~  χ²(l m h)
 
 The χ² distribution of LM holds for coloured u, as long as e is white. Under feedback only *past*
 inputs can be tested, because present and future ones respond to e. No parameter was fitted to
 held-out data, so no degrees of freedom are subtracted.
 
-Both statistics grow with the length of the record: over minutes of flight they detect harmless
-nonlinearity. So each test also gives the share of variance that the past explains.
+Both statistics grow with the length of the recording, so that in minutes of flight they detect even
+harmless nonlinearity. So each test also gives the share of the innovations' variance that the past
+explains.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ LEVEL = 0.01
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """The result of a residual test, passed if ``statistic`` ≤ ``bound`` (99 % quantile of χ²)."""
+    """The result of a residual test: passed if ``statistic`` ≤ ``bound`` (99 % quantile of χ²)."""
 
     name: str
     statistic: float
@@ -84,7 +85,7 @@ def whiteness(innovations: Sequence[np.ndarray], h: int = 20) -> ResidualTest:
     for j in range(1, h + 1):
         R = sum(e[j:].T @ e[:-j] for e in es) / N
         Q += N**2 * float(np.trace(R.T @ Ri @ R @ Ri)) / (N - j)
-    # The share follows from a regression: correlated lags make it differ from Q/N.
+    # The share is computed by a regression; it differs from Q/N if the lags are correlated.
     past = np.vstack([np.hstack([e[h - j : len(e) - j] for j in range(1, h + 1)]) for e in es])
     return _result("whiteness", Q, l * l * h, N, np.vstack([e[h:] for e in es]), past)
 
@@ -92,9 +93,10 @@ def whiteness(innovations: Sequence[np.ndarray], h: int = 20) -> ResidualTest:
 def past_inputs(
     innovations: Sequence[np.ndarray], inputs: Sequence[np.ndarray], h: int = 20
 ) -> ResidualTest:
-    """Return the result of the test whether innovations depend on the voltages of ``h`` past rows.
+    """Return the result of the test whether innovations are independent of ``h`` past voltages.
 
-    ``innovations`` has an array (N_i, l) per segment, ``inputs`` an array of voltages (N_i, m).
+    ``innovations`` has an array (N_i, l) per segment, ``inputs`` an array of voltages (N_i, m);
+    segments of at most 2h rows are skipped.
     """
     E, Z = [], []
     for e, u in zip(innovations, inputs, strict=True):
@@ -108,10 +110,9 @@ def past_inputs(
 
 
 def _explained(e: np.ndarray, z: np.ndarray) -> float:
-    """Return how much of e (N, l) a regression on z (N, q) explains: 0 (nothing) to l (all).
+    """Return tr(S_e⁻¹ S_p) of a regression of e (N, l) on z (N, q), with S_e, S_p as in the module.
 
-    The result is tr(S_e⁻¹ S_p), with the covariances S_e of e and S_p of the regression's
-    prediction.
+    The value is 0 if the regression explains nothing of e, and l if it explains all.
     """
     q, _ = np.linalg.qr(z / (z.std(axis=0) + 1e-12))
     p = q.T @ e

@@ -33,7 +33,7 @@ SUMMARY_HORIZON_S = 1.0
 
 
 def no_linear_form(method: str, what: str) -> UsageError:
-    """Return a UsageError: a model by ``method`` has no ``what``, such as transfer functions."""
+    """Return the UsageError that a model by ``method`` has no ``what``, e.g. transfer functions."""
     return UsageError(
         f"A model by {method} has no {what}.",
         cause="its method returns no linear model.",
@@ -86,16 +86,17 @@ class Identification(Result):
     def factored(self) -> tuple[FactoredTransferFunction, ...]:
         """Return the transfer functions as gain and factors, without insignificant factors.
 
-        Each prints in degrees/V and converts to python-control with ``to_control()`` (rad/V). The
-        order is roll, pitch, yaw, and for each the sum and the difference of the voltages. Raises
-        UsageError as `transfer` does. `heli3dof.identification.reduction` explains the method.
+        The order is roll, pitch, yaw, and for each angle the sum and the difference of the
+        voltages. ``str()`` of a transfer function is in degrees/V; its method ``to_control()``
+        returns a python-control object in rad/V. Raises UsageError as `transfer` does.
+        `heli3dof.identification.reduction` explains the method.
         """
         return factored(self.transfer, self.interval_s, self.poles)
 
     def frequency_response(self, omega: FloatArray) -> tuple[ComplexArray, FloatArray]:
         """Return the response G (F, 3, 2) and its standard deviation, rad/V, at ω (F,) rad/s.
 
-        The standard deviation √(var Re G + var Im G) is NaN where the method gives none. Raises
+        The standard deviation is √(var Re G + var Im G), or NaN if the method gives none. Raises
         UsageError for a model without a linear response.
         """
         if self.found.response is None:
@@ -136,9 +137,9 @@ class Identification(Result):
         return "\n".join([*lines, *(f"Warning: {w}" for w in self.warnings)])
 
     def to_dataframe(self) -> DataFrame:
-        """Return a data frame: a row per physical parameter, or for a black box per pole.
+        """Return a data frame with a row per physical parameter, or for a black box, per pole.
 
-        Needs pandas; raises UsageError with the command that installs it.
+        Raises UsageError if pandas is not installed.
         """
         pandas = optional("pandas")
         if self.found.parameters:

@@ -1,4 +1,4 @@
-"""Select the rows of a flight that a linear model can be fitted to; give a reason for the others.
+"""Select the rows of a flight to which a linear model can be fitted; give a reason for the others.
 
 A linear model about hover does not describe the rig on its table, at a stop, in take-off at the
 amplifier's limit, or in free fall. Such rows are left out, each counted under a reason:
@@ -7,24 +7,24 @@ amplifier's limit, or in free fall. Such rows are left out, each counted under a
 ``table``         on the table or within 1° of it for 0.1 s or more
 ``take_off``      from lift-off until all three hold: roll is half-way to level, the voltages have
                   been off their limit for 0.25 s, and 3 s have passed
-``stop``          roll or pitch within 0.2° of its largest or smallest value (if beyond ±25°), and
-                  resting there for 0.3 s or after an impact; yaw has no stop
+``stop``          roll or pitch within 0.2° of its largest or smallest value (if beyond ±25°), at
+                  rest there for 0.3 s or after an impact; yaw has no stop
 ``motors_off``    both voltages zero for 0.1 s or more, and the rows after that until roll rises
-``falling``       the end of a flight, after roll was last above half-way to level
+``falling``       the rows after roll was last above half-way to level, at the end of a flight
 ``ramp_down``     the ramp of the voltages to zero that ends a flight (channel ``phase``)
 
-Two cases must be distinguished: the arm rests against a stop, or it reverses. Let q be the width of
-an encoder count. An arm with constant acceleration a that reverses within a count stays on this
-count for T = 2 √(2q/a). The arm arrived at the rate v = √(2qa), so v T = 4q. An arm at a stop stays
-longer,
+An arm that hits a stop must be distinguished from an arm that only reverses. Let q be the width of
+an encoder count. An arm that arrives at the rate v, and reverses within a count with the constant
+acceleration a, stays on this count for T = 2 √(2q/a). With v = √(2qa), v T = 4q. An arm at a stop
+stays longer,
 
     v T > `HIT` q
 
-A filter without stops would treat the impact as process noise. If a row is at a stop, all rows of
-the flight with the same count are left out.
+A filter without stops would treat the impact as process noise. So if a row is at a stop, all rows
+of the flight with the same count are left out.
 
-Rows in flight with a voltage at its limit are kept, because the recorded voltage is what reached
-the motor. Their share is reported.
+Rows in flight with a voltage at its limit are kept, because the recorded voltage is the one at the
+motor. Their share is reported.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ BEFORE_S = 0.01
 
 
 def clipped(recording: Recording) -> np.ndarray:
-    """Return (N,) bool: rows with a voltage within 0.1 % of the amplifier's limit."""
+    """Return (N,) bool: rows with a voltage of at least 99.9 % of the amplifier's limit."""
     limit = recording.profile.motor.v_max * 0.999
     return np.asarray((np.abs(recording.voltage) >= limit).any(axis=1))
 
@@ -79,7 +79,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
         rows["falling"] = _falling(roll)
     rows["stop"] = np.zeros(len(recording), dtype=bool)
     for i in (i for i in measured if i != YAW):
-        # Roll's lower stop is the table, which has a reason of its own.
+        # The lower stop of roll is the table: another reason.
         above = y[:, i] if i != ROLL else np.maximum(y[:, i], 0.0)
         rows["stop"] |= _at_stop(above, recording.dt)
     phase = recording.channels.get("phase")
@@ -90,7 +90,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
 
 
 def _table(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """Return two masks (N,) of a recording's rows: on the table, in take-off."""
+    """Return two masks (N,) bool of a recording's rows: on the table, and in take-off."""
     roll = np.nan_to_num(recording.angle[:, ROLL], nan=0.0)
     rest = float(roll.min())
     n = len(roll)
@@ -98,7 +98,7 @@ def _table(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     if rest > ON_TABLE_BELOW:
         return none, none
     table = roll <= rest + NEAR_TABLE
-    # The lowest point of a flight does not count: the arm must rest on the table.
+    # The arm must rest on the table: the lowest point of a flight does not count as the table.
     table = _long_runs(table, max(2, round(STILL_S / recording.dt)))
     limit = clipped(recording)
     settled = max(1, round(SETTLED_S / recording.dt))
@@ -145,7 +145,7 @@ def _falling(roll: np.ndarray) -> np.ndarray:
 
 
 def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
-    """Return (N,) bool: rows of ``angle`` (N,) rad that rest at, or hit, a mechanical stop."""
+    """Return (N,) bool: rows of ``angle`` (N,) rad at a mechanical stop; ``dt`` (s): interval."""
     out = np.zeros(len(angle), dtype=bool)
     moves = np.abs(np.diff(angle))
     edges = np.concatenate([[0], np.flatnonzero(moves != 0) + 1, [len(angle)]])
@@ -197,7 +197,7 @@ def usable_runs(recording: Recording, source: int) -> list[RowRange]:
 
 
 def _long_runs(mask: np.ndarray, at_least: int) -> np.ndarray:
-    """Return the mask (N,) with True only in runs of at least ``at_least`` rows."""
+    """Return the mask (N,) without its runs of True that are shorter than ``at_least`` rows."""
     out = np.zeros(len(mask), dtype=bool)
     for a, b in stretches(mask):
         if b - a >= at_least:

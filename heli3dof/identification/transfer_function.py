@@ -26,9 +26,9 @@ DEGREES = float(np.rad2deg(1.0))
 class TransferFunctions:
     """Transfer functions from the two motors to the three angles over a common denominator.
 
-    num (3, 2, k) is in rad/V, [axis, motor]; den (k,) is monic. Of k coefficients, that of the
-    highest power comes first.
-    ``covariance`` (q, q) is that of the coefficients [den[1:], num.ravel()]; None if unknown.
+    num (3, 2, k) are the numerators in rad/V, by axis and motor; den (k,) is monic. The coefficient
+    of the highest power comes first. ``covariance`` (q, q) is that of the coefficients
+    [den[1:], num.ravel()]; None if unknown.
     """
 
     num: np.ndarray
@@ -66,7 +66,7 @@ class TransferFunctions:
         return out
 
     def lines(self) -> list[str]:
-        """Return six lines of text, a transfer function (degrees/V) each."""
+        """Return six lines of text, each of them a transfer function in degrees/V."""
         den = polynomial(self.den)
         out = []
         for j in range(2):
@@ -103,7 +103,7 @@ class TransferFunctions:
 
 
 def polynomial(coefficients: np.ndarray, scale: float = 0.0) -> str:
-    """Format a polynomial in s, with 4 digits, from coefficients, highest power first.
+    """Return a polynomial in s as text, with 4 digits; ``coefficients``: highest power first.
 
     Leading coefficients below 1e-9 times the largest one, or times ``scale``, are omitted as
     rounding errors.

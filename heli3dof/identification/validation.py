@@ -24,10 +24,10 @@ from heli3dof.model.estimation.filter_data import LOST, RowRange
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
 WARM_UP_S = 2.0
-"""s: the start of a run of usable rows that is not scored, because the filter still settles. Usable
-rows before the run shorten it."""
+"""s: time at the start of a run of usable rows without a score, because the filter still settles.
+It is shorter by the lead-in: usable rows directly before the run."""
 LEAD_IN_S = 10.0
-"""s: longest stretch of usable rows before a run that only serves to settle the filter"""
+"""s: longest lead-in, usable rows before a run in which the filter settles"""
 AFTER_TAKE_OFF_S = 2.0
 """s: time after the first usable row of a flight from the table, without a replay score. A linear
 model does not describe the rise from −27.5° of roll, and its error must decay first."""
@@ -83,8 +83,8 @@ class Metrics:
 def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
     """Return the score over pairs of measured and predicted angles (N, 3) rad.
 
-    Rows with a NaN are skipped. The fit compares the prediction errors with the deviations of each
-    pair's measured angles from their mean; it is NaN if the measured angle is constant.
+    Rows with a NaN are skipped. Each pair has its own mean ȳ in the fit (see the module). The fit
+    is NaN if the measured angle is constant.
     """
     error, spread, rows = np.zeros(3), np.zeros(3), 0
     for y, predicted in pairs:
@@ -108,7 +108,7 @@ def predictions(
     """Return measured and predicted angles (N, 3) rad for each run of usable rows.
 
     ``runs`` are ranges of usable rows of the recordings in ``prepared``. The predictions are
-    ``horizon_s`` (s) ahead; NaN until the filter has settled.
+    ``horizon_s`` (s) ahead. They are NaN until the filter has settled.
     """
     out = []
     for run in runs:
@@ -124,10 +124,10 @@ def predictions(
 
 
 def _lead_in(prepared: Prepared, run: RowRange, most: int) -> int:
-    """Return the number of rows, at most ``most``, in which the filter can settle before ``run``.
+    """Return the number of rows (at most ``most``) before ``run`` in which the filter can settle.
 
-    They are the last rows of a run that ends directly before ``run``. The result is 0 if there is
-    no such run, or a gap between the two.
+    These rows belong to another run, which ends directly before ``run``. The result is 0 if there
+    is no such run, or if a gap separates the two.
     """
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:
@@ -168,7 +168,7 @@ def replays(
             flown = model.fly(task).angle
         grid = control_instants(recording.t, task.dt)
         angle = np.column_stack([np.interp(recording.t, grid, a) for a in flown.T])
-        # A diverged loop counts as a huge error, not as missing rows.
+        # A simulation that diverges gets a huge error, not missing rows.
         angle = np.where(np.isfinite(angle) & (np.abs(angle) < 1e6), angle, 1e6)
         mine = np.zeros(len(recording), dtype=bool)
         for r in runs:

@@ -38,9 +38,9 @@ T11_CORRECTED = 2.52
 
 
 def numerators_deg(*, corrected: bool = False) -> np.ndarray:
-    """Return the numerators of eq (17) in °/V, (2, 3, 4): motor, angle, powers s³ to s⁰.
+    """Return the numerators (2, 3, 4) of eq (17) in °/V, by motor, angle and power (s³ first).
 
-    T_11, from front motor to roll, is as printed or ``corrected``.
+    ``corrected`` selects the corrected reading of T_11 (front motor to roll), else the printed one.
     """
     num = np.array(NUMERATORS_PRINTED)
     if corrected:
@@ -51,8 +51,8 @@ def numerators_deg(*, corrected: bool = False) -> np.ndarray:
 def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return eq (17) in state space: A (8, 8), B (8, 2), C (3, 8), in rad and V.
 
-    T_11, from front motor to roll, is as printed or ``corrected``. Each motor has a controllable
-    canonical form with four states.
+    Each motor has a controllable canonical form with four states. ``corrected`` selects the
+    corrected reading of T_11 (front motor to roll), else the printed one.
     """
     num = np.deg2rad(numerators_deg(corrected=corrected))
     companion = np.zeros((4, 4))
@@ -66,7 +66,7 @@ def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.
 def paper17_model(profile: Profile, *, corrected: bool = False) -> LinearModel:
     """Return eq (17), as printed or ``corrected``, as a discrete-time model about hover.
 
-    Its sampling interval is the profile's control period.
+    The model's sampling interval is the control period of the ``profile``.
     """
     A, B, C = realisation(corrected=corrected)
     A_d, B_d = c2d_zoh(A, B, profile.dt)

@@ -39,9 +39,8 @@ OLD_NAMES = {"paper-17-mended": "paper-17-corrected"}
 def load_model(name_or_path: str | Path, profile: Profile | None = None) -> Model:
     """Return a built-in model for a rig's profile, or the model in a file.
 
-    ``profile``: the rig's profile, by default the paper's; a model file needs none. Raises
-    UsageError, with the nearest known name, for an unknown name, and RecordingError for a missing
-    or unusable file.
+    ``profile``: the rig's profile for a built-in model, by default that of the paper's rig. Raises
+    UsageError for an unknown name, RecordingError for a missing or unusable file.
     """
     text = str(name_or_path)
     if text in OLD_NAMES:

@@ -1,10 +1,12 @@
 """The numbers in section III and Table II of the paper, and why each can be reproduced or not.
 
 Each column of Table II has a model's name, but contains the *difference* of that model from the
-experiment (erratum E11). The table's "overshoot" is a peak value (E10). No number that involves the
-experiment or the identified model can be reproduced. The paper's recording was never published. Its
-sample rate, its start and the identified model's fit to it are unknown (E15). The transfer
-functions (17), printed or corrected, are unstable in closed loop with the gain K_g (E14).
+experiment (erratum E11). The table's "overshoot" is a peak value (E10).
+
+No number that involves the experiment or the identified model can be reproduced. The experiment's
+recording was never published: its sample rate, its start and the identified model's fit to it are
+unknown (E15). The identified model, eq (17), is unstable in closed loop with the gain K_g, both as
+printed and as corrected (E14).
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ HOVER_ROLL = "eqs (7)–(14) with errata E3–E6 corrected, 10° step, K_g"
 
 @dataclass(frozen=True)
 class Published:
-    """One number (degrees) that the paper prints, and why it can be reproduced here or not.
+    """One number (degrees) that the paper prints, and why it can be reproduced or not.
 
     ``where`` names the figure or table in the paper.
     """
@@ -92,7 +94,7 @@ CAVEATS: tuple[str, ...] = (
 
 
 def published(axis: str, subject: Subject, quantity: Quantity) -> Published | None:
-    """Return the number that the paper prints; None if it prints none.
+    """Return the number that the paper prints for one axis; None if it prints none.
 
     ``subject``: the experiment or a model; ``quantity``: for example the peak of the angle.
     """

@@ -1,8 +1,8 @@
-"""Reproduce the paper's numbers of the hover model; no other number can be reproduced.
+"""Reproduce the paper's numbers for the hover model; no other number can be reproduced.
 
-The paper simulates the hover model: a 10° roll step from level with the gain K_g of eq (14); no
-limit is reached. The roll peak is 11.75° with this package's sampled controller, and 11.85° in
-continuous time with ideal rates. The paper prints 12°. All other numbers need the experiment's
+The paper simulates a 10° roll step of the hover model from level, with the gain K_g of eq (14). No
+voltage limit is reached. The roll peak is 11.75° with this package's sampled controller, and 11.85°
+in continuous time with ideal rates. The paper prints 12°. All other numbers need the experiment's
 unpublished recording or the misprinted identified model (`heli3dof.paper.published`).
 """
 
@@ -33,13 +33,13 @@ class Reproduced:
     ours_deg: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the row of this number in ``compare --json``; NaN in ``ours_deg`` becomes None."""
+        """Return this number's entry in ``compare --json``, with None for NaN in ``ours_deg``."""
         ours = float(self.ours_deg)
         return {**asdict(self.published), "ours_deg": ours if isfinite(ours) else None}
 
 
 def paper_step() -> LoopTask:
-    """Return the input of the paper's simulation: a 10° roll step of Table I's rig from level."""
+    """Return the closed-loop task of the paper's simulation: a 10° roll step of Table I's rig."""
     profile = default_profile()
     n = round(DURATION_S / profile.dt) + 1
     return LoopTask(
@@ -56,7 +56,8 @@ def paper_step() -> LoopTask:
 def reproduce(hover: Model | None) -> tuple[Reproduced, ...]:
     """Return the paper's numbers, each with its simulated value (NaN if none), sorted by axis.
 
-    ``hover`` is the corrected hover model of Table I's rig; if it is None, nothing is simulated.
+    ``hover`` is the corrected hover model of Table I's rig. If it is None, all simulated values are
+    NaN.
     """
     metrics: Mapping[str, AxisMetrics] | None = None
     if hover is not None:

@@ -28,7 +28,7 @@ def test_descend_and_follow_on_reach_the_same_minimum() -> None:
     v = least_squares_problem(rosenbrock)
     z = np.array([-1.2, 1.0])
     assert descend(v, z, rounds=50, settled=1e-9).z == pytest.approx([1, 1], abs=1e-3)
-    result = follow_on(v, z, None, settled=1e-9, enough=200, fresh=20)
+    result = follow_on(v, z, None, settled=1e-9, max_evaluations=200, fresh=20)
     assert result.z == pytest.approx([1, 1], abs=1e-3)
     assert result.settled
 

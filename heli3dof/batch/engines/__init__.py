@@ -12,11 +12,12 @@ __all__ = ["SCHEDULER", "Engine", "Lost", "engine"]
 
 
 def engine(cluster: str | None = None, workers: int | None = None) -> Engine:
-    """Return the engine: a Dask cluster if one is named, else processes on this machine.
+    """Return the engine for a batch: a Dask cluster, or ``workers`` processes on this machine.
 
-    ``cluster``: the scheduler's address; if it and ``workers`` are None, the environment variable
-    ``DASK_SCHEDULER_ADDRESS``. ``workers``: number of processes, by default one per core. Raises
-    UsageError or DeviceError for a cluster out of reach.
+    ``cluster`` is the address of the cluster's scheduler. If both arguments are None, the
+    environment variable ``DASK_SCHEDULER_ADDRESS`` gives the address. Without an address, the
+    engine uses processes: ``workers``, or if this is None, one per core. Raises UsageError or
+    DeviceError if the cluster cannot be used.
     """
     address = cluster or (os.environ.get(SCHEDULER) if workers is None else None)
     if address:

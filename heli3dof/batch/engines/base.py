@@ -16,7 +16,7 @@ would only fill the memory with the contents of files."""
 
 @dataclass(frozen=True)
 class Lost:
-    """Yielded in place of an item's result if several workers ended while working on the item."""
+    """Replaces the result of an item if several workers ended while they worked on this item."""
 
     why: str
 
@@ -29,7 +29,7 @@ class Engine(Protocol):
 
     @property
     def workers(self) -> int:
-        """Return how many items are worked on at the same time."""
+        """Return the number of items that are processed at the same time."""
         ...
 
     def __enter__(self) -> Self: ...
@@ -37,10 +37,10 @@ class Engine(Protocol):
     def __exit__(self, *error: object) -> None: ...
 
     def run(self, work: Callable[[T], R], items: Iterable[T]) -> Generator[tuple[int, R | Lost]]:
-        """Yield (number of the item from 0, ``work(item)``) in the order in which the calls finish.
+        """Yield (index of the item, ``work(item)``) in the order in which the calls finish.
 
-        ``work`` must be importable in the workers, or picklable with cloudpickle on a cluster. An
-        exception of ``work`` is raised here. The next items are read as workers become free. If the
-        caller stops early, calls that have not started are cancelled.
+        The workers must be able to import ``work``; on a cluster, it is enough that cloudpickle can
+        pickle it. `run` raises an exception that ``work`` raises. It reads the next items as
+        workers become free. If the caller stops early, calls that have not started are cancelled.
         """
         ...

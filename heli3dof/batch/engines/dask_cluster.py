@@ -37,7 +37,7 @@ whole diagnosis of a minute of flight needs 0.3 GB, so there is room for longer 
 
 
 class DaskCluster:
-    """Engine that uses the workers of the Dask cluster whose scheduler has this ``address``."""
+    """Engine that uses the workers of a Dask cluster; ``address``: its scheduler's address."""
 
     remote = True
 
@@ -165,7 +165,7 @@ def _threads(workers: dict[str, Any]) -> int:
 
 
 def other_code(worker: str, other: str) -> UsageError:
-    """Return the error for a ``worker`` that runs another version of heli3dof, ``other``."""
+    """Return the error for the ``worker`` (address) that runs the version ``other`` of heli3dof."""
     return UsageError(
         f"The worker {worker} runs heli3dof {other}; here it is {code_version()}.",
         cause="another version is installed there, or a file was changed here.",
@@ -178,9 +178,10 @@ def _version_of_worker() -> str:
 
 
 def _in_worker(work: Callable[[T], R], item: T, version: str) -> R:
-    """Run ``work(item)`` with one thread; raise UsageError if the code's version differs.
+    """Return ``work(item)``, computed with one thread in this worker.
 
-    ``version``: the `code_version` of the process that sent the work.
+    ``version``: the `code_version` of the process that sent the work. Raises UsageError if this
+    worker runs another version.
     """
     if code_version() != version:  # a worker that joined later
         from distributed import get_worker

@@ -1,6 +1,6 @@
 """`Processes`: distributes work to processes on this machine.
 
-pebble's pool replaces a process that ended, for example because the memory was full. Each process
+pebble's pool replaces a process that dies, for example because the memory is full. Each process
 uses an equal share of the cores.
 """
 
@@ -31,7 +31,7 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class Processes:
-    """Engine that uses processes of this machine: ``workers``, by default one per core."""
+    """Engine that uses ``workers`` processes on this machine, by default one per core."""
 
     remote = False
 
@@ -82,7 +82,7 @@ class Processes:
 
 
 def _context() -> multiprocessing.context.BaseContext:
-    """Return how workers start: forked from a server with `PRELOADED` imported, else spawned."""
+    """Return the start method of workers: a fork server with `PRELOADED` imported, else spawn."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")

@@ -1,7 +1,8 @@
-"""Gives the Monte Carlo replications of one diagnosis to an engine, such as a Dask cluster.
+"""Distribute the Monte Carlo replications of one diagnosis to an engine, such as a Dask cluster.
 
-Worker k = 0 … n − 1 gets one part: the replications k, k + n, k + 2n, … The function that computes
-them contains the recordings: about 0.3 MB per second of flight. So it is sent only once per part.
+The replications are divided into one part per worker: part k = 0 … n − 1 holds the replications k,
+k + n, k + 2n, … The function that computes them contains the recordings (about 0.3 MB per second of
+flight), so it is sent only once per part.
 """
 
 from __future__ import annotations
@@ -21,28 +22,28 @@ from heli3dof.results import optional
 def replications_on_cluster(address: str | None) -> Iterator[None]:
     """Context manager: a diagnosis inside it computes its replications on a Dask cluster.
 
-    ``address``: the scheduler's; None: this computer computes the replications. Raises DeviceError
-    or UsageError for a cluster out of reach.
+    ``address`` is that of the cluster's scheduler; if it is None, this computer computes the
+    replications. Raises DeviceError or UsageError if the cluster cannot be used.
     """
     if address is None:
         yield
         return
-    with engine(address) as used, distribute(replications_on(used)):
+    with engine(address) as cluster, distribute(replications_on(cluster)):
         yield
 
 
-def replications_on(used: Engine) -> Distributor:
-    """Return a function for `heli3dof.parallel.distribute` that gives replications to an engine.
+def replications_on(cluster: Engine) -> Distributor:
+    """Return the argument of `heli3dof.parallel.distribute` that sends replications to an engine.
 
-    ``used``: the engine. If several workers exit while computing one part of the replications, this
-    process computes that part.
+    ``cluster``: the engine. If several workers exit while they compute one part of the
+    replications, this process computes that part.
     """
 
     def distributor(work: Callable[[int], Any], count: int) -> Iterator[tuple[int, Any]]:
         cloudpickle: Any = optional("cloudpickle", extra="cluster")
-        n = min(count, used.workers)
+        n = min(count, cluster.workers)
         parts = [range(k, count, n) for k in range(n)]
-        for k, results in used.run(partial(_part, cloudpickle.dumps(work)), parts):
+        for k, results in cluster.run(partial(_part, cloudpickle.dumps(work)), parts):
             if isinstance(results, Lost):
                 results = [work(i) for i in parts[k]]
             yield from zip(parts[k], results, strict=True)

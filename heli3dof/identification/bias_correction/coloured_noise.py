@@ -30,8 +30,8 @@ CHANCE = 0.01  # chosen
 def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
     """Return ρ (n,), the factors by which coloured noise increases the parameters' variances.
 
-    ``scatter`` (n, n): C, the covariance of the simulated flights' scores. ρ is 1 for recordings
-    of fewer than 2 (L + 1) blocks, L = `MEMORY_S` / `BLOCK_S`.
+    ``scatter`` (n, n) is C, the covariance of the simulated flights' scores. If the recordings have
+    fewer than 2 (L + 1) blocks, L = `MEMORY_S` / `BLOCK_S`, all factors are 1.
     """
     n = len(fit.optimum.theta)
     scores = block_scores(fit.problem.data, fit.optimum, BLOCK_S)
@@ -47,8 +47,8 @@ def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
 def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
     """Return the covariance S (n, n) of the sum of m correlated ``scores`` (m, n).
 
-    A row of ``scores`` belongs to one block of time. Method: Newey and West, with autocovariances
-    up to the lag L = ``memory`` (in blocks).
+    Row b of ``scores`` is the score of block b. Method: Newey and West, with autocovariances up to
+    the lag L = ``memory`` (in blocks).
     """
     s = scores - scores.mean(axis=0)
     S = s.T @ s
@@ -59,7 +59,10 @@ def long_run(scores: np.ndarray, memory: int) -> np.ndarray:
 
 
 def freedom(blocks: int, memory: int) -> float:
-    """Return the degrees of freedom 3 m/(2 (L + 1)) of `long_run`: m ``blocks``, L = ``memory``."""
+    """Return ν = 3 m/(2 (L + 1)), the degrees of freedom of `long_run`.
+
+    m is the number of ``blocks``, L = ``memory`` the largest lag.
+    """
     return 1.5 * blocks / (memory + 1)
 
 

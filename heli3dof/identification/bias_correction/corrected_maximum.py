@@ -1,15 +1,15 @@
 """Maximise the bias-corrected log-likelihood ℓ_c.
 
-At the true parameters, the derivatives of the filter's log-likelihood ℓ should have zero mean. But
-∂ℓ/∂θ has the mean ḡ, ∂ℓ/∂ln a the mean s̄ (`bias_correction.correction`). θ are the base model's
-parameters, a the noise intensities. φ are the parameters of a candidate, an effect added to the
-base model. ∂ℓ/∂φ has the mean b in null simulations, flights of the base model. Index 0 marks the
-values of the simulated flights. To first order, the derivatives of ℓ_c have zero mean:
+θ are the base model's parameters, φ those of a candidate (an effect added to the base model), and
+a the noise intensities. At the true values, the derivatives of the filter's log-likelihood ℓ should
+have zero mean. But in flights simulated at θ_0, φ_0 (no effect) and a_0, ∂ℓ/∂θ has the mean ḡ,
+∂ℓ/∂φ the mean b, and ∂ℓ/∂ln a the mean s̄ (`bias_correction.correction`). ℓ_c subtracts these
+means, so that its derivatives have zero mean, to first order:
 
     ℓ_c(θ, φ, a) = ℓ(θ, φ, a) − ḡ·(θ − θ_0) − b·(φ − φ_0) − s̄·(ln a − ln a_0) + ln prior
 
-Its maximum solves the estimating equation of `bias_correction.correction`. Twice the difference of
-two models' ℓ_c is their likelihood-ratio statistic. The search is that of
+The maximum of ℓ_c solves the estimating equation of `bias_correction.correction`. Twice the
+difference of two models' ℓ_c is their likelihood-ratio statistic. The search is that of
 `heli3dof.identification.greybox.maximum_likelihood` (Levenberg–Marquardt).
 """
 
@@ -31,7 +31,7 @@ ROUNDS = 14
 TOLERANCE = 0.02  # predicted gain of the log-likelihood at which the search ends, chosen
 NOISE_CONVERGED = 0.06  # step of ln a at which the noise has converged, chosen
 CHECKED_GAIN = 2.0
-"""Log-likelihood: a step with a smaller predicted gain is accepted unchecked. Chosen."""
+"""A step with a smaller predicted gain of the log-likelihood is accepted unchecked. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,17 +39,18 @@ class ScoreBias:
     """The mean score of simulated flights, and the parameters and noise of these flights."""
 
     theta: np.ndarray
-    """(n,) ḡ and b"""
+    """(n,) mean derivatives ḡ by θ and b by φ"""
     log_noise: np.ndarray
-    """(3,) s̄"""
+    """(3,) mean derivatives s̄ by ln a"""
     theta_0: np.ndarray
+    """(n,) θ_0 and φ_0"""
     noise_0: np.ndarray
-    """(n,) θ_0 and φ_0, (4,) a_0 (rad/s²/√Hz) and jitter (s)"""
+    """(4,) a_0 (rad/s²/√Hz) on three axes, and jitter (s)"""
 
     def of(self, theta: np.ndarray, noise: np.ndarray) -> float:
-        """Return the term to subtract from the log-likelihood: mean score times parameter change.
+        """Return the term to subtract from the log-likelihood at ``theta`` (n,), ``noise`` (4,).
 
-        ``theta`` (n,), ``noise`` (4,): the changed parameters and noise.
+        It is the mean score times the change from the parameters and noise of the flights.
         """
         ratio = np.log(noise[:3] / self.noise_0[:3])
         return float(self.theta @ (theta - self.theta_0) + self.log_noise @ ratio)
@@ -61,9 +62,9 @@ def maximise_corrected(
 ) -> Optimum:  # fmt: skip
     """Return the maximum of the bias-corrected log-likelihood plus the log prior.
 
-    The search starts at the parameters ``start`` (n,) and the ``noise`` (process noise of 3 axes,
-    jitter). ``hold`` (n,) bool: parameters that keep their values; ``hold_noise``: the noise keeps
-    its values. Without ``bias``, nothing is corrected.
+    The search starts at the scaled parameters ``start`` (n,) and the ``noise`` (4,): process noise
+    of three axes, jitter. It does not change the parameters marked in ``hold`` (n,) bool, and with
+    ``hold_noise`` not the noise. Without ``bias``, the log-likelihood is not corrected.
     """
     if bias is None:
         bias = ScoreBias(np.zeros(len(start)), np.zeros(3), start, noise)

@@ -1,20 +1,20 @@
 """Correct the bias of a fit by simulated flights: the efficient method of moments.
 
-The filter's likelihood assumes Gaussian distributions, but encoders quantise. So the score (the
-log-likelihood's derivative) has a nonzero mean at the true parameters. So the estimate is biased,
-above all that of an inertia on an encoder limit cycle. If the controller is known, `correct`
-simulates B flights of the fitted model (`bias_correction.simulated_flight`). Let g (n,) be the
-score of the recordings and g_b that of flight b, both at the parameters θ (n,). H (n, n) is the
-information; the step uses the mean of the recordings' and the flights' H. θ_0 and Λ are the prior's
-mean and information:
+The filter's likelihood assumes Gaussian distributions, but encoders quantise. So at the true
+parameters, the score (the log-likelihood's derivative by the parameters) has a nonzero mean, and
+the maximum of the likelihood is biased. The bias is largest for an inertia in a limit cycle on an
+encoder edge. If the controller is known, `correct` simulates B flights of the fitted model
+(`bias_correction.simulated_flight`). Let g (n,) be the score of the recordings and g_b that of
+flight b, both at the parameters θ (n,). H (n, n) is the information, averaged over the recordings
+and the flights. θ_0 and Λ are the prior's mean and information:
 
     g(θ) − ḡ(θ) − Λ(θ − θ_0) = 0,      ḡ = mean g_b                     (estimating equation)
     θ ← θ + (H + Λ)⁻¹ (g − ḡ − Λ(θ − θ_0))
     cov θ = (H + Λ)⁻¹ ((1 + 1/B) C + Λ) (H + Λ)⁻¹,      C = cov g_b by `scatter_of`
 
-The log-likelihood's derivative s by each axis' log noise intensity is corrected in the same way, by
-s̄ = mean s_b.
-Coloured noise multiplies element ij of cov θ by √(ρ_i ρ_j) (`bias_correction.coloured_noise`).
+In the same way, s̄ = mean s_b corrects s, the log-likelihood's derivatives by the logarithms of the
+three noise intensities. Coloured noise multiplies element ij of cov θ by √(ρ_i ρ_j)
+(`bias_correction.coloured_noise`).
 Sources: Gallant and Tauchen (1996); Gouriéroux, Monfort and Renault (1993).
 """
 
@@ -44,23 +44,23 @@ m = 120 blocks (a minute); 1.2 is 1 plus five of these."""
 ROUNDS = 10
 """Largest number of rounds, unless the caller gives another. Chosen."""
 CONVERGED = 0.35
-"""Standard deviations: a smaller step of θ is the last; about 1/√8, the error of ḡ from
-eight simulated flights."""
-NOISE_CONVERGED = 0.1  # the same for a step of ln a, chosen
+"""The search ends at a step of θ below this many standard deviations: about 1/√8, the error of ḡ
+from eight simulated flights."""
+NOISE_CONVERGED = 0.1  # largest step of ln a at the end of the search, chosen
 REUSED_WITHIN = 0.3, 3.0
-"""Up to these changes of ln a, and of θ in standard deviations, s̄ is kept, which saves two filter
-runs per flight. Chosen."""
+"""Largest changes of ln a, and of θ in standard deviations, up to which s̄ is not computed again.
+This saves two filter runs per flight. Chosen."""
 DIVERGED, DIVERGED_AFTER = 30.0, 3
-"""A step of θ longer than this many standard deviations ends the search from this round on: the
-controller may not stabilise the fitted rig. Chosen."""
+"""From round `DIVERGED_AFTER` on, a step of θ above `DIVERGED` standard deviations ends the search:
+the controller may not stabilise the fitted rig. Chosen."""
 MAX_SCATTER = 1e4
-"""Largest C_jj/H_jj. Above it, standard deviations exceed a hundred times those of the likelihood:
-simulated flights have diverged, so the search has, too. Chosen."""
+"""Largest C_jj/H_jj. Above it, standard deviations exceed a hundred times those of the likelihood,
+so the simulated flights have diverged, and the search has failed. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class CorrectedFit(Estimate):
-    """A bias-corrected fit, with its covariance from simulated flights (see the module)."""
+    """A bias-corrected fit; its covariance follows from the simulated flights (see the module)."""
 
     score_covariance: np.ndarray | None = None
     """(n, n) C; None if no flights were simulated: the covariance is then that of `Estimate`"""
@@ -117,16 +117,15 @@ class CorrectedFit(Estimate):
     def unexplained_scatter(self) -> float:
         """Return the factor by which unmodelled motion increases the parameters' variances.
 
-        It is the mean of `coloured_noise_factor`; if no flights were simulated, it is the fit's
-        variance factor `inflation`.
+        It is the mean of `coloured_noise_factor`, or `inflation` if no flights were simulated.
         """
         return float(self.coloured_noise_factor.mean()) if self.is_corrected else self.inflation
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
-    """Return the model with parameters ``theta`` (n,) and ``noise`` (4,); its covariance is NaN.
+    """Return the model with scaled parameters ``theta`` (n,), ``noise`` (4,), covariance NaN.
 
-    ``noise``: process noise of 3 axes, jitter.
+    ``noise``: process noise of three axes, jitter.
     """
     n = len(theta)
     return GreyBoxModel(
@@ -138,7 +137,7 @@ def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyB
 def simulate_again(
     model: GreyBoxModel, recordings: Sequence[Recording], data: Data, seed: Sequence[int]
 ) -> Data:
-    """Return ``data`` with its recordings replaced by flights simulated on ``model``.
+    """Return ``data`` with flights of ``model``, simulated again, in place of the recordings.
 
     Equal ``seed`` gives equal noise.
     """
@@ -168,10 +167,10 @@ def correct(
 ) -> CorrectedFit:
     """Return the fit at which the recordings' score equals the mean score of simulated flights.
 
-    The search begins at the first of the ``starts``. If it diverges, it begins again at the next
-    one. If it diverges from every start, the most likely start is returned, without a correction
-    (`CorrectedFit.is_corrected`). ``rounds``: largest number of rounds; ``flights_per_round``:
-    number of flights simulated in each.
+    The search begins at the first of the ``starts``. If it diverges, it is repeated from the next
+    one. If it diverges from all, the result is the most likely start, without a correction
+    (`CorrectedFit.is_corrected` is False). ``rounds``: largest number of rounds;
+    ``flights_per_round``: number of flights simulated in each.
     """
     for start in starts:
         fit = corrected_from(
@@ -192,7 +191,7 @@ def corrected_from(
     problem: Likelihood, start: Start, recordings: Sequence[Recording], *,
     seed: int, flights_per_round: int, rounds: int,
 ) -> CorrectedFit | None:  # fmt: skip
-    """Return the result of `correct` from one start; None if it or its flights diverge."""
+    """Return the result of `correct` from one start; None if the search or its flights diverge."""
     theta, noise = start
     low, high = problem.bounds
     precision = problem.prior_precision
@@ -237,7 +236,7 @@ def corrected_from(
         if not np.isfinite(length) or (count >= DIVERGED_AFTER and length > DIVERGED):
             return None
         if length < CONVERGED and np.abs(noise_step).max() < NOISE_CONVERGED:
-            # Take this step too: without it, searches that start on one side end on that side.
+            # Without this last step, the result would be biased towards the start of the search.
             theta = np.clip(theta + step, low, high)
             noise = noise.copy()
             noise[:3] = np.clip(noise[:3] * np.exp(noise_step), NOISE_LOW, NOISE_HIGH)
@@ -268,22 +267,24 @@ def corrected_from(
 
 @dataclass(frozen=True, eq=False)
 class NoiseScoreBias:
-    """Derivatives of the log-likelihood by each axis's log process noise: means over flights.
+    """Derivatives of the log-likelihood by ln a, the log process noise of each axis.
 
-    The flights are simulated at the parameters ``theta`` and the ``noise``.
+    They are means over flights that are simulated with the parameters ``theta`` and the ``noise``.
     """
 
     slope: np.ndarray
+    """(3,) first derivatives s̄"""
     curvature: np.ndarray
-    """(3,) first and second derivatives"""
+    """(3,) second derivatives"""
     theta: np.ndarray
+    """(n,) scaled parameters θ of the flights"""
     noise: np.ndarray
-    """(n,) θ and (4,) noise of the flights"""
+    """(4,) process noise of three axes, and jitter, of the flights"""
     sd: np.ndarray
     """(n,) standard deviations of θ"""
 
     def is_outdated(self, theta: np.ndarray, noise: np.ndarray) -> bool:
-        """Return True if the noise derivatives must be computed again for ``theta`` and ``noise``.
+        """Return True if the derivatives must be computed again for ``theta`` and ``noise``.
 
         They are valid up to the distances `REUSED_WITHIN` from the values of the simulated flights.
         """
@@ -296,10 +297,10 @@ class NoiseScoreBias:
 def optimum_at(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, count: int, converged: bool
 ) -> Optimum:
-    """Return the result of a search that ended at ``theta`` and ``noise``, as an `Optimum`.
+    """Return the `Optimum` of a search that ended at ``theta`` and ``noise``.
 
-    ``theta`` (n,): parameters; ``noise`` (4,): process noise of 3 axes, jitter; ``count``:
-    iterations.
+    ``theta`` (n,): scaled parameters; ``noise`` (4,): process noise of three axes, jitter;
+    ``count``: number of iterations.
     """
     low, high = problem.bounds
     point = evaluate(problem, theta, noise, with_noise_derivatives=False)
@@ -312,7 +313,7 @@ class AndersonAcceleration:
     """Anderson acceleration of the iteration y ← y + f(y), over the last `DEPTH` steps."""
 
     DEPTH = 2
-    MAX_STEP = 6.0  # of an element of y, chosen
+    MAX_STEP = 6.0  # largest step of an element of y, chosen
     RIDGE = 0.5  # regularisation, chosen
 
     def __init__(self) -> None:
@@ -320,7 +321,7 @@ class AndersonAcceleration:
         self.f: list[np.ndarray] = []
 
     def next(self, y: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """Return the accelerated step from ``y``; ``f``: the step of the plain iteration, f(y)."""
+        """Return the accelerated step from ``y``; ``f`` is the plain iteration's step f(y)."""
         self.y.append(y)
         self.f.append(f)
         self.y, self.f = self.y[-self.DEPTH - 1 :], self.f[-self.DEPTH - 1 :]
@@ -337,8 +338,8 @@ def scatter_of(g: np.ndarray, H: np.ndarray) -> np.ndarray:
     """Return C (n, n), a shrinkage estimate of the scores' covariance from few flights.
 
     ``g`` (B, n): scores of B flights; ``H`` (n, n): the information. C has the correlations of H,
-    and the variances r_j H_jj. r_j is the mean of two ratios: score j's variance over H_jj, and the
-    average of this ratio over all scores. r_j is at least 1, its value for an exact likelihood.
+    and the variances r_j H_jj. Let q_j be the variance of score j, divided by H_jj. r_j is the mean
+    of q_j and the average of all q, but at least 1 (the value for an exact likelihood).
     """
     ratio = np.sqrt(g.var(axis=0, ddof=1) / np.maximum(np.diag(H), 1e-300))
     ratio = np.maximum(np.sqrt(0.5 * ratio**2 + 0.5 * np.mean(ratio**2)), 1.0)

@@ -1,11 +1,11 @@
-"""Evaluate the log-likelihood's score, its information, and its slope along the process noise.
+"""Compute the log-likelihood's score and information, and its derivatives by the process noise.
 
     g = ∂ℓ/∂θ,   H = Σ w ∂c ∂cᵀ,   s_i = ∂ℓ/∂ ln a_i ≈ (ℓ_i(a e^δ) − ℓ_i(a e^−δ)) / 2δ
 
 ℓ is the filter's log-likelihood (`heli3dof.identification.greybox.likelihood`), ℓ_i its part of
-axis i, θ (n,) the parameters, a_i the process noise of axis i. H is a sum over the readings of the
-encoders. c is a reading's prediction, ∂c its derivative by θ, w its information. The step δ =
-`PROBE` is large, because the likelihood is rough at smaller scales.
+axis i, θ (n,) are the scaled parameters, a_i is the process noise of axis i. H is a sum over the
+encoder readings: c is the prediction of a reading, ∂c its derivative by θ, w its information. The
+step δ = `PROBE` is large, because the likelihood is rough at smaller scales.
 """
 
 from __future__ import annotations
@@ -34,9 +34,10 @@ from heli3dof.model.physics.state_layout import Stage
 from heli3dof.parallel import parallel_map
 
 SCANNED = ("mass.change.time_s",)
-"""Parameters that a scan sets and no search changes: the likelihood has many local maxima."""
+"""Parameters that no search changes, because the likelihood has many local maxima. A scan over a
+grid of values sets them instead."""
 COARSE = {"mass.change.time_s": 5e-3}
-"""Steps of the finite differences in place of `DIFFERENCE`; this one is 0.05 s. Chosen."""
+"""Parameter → step of its finite difference in place of `DIFFERENCE`; here 0.05 s. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,19 +45,18 @@ class Derivatives:
     """The log-likelihood's derivatives at given values of the n parameters and the noise."""
 
     g: np.ndarray
+    """(n,) score, without the prior"""
     H: np.ndarray
-    """(n,) score and (n, n) information, without the prior"""
+    """(n, n) information, without the prior"""
     slope: np.ndarray
+    """(3,) first derivatives of ℓ by the log noise intensities"""
     curvature: np.ndarray
-    """(3,) first and second derivatives of ℓ by the log noise intensities"""
+    """(3,) second derivatives of ℓ by the log noise intensities"""
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation(Derivatives):
-    """The derivatives, and the filter run from which they are computed.
-
-    The run has E readings and needs much memory.
-    """
+    """The derivatives, and the filter run (E readings, much memory) that they are computed from."""
 
     at: FilterRun
     path: Path
@@ -78,8 +78,9 @@ def evaluate(
 ) -> Evaluation:
     """Return the log-likelihood's derivatives at ``theta`` and ``noise``.
 
-    ``theta`` (n,): parameters; ``noise`` (4,): process noise of 3 axes, jitter. Without
-    ``with_noise_derivatives``, the first derivatives by the noise are 0, the second ones −1.
+    ``theta`` (n,): scaled parameters; ``noise`` (4,): process noise of three axes, jitter. Without
+    ``with_noise_derivatives``, those by the noise are not computed, but set to 0 (first
+    derivatives) and −1 (second derivatives).
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
 
@@ -107,16 +108,16 @@ def evaluate(
 
 
 def fixed_parameters(problem: Likelihood) -> np.ndarray:
-    """Return (n,) bool: True for the parameters that no search changes (`SCANNED`)."""
+    """Return (n,) bool: True for the parameters in `SCANNED`, which no search changes."""
     return np.array([f.name in SCANNED for f in problem.structure.free])
 
 
 def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
     """Return the derivatives ∂c/∂θ (n, E) of the filter's E predicted readings c.
 
-    They are computed at the parameters ``theta`` (n,) by `bias_correction.perturbation`. For
-    parameters that change the encoder readings, and where the perturbation diverges (negative dry
-    friction), `Likelihood.tangents` computes them by simulation instead.
+    They are computed at the scaled parameters ``theta`` (n,) along the filter's states ``p``, by
+    `bias_correction.perturbation`. For parameters that change the encoder readings, and where the
+    perturbation diverges (negative dry friction), `Likelihood.tangents` simulates them instead.
     """
     s = problem.structure
     by_name = {t.name: t for t in s.terms}

@@ -1,4 +1,4 @@
-"""First-order change of the filter's predictions by a small change of the model.
+"""Compute how a small change of the model changes the filter's predictions, to first order.
 
 A change of the model adds δa (rad/s²) to the accelerations. At each of E *events*, the extended
 Kalman filter (`heli3dof.model.estimation.ekf_quantised`) reads an encoder and updates its state
@@ -8,15 +8,15 @@ reading change by
     δx ← Φ δx + [h²/2; h] δa,     Φ from A = ∂q̈/∂(q, q̇)       from a row to the next, h (s) later
     δc = σ δx_c,   δx ← δx − K w δc                             at each event of the encoders
 
-x_c is the state that the event reads, σ the reading's derivative by it, w the event's information.
+x_c is the component of x that the event reads, σ = ∂c/∂x_c, and w is the event's information.
 
 - `forcing`: computes δa, constant within chunks of `CHUNK_S`, from a change of parameters or
   effects
 - `forward`: computes δc (E,) from δa
-- `backward`, the adjoint: computes L_b (3,) of each chunk b from weights q_e of the events. One
-  pass then serves all changes:  Σ_e q_e δc_e = Σ_b L_b · δa_b
-- `misreading`: computes the change δm (rad) of the reading at a given angle. It adds δm to δc at
-  the angle's events, and the initial angles change by −δm/σ.
+- `backward`, the adjoint: computes L_b (3,) of each chunk b from weights q_e of the events. With
+  one pass, the weighted sum is then known for all changes:  Σ_e q_e δc_e = Σ_b L_b · δa_b
+- `misreading`: computes the change δm (rad) of the encoder reading at an unchanged angle. It adds
+  δm to δc at the angle's events, and changes the initial angles by −δm/σ.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ from heli3dof.model.physics.parametrisation import Structure
 
 CHUNK_S = 0.01  # chosen
 MOVES_THRUST = {_s.Stage.SETUP, _s.Stage.VOLTAGE}
-"""Stages of the effects that change the thrusts, which `model.physics.rotor` computes in advance"""
+"""Stages of those effects that change the thrusts"""
 
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """The filter's states in C chunks of rows, and the model's accelerations at these states."""
+    """The filter's states in the middles of C chunks of rows, and the accelerations there."""
 
     data: Data
     at: FilterRun
     chunk: np.ndarray
     """(C, 3) int64: first row, row after the last, block of `Data`"""
     X: np.ndarray
-    """(C, 6) rad, rad/s: states in the middle of the chunks"""
+    """(C, 6) rad, rad/s: states in the middles of the chunks"""
     A: np.ndarray
     """(C, 3, 6) ∂q̈/∂(q, q̇)"""
     slope: np.ndarray
-    """(3,) σ, the slopes of the readings"""
+    """(3,) σ, the derivative of each axis' reading by its angle"""
     thrust: np.ndarray
     """(C, 2) N, mean thrusts of the rotors in each chunk"""
     a: np.ndarray
@@ -100,11 +100,11 @@ def path(structure: Structure, values: np.ndarray, data: Data, at: FilterRun) ->
 def forcing(
     p: Path, wide: Structure, sets: Sequence[np.ndarray], moves: Sequence[bool]
 ) -> np.ndarray:
-    """Return the changes δa (J, C, 3) of the accelerations (rad/s²) in C chunks, for J sets.
+    """Return the changes δa (J, C, 3) rad/s² of the accelerations in C chunks, for J models.
 
-    ``wide``: the model's structure, which may have further effects. ``sets``: J sets of values of
-    its parameters; the changes are relative to the model of ``p``. ``moves`` (J,): True if a set
-    changes the thrusts.
+    ``sets`` are the parameter values of the J models. The changes are relative to the model of
+    ``p``. ``wide``: the structure of the J models, which may have more effects than that of ``p``.
+    ``moves`` (J,): True if a model has other thrusts.
     """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
@@ -123,9 +123,9 @@ def misreading(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return how other parameter values change the encoder readings (rad) at unchanged angles.
 
-    ``wide``: the model's structure, which may have further effects. ``sets``: J + 1 sets of values
-    of its parameters; the changes are relative to the first set. Returns the changes (J, E) at the
-    filter's E updates, and (J, B, 3) at the start of each of B blocks of rows.
+    ``sets`` are J + 1 sets of parameter values; the changes are relative to the first set.
+    ``wide``: the structure of these models, which may have more effects than that of ``p``. Returns
+    the changes (J, E) at the filter's E events, and (J, B, 3) at the start of each of B blocks.
     """
     d, hooks = p.data, wide.hooks
     arrays = [wide.arrays(v) for v in sets]
@@ -143,10 +143,10 @@ def misreading(
 def forward(
     p: Path, a: np.ndarray, m: np.ndarray | None = None, m0: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return how J changes of the model change the filter's E predicted readings: δc (J, E).
+    """Return δc (J, E): how J changes of the model change the filter's E predicted readings.
 
-    ``a`` (J, C, 3): changes of the accelerations in C chunks. ``m`` (J, E): changes of the readings
-    at unchanged angles; ``m0`` (J, B, 3): the same at the start of each of B blocks.
+    ``a`` (J, C, 3): changes of the accelerations (rad/s²) in C chunks. ``m`` (J, E) and ``m0``
+    (J, B, 3): changes of the readings (rad) at unchanged angles, as `misreading` returns them.
     """
     D = np.zeros((len(a), len(p.at.row)))
     start = np.zeros((len(a), len(p.data.blocks), 3)) if m0 is None else m0
@@ -160,9 +160,9 @@ def forward(
 def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the derivatives of Σ_e q_e δc_e, a weighted sum of the changes of predicted readings.
 
-    ``q`` (M, E): M sets of weights of the E readings. The derivatives are those with
-    respect to the accelerations of C chunks (M, C, 3), the readings (M, E), and the initial states
-    of B blocks (M, B, 6).
+    ``q`` (M, E): M sets of weights of the E readings. The three results are the derivatives by the
+    changes of the accelerations in C chunks (M, C, 3), of the readings (M, E), and of the initial
+    states of B blocks (M, B, 6).
     """
     L = np.zeros((len(q), len(p.chunk), 3))
     mu = np.zeros(q.shape)
@@ -177,14 +177,14 @@ def backward(p: Path, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 def project_out(
     D: np.ndarray, tangents: np.ndarray, A: np.ndarray, w: np.ndarray | float = 1.0
 ) -> np.ndarray:
-    """Return D̃ (K, E) or (E,): D without the part that the fit's parameters can produce.
+    """Return D̃, shape as D: the changes D without the part that fitted parameters can explain.
 
-        D̃ = D − (T w Dᵀ)ᵀ A⁻¹ T,        D w D̃ᵀ = D w Dᵀ − Xᵀ A⁻¹ X,      X = T w Dᵀ
+        D̃ = D − Xᵀ A⁻¹ T,        D w D̃ᵀ = D w Dᵀ − Xᵀ A⁻¹ X,        X = T w Dᵀ
 
-    D are the changes of E predictions by K causes, T = ``tangents`` (p, E) those per unit of
-    each of p parameters, w (E,) the predictions' information. D w D̃ᵀ is the part of the
-    information D w Dᵀ that remains. D̃ w D̃ᵀ is smaller in general, because A (p, p) = T w Tᵀ + Λ
-    includes the prior's information Λ. With predictions in rad, w is in 1/rad² and D in rad per
-    unit of its cause.
+    D (K, E) or (E,) are the changes of E predictions (rad) per unit of each of K causes.
+    T = ``tangents`` (p, E) are those per unit of each of p fitted parameters, w (E,) is the
+    predictions' information (1/rad²), and A (p, p) = T w Tᵀ + Λ with the prior's information Λ.
+    D w D̃ᵀ is the part of the information D w Dᵀ that remains. Use it instead of D̃ w D̃ᵀ, which is
+    smaller in general, because A includes Λ.
     """
     return np.asarray(D - np.linalg.solve(A, (tangents * w) @ D.T).T @ tangents)

@@ -7,7 +7,7 @@ random changes of the rates q̇ and angles q:
     Δq̇ = a √h ξ,     Δq = h/2 Δq̇,     ξ ~ N(0, 1),     a: the fitted noise, rad/s²/√Hz
 
 The flight starts at rest at the recording's first angles. For a decimated log, every control period
-is simulated. Sampling jitter is not simulated, nor are mechanical stops other than the table.
+is simulated. The simulation has no sampling jitter, and no mechanical stops except the table.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ def simulated_flight(
 ) -> Recording:
     """Return the first ``rows`` rows of the recording, simulated with noise from ``rng``.
 
-    The angles are quantised: they differ from the first recorded ones by whole encoder steps.
-    Raises ValueError if the profile has no controller or an axis was not measured.
+    ``rows`` = None: all rows. The angles are quantised: they differ from the first recorded ones by
+    whole encoder steps. Raises ValueError if the recording's controller is unknown, or if it lacks
+    an angle.
     """
     profile = recording.profile
     controller = recording.controller

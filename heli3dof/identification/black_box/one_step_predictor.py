@@ -4,8 +4,9 @@
       ŷ[k] = C x̂[k] + d,                      e[k] = y[k] − ŷ[k]
 
 u (m columns) and y (l columns) are deviations from fixed trims; d (l,) is the remaining offset.
-x̂ (n,) is the state, e the innovation, A the state matrix, and k numbers the rows. A parameter θ_q
-moves (Ã, B, K, C) along the direction q. The sensitivity ξ_q = ∂x̂/∂θ_q obeys the same recursion,
+x̂ (n,) is the state, e the innovation, A the state matrix, and k numbers the rows. (Ã, B, K, C)
+depend on parameters θ_q; ∂ is the derivative by θ_q. The sensitivity ξ_q = ∂x̂/∂θ_q obeys the same
+recursion,
 
     ξ_q[k+1] = Ã ξ_q[k] + ∂Ã x̂[k] + ∂B u[k] + ∂K y[k],      ∂ŷ/∂θ_q = C ξ_q + ∂C x̂[k]
 """
@@ -49,7 +50,8 @@ def filter_states(
 def free_responses(At: np.ndarray, C: np.ndarray, N: int) -> np.ndarray:
     """Return C Ã^k (N, l, n) for k = 0 … N − 1: the output's sensitivity to the initial state.
 
-    At (n, n) is Ã = A − K C, C (l, n) the output matrix. Entries are 0 once all fall below 1e-14.
+    At (n, n) is Ã = A − K C, C (l, n) the output matrix. After all entries have fallen below 1e-14,
+    the following ones are set to 0.
     """
     n, l = At.shape[0], C.shape[0]
     out = np.zeros((N, l, n))

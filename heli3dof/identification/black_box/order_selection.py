@@ -1,4 +1,4 @@
-"""Search a black box's order: fit each order at each sampling interval, and choose one fit.
+"""Choose the order of a black box: fit each order at each sampling interval, and take one fit.
 
 Order and interval decide how good a black box is in closed loop. At an interval of 2 ms the
 encoders' rounding dominates the innovations, at 40 to 80 ms the rig's own motion. A candidate is
@@ -40,8 +40,9 @@ PAST_S = 0.5
 TIE = 0.2
 """Percentage points: the smallest order whose score is this close to the best is chosen."""
 MEMORY_S = 2.0
-"""s: longest time constant of a predictor in the method ``pem``. With little disturbance it would
-grow to tens of seconds, and remember one flight's trim, which is wrong in the next."""
+"""s: longest time constant of a predictor in the method ``pem``. Without this limit, it would grow
+to tens of seconds in flights with little disturbance. The predictor would then remember the trim of
+one flight, which is wrong in the next."""
 SELECT_HORIZON_S = 1.0
 
 
@@ -75,9 +76,9 @@ class Decimated:
 
 
 def decimated(prepared: Prepared, runs: Sequence[RowRange], interval_s: float) -> Decimated:
-    """Return voltages and angles of ``runs``, decimated to about ``interval_s`` s.
+    """Return voltages and angles of ``runs``, decimated to an interval near ``interval_s`` (s).
 
-    The means over all runs are subtracted.
+    The interval is a multiple of the control period. The means over all runs are subtracted.
     """
     factor = max(1, round(interval_s / prepared.dt))
     cut = segments(prepared, runs, factor)
@@ -114,10 +115,11 @@ def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
 
 
 def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str) -> StateSpaceFit:
-    """Improve the model ``start`` by a fit to the data d; return the fit, also resampled to dt (s).
+    """Return the fit of ``method`` to the data d, which starts from the model ``start``.
 
     ``method`` is ``pem`` (prediction error), ``oe`` (output error) or ``pbsid`` (no further fit).
-    Raises NoContinuousModel where the fit cannot be resampled.
+    The result contains the model called ``name``, resampled to dt (s). Raises NoContinuousModel if
+    the fit cannot be resampled.
     """
     found = None
     model = start
@@ -146,8 +148,8 @@ def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str
 def selection_score(model: LinearModel, prepared: Prepared) -> float:
     """Return the score of ``model`` in the order search: its mean fit (%); −∞ if not finite.
 
-    The mean is over the axes, of predictions 1 s ahead and, if possible, of the closed-loop replay.
-    ``prepared`` holds the recordings and the training runs, on which the model is evaluated.
+    The mean is over the axes, and over predictions 1 s ahead and, if possible, the closed-loop
+    replay. ``prepared`` contains the recordings and the training runs on which the fit is computed.
     """
     runs = prepared.train
     scores = [validation.score(validation.predictions(model, prepared, runs, SELECT_HORIZON_S))]
@@ -165,21 +167,21 @@ def search(
     intervals_s: Sequence[float] = INTERVALS_S,
     name: str = "black box",
 ) -> tuple[StateSpaceFit, list[CandidateOrder]]:
-    """Fit all orders at all sampling intervals; return the chosen fit, and the score of every fit.
+    """Fit all ``orders`` at all sampling intervals; return the chosen fit, and all candidates.
 
-    Rule of choice: see the module. ``method`` is ``pem``, ``oe`` or ``pbsid``.
-    ``orders`` are numbers of states. Raises RecordingError if no candidate can be used.
+    The module explains the choice. ``method`` is ``pem``, ``oe`` or ``pbsid``. ``orders`` are
+    numbers of states. Raises RecordingError if no candidate can be used.
     """
     tried: list[tuple[CandidateOrder, StateSpaceFit | None]] = []
     for interval_s in intervals_s:
         d = decimated(prepared, prepared.train, interval_s)
         rows = sum(len(u) for u, _ in d.data)
         try:
-            begun = starts(d, orders)
+            initial = starts(d, orders)
         except ValueError as error:
             tried += [(_failed(n, d.interval_s, str(error)), None) for n in orders]
             continue
-        for n, start in begun.items():
+        for n, start in initial.items():
             report_count("candidate models", len(tried), len(orders) * len(intervals_s))
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", RuntimeWarning)

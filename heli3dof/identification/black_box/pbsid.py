@@ -83,9 +83,9 @@ def past(u: np.ndarray, y: np.ndarray, p: int) -> np.ndarray:
 
 
 def varx(data: Sequence[Pair], p: int) -> Varx:
-    """Fit a VARX (vector autoregression with inputs) of order p to the segments ``data``.
+    """Return a VARX (vector autoregression with inputs) of order p, fitted to segments ``data``.
 
-    Each segment has inputs and outputs. Raises ValueError for too few rows.
+    Each segment has inputs and outputs. Raises ValueError if there are too few rows.
     """
     usable = [(u, y) for u, y in data if len(u) > p]
     m, l = data[0][0].shape[1], data[0][1].shape[1]

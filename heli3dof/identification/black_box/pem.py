@@ -42,7 +42,7 @@ class PemFit:
 
     model: StateSpace
     tangent: np.ndarray
-    """(n(n+m+2l), p): column q is the derivative of the entries of [Ã B K] and C by parameter q."""
+    """(n(n+m+2l), p): column q is the derivative of the entries of [Ã B K] and C by parameter q"""
     covariance: np.ndarray
     """(p, p): covariance of the parameters, in sandwich form (valid for coloured innovations)"""
     cost: float
@@ -70,7 +70,7 @@ def pem(
     output_error: bool = False,
     rho_max: float = RHO_MAX,
 ) -> PemFit:
-    """Fit a state-space model to ``data``; minimise V = ½ log det of the innovations' covariance.
+    """Return the fit of a state-space model that minimises V = ½ log det S of the innovations.
 
     Args:
         data: segments at one rate, u (N, m) and y (N, l), deviations from fixed trims.
@@ -78,8 +78,8 @@ def pem(
             The function first makes its predictor stable.
         max_iterations: largest number of Levenberg–Marquardt steps.
         rho_max: largest spectral radius of Ã = A − K C; steps beyond it are rejected.
-        output_error: fix K = 0, so the innovation e is the simulation error. Feedback then biases
-            the fit.
+        output_error: fix K = 0, so the innovation is the simulation error. Feedback then biases the
+            fit.
     """
     u_s = np.vstack([u for u, _ in data]).std(axis=0) + 1e-12
     y_s = np.vstack([y for _, y in data]).std(axis=0) + 1e-12
@@ -159,11 +159,11 @@ def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndar
 
 
 def _evaluate(data, W, C, d, S, rho_max) -> _Point:  # type: ignore[no-untyped-def]
-    """Return innovations and cost of the model W = [Ã B K], C, d; the cost is ∞ if Ã is unstable.
+    """Return states, innovations and cost of the model with W = [Ã B K], C and the output offset d.
 
-    Ã = A − K C is unstable if its spectral radius exceeds ``rho_max``. d: offset of the outputs.
-    ``data``: segments (u, y). S (l, l), an earlier innovation covariance, weights the fit of the
-    initial states.
+    The cost is ∞ if the spectral radius of Ã = A − K C exceeds ``rho_max``. ``data``: segments
+    (u, y). S (l, l), an earlier covariance of the innovations, weights the fit of the initial
+    states.
     """
     n = W.shape[0]
     m = data[0][0].shape[1]
@@ -200,7 +200,7 @@ def _tangent(W: np.ndarray, C: np.ndarray, output_error: bool, m: int) -> np.nda
     n, l, w = W.shape[0], C.shape[0], W.shape[1]
     entries = n * w + l * n
     At, eye = W[:, :n], np.eye(n)
-    # Gauge directions X ↦ (X Ã − Ã X, X B, X K, −C X), one column per entry of X.
+    # Changes of the state coordinates: X ↦ (X Ã − Ã X, X B, X K, −C X), a column per entry of X.
     gauge = np.empty((entries, n * n))
     for i in range(n):
         for j in range(n):
@@ -228,8 +228,9 @@ def _move(point: _Point, T: np.ndarray, step: np.ndarray, l: int):  # type: igno
 def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ignore[no-untyped-def]
     """Return the information (q, q) and gradient (q,) of the criterion at the model ``point``.
 
-    The q parameters are the p columns of T (directions of change, from `_tangent`) and the offset
-    d. Initial states are eliminated. With ``scores`` also returns Σ s sᵀ from `_score_blocks`.
+    The q = p + l parameters are steps along the p columns of T (from `_tangent`), and the offset d.
+    Initial states are eliminated. The third result is the sum of `_score_blocks` over the segments
+    with ``scores``, else 0.
     """
     n, l = point.W.shape[0], point.C.shape[0]
     p = T.shape[1]

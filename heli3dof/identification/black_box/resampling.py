@@ -30,13 +30,13 @@ from heli3dof.identification.black_box.stabilisation import kalman_gain, with_st
 from heli3dof.model.discretisation import c2d_zoh, d2c_zoh
 
 FASTEST = 1e-3
-"""Dimensionless: a real eigenvalue λ of A at or below this is replaced by max(|λ|, this)."""
+"""A real eigenvalue λ of A up to this value is replaced by |λ|, or by this value if larger."""
 SLOWEST_NEGATIVE = -0.5
 """A real eigenvalue of A below this has no continuous equivalent; the fit is rejected."""
 WELL_CONDITIONED = 1e6
-"""Condition number of A's eigenvector matrix; below it eigenvalues are converted one by one."""
+"""Condition number of A's eigenvector matrix below which eigenvalues are converted one by one"""
 VOLT_FOR_RADIAN = 20.0
-"""V: a trim change of this many volts weighs as much as one of 1 rad."""
+"""V: a trim change of this many volts has the same weight as a change of 1 rad."""
 
 
 class NoContinuousModel(ValueError):
@@ -47,10 +47,10 @@ class NoContinuousModel(ValueError):
 
 
 def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return A (n, n) and B (n, m) with some eigenvalues of A replaced.
+    """Return A (n, n) and B (n, m), changed so that A has a real logarithm.
 
-    They are the real eigenvalues up to `FASTEST`, which have no usable logarithm. Raises
-    NoContinuousModel if one is below `SLOWEST_NEGATIVE`.
+    Real eigenvalues of A up to `FASTEST` have no usable logarithm, so they are replaced; B keeps
+    the static gain. Raises NoContinuousModel if an eigenvalue is below `SLOWEST_NEGATIVE`.
     """
     lam, V = np.linalg.eig(A)
     real = np.abs(lam.imag) <= 1e-9 * np.maximum(1, np.abs(lam))
@@ -68,9 +68,9 @@ def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.nd
 def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the continuous-time A and B of a model whose sampling interval is T (s).
 
-    Raises NoContinuousModel if the model has no continuous equivalent. In modal coordinates, an
-    eigenvalue z becomes s = log(z)/T, and the row b of B for this mode becomes b s/(z − 1). Where
-    eigenvalues nearly coincide, the matrix logarithm is used instead.
+    In modal coordinates, an eigenvalue z becomes s = log(z)/T, and the mode's row b of B becomes
+    b s/(z − 1). If eigenvalues nearly coincide, the matrix logarithm is used instead. Raises
+    NoContinuousModel if the model has no continuous equivalent.
     """
     A, B = with_real_logarithm(model.A, model.B)
     z, V = np.linalg.eig(A)

@@ -1,4 +1,4 @@
-"""Stabilise a model: its one-step predictor by another gain K, its plant by moving poles of A."""
+"""Stabilise a model's one-step predictor by another gain K, or its plant by moving poles of A."""
 
 from __future__ import annotations
 
@@ -31,12 +31,11 @@ def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> n
 
 
 def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
-    """Return the model; K is replaced by a Kalman gain if A − K C is not stable enough.
+    """Return the model, with a Kalman gain K if the spectral radius of A − K C exceeds ``rho``.
 
-    K is replaced if the spectral radius of A − K C exceeds ``rho``. The Kalman gain assumes the
-    process noise K S Kᵀ + c I, where S is the innovations' covariance. c is the first of 1e-6,
-    1e-4, …, 1e4 times the trace of K S Kᵀ that gives a stable predictor. If none does, the result
-    is that of `stable_plant`.
+    The Kalman gain assumes the process noise K S Kᵀ + c I, where S is the innovations' covariance.
+    c is the first of 1e-6, 1e-4, …, 1e4 times the trace of K S Kᵀ that gives a stable predictor. If
+    none does, the result is that of `stable_plant`.
     """
     if spectral_radius(model.At) <= rho:
         return model
@@ -53,7 +52,7 @@ def stable_plant(model: StateSpace, rho: float = RHO) -> StateSpace:
     """Return the model with K = 0 and the poles of A moved inside the circle of radius ``rho``."""
     lam, V = np.linalg.eig(model.A)
     size = np.maximum(np.abs(lam), 1e-300)
-    # Slightly inside, so that rounding cannot move a pole outside.
+    # Slightly inside the circle, so that rounding cannot move a pole outside.
     inside = rho * (1 - 1e-4)
     A = np.real(V * (lam * np.minimum(1.0, inside / size)) @ np.linalg.inv(V))
     return replace(model, A=A, K=np.zeros_like(model.K))

@@ -81,9 +81,9 @@ def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[RowRange]) -> Innovations:
-    """Return each run's prediction errors (rad), and voltages minus ``chosen.u_mean`` (V).
+    """Return each run's one-step prediction errors (rad), and voltages minus ``chosen.u_mean`` (V).
 
-    The errors are one-step; for ``oe``, simulation errors. The data are decimated to the sampling
+    For the method ``oe``, they are simulation errors. The data are decimated to the sampling
     interval of ``chosen``.
     """
     ss = chosen.state_space

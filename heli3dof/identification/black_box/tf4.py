@@ -69,8 +69,9 @@ def companion(den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _regressors(data: Sequence[Pair], den: np.ndarray, T: float) -> np.ndarray:
     """Return the regressors of the angles for the denominator ``den`` (5,), a row per sample.
 
-    The 8 + 4 S + 1 columns are: both voltages filtered by s^i/D(s), i = 0 … 3; four responses to
-    initial states for each of the S segments ``data``; ones. T (s) is the sampling interval.
+    There are 8 + 4 S + 1 columns for S segments ``data``: both voltages filtered by s^i/D(s),
+    i = 0 … 3; per segment, four responses to its initial state; ones. T (s) is the sampling
+    interval.
     """
     from scipy.signal import lfilter
 
@@ -177,7 +178,7 @@ def _covariance(
     block = max(1, round(BLOCK_S / T))
     sums = np.add.reduceat(scores, np.arange(0, len(scores), block), axis=0)
     cov = H @ (sums.T @ sums) @ H * np.outer(scale, scale)
-    # To coefficients: den from its logarithms, num in the order of `TransferFunctions`.
+    # Convert to coefficients: den from logarithms, num in the order of `TransferFunctions`.
     a1, a0, b1, b0 = np.exp(log_p)
     a, b = np.array([1.0, a1, a0]), np.array([1.0, b1, b0])
     D = np.column_stack(

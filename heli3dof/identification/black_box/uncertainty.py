@@ -43,8 +43,8 @@ def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
 def poles(fit: PemFit, T: float) -> list[Pole]:
     """Return the continuous-time poles log(λ)/T (rad/s) of a fit, with standard deviations.
 
-    λ are the eigenvalues of its discrete-time state matrix, T (s) is its sampling interval. A real
-    λ ≤ 0 has no real logarithm; its pole is log|λ|/T.
+    λ are the eigenvalues of the fit's discrete-time state matrix, T (s) is its sampling interval. A
+    real λ ≤ 0 has no real logarithm, so its pole is log|λ|/T.
     """
     model = fit.model
     n, m, l = model.order, model.B.shape[1], len(model.C)

@@ -1,15 +1,15 @@
 """Fit the base simulation, the model to which a diagnosis adds effects.
 
-`identify` uses this fit on extreme limit cycles. If the controller is known, the fit is
-bias-corrected (`bias_correction.correction`). There are two special cases:
+If the controller is known, the fit is bias-corrected (`bias_correction.correction`). `identify`
+uses this fit, too, on extreme limit cycles. There are two special cases:
 
 - Limit cycle: the likelihood hardly distinguishes a smaller inertia with more noise from the true
-  rig. So the search starts at the noise that reproduces the recorded limit cycle
+  rig. So the search starts at the noise with which simulated flights have the recorded limit cycle
   (`closed_loop_fit.limit_cycle`). If the search diverges, it is repeated from the likelihood's
   maximum. A second fit also matches how often the encoder counts change
   (`closed_loop_fit.edge_rates`).
 - Implausible inertia: the fit is repeated with a narrow prior of the inertias
-  (`with_plausible_inertias`). The same rule applies to every later fit.
+  (`with_plausible_inertias`). The later fits of a diagnosis follow the same rule.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ from heli3dof.model.physics.parametrisation import Structure, thrust_per_volt_ra
 MAX_INERTIA_RATIO = 2.5
 """Largest plausible ratio of an inertia to nominal, or its inverse. Chosen; not derived."""
 TIGHT_PRIOR = 0.1
-"""Prior std of an inertia's logarithm in units of the tolerance, if one is implausible. Chosen."""
+"""The narrow prior's std of an inertia's logarithm, as a multiple of the tolerance. Chosen."""
 HELD_STD = 1e-4
-"""Prior standard deviation of a scaled parameter that keeps its value. Far below any estimate's."""
+"""Prior std of a scaled parameter that keeps its value; far below the std of any estimate"""
 
 BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
-"""Effects that each base simulation adds to the rigid body, by the base's name"""
+"""Name of the base simulation → effects that it adds to the rigid body"""
 
 
 @dataclass(frozen=True, eq=False)
 class ProfileLikelihood(Likelihood):
     """The likelihood with a prior of the inertias from the profile's ``tolerance``.
 
-    The prior std of an inertia's logarithm is ``doubt`` · ``tolerance``. The weaker prior of
-    `Likelihood` would allow implausible inertias in a short recording.
+    The prior std of an inertia's logarithm is ``doubt`` · ``tolerance``. With the weaker prior of
+    `Likelihood`, a fit to a short recording could give implausible inertias.
     """
 
     doubt: float = 1.0
-    """Factor by which the tolerance is multiplied"""
+    """Prior std of an inertia's logarithm, as a multiple of the tolerance"""
     at_nominal: tuple[int, ...] = ()
     """Indices of the parameters that keep the profile's value"""
     inertia_ratio: float = 1.0
@@ -63,7 +63,7 @@ class ProfileLikelihood(Likelihood):
 
     @cached_property
     def prior_mean(self) -> np.ndarray:
-        """Return the prior's mean (n,), scaled; the inertias are estimated as logarithms."""
+        """Return the prior mean (n,) of the scaled parameters (of an inertia: its logarithm)."""
         mean = super().prior_mean.copy()
         mean[[j for j in (1, 2, 3) if j not in self.at_nominal]] += np.log(self.inertia_ratio)
         return mean
@@ -94,8 +94,8 @@ def with_plausible_inertias(
 ) -> CorrectedFit:
     """Return ``fit(problem)``; if an inertia is implausible, the fit with a narrow prior instead.
 
-    The narrow prior is about the profile's inertias times `thrust_ratio`. ``fit`` fits a
-    likelihood.
+    The mean of the narrow prior is the profile's inertias times `thrust_ratio`. ``fit``: function
+    that fits the parameters of a likelihood.
     """
     if not isinstance(problem, ProfileLikelihood):
         return fit(problem)
@@ -109,26 +109,28 @@ def with_plausible_inertias(
 
 
 def thrust_ratio(fit: Estimate, implausible: Sequence[str]) -> float:
-    """Return the ratio of trim torque and inertias to nominal that the thrust gain causes.
+    """Return the ratio to nominal that trim torque and inertias have if the thrust gain is wrong.
 
-    A wrong thrust gain multiplies all four by one ratio. The result is the median of the trim
-    torque's ratio and those of the inertias that are not ``implausible``. It is 1 if the trim
-    torque is within the profile's tolerance, or off by a factor above `MAX_INERTIA_RATIO`.
+    A wrong thrust gain multiplies the trim torque and the three inertias by the same ratio. The
+    result is the median of the fitted ratios, without those of the ``implausible`` inertias. It is
+    1 if the trim torque is within the profile's tolerance, or wrong by more than a factor of
+    `MAX_INERTIA_RATIO`.
     """
     profile, (trim, *inertias) = fit.structure.profile, fit.values[:4]
     ratio = trim / profile.trim_torque if profile.trim_torque else 1.0
     is_plausible = 1 / MAX_INERTIA_RATIO < ratio < MAX_INERTIA_RATIO
     if not is_plausible or abs(ratio - 1) <= profile.tolerance:
         return 1.0
-    # `thrust_per_volt_ratio` leaves out the zeros.
+    # `thrust_per_volt_ratio` ignores zeros.
     known = [0.0 if a in implausible else J for a, J in zip(AXES, inertias, strict=True)]
     return thrust_per_volt_ratio(profile, [trim, *known])
 
 
 def implausible_inertias(fit: Estimate) -> tuple[str, ...]:
-    """Return the measured axes whose inertia/nominal, or its inverse, exceeds `MAX_INERTIA_RATIO`.
+    """Return the measured axes whose inertia differs from nominal by over `MAX_INERTIA_RATIO`.
 
-    On an axis that hardly moves, a wrong inertia may hide a missing effect from the score test.
+    `MAX_INERTIA_RATIO` is a factor. On an axis that hardly moves, a wrong inertia may hide a
+    missing effect from the score test.
     """
     log_ratio = np.abs(fit.theta[1:4] - fit.problem.prior_mean[1:4])
     far = fit.problem.data.axes & (log_ratio > np.log(MAX_INERTIA_RATIO))
@@ -155,15 +157,15 @@ def corrected_base(setup: Setup, problem: Likelihood) -> CorrectedFit:
     if not fit.is_corrected or not cycling.any():
         return fit
     fit = fit_with_edge_rates(problem, fit, setup.recordings, seed=setup.seed)
-    # Later fits with further effects use the likelihood alone: it would increase the noise again.
+    # Later fits do not match the edge rates, and would increase the noise again. So it stays fixed.
     roll, pitch, yaw = (bool(axis) for axis in cycling)
     return replace(fit, problem=replace(problem, known_noise=(roll, pitch, yaw)))
 
 
 def start_scales(plain: Estimate) -> list[float]:
-    """Return ratios of the inertias to nominal from which a search on a limit cycle starts.
+    """Return the ratios of the inertias to nominal at which searches on a limit cycle start.
 
-    The second one is that of the trim torque of the fit ``plain`` (`thrust_ratio`).
+    They are 1 and, if it differs, the trim torque's ratio in the fit ``plain`` (`thrust_ratio`).
     """
     ratio = thrust_ratio(plain, AXES)
     return [1.0] if ratio == 1.0 else [1.0, ratio]
@@ -173,8 +175,8 @@ def start_on_limit_cycle(setup: Setup, plain: Estimate, cycling: np.ndarray, sca
     """Return the start of a bias correction on a limit cycle: parameters (n,) and noise (4,).
 
     The parameters are those of the fit ``plain``, but with the profile's inertias times ``scale``.
-    The noise, on roll, pitch, yaw (rad/s²/√Hz) and jitter (s), gives simulated flights the
-    recording's limit cycle. ``cycling`` (3,) bool: the axes on a limit cycle.
+    The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). With this noise,
+    simulated flights have the recorded limit cycle. ``cycling`` (3,) bool: the axes on one.
     """
     theta, noise = plain.theta.copy(), plain.optimum.noise
     theta[1:4] = plain.problem.prior_mean[1:4] + np.log(scale)

@@ -1,7 +1,7 @@
-"""Fit base parameters and noise of a rig on a limit cycle by the generalised method of moments.
+"""Fit parameters and noise of a rig on a limit cycle by the generalised method of moments.
 
 On a limit cycle, a smaller inertia with more noise has nearly the same expected score as the true
-rig. But the encoder counts then change at other rates, so the fit also matches these edge rates.
+rig. But the encoder counts then change at other rates, so the fit also matches these *edge rates*.
 For y = (θ, ln a), with n scaled parameters θ and three noise intensities a, the n + 6 moments are
 
     m = (g, ∂ℓ/∂ln a, r)         g = ∂ℓ/∂θ: score, ℓ: the filter's log-likelihood (`evaluation`)
@@ -15,11 +15,11 @@ solves (Hansen 1982; simulated moments: Gallant and Tauchen 1996)
     y ← y + A⁻¹ [Gᵀ W (m − mean m_b) − Λ(y − y_0)],      A = Gᵀ W G + Λ
     cov y = A⁻¹ (Gᵀ W (1 + 1/B) C W G + Λ) A⁻¹,          C = cov m_b
 
-Each axis has three moments: the score of its inertia, its ∂ℓ/∂ln a and its edge rate. W inverts
-C's block of these three moments; elsewhere W inverts C's diagonal. G contains the derivatives of
-the three moments with respect to the axis' inertia and noise. They come from the first rounds, in
-which a two-level design varies the flights' inertias and noises. The scores' other derivatives with
-respect to θ are the information H. The rest of G is zero.
+Each axis has three moments: the score of its inertia, its ∂ℓ/∂ln a and its edge rate. W is the
+inverse of C, after all covariances except those within an axis are set to zero. G contains the
+derivatives of the three moments with respect to the axis' inertia and noise. They are estimated in
+the first rounds, in which a two-level design varies the flights' inertias and noises. The scores'
+other derivatives with respect to θ are the information H. The rest of G is zero.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ from heli3dof.parallel import replicate
 from heli3dof.recording.recording import Recording
 
 FLIGHTS = 24  # simulated flights per round; a multiple of 8
-DESIGN_ROUNDS = 3  # rounds with the two-level design
-ROUNDS = 6
-GAIN = 0.5  # share of the step taken in the other rounds, chosen
+DESIGN_ROUNDS = 3  # the first rounds, which use the two-level design
+ROUNDS = 6  # largest number of rounds
+GAIN = 0.5  # share of the step that the other rounds take, chosen
 DESIGN_STEP_J = (0.02, 0.15)
-"""Bounds of the design's step of ln J, which is two standard deviations by the information H"""
-DESIGN_STEP_NOISE = 0.4  # of ln a, chosen
-MAX_STEP_J, MAX_STEP_NOISE = 0.3, 0.7  # of ln J and ln a in one round, chosen
+"""Limits of the design's step of ln J: two standard deviations of ln J, clipped to these limits"""
+DESIGN_STEP_NOISE = 0.4  # the design's step of ln a, chosen
+MAX_STEP_J, MAX_STEP_NOISE = 0.3, 0.7  # largest steps of ln J and ln a in a round, chosen
 RIDGE = 0.1
-"""Share of a moment's variance that is added to it in W, as C is of few flights. Chosen."""
+"""Relative increase of the moments' variances in W, because few flights give C. Chosen."""
 INERTIAS = np.arange(1, 4)  # indices in θ
 
 
@@ -74,8 +74,9 @@ class Round:
     effects: np.ndarray | None
     """(6, n + 6) derivatives of the mean moments by 3 log inertias, 3 log noises; or None"""
     scores: np.ndarray
+    """(B, n) scores of the flights"""
     slopes: np.ndarray
-    """(B, n) scores of the flights, (3,) mean of their ∂ℓ/∂ln a"""
+    """(3,) the flights' mean ∂ℓ/∂ln a"""
 
 
 def fit_with_edge_rates(
@@ -84,7 +85,8 @@ def fit_with_edge_rates(
 ) -> CorrectedFit:  # fmt: skip
     """Return a fit that also matches the edge rates (how often the encoder counts change).
 
-    The search begins at ``start``. The result is ``start`` if the search or the flights diverge.
+    The search starts at the fit ``start``. If it diverges, or if the simulated flights diverge, the
+    result is ``start``.
     """
     n = len(start.theta)
     jitter = start.optimum.noise[3:]
@@ -130,12 +132,11 @@ def simulated_round(
     problem: Likelihood, y: np.ndarray, jitter: np.ndarray, recordings: Sequence[Recording],
     seed: tuple[int, ...], flights: int, *, designed: bool, number: int,
 ) -> Round:  # fmt: skip
-    """Return the moments of the recordings and of ``flights`` flights simulated at ``y``.
+    """Return the moments of the recordings and of a number of ``flights`` simulated at ``y``.
 
-    Moments are the log-likelihood's derivatives with respect to y, and the edge rates (how often
-    counts change). ``y`` (n + 3,) is (θ, ln a): scaled parameters and log noise. If ``designed``,
-    the two-level `design` varies the flights' inertias and noises. ``jitter`` (1,): sampling jitter
-    in s; ``number``: the round's.
+    ``y`` (n + 3,) is (θ, ln a): scaled parameters and log noise. If ``designed``, the two-level
+    `design` varies the flights' inertias and noises. ``jitter`` (1,): sampling jitter in s.
+    ``number``: number of the round, for the progress message. `Round` defines the moments.
     """
     n = len(y) - 3
     theta, noise = y[:n], np.append(np.exp(y[n:]), jitter)
@@ -168,8 +169,8 @@ def simulated_round(
 def design(flights: int) -> np.ndarray:
     """Return the two-level design (B, 6) of ±1, with B = ``flights``.
 
-    Each block of eight rows consists of orthogonal columns of Hadamard's matrix. Every second block
-    has opposite signs (foldover), so interactions bias the main effects less.
+    Each block of eight rows consists of six orthogonal columns of an 8 × 8 Hadamard matrix. Every
+    second block has opposite signs (foldover), so interactions bias the main effects less.
 
     >>> X = design(16)
     >>> bool((X.T @ X == 16 * np.eye(6)).all()), float(abs(X.sum(axis=0)).max())
@@ -182,12 +183,11 @@ def design(flights: int) -> np.ndarray:
 
 
 def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
-    """Return G (n + 6, n + 3): the moments' derivatives; columns: n parameters, then 3 log noises.
+    """Return G (n + 6, n + 3), the moments' derivatives by n scaled parameters and 3 log noises.
 
-    ``effects`` (6, n + 6) are the moments' derivatives with respect to 3 log inertias, then 3 log
-    noises. G takes from them each axis' moments with respect to that axis' inertia and noise. The
-    scores' derivatives with respect to other parameters are the information H (n, n). The rest of G
-    is zero.
+    ``effects`` (6, n + 6) are the moments' derivatives by 3 log inertias, then by 3 log noises. G
+    takes from them the derivatives of each axis' moments by the inertia and noise of this axis. The
+    scores' other derivatives by parameters are the information H (n, n). The rest of G is zero.
     """
     n = len(H)
     G = np.zeros((n + 6, n + 3))
@@ -201,8 +201,8 @@ def jacobian(H: np.ndarray, effects: np.ndarray) -> np.ndarray:
 def weights(C: np.ndarray) -> np.ndarray:
     """Return the weights W (n + 6, n + 6) of moments with the covariance C.
 
-    W inverts C within the three moments of each axis, and C's diagonal elsewhere. Before that, each
-    variance is increased by the fraction `RIDGE`.
+    W is the inverse of C, after two changes: each variance is increased by the fraction `RIDGE`,
+    and covariances are set to 0, except those between the three moments of an axis.
 
     >>> bool(np.allclose(weights(4 * np.eye(10)), np.eye(10) / 4.4))
     True
@@ -217,9 +217,8 @@ def weights(C: np.ndarray) -> np.ndarray:
 
 
 def moments_of_axis(i: int, n: int) -> list[int]:
-    """Return the indices of axis i's moments: score of its inertia, ∂ℓ/∂ln a, edge rate.
+    """Return the indices of axis i's three moments: score of the inertia, ∂ℓ/∂ln a, edge rate.
 
-    ``n``: number of parameters; ℓ: log-likelihood; a: the axis' process noise; edge rate: how often
-    its encoder count changes.
+    n is the number of parameters, ℓ the log-likelihood, and a the axis' process noise.
     """
     return [1 + i, n + i, n + 3 + i]

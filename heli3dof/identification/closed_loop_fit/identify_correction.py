@@ -1,17 +1,17 @@
 """Correct the bias of ``identify``'s fits to closed-loop recordings whose scores scatter too much.
 
-At rest a controller keeps the encoders on a limit cycle of a count or two. There the maximum of the
-likelihood is biased: on 10° steps of 24 rigs, no 95 % interval of the roll or pitch inertia
-contained the true value (`make bench TOPIC=greybox`). The scores (gradients of the log-likelihood)
-then have κ times the variance that the noise model expects, with κ > `MAX_INFLATION`
-(`heli3dof.identification.greybox.estimate`). `without_bias` corrects every fit with such a κ, even
-if unmodelled motion causes it. The correction simulates flights of the fitted rig
+When the reference is constant, the encoders may be on a limit cycle of a count or two. There the
+maximum of the likelihood is biased: on 10° steps of 24 rigs, no 95 % interval of the roll or pitch
+inertia contained the true value (`make bench TOPIC=greybox`). The scores (gradients of the
+log-likelihood) then have κ times the variance that the noise model expects, with κ >
+`MAX_INFLATION` (`heli3dof.identification.greybox.estimate`). `without_bias` corrects every fit with
+such a κ, even if unmodelled motion causes it. The correction simulates flights of the fitted rig
 (`bias_correction.correction`), so the controller must be known.
 
-On an extreme limit cycle the corrected inertia may be several times too small. Then the scores
-still scatter more than those of the simulated flights. `without_bias` therefore fits a second time,
-with the process noise of the fit with which a diagnosis starts (`closed_loop_fit.base_fit`). It
-returns the fit whose scores scatter less.
+On an extreme limit cycle, even the corrected inertia may be several times too small. Then the
+recordings' scores still scatter more than those of the simulated flights. In this case
+`without_bias` fits a second time, with the process noise of the base simulation
+(`closed_loop_fit.base_fit`). It returns the fit whose scores scatter less.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ from heli3dof.model.control.voltage_replay import controller_is_known, with_know
 from heli3dof.recording.recording import Recording
 
 FLIGHTS, ROUNDS = 8, 20
-"""Simulated flights per round of the correction, and its largest number of rounds. Chosen: with 8
+"""Simulated flights per round, and largest number of rounds, of the correction. Chosen: with 8
 flights, the standard error of their mean score is 1/√8 of one score's standard deviation."""
 
 
 def without_bias(found: Estimate, recordings: Sequence[Recording]) -> Estimate:
     """Return the bias-corrected fit, or ``found`` if no correction is needed or possible.
 
-    ``recordings`` are those of ``found``, in the order of its data. The correction needs, for each
-    recording, a known controller (`model.control.voltage_replay`), all angles and a reference. The
-    result is also ``found`` if the search diverges: the controller may not stabilise the fitted
-    rig.
+    ``recordings`` are those that ``found`` was fitted to, in the same order. The correction needs a
+    known controller (`model.control.voltage_replay`), all angles and a reference in each of them.
+    The result is ``found``, too, if the search diverges: the controller may not stabilise the
+    fitted rig.
     """
     if found.inflation <= MAX_INFLATION:
         return found
@@ -69,11 +69,11 @@ def _corrected(fit: Estimate, recordings: Sequence[Recording]) -> CorrectedFit:
 
 
 def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:
-    """Return a bias-corrected fit like ``found``, with the process noise of `fit_base`.
+    """Return a fit of the model of ``found``, with the base simulation's noise on limit cycles.
 
-    `fit_base` fits the base simulation, to which a diagnosis adds effects. Its noise is used on the
-    axes on a limit cycle. The search starts at its gravity torque and inertias, and at the prior
-    means of the other parameters.
+    `fit_base` fits the base simulation, to which a diagnosis adds effects. The axes on a limit
+    cycle keep its process noise. The search starts at its gravity torque and inertias, and at the
+    prior means of the other parameters. The bias is not corrected.
     """
     base = fit_base(setup)
     problem = replace(found.problem, known_noise=base.problem.known_noise)
@@ -82,7 +82,7 @@ def with_noise_of_base(found: Estimate, setup: Setup) -> Estimate:
 
 
 def correction_note(found: Estimate) -> list[str]:
-    """Return a list with a sentence on the bias correction; empty for an uncorrected fit."""
+    """Return a sentence on the bias correction, in a list; empty for an uncorrected fit."""
     if not isinstance(found, CorrectedFit):
         return []
     return [

@@ -1,17 +1,17 @@
 """Detect limit cycles on encoder edges, and estimate the process noise of a rig that has them.
 
 A controller with a large derivative gain drives an axis across one encoder edge (the angle at which
-the count changes) again and again: a limit cycle. There the maximum of the filter's likelihood may
-have a process noise several times too large and an inertia several times too small. Flights
+the count changes) again and again: a limit cycle. Then the process noise at the maximum of the
+filter's likelihood may be several times too large, and an inertia several times too small. Flights
 simulated with such a fit differ from the recording in two statistics of each axis i:
 
     c_i   share of the windows of `WINDOW_S` with three or more changes of count i, all between two
           neighbouring values
     r_i   share of the samples at which count i changes
 
-More noise carries the axis away from its edge, so c falls with the noise intensity a_i
-(rad/s²/√Hz). An axis with c > `CYCLES` is on a limit cycle. Its noise intensity is the one at which
-flights simulated with the profile's inertias agree best with the recording's c and r:
+More noise carries the axis away from its edge, so c falls as the noise intensity a_i (rad/s²/√Hz)
+grows. An axis with c > `CYCLES` is on a limit cycle. Its estimated noise intensity is the one at
+which flights simulated with given inertias agree best with the recording's c and r:
 
     a_i = argmin ((c − c̄)/σ_c)² + (ln(r/r̄)/σ_r)²
 
@@ -39,12 +39,12 @@ WINDOW_S = 0.5  # chosen
 CYCLES = 0.2
 """Threshold of the share c of windows: flights of plan `rich` have up to 0.05, steps on a limit
 cycle 0.24 to 0.66."""
-FLIGHTS = 2  # simulated at each noise intensity
+FLIGHTS = 2  # simulated flights at each noise intensity
 SPREAD = np.array([0.04, 0.05])
 """Standard deviations of c and ln r. c: √(c (1 − c)/n) for c = 0.3 and the n = 120 windows of a
 minute. ln r: 1/√400, for 400 edges."""
 NOISE_STEPS = np.geomspace(1 / 32, 1.0, 11)
-"""Multiples of the given noise that are simulated; neighbours differ by a factor of √2"""
+"""Noise intensities that are compared, as multiples of the given one, in steps of √2"""
 
 
 def edge_rates(data: Data) -> np.ndarray:
@@ -74,15 +74,16 @@ def on_limit_cycle(data: Data) -> np.ndarray:
 def scatters_on_limit_cycle(fit: Estimate) -> bool:
     """Return True if an axis is on a limit cycle and the fit's scores scatter too much.
 
-    The limit is `MAX_INFLATION` times the variance of the scores (gradients of the log-likelihood)
-    that the noise model expects; for a corrected fit, times their variance in simulated flights.
+    The scores are gradients of the log-likelihood. They scatter too much if their variance exceeds
+    `MAX_INFLATION` times the expected one: that of the noise model, or for a corrected fit, that
+    in simulated flights.
     """
     cycling = on_limit_cycle(fit.problem.data).any()
     return bool(cycling) and fit.unexplained_scatter > MAX_INFLATION
 
 
 def limit_cycle_statistics(data: Data) -> np.ndarray:
-    """Return (2, 3): each axis' `cycling_shares` c, and ln of its `edge_rates` r."""
+    """Return (2, 3): the `cycling_shares` c of the axes, and ln r of their `edge_rates` r."""
     return np.array([cycling_shares(data), np.log(np.maximum(edge_rates(data), 1e-6))])
 
 
@@ -90,11 +91,11 @@ def matched_noise(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, axes: np.ndarray,
     recordings: Sequence[Recording], *, seed: int,
 ) -> np.ndarray:  # fmt: skip
-    """Return the process noise ``noise`` (4,), re-estimated on the limit-cycling ``axes``.
+    """Return the process noise ``noise`` (4,), estimated again on the ``axes`` on a limit cycle.
 
-    The noise of each of these axes is multiplied by one of the factors `NOISE_STEPS`: the one with
-    which simulated flights have nearly the recordings' `limit_cycle_statistics`. ``theta`` (n,):
-    scaled parameters of the flights; ``axes``: (3,) bool.
+    The noise of each of these axes is multiplied by the factor in `NOISE_STEPS` with which the
+    `limit_cycle_statistics` of simulated flights are nearest to those of the recordings. ``theta``
+    (n,): scaled parameters of the flights; ``axes``: (3,) bool.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):

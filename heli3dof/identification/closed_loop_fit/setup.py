@@ -1,4 +1,4 @@
-"""Settings of a fit that simulates flights: recordings, seed, flights, rigid or hover model."""
+"""The settings of a fit that simulates flights: recordings, seed, flights, base simulation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True)
 class Setup:
-    """The settings of a fit that simulates flights, or of a diagnosis."""
+    """The settings of a diagnosis, or of another fit that simulates flights."""
 
     recordings: tuple[Recording, ...]
     seed: int
@@ -28,7 +28,7 @@ class Setup:
 
     @cached_property
     def touches_stops(self) -> bool:
-        """Return True if an axis touched a mechanical stop; simulated flights have no stops."""
+        """Return True if an axis touched a mechanical stop. Simulated flights have no stops."""
         return any(unusable(r)["stop"].any() for r in self.recordings)
 
     @property
@@ -37,8 +37,9 @@ class Setup:
 
     @property
     def explained_axes(self) -> list[str]:
-        """Return the measured axes on which effects can be named.
+        """Return the measured axes on which a diagnosis can name effects.
 
-        Without pitch, yaw is none: the side thrust that turns it is in proportion to sin pitch.
+        Yaw is among them only if pitch was measured, because the thrust component that turns yaw is
+        proportional to sin(pitch).
         """
         return [a for a in self.axes if a != "yaw" or "pitch" in self.axes]

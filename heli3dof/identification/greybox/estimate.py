@@ -8,10 +8,10 @@ blocks
 
     κ = max(1, tr((H + Λ)⁻¹ B)/n · m/(m − n))      cov = κ (H + Λ)⁻¹
 
-κ widens the intervals where the scores scatter more than the noise model allows. κ is one number in
-place of the full sandwich H⁻¹ B H⁻¹: with a hundred blocks each entry of B is uncertain by 10 to 20
-%, their average by 2 to 5 %. Values below 1 are not used, because blocks of half a second miss the
-scatter from slow drifts.
+κ widens the intervals if the scores scatter more than the noise model allows. A single number κ
+replaces the full sandwich H⁻¹ B H⁻¹, because with a hundred blocks each entry of B is uncertain by
+10 to 20 %, their average only by 2 to 5 %. κ is at least 1, because blocks of half a second miss
+the scatter from slow drifts.
 
 The Cramér–Rao bound is that of the same rig if its encoders' rounding were white noise of variance
 Δ²/12 (Δ: encoder step). The bound is evaluated at the estimated process noise, with its
@@ -46,12 +46,12 @@ PRIOR_SHARE_MAX = 0.5
 LOG_STD_MAX = 0.4
 """σ of a parameter's logarithm above which the parameter is not identifiable"""
 SETTLING = 3
-"""Number of noise updates at each of an effect's ``starts``, before its likelihood is evaluated"""
+"""Number of updates of the noise at each start value, before the likelihoods are compared"""
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate(PhysicalFit):
-    """A maximum-likelihood fit of a grey-box model with n parameters, listed in ``free``."""
+    """A maximum-likelihood fit of a grey-box model; ``free`` lists its n parameters."""
 
     problem: Likelihood
     optimum: Optimum
@@ -68,8 +68,8 @@ class Estimate(PhysicalFit):
     def inflation(self) -> float:
         """Return κ ≥ 1, by which the covariance of the estimates is multiplied.
 
-        κ is the variance of the score (the log-likelihood's gradient), computed from blocks of the
-        flight, divided by the variance that the noise model expects.
+        κ is the ratio of two variances of the score (the log-likelihood's gradient): the one
+        observed between blocks of the flight, and the one that the noise model expects.
         """
         o, n = self.optimum, len(self.free)
         scores = block_scores(self.problem.data, o, BLOCK_S)
@@ -82,7 +82,7 @@ class Estimate(PhysicalFit):
 
     @property
     def score_bias(self) -> np.ndarray:
-        """Return the bias (n,) of the score at the estimate: zero without simulated flights."""
+        """Return the known bias (n,) of the score: zero for a fit without simulated flights."""
         return np.zeros(len(self.theta))
 
     @property
@@ -114,19 +114,19 @@ class Estimate(PhysicalFit):
         R = self.correlation
         out = []
         for j, f in enumerate(self.free):
-            tied = tuple(
+            correlated = tuple(
                 self.free[i].name
                 for i in np.argsort(-np.abs(R[j]))
                 if i != j and abs(R[j, i]) > LARGE_CORRELATION
             )
             vague = sd[j] > PRIOR_SHARE_MAX * prior[j] or (f.log and sd[j] > LOG_STD_MAX)
-            out.append(self._sentence(f, tied) if vague else "")
+            out.append(self._sentence(f, correlated) if vague else "")
         return tuple(out)
 
-    def _sentence(self, f: FreeParameter, tied: tuple[str, ...]) -> str:
+    def _sentence(self, f: FreeParameter, correlated: tuple[str, ...]) -> str:
         verdict = f"{f.name} is not identifiable from these recordings"
-        if tied:
-            verdict += f": it trades off against {', '.join(tied)}"
+        if correlated:
+            verdict += f": it trades off against {', '.join(correlated)}"
         owner = next((t for t in self.structure.terms if t.name == f.term), None)
         plan = (owner.effect.separated_by if owner else "") or "multisine"
         return f"{verdict}. The plan {plan!r} gives more information: heli3dof run {plan}"
@@ -162,11 +162,11 @@ def _likeliest_start(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the scaled parameters (n,) and the noise (4,) from which a fit should start.
 
-    An effect with ``starts``, such as ``encoder.backlash``, has a likelihood without slope at its
-    nominal value, and possibly several maxima: a filter without it explains it as process noise.
-    The parameters are ``theta``, except the first parameter of each effect that lists values in
-    ``starts``: it gets the likeliest among these values and its value in ``theta``. The noise is
-    process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    Some effects, such as ``encoder.backlash``, have a likelihood with zero slope at the nominal
+    value, and possibly several maxima. Such an effect lists start values in ``starts``. Its first
+    parameter gets the likeliest of these values and the one in ``theta``; the other parameters are
+    those in ``theta``. The noise, re-estimated at these values, is process noise on roll, pitch,
+    yaw (rad/s²/√Hz) and jitter (s).
     """
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     theta = theta.copy()
@@ -206,7 +206,10 @@ def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
 
 
 def block_numbers(data: Data, block_s: float) -> np.ndarray:
-    """Return each row's block number (N,). A block lasts ``block_s`` s, or less at a run's end."""
+    """Return each row's block number (N,).
+
+    A block lasts ``block_s`` s; the last one of a run may be shorter.
+    """
     which = np.zeros(len(data.t), dtype=np.int64)
     at = 0
     for _, start, stop in data.blocks:
@@ -219,8 +222,8 @@ def block_numbers(data: Data, block_s: float) -> np.ndarray:
 def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Return the Cramér–Rao bound (n,) on the standard deviations of the scaled parameters.
 
-    The bound includes the prior. ``theta`` (n,) are the scaled parameters. ``noise`` (4,) is
-    process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
+    The bound is that at the scaled parameters ``theta`` (n,), and includes the prior's information.
+    ``noise`` (4,) is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s).
     """
     white = replace(
         problem,

@@ -5,12 +5,12 @@ unmodelled fast motion (`heli3dof.identification.greybox.noise_check`). The meth
 switches to this method if it detects jitter or such motion, unless the user named the effects
 (``--terms``). `heli3dof.identification.greybox.multistep` defines the cost function.
 
-`REAL_TERMS` are the effects that models of real rigs needed. On thrust, they include a power law of
-rotor speed, a limit on spin-up, and inflow. On torque, they include dry friction, the propellers'
-angular momentum, flapping, and the yaw coupling of a body that hangs below its axis. Two more
-effects have a different value in each recording. One is the offset of the pitch encoder, which is
-zeroed at the angle at which the body hangs. The other is the trim torque (``mass.imbalance``:
-weight, or thrust that falls as motors warm up).
+`REAL_TERMS` are the effects that models of real rigs needed. Thrust effects are a power law of
+rotor speed, a limit on spin-up, and inflow. Torque effects are, among others, dry friction, the
+propellers' angular momentum, flapping, and the yaw coupling of a body that hangs below its axis.
+Two effects have a different value in each recording. One is the offset of the pitch encoder,
+because each recording zeroes the encoder at the angle at which the body hangs. The other is the
+trim torque (``mass.imbalance``), because weights change, and thrust falls as the motors warm up.
 """
 
 from __future__ import annotations
@@ -88,14 +88,14 @@ PRIORS: dict[str, tuple[float, float]] = {
     WEIGHT: (0.0, 0.1),
 }
 """Parameter → prior mean and standard deviation, from identified rigs and propellers. Without
-priors, effects would cancel one another in flights about one trim: pitch damping and flapping act
-alike until yaw moves."""
+priors, the values of confounded effects would be arbitrary: in flights about one trim, pitch
+damping and flapping act alike until yaw moves."""
 POSITIVE = ("friction.", "aero.flapping", "stiffness.pendulum")
-"""Start of the names of parameters that must not be negative (damping, restoring stiffness)"""
+"""Prefixes of the parameters that must not be negative (damping, restoring stiffness)"""
 COMMON_STD = 0.15
 """Prior standard deviation of the logarithm of the inertias' common factor."""
 WINDOW_S = 3.0
-"""s: length of a window; the model predicts it freely from the state at its first row."""
+"""s: length of a prediction window, which is a free-run prediction from the state at its start"""
 APART_S = 0.2
 """s: time between the starts of successive prediction windows"""
 LEAST_WINDOWS = 20
@@ -108,7 +108,7 @@ INSTEAD = (
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Return physical parameters, fitted by multi-step predictions to the training runs."""
+    """Return physical parameters, fitted to multi-step predictions of the training runs."""
     sources = sorted({r.source for r in prepared.train})
     several = [_cut(prepared.recordings[i], prepared.train, i) for i in sources]
     found = fit_freeflight(several, request.terms or REAL_TERMS)
@@ -130,17 +130,18 @@ def fit_freeflight(
     *,
     progress: Progress | None = None,
 ) -> MultiStepFit:
-    """Return a multi-step fit of the effects ``names`` to recordings of one rig with all angles.
+    """Return a multi-step fit of the effects ``names`` to ``recordings`` of one rig.
 
-    ``progress`` receives a line of text per iteration. Raises RecordingError if there are fewer
-    than `LEAST_WINDOWS` windows of 3 s without take-off, table and stops.
+    The recordings need all angles. ``progress`` receives a line of text per iteration. Raises
+    RecordingError if there are fewer than `LEAST_WINDOWS` windows of 3 s without take-off, table
+    and stops.
     """
     problem = problem_of(recordings, names)
     return search(problem, weak_start(problem, progress=progress), progress=progress)
 
 
 def flights_to_fit(recordings: Sequence[Recording]) -> list[tuple[Recording, Flight]]:
-    """Return the recordings with `LEAST_STARTS` prediction windows, each with its flight.
+    """Return (recording, its `Flight`) of those with at least `LEAST_STARTS` prediction windows.
 
     The result is empty if they have fewer than `LEAST_WINDOWS` windows in total.
     """
@@ -190,7 +191,7 @@ def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERM
 def flight_of(recording: Recording) -> Flight:
     """Return the recording as a `Flight`, with the start rows of the prediction windows to fit.
 
-    A window is used if the model applies to all its rows (`free_rows`).
+    Only windows are used in which the model applies to all rows (`free_rows`).
     """
     r = recording
     n, every = round(WINDOW_S / r.dt), max(1, round(APART_S / r.dt))
@@ -208,8 +209,8 @@ def flight_of(recording: Recording) -> Flight:
 def free_rows(recording: Recording) -> np.ndarray:
     """Return (N,) bool: True for the rows to which the rigid-body model can be fitted.
 
-    After take-off, these are the rows from the end of the climb on. For a linear model, rows are
-    usable only seconds later (`heli3dof.identification.row_selection`).
+    After take-off, rows are True from the end of the climb on. For a linear model, rows are usable
+    only some seconds later (`heli3dof.identification.row_selection`).
     """
     masks = unusable(recording)
     bad = np.logical_or.reduce([m for reason, m in masks.items() if reason != "take_off"])
@@ -221,7 +222,7 @@ def free_rows(recording: Recording) -> np.ndarray:
 
 
 def _airborne(recording: Recording) -> list[RowRange]:
-    """Return the row intervals for the Kalman filter: off the table, without gaps or NaN."""
+    """Return the runs of rows for the Kalman filter: off the table, without gaps or NaN."""
     ok = ~table_of(recording)[1] & ~unusable(recording)["unread"]
     return runs_of(ok, recording, 0, GAP * recording.dt, 3)
 
@@ -234,8 +235,8 @@ def _cut(recording: Recording, runs: Sequence[RowRange], source: int) -> Recordi
 def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
     """Return the fitted model called ``name``, with names and digests of its recordings.
 
-    A parameter that differs by recording (`VARYING`) gets its mean. When the model predicts a
-    recording, its filter estimates that parameter from the recording.
+    A parameter in `VARYING`, which differs by recording, gets its mean. When the model predicts a
+    recording, its filter estimates this parameter from the recording.
     """
     return GreyBoxModel(
         name=name,
@@ -288,6 +289,6 @@ def notes(found: MultiStepFit) -> tuple[str, ...]:
 def as_replacement(found: FitResult, reason: str) -> FitResult:
     """Return the fit ``found`` with the method name ``freeflight`` and one more warning.
 
-    The warning gives the ``reason`` why this fit replaces one by the method ``greybox``.
+    The warning gives the ``reason`` why the method ``greybox`` was not used.
     """
     return replace(found, method="freeflight", warnings=(f"{reason} {INSTEAD}", *found.warnings))

@@ -1,16 +1,18 @@
-"""Levenberg–Marquardt minimisation of R residuals r(z) with a prior N(z_0, Λ⁻¹), within bounds.
+"""Minimise a sum of squares with a prior, within bounds, by the Levenberg–Marquardt method.
 
     Q(z) = r(z)ᵀ r(z) + (z − z_0)ᵀ Λ (z − z_0),      D = ∂r/∂z by differences,  (dim, R)
 
-z (dim,) are the unknowns, z_0 is the prior mean, Λ (dim, dim) the prior's precision. `descend`
-computes D in every round: dim evaluations of r per step. `follow_on` starts near a minimum with the
-derivatives D of a similar problem (one residual or unknown more or less). It updates D from every
-evaluation (Broyden), with d the step and w = diag(D Dᵀ + Λ) d:
+r (R,) are the residuals, z (dim,) the unknowns; z_0 is the prior mean, Λ (dim, dim) the prior's
+precision. There are two searches. `descend` computes D in every iteration, which takes dim
+evaluations of r. `follow_on` starts near a minimum, with the derivatives D of a similar problem
+(one residual or unknown more or less). It updates D from every evaluation (Broyden), with d the
+step and w = diag(D Dᵀ + Λ) d:
 
     D ← D + w (r(z + d) − r(z) − Dᵀ d)ᵀ / (wᵀ d)
 
-`follow_on` recomputes D after two failed steps in a row. At the minimum, it recomputes D again if,
-since D was last computed, a step lowered Q by less than 0.5 or more than 1.5 times the prediction.
+`follow_on` recomputes D by differences after two failed steps in a row. At the minimum, it
+recomputes D if, since D was last computed, a step lowered Q by less than 0.5 or more than 1.5 times
+the predicted decrease.
 """
 
 from __future__ import annotations
@@ -23,22 +25,22 @@ import numpy as np
 from heli3dof.parallel import parallel_map
 
 TRIES = 8
-"""Largest number of failed steps in a row, each with ten times more damping"""
+"""Largest number of failed steps in a row; after each one, the damping is ten times larger"""
 DAMPING = 1e-3
 """Initial damping factor, relative to the diagonal of the Hessian"""
 FRESH = 2
 """Number of times that `follow_on` may recompute the derivatives D by differences"""
-ENOUGH = 30
+MAX_EVALUATIONS = 30
 """Largest number of evaluations of the residuals in `follow_on`, those for differences excluded"""
-KEPT = 0.5
-"""Share of a step's predicted cost reduction. If the actual reduction deviates from the predicted
-one by more than this share, `follow_on` recomputes the derivatives D before it ends."""
+MISMATCH = 0.5
+"""Relative difference of a step's actual from its predicted cost reduction, above which `follow_on`
+recomputes the derivatives D before it ends"""
 Residuals = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
-    """A least-squares problem: R residuals r(z) of unknowns z (dim,), z's prior and bounds."""
+    """A least-squares problem: R residuals r(z) of the unknowns z (dim,), prior and bounds of z."""
 
     residuals: Residuals
     centre: np.ndarray
@@ -48,7 +50,7 @@ class LeastSquares:
     low: np.ndarray
     high: np.ndarray
     difference: float
-    """Step in z of the differences that approximate ∂r/∂z"""
+    """Step in z of the finite differences for ∂r/∂z"""
 
     def cost(self, r: np.ndarray, z: np.ndarray) -> float:
         d = z - self.centre
@@ -68,8 +70,8 @@ class LeastSquares:
     def step(self, z: np.ndarray, g: np.ndarray, H: np.ndarray, damping: float) -> np.ndarray:
         """Return z (dim,) after a Levenberg–Marquardt step with gradient g and Hessian H.
 
-        The step adds ``damping`` times the diagonal of H to H. An unknown that reaches a bound
-        stays on it, and the step of the other unknowns is computed again.
+        H is increased by ``damping`` times its diagonal. An unknown that reaches a bound stays on
+        it, and the step of the other unknowns is computed again.
         """
         A = H + damping * np.diag(np.diag(H))
         stopped = ((z <= self.low) & (g > 0)) | ((z >= self.high) & (g < 0))
@@ -92,7 +94,7 @@ class Descent:
 
     z: np.ndarray
     cost: float
-    begun: float
+    start_cost: float
     """Cost Q at the start of the search"""
     tangents: np.ndarray
     """(dim, R) derivatives of the residuals in the last iteration"""
@@ -111,7 +113,7 @@ def descend(
     iterations. After each iteration it calls ``progress(iteration, cost at the start, cost now)``.
     """
     r = v.residuals(z)
-    here = begun = v.cost(r, z)
+    here = start_cost = v.cost(r, z)
     damping, done, count = DAMPING, False, 0
     D = np.zeros((len(z), len(r)))
     for count in range(1, rounds + 1):
@@ -127,38 +129,38 @@ def descend(
                 break
             damping *= 10
         if progress is not None:
-            progress(count, begun, here)
+            progress(count, start_cost, here)
         if gain < settled:
             done = True
             break
-    return Descent(z, here, begun, D, count, done)
+    return Descent(z, here, start_cost, D, count, done)
 
 
 def follow_on(
     v: LeastSquares, z: np.ndarray, tangents: np.ndarray | None, *, settled: float,
-    share: float = 0.0, enough: int = ENOUGH, fresh: int = FRESH,
+    share: float = 0.0, max_evaluations: int = MAX_EVALUATIONS, fresh: int = FRESH,
 ) -> Descent:  # fmt: skip
     """Return the minimum of problem v's cost, searched from ``z`` with updated derivatives.
 
-    ``tangents`` (dim, R) are the derivatives of a similar problem's residuals. Rows of NaN are
-    first computed by differences, all rows if ``tangents`` is None. Later the derivatives are
-    recomputed ``fresh`` times at most. The search ends when a step's predicted decrease of the
-    cost is below ``settled`` or ``share`` · cost, and after ``enough`` evaluations at the latest.
+    ``tangents`` (dim, R) are the derivatives of a similar problem's residuals; rows that are NaN,
+    or all if ``tangents`` is None, are first computed by differences. During the search, the
+    derivatives are recomputed at most ``fresh`` times. The search ends when the predicted decrease
+    of the cost is below ``settled`` or ``share`` · cost, or after ``max_evaluations``.
     """
     r = v.residuals(z)
-    here = begun = v.cost(r, z)
+    here = start_cost = v.cost(r, z)
     D = np.full((len(z), len(r)), np.nan) if tangents is None else tangents.copy()
     lacking = np.flatnonzero(np.isnan(D).any(axis=1))
     if len(lacking):
         D[lacking] = v.tangents(z, r, lacking)
     damping, doubted, failed, done, count = DAMPING, False, 0, False, 0
-    while count < enough:
+    while count < max_evaluations:
         count += 1
         g, H = D @ r + v.prior @ (z - v.centre), D @ D.T + v.prior
         new = v.step(z, g, H, damping)
         d = new - z
-        promised = here - v.cost(r + d @ D, new)
-        if promised < max(settled, share * here) or failed > TRIES:
+        predicted = here - v.cost(r + d @ D, new)
+        if predicted < max(settled, share * here) or failed > TRIES:
             if not (doubted and fresh):
                 done = failed <= TRIES
                 break
@@ -167,11 +169,11 @@ def follow_on(
             continue
         q = v.residuals(new)
         there = v.cost(q, new)
-        won = here - there
-        doubted |= abs(won - promised) > KEPT * promised
+        actual = here - there
+        doubted |= abs(actual - predicted) > MISMATCH * predicted
         w = np.diag(H) * d
         D = D + np.outer(w, q - r - d @ D) / (w @ d)
-        if won > 0:
+        if actual > 0:
             z, r, here, failed = new, q, there, 0
             damping = max(damping / 10, 1e-6)
         else:
@@ -179,4 +181,4 @@ def follow_on(
             if failed > 1 and fresh:
                 fresh, doubted, failed, damping = fresh - 1, False, 0, DAMPING
                 D = v.tangents(z, r)
-    return Descent(z, here, begun, D, count, done)
+    return Descent(z, here, start_cost, D, count, done)

@@ -2,16 +2,16 @@
 
     ℓ(θ, a) = Σ_k Σ_i ln Z_ik            a fit maximises ℓ + ln prior(θ)
 
-Z_ik is the probability of reading k of axis i, by the filter of
-`heli3dof.model.estimation.ekf_quantised`. It is conditional on all earlier readings, and on reading
-k of the axes before i. θ (n,) are the scaled parameters: logarithms, or multiples of a typical size
-(`FreeParameter.scaled`). a (4,) is the noise: process noise on roll, pitch, yaw (rad/s²/√Hz), then
-sampling jitter (s). The prior N(start, spread²) of each parameter is weak. It only fixes parameters
-about which the recordings carry no information.
+Z_ik is the probability of reading k of axis i, given all earlier readings and reading k of the axes
+before i. The filter of `heli3dof.model.estimation.ekf_quantised` computes it. θ (n,) are the scaled
+parameters: logarithms, or multiples of a typical size (`FreeParameter.scaled`). a (4,) is the
+noise: process noise on roll, pitch, yaw (rad/s²/√Hz), then sampling jitter (s). The prior N(start,
+spread²) of each parameter is weak. It matters only for parameters on which the recordings have no
+information.
 
 Far from the true parameters a simulation may diverge between two readings. Then ℓ = −∞, so a search
-rejects the point. If the derivatives with respect to one parameter diverge, they count as zero, so
-only the prior moves this parameter.
+rejects these parameters. If the derivatives by one parameter diverge, they are set to zero, so only
+the prior changes this parameter.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ tangents stay below 10; with negative dry friction they reached 1e243, whose squ
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """The likelihood of recorded data, a function of parameters θ (n,) and noise a (4,)."""
+    """The likelihood of recorded data, a function of scaled parameters θ (n,) and noise a (4,)."""
 
     data: Data
     structure: Structure
     noise_steps: float = ENCODER_NOISE
     """Standard deviation of the encoder readings' noise, in encoder steps"""
     known_noise: tuple[bool, bool, bool] = (False, False, False)
-    """Roll, pitch, yaw: whether the axis' process noise is known, so that no fit changes it"""
+    """Roll, pitch, yaw: True if the axis' process noise is known, so that no fit changes it"""
 
     @property
     def free_noise(self) -> np.ndarray:
@@ -70,7 +70,8 @@ class Likelihood:
     def movable(self, theta: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Return (n,) bool: True for the scaled parameters that a step along g can change.
 
-        The others are at a bound, and g (n,), the log-likelihood's gradient, points beyond it.
+        g (n,) is the log-likelihood's gradient. The other parameters are at a bound, and g points
+        beyond it.
         """
         low, high = self.bounds
         return np.asarray(~(((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0))))

@@ -1,9 +1,9 @@
 """Poles, transfer functions and frequency responses of a physical fit, with standard deviations.
 
-The model is linearised about hover, without effects that are `PhysicalFit.absent`. With f any of
-these quantities, P the covariance of the parameters θ and F = ∂f/∂θ by differences, cov f = F P Fᵀ.
-`innovations` computes the errors for the residual tests. `fit_result` collects all results in a
-`FitResult`.
+The model is linearised about hover, without the effects that are `PhysicalFit.absent`. Each of
+these quantities f has the covariance F P Fᵀ, with the covariance P of the parameters θ and
+F = ∂f/∂θ by differences. `innovations` computes the errors for the residual tests. `fit_result`
+collects all results in a `FitResult`.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def linear_quantities(
 ]:
     """Return poles, transfer functions and the frequency response of a fit, linearised about hover.
 
-    The response is a function of ω (F,) rad/s. It returns G (F, 3, 2) rad/V and its standard
-    deviation. ``dt`` (s) is the control period.
+    The third result is a function: frequencies ω (F,) rad/s → response (F, 3, 2) rad/V, and its
+    standard deviation. ``dt`` (s) is the control period.
     """
     theta = found.theta
     sd = found.std / found.slopes

@@ -1,17 +1,19 @@
 """Maximise the likelihood by Gauss–Newton steps on the innovations; also estimate the noise.
 
-θ are the scaled parameters. A round first takes a Newton step of the logarithm of each axis'
-process noise intensity, for which it evaluates the likelihood at three intensities. As the axes are
-nearly independent, it changes all three at once. Once the noise has converged, only every fourth
-round takes this step. Then the round runs the filter at θ. Let c be the filter's prediction of a
-reading, g the score and w the information of that reading. With the tangents ∂c/∂θ at fixed filter
-gains, the round solves
+Each round has two parts, one for the noise and one for the scaled parameters θ.
 
-    (H + Λ + λ diag(H + Λ)) δ = Σ g ∂c − Λ (θ − θ_0),     H = Σ w ∂c ∂cᵀ,   Λ the prior's precision
+1. A Newton step of ln a for the process noise a of each axis. Slope and curvature come from the
+   likelihoods at a lower, the present and a higher noise. As the axes are nearly independent, the
+   noises of all axes change together. Once the noise has converged, only every fourth round takes
+   this step.
+2. A step δ of θ, within the bounds. Let c be the filter's prediction of a reading, ∂c its gradient
+   by θ at fixed filter gains, g the score and w the information of the reading. Λ is the prior's
+   precision, θ_0 its mean. δ solves
 
-for the step δ of θ, within the bounds; θ_0 is the prior mean. The Levenberg–Marquardt factor λ
-grows until the step raises the likelihood. The search ends when half the Newton decrement, the
-log-likelihood still to be gained, is below `TOLERANCE`.
+    (H + Λ + λ diag(H + Λ)) δ = Σ g ∂c − Λ (θ − θ_0),     H = Σ w ∂c ∂cᵀ
+
+The Levenberg–Marquardt factor λ grows until the step raises the likelihood. The search ends when
+half the Newton decrement (the predicted increase of the log-likelihood) is below `TOLERANCE`.
 """
 
 from __future__ import annotations
@@ -33,24 +35,24 @@ TOLERANCE = 2e-3
 corresponds to a step of 0.06 standard deviations."""
 ROUNDS = 25
 OTHER_ROUNDS = 12
-"""Largest number of iterations from each other start point, if the first does not converge"""
-SURE = 3.0
-"""A step whose predicted increase of the log-likelihood is below this value is accepted without
-evaluating the likelihood. At this scale the likelihood is rough: it also depends on θ through the
-filter's covariance. The score omits this part, whose expectation is zero."""
-AT_ONCE = 5
+"""Largest number of rounds from each other start point, if the first search does not converge"""
+CHECKED_GAIN = 3.0
+"""A step with a smaller predicted increase of the log-likelihood is accepted without evaluating the
+likelihood, which is rough at this scale: it also depends on θ through the filter's covariance. The
+score omits this part, whose expectation is zero."""
+FULL_STEP_ROUNDS = 5
 """Number of rounds with full steps. Dry friction makes the score rough at a tenth of σ, so that
-full steps may never converge. After these rounds, each step that reverses the previous direction
-shortens all later ones: after n reversals to 1/(n + 1) (Kesten, 1958). The steps then converge to
-the middle of the rough region, but steps with a predicted increase above `SURE` stay full."""
+full steps may never converge. In the later rounds, after n reversals of the step's direction, only
+the share 1/(n + 1) of a step is taken (Kesten, 1958). So the steps converge to the middle of the
+rough region. Steps with a predicted increase above `CHECKED_GAIN` stay full."""
 NOISE_SETTLED = 0.05
 """The noise has converged when a step changes the logarithm of its intensity by less than this."""
 NOISE_START = (0.03, 0.06, 0.02, 0.0)
 """Initial process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s). The noise is
-several times a quiet rig's, so that a poor start does not diverge."""
+several times that of a quiet rig, so that the search from a poor start does not diverge."""
 NOISE_LOW, NOISE_HIGH = 1e-5, 30.0
 JITTERS = (0.001, 0.002, 0.004, 0.008)
-"""s: values of sampling jitter, tried in ascending order in the iterations `JITTER_ROUNDS`"""
+"""s: values of sampling jitter, tried in ascending order in the rounds `JITTER_ROUNDS`"""
 JITTER_ROUNDS = (2, 5)
 JITTER_WORTH = 10.0
 """Increase of the log-likelihood above which a larger jitter is accepted."""
@@ -68,7 +70,7 @@ class Optimum:
     loglik: float
     """Log-likelihood plus log prior at the maximum"""
     information: np.ndarray
-    """(n, n) information of the likelihood without the prior, of the scaled parameters"""
+    """(n, n) information of the scaled parameters, without the prior's"""
     at: FilterRun
     tangents: np.ndarray
     """(n, E) derivatives of the E predicted readings with respect to the scaled parameters"""
@@ -96,7 +98,7 @@ def maximise(
     *,
     rounds: int = ROUNDS,
 ) -> Optimum:
-    """Return the maximum of likelihood times prior, after ``rounds`` Gauss–Newton rounds at most.
+    """Return the maximum of likelihood times prior, searched in at most ``rounds`` rounds.
 
     ``problem`` is the likelihood, a function of n scaled parameters. The search starts at the
     scaled parameters ``start`` (n,), by default the prior mean. ``noise`` (4,) is the initial
@@ -131,18 +133,19 @@ def maximise(
             delta[go] = np.linalg.solve(damped, g[go])
             gain = 0.5 * float(g[go] @ delta[go])
             if not tried:
-                turns += count > AT_ONCE and gain <= SURE and bool(last @ A @ delta < 0)
+                is_reversed = bool(last @ A @ delta < 0)
+                turns += count > FULL_STEP_ROUNDS and gain <= CHECKED_GAIN and is_reversed
                 last = delta
-            part = 1.0 / (1 + turns) if gain <= SURE else 1.0
+            part = 1.0 / (1 + turns) if gain <= CHECKED_GAIN else 1.0
             if gain * part**2 < TOLERANCE:
                 accepted = True
                 break
             new = np.clip(theta + part * delta, low, high)
             there = -np.inf
-            if gain > SURE:
+            if gain > CHECKED_GAIN:
                 trial = problem.run(new, a, keep=0)
                 there = float(trial.loglik.sum()) + problem.log_prior(new)
-            if gain <= SURE or there > here:
+            if gain <= CHECKED_GAIN or there > here:
                 theta, accepted = new, True
                 lam = max(lam / 10, 1e-9)
                 break
@@ -150,7 +153,7 @@ def maximise(
         settled = accepted and gain * part**2 < TOLERANCE and moved <= NOISE_SETTLED
         if settled or not accepted:
             break
-    # The last step was small, so its filter run and tangents hold at the optimum.
+    # If the search converged, the last filter run and its tangents are those at the optimum.
     g, H = score_and_information(at, D)
     return Optimum(theta, a, here, H, at, D, (theta <= low) | (theta >= high), count, settled)
 
@@ -158,12 +161,12 @@ def maximise(
 def better_noise(
     problem: Likelihood, theta: np.ndarray, a: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Return the noise (4,) after one Newton step of its log intensities, and the largest |step|.
+    """Return the noise (4,) after one Newton step of its logarithms, and the largest |step|.
 
-    ``theta`` (n,) are the scaled parameters. ``a`` (4,) is the noise before the step: process
-    noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s), which stays fixed. Slope and curvature
-    are computed from intensities changed by the factors e^±`PROBE`, because the likelihood is rough
-    at smaller scales. The noise of an unmeasured axis (False in ``axes``, (3,) bool) stays fixed.
+    ``theta`` (n,) are the scaled parameters. ``a`` (4,) is the noise before the step: process noise
+    on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). The jitter and the noise of unmeasured axes
+    (False in ``axes``, (3,) bool) stay fixed. Slope and curvature are differences between noises
+    that differ by the factor e^`PROBE`, because the likelihood is rough at smaller scales.
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)
@@ -180,7 +183,8 @@ def better_noise(
 def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return the noise ``a`` (4,) with a new jitter (s): 0, or one of `JITTERS`.
 
-    The search goes up from 0 while each value raises the log-likelihood by over `JITTER_WORTH`.
+    The values are tried in ascending order, as long as each one raises the log-likelihood by more
+    than `JITTER_WORTH`.
     """
     best, best_loglik = 0.0, -np.inf
     for jitter in (0.0, *JITTERS):

@@ -1,8 +1,8 @@
 """Fit physical parameters by maximum likelihood: `fit` for ``identify``, `fit_greybox` for scripts.
 
 A term is an effect of the grey-box model, with its axis if the effect acts on a single axis:
-``motor.lag``, ``friction.viscous.yaw``. `DEFAULT_TERMS` apply to every rig: pendulum stiffness,
-viscous friction, rotor lag, and constant torques on pitch and yaw (trims).
+``motor.lag``, ``friction.viscous.yaw``. Every rig has the effects in `DEFAULT_TERMS`: pendulum
+stiffness, viscous friction, rotor lag, and constant torques on pitch and yaw (trims).
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ DEFAULT_TERMS = (
     "bias.torque.yaw",
 )
 JITTER_SHARE = 0.2
-"""Sampling jitter as a share of the sample period. Below it the likelihood, whose filter models
-jitter, gives better estimates than the multi-step fit."""
+"""Sampling jitter as a share of the sample period. Below this share, maximum likelihood, whose
+filter models jitter, gives better estimates than the multi-step fit."""
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Return a maximum-likelihood fit to the training runs and to recordings lacking an angle.
+    """Return a maximum-likelihood fit to training runs, and to recordings that lack an angle.
 
-    ``prepared`` holds the recordings with all angles and their training runs. ``request.partial``
-    contains the recordings that lack an angle, ``request.terms`` names the effects to fit. If the
-    scores scatter too much and the controller is known, simulated flights correct the fit's bias
-    (`closed_loop_fit.identify_correction`).
+    ``prepared`` contains the recordings with all angles and their training runs,
+    ``request.partial`` the recordings that lack an angle. ``request.terms`` names the effects to
+    fit. If the scores scatter too much and the controller is known, simulated flights correct the
+    bias of the fit (`closed_loop_fit.identify_correction`).
     """
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]
@@ -90,8 +90,8 @@ def has_jitter(recording: Recording) -> bool:
 def chosen_terms(words: str) -> tuple[str, ...]:
     """Return the names of the effects that the option ``--terms WORDS`` selects.
 
-    ``words`` is ``+name,-name`` (adds to and removes from `DEFAULT_TERMS`) or ``name,name`` (a full
-    list). Raises UsageError for an unknown name, or for a ``-name`` that is not in the list so far.
+    ``words`` is ``+name,-name`` (adds to and removes from `DEFAULT_TERMS`) or ``name,name`` (the
+    full list). Raises UsageError for an unknown name, or for a ``-name`` that cannot be removed.
     """
     names = [w.strip() for w in words.split(",") if w.strip()]
     chosen = [] if names and names[0][0] not in "+-" else list(DEFAULT_TERMS)
@@ -116,10 +116,11 @@ def fit_greybox(
 ) -> Estimate:
     """Return physical parameters, fitted to recordings of one rig by maximum likelihood.
 
-    `model_of` makes a model of the result. A recording may hold a single angle (the other axes
-    count as fixed) and needs no known controller. `heli3dof.identification.row_selection` selects
-    the rows. Unlike ``identify``, the function does not correct the bias on a limit cycle
-    (`closed_loop_fit.identify_correction`) and does not simplify the equations.
+    `model_of` converts the result to a model. A recording may contain a single angle (the model
+    then has the other axes fixed), and its controller may be unknown.
+    `heli3dof.identification.row_selection` selects the rows. Unlike ``identify``, the function
+    neither corrects the bias on a limit cycle (`closed_loop_fit.identify_correction`) nor
+    simplifies the equations.
 
     Args:
         recordings: one or several.
@@ -160,7 +161,8 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
 def parameters(found: Estimate) -> dict[str, Parameter]:
     """Return {name: parameter}: value, standard deviation, Cramér–Rao bound, any warning.
 
-    The standard deviation of an absent effect is at least the distance from its null value.
+    For an absent effect, the standard deviation is at least the distance of the value from the null
+    value.
     """
     least = np.where(found.absent, found.values - [f.null for f in found.free], 0.0)
     std = np.maximum(found.std, least)
@@ -175,7 +177,7 @@ def parameters(found: Estimate) -> dict[str, Parameter]:
 
 
 def warnings(found: Estimate) -> tuple[str, ...]:
-    """Return warnings: no convergence, unexplained motion, parameters uncertain or at a bound."""
+    """Return warnings: no convergence, unexplained motion, parameters at a bound or uncertain."""
     out = [v for v in found.verdicts if v]
     o = found.optimum
     if not o.converged:

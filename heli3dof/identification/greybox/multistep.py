@@ -1,9 +1,9 @@
 """Fit physical parameters by minimising the errors of predictions up to 3 s ahead.
 
-The method is for logs with sampling jitter or unmodelled fast motion. If a sample was taken at
-another time than its time stamp states, a one-step prediction has an error in proportion to the
-angular rate. This error pulls every parameter that acts through accelerations towards zero. Over a
-second or more the error is negligible.
+The method is for logs with sampling jitter or unmodelled fast motion. If a sample was not taken at
+the time of its time stamp, a one-step prediction has an error that is proportional to the angular
+rate. In a fit to one-step predictions, these errors bias every parameter that acts through
+accelerations towards zero. In predictions over a second or more, they are negligible.
 
 Predictions run freely from the filter's states (`heli3dof.model.estimation.ekf_jitter`) at S starts
 k, to M horizons h_j; i is the axis, e the error in rad. The fit minimises
@@ -12,14 +12,14 @@ k, to M horizons h_j; i is the axis, e the error in rad. The fit minimises
     ρ(u) = 2 c² (√(1 + (u/c)²) − 1),   c = `ROBUST`
 
 where T/τ is the number of independent windows in T seconds of flight (τ = `WINDOW_S`). The fit runs
-in stages, from short horizons to long ones, because a poor start diverges over long horizons. Each
-stage estimates the errors' scales s again. The search is
+in stages, from short horizons to long ones, because predictions with a poor start diverge over long
+horizons. Each stage estimates the errors' scales s again. The search is
 `heli3dof.identification.greybox.levenberg_marquardt`; ∂e/∂θ includes the filter's change with θ.
 
-θ_0 is the prior mean, Λ its precision, weak for every effect. For the inertias Λ comes from
-geometry: lengths and a few masses determine the inertias' *ratios*. Their common factor is
-uncertain: the fit gives inertias in units of the thrust gain K_f, which differs by a factor of two
-between rigs.
+θ_0 is the prior mean, Λ the prior's precision, which is weak for every effect. The prior of the
+inertias follows from geometry: lengths and a few masses determine the *ratios* of the inertias.
+Their common factor is uncertain, because the fit gives inertias in units of the thrust gain K_f,
+which differs by a factor of two between rigs.
 
 A parameter named in ``varying`` has a different value in each recording, with the prior N(common
 value, ``varying``²).
@@ -71,17 +71,17 @@ FAR = 3.0
 class MultiStep:
     """The least-squares problem of a multi-step fit: flights, their data, and a model structure.
 
-    The unknowns z (dim,) are scaled parameters: divided by their typical size, or logarithms. The
-    first n are common to all flights. Then follow, flight by flight, the values of the parameters
-    in ``varying``.
+    The unknowns z (dim,) are scaled parameters: logarithms, or values divided by a typical size.
+    The first n are common to all flights. The values of the parameters in ``varying`` follow,
+    flight by flight.
     """
 
     structure: Structure
     flights: tuple[Flight, ...]
     data: tuple[Data, ...]
-    """The rows of each flight that the filter uses"""
+    """For each flight, the rows that the filter uses"""
     rows: tuple[np.ndarray, ...]
-    """Per flight an array: the flight's row for each row of ``data``; −1 where there is none"""
+    """For each flight an array: the flight's row for each row of ``data``, −1 if there is none"""
     varying: Mapping[str, float] = field(default_factory=dict)
     """Parameter with a value per recording → its standard deviation between recordings."""
     spread: Mapping[str, float] = field(default_factory=dict)
@@ -153,8 +153,8 @@ class MultiStep:
     def values(self, z: np.ndarray, flight: int | None = None) -> np.ndarray:
         """Return the parameter values (n,) in their units, from the scaled parameters z (dim,).
 
-        A parameter that varies by recording has the value of the flight with index ``flight``. If
-        this is None, it has the value common to all flights.
+        A parameter that varies by recording has the value of the flight with index ``flight``, or
+        the common value if ``flight`` is None.
         """
         theta = z[: self.n].copy()
         if flight is not None:
@@ -163,7 +163,7 @@ class MultiStep:
         return self.structure.unscaled(theta)
 
     def states(self, z: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:
-        """Return the filter's estimates (N, 6) of angles (rad), rates (rad/s) in flight number i.
+        """Return the filter's estimates (N, 6) of angles (rad) and rates (rad/s) in flight i.
 
         z (dim,) are the scaled parameters; ``noise`` (4,) is process noise on roll, pitch, yaw
         (rad/s²/√Hz) and jitter (s). Rows that the filter does not use are NaN.
@@ -254,9 +254,9 @@ class MultiStepFit(PhysicalFit):
 
     @property
     def mostly_prior(self) -> np.ndarray:
-        """Return (n,) bool: σ > `PRIOR_SHARE` σ_prior, so the recordings say little of the value.
+        """Return (n,) bool: True if the recordings contain little information on the parameter.
 
-        False for a parameter that varies by recording.
+        That is, σ > `PRIOR_SHARE` σ_prior. For parameters that vary by recording, it is False.
         """
         own = np.isin(np.arange(self.problem.n), self.problem.own)
         return np.asarray((self.std > PRIOR_SHARE * self.prior_std) & ~own)
@@ -275,7 +275,7 @@ class MultiStepFit(PhysicalFit):
 
     @cached_property
     def information(self) -> np.ndarray:
-        """Return the information (dim, dim) on the scaled parameters, with the prior's."""
+        """Return the information (dim, dim) of the scaled parameters, including the prior's."""
         return np.asarray(self.tangents @ self.tangents.T + self.problem.prior)
 
     @cached_property
@@ -293,10 +293,10 @@ def robust(u: np.ndarray) -> np.ndarray:
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """Return the RMS (M, 3) rad over S starts of prediction errors e (S, M, 3) rad at M horizons.
+    """Return the RMS (M, 3) rad of prediction errors e (S, M, 3) rad: S starts, M horizons, 3 axes.
 
-    Errors above 1 rad count as 1 rad; errors that are exactly 0 (axes not measured) do not count.
-    The result is at least 0.1°.
+    Errors above 1 rad count as 1 rad. Errors that are exactly 0, as on axes that were not measured,
+    are ignored. The result is at least 0.1° (in rad).
     """
     there = np.maximum((e != 0).sum(axis=0), 1)
     size = np.sqrt((np.minimum(np.abs(e), 1.0) ** 2).sum(axis=0) / there)
@@ -315,11 +315,11 @@ def search(
 ) -> MultiStepFit:
     """Return the fit that minimises the prediction errors, searched from ``start`` (dim,).
 
-    ``problem`` holds flights and model structure, ``start`` scaled parameters. ``stages_s`` are the
-    horizons (s) of successive minimisations, of ``rounds`` iterations at most. ``noise`` (4,) is
-    the filter's process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). ``fixed`` (M, 3) rad
-    are the RMS errors that scale the residuals; by default each stage estimates them. ``progress``
-    gets a line per iteration.
+    ``problem`` contains the flights and the model structure, ``start`` scaled parameters.
+    ``stages_s`` are the horizons (s) of successive minimisations, each of at most ``rounds``
+    iterations. ``noise`` (4,) is the filter's process noise on roll, pitch, yaw (rad/s²/√Hz) and
+    jitter (s). ``fixed`` (M, 3) rad are the RMS errors that scale the residuals. Without ``noise``
+    or ``fixed``, each stage estimates them. ``progress`` gets a line per iteration.
     """
     p = problem
     z = p.start.copy() if start is None else start.copy()
@@ -331,10 +331,12 @@ def search(
         scale = scales(np.concatenate(p.errors(z, a, stage))) if fixed is None else fixed
 
         def report(
-            n: int, begun: float, here: float, last: float = stage[-1], before: int = count
+            n: int, start_cost: float, here: float, last: float = stage[-1], before: int = count
         ) -> None:
             if progress is not None:
-                progress(f"horizon {last:g} s, round {before + n}: cost {begun:.0f} → {here:.0f}")
+                progress(
+                    f"horizon {last:g} s, round {before + n}: cost {start_cost:.0f} → {here:.0f}"
+                )
 
         v = least_squares_problem(p, a, stage, scale)
         found = descend(v, z, rounds=rounds, settled=SETTLED, progress=report)
@@ -362,10 +364,10 @@ def least_squares_problem(
 
 
 def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the noise (4,) for which the filter's likelihood is highest, searched from ``a`` (4,).
+    """Return the noise (4,) with the highest likelihood of the filter, searched from ``a`` (4,).
 
     The noise is process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s). The
-    scaled parameters z (dim,) stay as they are.
+    scaled parameters z (dim,) are fixed.
     """
     a = a.copy()
     tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]

@@ -1,14 +1,14 @@
-"""Check whether a maximum-likelihood fit is valid for recordings, or should not be used.
+"""Check whether a maximum-likelihood fit to recordings is valid.
 
 Sampling jitter and unmodelled fast motion make the fit invalid. One step ahead, unmodelled motion
-looks like a random torque, and the likelihood estimates a process noise to match. White angular
-acceleration of intensity a_i (rad/s²/√Hz) on axis i accumulates: from a known state, after h
-seconds, the angle has the standard deviation
+looks like a random torque, and the fit estimates a corresponding process noise. White angular
+acceleration of intensity a_i (rad/s²/√Hz) on axis i accumulates: h seconds after a known state, the
+angle has the standard deviation
 
     σ_i(h) = a_i √(h³/3)
 
-If predictions are more accurate than σ_i(h), the torque is not white: it changes sign from sample
-to sample (vibration, for example). Then the likelihood, its standard deviations and its choice of
+If predictions are more accurate than σ_i(h), the torque is not white: for example, a vibration
+changes sign from sample to sample. Then the likelihood, its standard deviations and its choice of
 causes cannot be trusted. The likelihood is rejected if, on any axis, both hold:
 
 * a_i exceeds `TIMES` × the intensity of known rigs (`heli3dof.model.greybox.prediction.NOISE`).
@@ -43,7 +43,7 @@ from heli3dof.recording.recording import Recording
 HORIZON_S = 1.0
 TIMES = 5.0
 OVER = 1.5
-"""Factors in the two conditions at the head of this file. Chosen; not derived."""
+"""`TIMES` and `OVER` are the factors in the two conditions of the module. Chosen; not derived."""
 FAR = np.pi
 """rad: larger prediction errors are replaced by this value."""
 CLOCK = (
@@ -64,10 +64,7 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return the RMSE (3,) in degrees that the estimated process noise, if white, would cause.
-
-        It is the RMSE of predictions `HORIZON_S` ahead.
-        """
+        """Return σ(`HORIZON_S`) (3,) in degrees: the RMSE expected if process noise is white."""
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
@@ -83,10 +80,10 @@ class NoiseCheck:
 
 
 def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
-    """Fit the rigid body without effects to recordings; return process noise and prediction errors.
+    """Return process noise and prediction errors of the rigid body, fitted without effects.
 
-    The recordings are of one rig and contain all three angles. Returns None if they are too short
-    for the test. Raises RecordingError if no row is usable.
+    The recordings must be of one rig and contain all three angles. Returns None if they are too
+    short for the test. Raises RecordingError if no row is usable.
     """
     flights = [flight_of(r) for r in recordings]
     if sum(len(f.starts) for f in flights) < LEAST_WINDOWS:
@@ -110,15 +107,15 @@ def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
 def fit(prepared: Prepared, request: Request) -> FitResult:
     """Return the maximum-likelihood fit, or a multi-step fit if the likelihood is invalid.
 
-    `no_likelihood` tests the recordings in ``prepared``. The function skips this test and uses the
-    likelihood in two cases: ``request`` names the terms, or a recording lacks an angle.
+    `training_obstacle` tests the recordings in ``prepared``. In two cases, the function skips this
+    test and uses the likelihood: ``request`` names the terms, or a recording lacks an angle.
     """
-    if request.terms is None and not request.partial and (reason := no_likelihood(prepared)):
+    if request.terms is None and not request.partial and (reason := training_obstacle(prepared)):
         return freeflight.as_replacement(freeflight.fit(prepared, request), reason)
     return method.fit(prepared, request)
 
 
-def no_likelihood(prepared: Prepared) -> str:
+def training_obstacle(prepared: Prepared) -> str:
     """Return why a maximum-likelihood fit to the training recordings is invalid, or ``""``.
 
     The function tests the recordings for sampling jitter. If the controller of every recording is
@@ -131,10 +128,10 @@ def no_likelihood(prepared: Prepared) -> str:
 
 
 def likelihood_obstacle(recordings: Sequence[Recording]) -> str:
-    """Return why recordings make a maximum-likelihood fit invalid, or an empty string.
+    """Return why a maximum-likelihood fit to ``recordings`` is invalid, or ``""``.
 
-    The function is for recordings whose controller is unknown. It tests sampling jitter first, then
-    the process noise (`noise_check`).
+    The function is for recordings whose controller is unknown. It first tests for sampling jitter,
+    then the process noise (`noise_check`).
     """
     if all(has_jitter(r) for r in recordings):
         return CLOCK

@@ -10,7 +10,8 @@ import numpy as np
 from heli3dof.model.physics.parametrisation import FreeParameter, Structure
 
 NEAR_BOUND = 0.02
-"""Distance from the lower bound, relative to it or (bound 0) to the typical size. Chosen."""
+"""A value nearer to its lower bound counts as at the bound. The distance is relative to the bound,
+or if the bound is 0, to the typical size. Chosen."""
 
 
 class PhysicalFit(ABC):
@@ -46,9 +47,10 @@ class PhysicalFit(ABC):
 
     @property
     def absent(self) -> np.ndarray:
-        """Return (n,) bool: whether a parameter that cannot be negative is at its lower bound.
+        """Return (n,) bool: True if the parameter's effect is absent from the recordings.
 
-        The recordings then show no effect, such as a lag at its least value of 1 ms.
+        It is absent if the parameter is at its lower bound, where the effect vanishes: for example,
+        a lag at its least value of 1 ms.
         """
         return np.array([
             f.null <= f.low and v - f.low <= NEAR_BOUND * (f.low if f.log else f.typical)

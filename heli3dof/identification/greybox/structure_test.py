@@ -1,17 +1,17 @@
 """Test whether simplified equations of motion describe the rig better than the full ones.
 
-Two parts can be omitted: the inertia couplings (effect ``simplified.couplings``) and
-the yaw inertia's variation (effect ``simplified.yaw_inertia``). Let a (2,) be the
-omitted share of each part, and θ the parameters. g is the log-likelihood's gradient with respect to
-a, at the fit θ̂ of the full equations. H is the information of (θ, a); A is H_θθ plus the prior's
-precision. To second order, omitting the shares a raises the log-likelihood by
+Two parts of the equations can be omitted: the inertia couplings (effect ``simplified.couplings``)
+and the variation of the yaw inertia with the angles (effect ``simplified.yaw_inertia``). Let a (2,)
+be the omitted share of each part, and θ the parameters. g is the log-likelihood's gradient with
+respect to a, at the fit θ̂ of the full equations. H is the information of (θ, a); A is H_θθ plus the
+prior's precision. To second order, omitting the shares a raises the log-likelihood by
 
     Δℓ(a) = a·g − ½ aᵀ V a,      V = H_aa − H_aθ A⁻¹ H_θa
 
-Each share is 0 or 1. κ is the ratio of the scores' actual variance to the variance that the noise
-model expects. If Δℓ of the best of the three combinations with an omission exceeds `SURE` × κ, the
-simplified equations are fitted. They replace the full ones if this fit actually raises the
-log-likelihood by more than `SURE` × κ.
+Each share is 0 or 1, so there are three combinations with an omission. κ is the ratio of the
+scores' actual variance to the variance that the noise model expects. If the largest Δℓ exceeds
+`REQUIRED_GAIN` × κ, these simplified equations are fitted. They replace the full ones if the fit
+actually raises the log-likelihood by more than `REQUIRED_GAIN` × κ.
 """
 
 from __future__ import annotations
@@ -26,31 +26,32 @@ from heli3dof.model.effects import terms
 
 SIMPLIFICATIONS = ("simplified.couplings", "simplified.yaw_inertia")
 COMBINATIONS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.array([1.0, 1.0]))
-SURE = 6.0
+REQUIRED_GAIN = 6.0
 """Required increase of the log-likelihood, as a multiple of the scatter factor κ. An increase of 6
 means odds of e⁶ = 400 to 1."""
 
 
 def with_simplifications(found: Estimate) -> Estimate:
-    """Return ``found``, or a refit with simplified equations if the refit is far likelier."""
+    """Return ``found``, or a fit of simplified equations if that fit is far more likely."""
     g, V = score_and_curvature(found)
     worth = [float(a @ g - 0.5 * a @ V @ a) for a in COMBINATIONS]
     best = int(np.argmax(worth))
-    if not worth[best] > SURE * found.inflation:
+    if not worth[best] > REQUIRED_GAIN * found.inflation:
         return found
     names = [n for n, a in zip(SIMPLIFICATIONS, COMBINATIONS[best], strict=True) if a]
     simpler = replace(found.problem, structure=found.structure.with_terms(*terms(names)))
     start = np.append(found.theta, simpler.prior_mean[len(found.theta) :])
     second = estimate(simpler, start=start, noise=found.optimum.noise)
-    won = second.optimum.loglik - found.optimum.loglik
-    return second if won > SURE * max(found.inflation, second.inflation) else found
+    gain = second.optimum.loglik - found.optimum.loglik
+    return second if gain > REQUIRED_GAIN * max(found.inflation, second.inflation) else found
 
 
 def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """Return gradient g (2,) and curvature V (2, 2) of the maximised log-likelihood at a = 0.
+    """Return gradient g (2,) and curvature V (2, 2) of the log-likelihood at a = 0.
 
-    a (2,) are the omitted shares (0 to 1) of two parts of the equations of ``found``: the inertia
-    couplings, and the yaw inertia's variation with the angles.
+    The log-likelihood is maximised over the parameters of ``found``. a (2,) are the omitted shares
+    (0 to 1) of two parts of its equations: the inertia couplings, and the variation of the yaw
+    inertia with the angles.
     """
     o, n = found.optimum, len(found.theta)
     wide = replace(found.problem, structure=found.structure.with_terms(*terms(SIMPLIFICATIONS)))

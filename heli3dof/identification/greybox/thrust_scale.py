@@ -1,16 +1,17 @@
 """Estimate the thrust gain K_f from four fitted parameters and the profile's tolerance.
 
-Flights do not identify K_f: all torques and inertias multiplied by one number give the same motion
-(`heli3dof.model.physics.rigid_body`). So a fit gives X = (T_g, J_roll, J_pitch, J_yaw), gravity
-torque and moments of inertia, in units of K_f: x_i = X_i/k, with k = K_f/K_f,nominal. The
-profile's values of K_f and of the four parameters have the relative error s, half the profile's
-``tolerance``. To allow for outliers, the posterior density of ln k uses Student's t density t_ν
-with ν = `DEGREES_OF_FREEDOM`:
+Flights do not identify K_f: if all torques and inertias are multiplied by the same factor, the
+motion is the same (`heli3dof.model.physics.rigid_body`). So a fit with K_f at its nominal value
+gives the gravity torque and inertias X = (T_g, J_roll, J_pitch, J_yaw) only as x_i = X_i/k, with
+k = K_f/K_f,nominal. The profile's values of K_f and of the four parameters have the relative error
+s, half the profile's ``tolerance``. To allow for outliers, the posterior density of ln k uses
+Student's t density t_ν with ν = `DEGREES_OF_FREEDOM`:
 
     p(ln k) ∝ t_ν(ln k/s) Π_i t_ν(ln(x_i k/X_i,nominal)/√(s² + σ_i²)),    σ_i: relative std of x_i
 
-If all four ratios x_i/X_i,nominal deviate by the same factor, k is its inverse. If only one
-deviates, k stays near 1. The mean of ln k converts torques and inertias to SI.
+If all four ratios x_i/X_i,nominal have the same value, the estimate of k is near its inverse. If
+only one ratio deviates from 1, k stays near 1. k, estimated by the mean of ln k, converts torques
+and inertias to SI.
 
 Let ε be the profile's ``tolerance``, and e = ln(1 + ε) for ln k > 0, else ln(1 − ε). A warning
 reports a deviation of K_f if
@@ -27,7 +28,7 @@ import numpy as np
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 
 DEGREES_OF_FREEDOM = 3.0  # ν, chosen
-LOG_K_MAX = 1.5  # of the grid on which p is evaluated: a factor of 4.5, chosen
+LOG_K_MAX = 1.5  # largest |ln k| of the grid on which p is evaluated: k to 4.5, chosen
 TORQUE_UNITS = ("N·m", "kg")
 """A parameter scales with K_f if its unit contains one of these."""
 BASE = ("K_f", "T_g", "J_roll", "J_pitch", "J_yaw")
@@ -68,7 +69,7 @@ class ThrustScale:
 
 
 def edge(x: float, tolerance: float) -> float:
-    """Return the limit of x, the logarithm of a ratio to nominal, for a relative ``tolerance``.
+    """Return the limit of x = ln(value/nominal) for a relative ``tolerance``, on the side of x.
 
     The limit is ln(1 + tolerance) for x > 0, else ln(1 − tolerance).
 
@@ -89,8 +90,8 @@ def thrust_scale(fit: PhysicalFit) -> ThrustScale:
 def of_ratios(x: np.ndarray, std: np.ndarray, s: float) -> ThrustScale:
     """Return the thrust gain's ratio k to nominal, from the ratios x (4,) of fitted parameters.
 
-    x are the fitted gravity torque and inertias, divided by the nominal ones; ``std`` (4,) are
-    their standard deviations. ``s`` is the relative error of the profile's values. Ratios that are
+    x are the fitted gravity torque and inertias, divided by the nominal ones; ``std`` (4,) are the
+    standard deviations of x. ``s`` is the relative error of the profile's values. Ratios that are
     not positive are ignored.
 
     >>> scale = of_ratios(np.full(4, 1 / 1.4), np.zeros(4), 0.075)

@@ -1,19 +1,19 @@
 """Find initial values for the multi-step fit, from the equations of motion in weak form.
 
-Let φ be a test function that vanishes with its slope at both ends of a time span. Two integrations
+Let φ be a test function whose value and slope vanish at both ends of a time span. Two integrations
 by parts move the derivatives from the measured angles q to φ:
 
     ∫ φ″ q dt = ∫ φ q̈(q, q̇, F; θ) dt,      φ(τ) = (1 − τ²)³,  τ ∈ [−1, 1]
 
-θ are the parameters, τ is the time scaled to the span. So nothing is differentiated twice, and
-sampling jitter has little effect. q are the readings, corrected for the modelled encoder effects.
-q̇ is their derivative by a local polynomial over `SMOOTH_S`. The thrusts F follow from the
-voltages. Spans of `SPANS_S` (s) cover all rows in flight. With e the left side minus the right
-side, and the prior N(θ_0, Λ⁻¹), the fit minimises
+θ are the parameters, τ is the time scaled to the span. So no measurement is differentiated twice,
+and sampling jitter has little effect. q are the readings, corrected for the modelled encoder
+effects. q̇ is their derivative by a local polynomial over `SMOOTH_S`. The thrusts F follow from the
+voltages. Overlapping spans of the lengths `SPANS_S` (s) cover all rows in flight. With e the left
+side minus the right side, and the prior N(θ_0, Λ⁻¹), the fit minimises
 
     Σ (2 asinh(e/2s))² + (θ − θ_0)ᵀ Λ (θ − θ_0)
 
-where s is the errors' scale (1.48 × their median size), estimated again in each of `ROUNDS` rounds.
+where s is the errors' scale (1.48 × the median of |e|), estimated again in each of `ROUNDS` rounds.
 Nothing is simulated, so the search converges in seconds, even from values at which a simulation
 diverges. Noise in q and q̇ biases the result slightly, so it is only the multi-step fit's start.
 """
@@ -48,12 +48,12 @@ FAR = 20.0
 """An error that is not finite is replaced by this multiple of the errors' scale s."""
 
 
-def _along(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: ignore[no-untyped-def]
-    """Write each row's angles (rad) and the model's accelerations (rad/s²) to ``out`` (N, 6).
+def _evaluate_rows(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: ignore[no-untyped-def]
+    """Write the angles (rad) and the model's accelerations (rad/s²) in each row to ``out`` (N, 6).
 
-    y and y_dot (N, 3) are the smoothed encoder readings and rates; the angles are y corrected for
-    encoder effects. F (N, 2) N are the thrusts. Other arguments: see
-    `heli3dof.model.physics.integrator`.
+    y and y_dot (N, 3) are the smoothed encoder readings and their derivatives. The angles are y,
+    corrected for encoder effects. F (N, 2) N are the thrusts. The module
+    `heli3dof.model.physics.integrator` explains the other arguments.
     """
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((3, 3))
@@ -80,7 +80,7 @@ def _along(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: 
             out[k, 3 + i] = w[2, i]
 
 
-_along_compiled = compiled(_along, error_model="numpy", nogil=True)
+_evaluate_rows_compiled = compiled(_evaluate_rows, error_model="numpy", nogil=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +90,9 @@ class Span:
     rows: np.ndarray
     """(n,) first row of the flight at each position of the test function"""
     phi: np.ndarray
+    """(L,) weights of the sum for ∫ φ · dt; they add up to 1"""
     phi_2: np.ndarray
-    """(L,) weights of the sums for ∫ φ · dt (``phi``, sum 1) and ∫ φ″ · dt (``phi_2``)"""
+    """(L,) weights of the sum for ∫ φ″ · dt"""
 
     def integrals(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return ∫ φ″ q dt − ∫ φ a dt, (n, 3) rad/s², at the n positions of the test function φ.
@@ -113,17 +114,18 @@ class SmoothedFlight:
 
     flight: Flight
     y: np.ndarray
+    """(N, 3) rad: encoder readings with interpolated gaps"""
     y_smooth: np.ndarray
+    """(N, 3) rad: the same, smoothed"""
     y_dot: np.ndarray
-    """(N, 3) each: readings ``y`` in rad with interpolated gaps, ``y_smooth`` in rad, and the
-    derivative ``y_dot`` of ``y_smooth`` in rad/s"""
+    """(N, 3) rad/s: derivatives of the smoothed readings"""
     spans: tuple[Span, ...]
 
 
 def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
-    """Return the flight with smoothed readings, and test functions in its prediction windows.
+    """Return the flight with smoothed readings, and with test functions in its prediction windows.
 
-    ``window_s`` (s): length of these windows, which begin at ``flight.starts``.
+    These windows of the length ``window_s`` (s) begin at the rows ``flight.starts``.
     """
     from scipy.signal import savgol_filter
 
@@ -142,7 +144,10 @@ def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
 
 
 def span(free: np.ndarray, dt: float, width_s: float) -> Span:
-    """Return a test function of ``width_s`` s, placed where all its rows are ``free`` (N,) bool."""
+    """Return a test function of the length ``width_s`` (s), at positions with only free rows.
+
+    ``free`` (N,) bool marks the free rows of the flight, ``dt`` (s) is its sample interval.
+    """
     n = round(width_s / dt)
     tau = np.linspace(-1, 1, n)
     phi = (1 - tau**2) ** 3
@@ -167,11 +172,11 @@ def residuals(
         mean = np.diff(impulse(st, values, f.V, f.h, still=f.still), axis=0) / f.h[:, None]
         s, par = st.arrays(values)
         out = np.empty((len(f.t), 6))
-        _along_compiled(
+        _evaluate_rows_compiled(
             s, st.hooks.first, st.hooks.address, par, st.memory, f.free, f.t, f.V, mean,
             log.y_smooth, log.y_dot, out,
         )  # fmt: skip
-        # The correction of encoder effects is smooth: that of the smoothed angle suits the raw one.
+        # The correction for encoder effects is smooth: the smoothed angle's suits the raw one, too.
         q = log.y + (out[:, :3] - log.y_smooth)
         q[:, ~f.free] = 0.0
         for j, each in enumerate(log.spans):
@@ -180,10 +185,10 @@ def residuals(
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """Return 1.48 × the median |e| of each axis (3,), from errors e (n, 3); zeros do not count."""
+    """Return 1.48 × the median |e| of each axis (3,), from errors e (n, 3); zeros are ignored."""
     e = np.nan_to_num(e, nan=1e3, posinf=1e3, neginf=-1e3)
     out = np.ones(3)
-    for i in range(3):  # zero: an axis that was not measured
+    for i in range(3):  # errors are zero on an axis that was not measured
         if (there := e[:, i] != 0).any():
             out[i] = 1.4826 * np.median(np.abs(e[there, i]))
     return np.maximum(out, 1e-6)
