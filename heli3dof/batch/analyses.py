@@ -203,7 +203,7 @@ def _identify(job: Job) -> Document:
 
 def _identify_columns(document: Document) -> Row:
     model = document["models"][0]
-    parameters = model["parameters"] or {}
+    parameters = model.get("parameters", {})
     fits = {
         f"fit_{horizon}_{axis}_percent": fit.get(horizon)
         for axis, fit in (model["fit_percent"] or {}).items()

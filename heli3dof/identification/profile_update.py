@@ -118,7 +118,7 @@ def _from_diagnosis(path: Path, data: Mapping[str, Any]) -> Calibration:
             left_out.append(name)
     for f in data.get("integrity", ()):
         if f.get("check") == "encoder.sign" and f.get("confidence", 0.0) >= MIN_SIGN_CONFIDENCE:
-            counts[f["axis"]] = -1.0
+            counts[f["axis"]] = -counts.get(f["axis"], 1.0)
     return Calibration(path.name, base, rest, counts, tuple(left_out))
 
 

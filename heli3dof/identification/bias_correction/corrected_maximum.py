@@ -116,6 +116,8 @@ def maximise_corrected(
         converged = accepted and gain < TOLERANCE and noise_step <= NOISE_CONVERGED
         if converged or not accepted:
             break
+    if not converged:  # the last step changed theta or the noise
+        current = evaluate(problem, theta, a, with_noise_derivatives=False)
     return Optimum(
         theta, a, corrected(current.at.loglik, theta, a), current.H, current.at, current.T,
         (theta <= low) | (theta >= high), count, converged,

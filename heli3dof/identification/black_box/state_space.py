@@ -18,6 +18,7 @@ from heli3dof.identification.black_box.order_selection import (
 )
 from heli3dof.identification.black_box.stabilisation import with_stable_predictor
 from heli3dof.identification.black_box.uncertainty import (
+    continuous_pole,
     in_continuous_time,
     poles,
     propagate,
@@ -50,7 +51,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     warnings = []
     if chosen.pem is None:
         lam = np.linalg.eigvals(chosen.state_space.A).astype(complex)
-        found = [Pole(complex(np.log(z)) / T, np.nan, np.nan) for z in lam]
+        found = [Pole(continuous_pole(z, T), np.nan, np.nan) for z in lam]
         warnings.append("PBSID gives no standard deviations; pem, which starts from it, does.")
     else:
         if not chosen.pem.converged:

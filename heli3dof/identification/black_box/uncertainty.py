@@ -40,6 +40,12 @@ def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
     return replace(model, A=model.At + dW[:, :n] + K @ C, B=model.B + dW[:, n : n + m], C=C, K=K)
 
 
+def continuous_pole(lam: complex, T: float) -> complex:
+    """Return log(λ)/T (rad/s) of a discrete-time pole λ; log|λ|/T of a real λ, which may be ≤ 0."""
+    real = abs(lam.imag) <= 1e-9 * max(1, abs(lam))
+    return complex(np.log(max(abs(lam), 1e-300) if real else lam)) / T
+
+
 def poles(fit: PemFit, T: float) -> list[Pole]:
     """Return the continuous-time poles log(λ)/T (rad/s) of a fit, with standard deviations.
 
@@ -60,9 +66,8 @@ def poles(fit: PemFit, T: float) -> list[Pole]:
         gradient = np.concatenate([rows.ravel(), np.outer(w @ model.K, v).ravel()])
         ds = (gradient @ fit.tangent) / (lam[i] * T)
         cov = np.vstack([ds.real, ds.imag]) @ fit.covariance @ np.vstack([ds.real, ds.imag]).T
-        real = abs(lam[i].imag) <= 1e-9 * max(1, abs(lam[i]))
-        z = max(abs(lam[i]), 1e-300) if real else lam[i]
-        s = complex(np.log(z)) / T
+        s = continuous_pole(lam[i], T)
+        real = s.imag == 0
         std = np.sqrt(np.maximum(np.diag(cov), 0))
         found.append(Pole(s, float(std[0]), 0.0 if real else float(std[1])))
     return found

@@ -153,7 +153,10 @@ def maximise(
         settled = accepted and gain * part**2 < TOLERANCE and moved <= NOISE_SETTLED
         if settled or not accepted:
             break
-    # If the search converged, the last filter run and its tangents are those at the optimum.
+    if not settled:  # the last step changed theta or the noise
+        at = problem.run(theta, a)
+        here = float(at.loglik.sum()) + problem.log_prior(theta)
+        D = problem.tangents(theta, at)
     g, H = score_and_information(at, D)
     return Optimum(theta, a, here, H, at, D, (theta <= low) | (theta >= high), count, settled)
 
