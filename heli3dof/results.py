@@ -68,6 +68,6 @@ def optional(library: str, *, extra: str = "") -> Any:
             raise
         raise UsageError(
             f"{library} is not installed.",
-            cause=f"only this needs it, so it is the extra {extra!r}.",
+            cause=f"few users need it, so pip installs it with the extra {extra!r} only.",
             fix=f"pip install 'heli3dof[{extra}]'",
         ) from None

@@ -247,7 +247,7 @@ def _remove_controller(given: dict[str, Any], data: dict[str, Any]) -> None:
     if "controller" in given:
         raise UsageError(
             "--no-controller contradicts --set controller.…",
-            cause="a profile without [controller] says that the controller is unknown.",
+            cause="a profile without [controller] means that the controller is unknown.",
             fix="one of the two",
         )
     data.pop("controller", None)

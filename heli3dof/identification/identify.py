@@ -212,7 +212,7 @@ def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
     if little:
         each = ", ".join(f"{axis} {m:.2g}°" for axis, m in little)
         out.append(
-            f"The held-out data hardly move ({each} rms), so the fit there says nothing of the "
+            f"The held-out data hardly move ({each} rms), so their fit does not test the "
             "model. To test it, record more motion: heli3dof run multisine"
         )
     if poor:

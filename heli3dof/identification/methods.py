@@ -70,7 +70,7 @@ class Method:
 BUILT_IN = (
     Method(
         "freeflight",
-        "physical parameters from free-run predictions of up to 3 s, for logs without a likelihood",
+        "physical parameters from free-run predictions up to 3 s, if the likelihood is unsuitable",
         "heli3dof.identification.greybox.freeflight:fit",
         physical=True,
     ),

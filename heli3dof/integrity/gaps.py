@@ -61,6 +61,6 @@ def gaps(view: View) -> Iterable[Fault]:
 
 CHECKS = (
     Check(
-        "timing.gaps", Stage.CLOCK, "lost samples, or rows with a value that is not finite", gaps
+        "timing.gaps", Stage.CLOCK, "lost samples, or non-finite values", gaps
     ),
 )

@@ -80,7 +80,7 @@ def read_model(path: str | Path) -> Model:
             path,
             f"lacks the key {error.args[0]!r}",
             "it was cut short or edited by hand.",
-            "docs/reference/model-file.md lists the keys; heli3dof identify writes a whole one",
+            "docs/reference/model-file.md lists the keys; heli3dof identify writes a complete one",
         ) from None
     except UsageError as error:
         raise RecordingError(
@@ -89,9 +89,9 @@ def read_model(path: str | Path) -> Model:
     except (TypeError, ValueError) as error:
         raise _unusable(
             path,
-            f"does not hold together: {error}",
+            f"is inconsistent: {error}",
             "it was edited by hand.",
-            "docs/reference/model-file.md lists the shapes; heli3dof identify writes a whole one",
+            "compare it with docs/reference/model-file.md, or write it with heli3dof identify",
         ) from None
     return model
 

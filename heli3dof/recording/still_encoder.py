@@ -42,7 +42,7 @@ def still_encoder_warnings(recording: Recording) -> list[str]:
             warnings.append(
                 f"The {axis} encoder's count did not change in the last {still_s:.0f} s of the "
                 "flight. Likely cause: dry friction held the axis, or its encoder is frozen; the "
-                f"recording cannot tell which. Try: heli3dof monitor and turn {axis} by hand: does "
-                "its angle follow?"
+                f"recording does not show which. Try: heli3dof monitor and turn {axis} by hand: "
+                "does its angle follow?"
             )
     return warnings

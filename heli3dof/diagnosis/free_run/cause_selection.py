@@ -63,7 +63,7 @@ from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.identification.greybox.thrust_scale import thrust_scale
 from heli3dof.model.physics.parametrisation import Structure, first_parameters
 
-MOSTLY_PRIOR = "the recordings say little of its size: its interval is mostly that of the prior"
+MOSTLY_PRIOR = "the recordings hardly determine its size: its interval is mostly that of the prior"
 
 
 def probability_nonzero(fit: MultiStepFit, name: str) -> float:

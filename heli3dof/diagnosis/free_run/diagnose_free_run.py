@@ -80,7 +80,8 @@ WHY = METHOD + (
     "their prior. There is no noise floor."
 )
 QUICK = METHOD + (
-    "Quick mode leaves out no blocks, so causes rest on their sizes alone. There is no noise floor."
+    "Quick mode leaves out no blocks, so only sizes and their intervals decide which terms are "
+    "causes. There is no noise floor."
 )
 FITTING = "Fitting the full physical model to multi-step predictions …"
 EACH = "Refitting without each cause …"
@@ -89,7 +90,7 @@ BLOCKS = "blocks left out of the fit"
 
 PREDICTS_WORSE = (
     "The model fitted by likelihood predicts held-out data worse than the profile's numbers do. So "
-    "the motion between samples is not what the model takes it for, for example vibration."
+    "the motion between samples is unlike the model's, for example because of vibration."
 )
 
 

@@ -190,7 +190,7 @@ def _why(best: PlanForecast, parameters: Sequence[OpenParameter], tied: bool) ->
     text = "these causes are confounded; " if tied else ""
     text += (
         f"in simulation with the fitted model and the default controller, {best.duration_s:.0f} s "
-        f"of it identify {each}"
+        f"of this plan identify {each}"
     )
     if best.certainty < MIN_CERTAINTY:
         return f"{text}: more per second than any other plan, but hardly enough; repeat it"

@@ -159,11 +159,11 @@ def _why(best: PlanForecast, names: Sequence[str]) -> str:
     seconds = f"{best.duration_s:.0f} s"
     if len(names) == 1:
         return (
-            f"in simulation, {seconds} of it give {names[0]} a score of {best.margin:.0f} "
+            f"in simulation, {seconds} of this plan give {names[0]} a score of {best.margin:.0f} "
             f"({percent(best.certainty)} probability of a decision)"
         )
     what = " and ".join(names) if len(names) == 2 else ", ".join(names)
-    text = f"in simulation, {seconds} of it separate {what} by a margin of {best.margin:.0f}"
+    text = f"in simulation, {seconds} of this plan separate {what} by a margin of {best.margin:.0f}"
     if best.certainty < MIN_CERTAINTY:
         return f"{text}, more than any other plan; {_flights_needed(best.margin)}"
     return f"{text} ({percent(best.certainty)} probability of a decision)"

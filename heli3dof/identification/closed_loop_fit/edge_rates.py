@@ -154,7 +154,7 @@ def simulated_round(
         at = evaluate(replace(problem, data=data), theta, noise)
         return np.concatenate([at.g, at.slope, edge_rates(data)]), at.H
 
-    out = replicate(one, flights, what=f"flights, weighed, round {number}")
+    out = replicate(one, flights, what=f"flights for the weighted fit, round {number}")
     m = np.array([m for m, _ in out])
     mean = m.mean(axis=0)
     effects = signs.T @ m / flights if designed else np.zeros((6, n + 6))

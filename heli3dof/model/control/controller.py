@@ -57,6 +57,7 @@ def control_law(
     the commanded voltages (front, back), then the same limited to ±v_max. Runs unchanged in Python
     on lists and under ``numba.njit`` on float64 arrays.
     """
+    step, b0, a1, a2, clamp = p[_REF_STEP], p[_B0], p[_A1], p[_A2], p[_CLAMP]
     for i in range(3):
         y = angle[i]
         if not abs(y) < _LARGEST_ANGLE:
@@ -66,21 +67,25 @@ def control_law(
         r = reference[i]
         if r != r:
             r = 0.0
-        s[_LIMITED + i] += min(max(r - s[_LIMITED + i], -p[_REF_STEP]), p[_REF_STEP])
+        s[_LIMITED + i] += min(max(r - s[_LIMITED + i], -step), step)
         # 2. The rate, by direct form II transposed; the numerator is b0 (1 − z⁻²).
         j = _FILTER + 2 * i
-        rate = p[_B0] * y + s[j]
-        s[j] = s[j + 1] - p[_A1] * rate
-        s[j + 1] = -p[_B0] * y - p[_A2] * rate
+        rate = b0 * y + s[j]
+        s[j] = s[j + 1] - a1 * rate
+        s[j + 1] = -b0 * y - a2 * rate
         s[_RATE + i] = rate
+    e_roll = s[_LIMITED] - s[_GOOD]
+    e_pitch = s[_LIMITED + 1] - s[_GOOD + 1]
+    e_yaw = s[_LIMITED + 2] - s[_GOOD + 2]
     # 3. The gain, with each integral's contribution clamped.
     for m in range(2):
         k = _K + 8 * m
         v = p[_V_O]
-        for i in range(3):
-            v += p[k + i] * (s[_LIMITED + i] - s[_GOOD + i]) - p[k + 3 + i] * s[_RATE + i]
-        for i in range(2):
-            v += min(max(p[k + 6 + i] * s[_XI + i], -p[_CLAMP]), p[_CLAMP])
+        v += p[k] * e_roll - p[k + 3] * s[_RATE]
+        v += p[k + 1] * e_pitch - p[k + 4] * s[_RATE + 1]
+        v += p[k + 2] * e_yaw - p[k + 5] * s[_RATE + 2]
+        v += min(max(p[k + 6] * s[_XI], -clamp), clamp)
+        v += min(max(p[k + 7] * s[_XI + 1], -clamp), clamp)
         if extra[m] == extra[m]:
             v += extra[m]
         out[m] = v
@@ -89,7 +94,7 @@ def control_law(
         out[2 + m] = min(max(v, -p[_V_MAX]), p[_V_MAX])
     # 4. The integrals of the roll and the yaw error.
     for i in range(2):
-        xi = s[_XI + i] + p[_DT] * (s[_LIMITED + 2 * i] - s[_GOOD + 2 * i])
+        xi = s[_XI + i] + p[_DT] * (e_yaw if i else e_roll)
         s[_XI + i] = min(max(xi, -p[_XI_MAX + i]), p[_XI_MAX + i])
 
 

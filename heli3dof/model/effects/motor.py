@@ -139,7 +139,7 @@ def thrust_mismatch(s: Any, par: Any, mem: Any, out: Any) -> None:
 EFFECTS = (
     Effect(
         name="motor.dead_zone",
-        summary="No thrust below this voltage, and that much less above.",
+        summary="No thrust up to a voltage V_d; above it, the thrust of |V| − V_d.",
         parameters=(Parameter("voltage_V", "V", 0.0, 0.0, 8.0, 1.0, "V_d", start=0.3),),
         hooks={Stage.VOLTAGE: dead_zone},
         order=4,
@@ -210,7 +210,7 @@ EFFECTS = (
     ),
     Effect(
         name="motor.spin_up",
-        summary="A rotor spins up no faster than so many volts per second.",
+        summary="The rotor speed, in volts, grows by at most 1/p V per second.",
         parameters=(
             Parameter("slowness_s_per_V", "s/V", 0.0, 0.0, 0.5, 0.02, "p, 1/slew", start=0.015),
         ),
@@ -256,7 +256,7 @@ EFFECTS = (
     ),
     Effect(
         name="motor.thrust_gain",
-        summary="Both motors thrust k times as much as K_f says.",
+        summary="Both motors give k times the thrust of the profile's K_f.",
         parameters=(Parameter("gain", "–", 1.0, 0.2, 4.0, 0.2, "k", prior_std=0.15),),
         hooks={Stage.SETUP: thrust_gain},
         confused_with=("mass.imbalance", "inertia"),

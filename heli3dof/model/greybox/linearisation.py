@@ -136,7 +136,7 @@ def trim_voltage(model: GreyBoxModel, F: np.ndarray) -> np.ndarray:
     raise CheckFailed(
         f"The model {model.name!r} cannot hover level: no voltage gives the thrusts "
         f"{F[0]:.3g} and {F[1]:.3g} N.",
-        cause="a fit to too little data, or a thrust curve that bends back.",
+        cause="a fit to too little data, or a thrust curve with a maximum below this thrust.",
         fix="identify from a recording with larger motion (heli3dof run large)",
     )
 

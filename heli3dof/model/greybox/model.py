@@ -187,11 +187,11 @@ class GreyBoxModel:
         given = tuple(p["name"] for p in data["parameters"])
         if given != expected:
             raise ValueError(
-                f"its parameters are {', '.join(given)}, its terms ask for {', '.join(expected)}"
+                f"its parameters are {', '.join(given)}, its terms need {', '.join(expected)}"
             )
         if unknown := set(model.varying) - set(expected):
             raise ValueError(
-                f"varying_by_recording names {', '.join(sorted(unknown))}: no parameter"
+                f"varying_by_recording contains {', '.join(sorted(unknown))}, not a parameter"
             )
         if model.noise.shape != (3,) or not np.isfinite(model.values).all():
             raise ValueError("a parameter or the noise holds null where a number belongs")

@@ -56,7 +56,7 @@ def _answers(fleet: Fleet) -> list[Answer]:
     answers = [
         Answer("What changed?", " ".join(changes) or "No quantity changed.", drawn),
         Answer(
-            "Which rigs differ from their siblings?",
+            "Which rigs differ from the others?",
             " ".join(different) or "None: the rigs differ no more than by chance.",
         ),
     ]

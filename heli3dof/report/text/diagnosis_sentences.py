@@ -142,7 +142,7 @@ def calibration_change(document: Document) -> Iterator[str]:
         if abs(r["value"] - r["nominal"]) > 2 * r["std"]
     ]
     if off:
-        yield f"Determined by these recordings and not as in the profile: {', '.join(off)}."
+        yield f"Well determined, and not as in the profile: {', '.join(off)}."
 
 
 def not_significantly_off(document: Document) -> list[Document]:

@@ -61,8 +61,8 @@ def difference_sentence(quantity: str, d: Difference) -> str:
     """Return how far a rig's quantity is from the mean of the other rigs, as a sentence."""
     side = "above" if d.size > 0 else "below"
     return (
-        f"{d.rig}: {quantity} is {significant(abs(d.size), d.std)} {side} the mean of its "
-        f"siblings, which scatter by {significant(d.std, d.std)} (chance if all rigs are alike: "
+        f"{d.rig}: {quantity} is {significant(abs(d.size), d.std)} {side} the mean of the "
+        f"others, which scatter by {significant(d.std, d.std)} (chance if all rigs are alike: "
         f"{_chance(d.p_value)})."
     )
 

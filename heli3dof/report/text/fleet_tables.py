@@ -37,7 +37,7 @@ MAIN = (
 """Columns of the main quantities, the most important first"""
 MOST_COLUMNS = 7
 """Largest number of quantities in the first table, so that it fits into 100 characters"""
-MARKS = "* changed or drifts; ! differs from its siblings, and is not in the last row."
+MARKS = "* changed or drifts; ! differs from the other rigs and is not in the last row."
 
 
 def rig_table(fleet: Fleet) -> Grid:
