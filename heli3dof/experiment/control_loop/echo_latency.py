@@ -27,6 +27,7 @@ from heli3dof.rig.interface import Flags, Sample
 PENDING = 4096
 """Commands whose sending time is kept: 8 s at 500 Hz, longer than any watchdog (at most 1 s)"""
 _MASK = 0xFFFFFFFF
+_ENABLED = int(Flags.ENABLED)  # `&` of two Flags takes 2 µs
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ class EchoMeter:
         """
         self._sent_s[sequence % PENDING] = sent_s
         self.last_s = 0.0
-        if not sample.flags & Flags.ENABLED:
+        if not int(sample.flags) & _ENABLED:
             return
         self.commands += 1
         echo = sample.sequence

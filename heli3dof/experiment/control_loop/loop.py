@@ -315,7 +315,10 @@ class _Flight:
             exchange.sequence, exchange.lateness, exchange.skipped, exchange.device_skipped,
             exchange.echo.last_s, ramping_down,
         )  # fmt: skip
-        return next(filter(None, (monitor(now) for monitor in self.monitors)), None)
+        for monitor in self.monitors:
+            if (report := monitor(now)) is not None:
+                return report
+        return None
 
     def judge_ramp(self, sample: Sample, voltage: Pair) -> str | None:
         """Return a safety monitor's report on a period of the ramp to zero, or None.
