@@ -12,9 +12,9 @@ that of the prior. Coloured noise multiplies the variance of parameter j by
 
     ρ_j = (A⁻¹ S A⁻¹)_jj / (A⁻¹ C A⁻¹)_jj,         A = H + Λ
 
-S has about ν = 3 m/(2 (L + 1)) degrees of freedom. ρ is set to 1 unless it exceeds the quantile of
-χ²_ν/ν that white noise exceeds with the probability `CHANCE`. The diagnosis divides the squared
-score Z² of a cause by this ρ (`heli3dof.diagnosis.conclusion.adoption`).
+S has about ν = 3 m/(2 (L + 1)) degrees of freedom. White noise may explain a ρ up to the
+1 − `CHANCE` quantile of χ²_ν/ν, so such a ρ is set to 1. The diagnosis divides the squared score Z²
+of a cause by this ρ (`heli3dof.diagnosis.conclusion.adoption`).
 """
 
 from __future__ import annotations

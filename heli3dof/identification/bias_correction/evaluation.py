@@ -56,7 +56,10 @@ class Derivatives:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation(Derivatives):
-    """The derivatives, and the filter run (E readings, much memory) that they are computed from."""
+    """The log-likelihood's derivatives, with the arrays that they are computed from.
+
+    These arrays are large. They describe the filter's run over E encoder readings.
+    """
 
     at: FilterRun
     path: Path
@@ -79,8 +82,8 @@ def evaluate(
     """Return the log-likelihood's derivatives at ``theta`` and ``noise``.
 
     ``theta`` (n,): scaled parameters; ``noise`` (4,): process noise of three axes, jitter. Without
-    ``with_noise_derivatives``, those by the noise are not computed, but set to 0 (first
-    derivatives) and −1 (second derivatives).
+    ``with_noise_derivatives``, the derivatives by the noise are not computed. Their fields are then
+    0 (first derivatives) and −1 (second derivatives).
     """
     factor = np.array([np.exp(PROBE)] * 3 + [1.0])
 
