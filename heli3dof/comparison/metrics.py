@@ -23,8 +23,9 @@ Kinds of segment:
 ``hold``     the first segment, if the angle starts at its set value. The peak is the angle farthest
              from the set value and the overshoot its distance (≥ 0). Percent, rise and settling
              time are undefined.
-``moving``   in over half of its rows, the reference is not constant for `MIN_HOLD_S` (a ramp, a
-             multisine): as ``hold``, relative to the moving reference, without the steady error.
+``moving``   the whole reference, if over half of its rows are in constant parts shorter than
+             `MIN_HOLD_S` (a ramp, a multisine): as ``hold``, relative to the moving reference,
+             without the steady error.
 ``none``     there is no reference, and every metric is undefined.
 
 A segment after rows without a reference counts as a first segment.
@@ -193,9 +194,8 @@ def _changes(reference: FloatArray) -> IndexArray:
 def _segments(t: FloatArray, y: FloatArray, ref: FloatArray) -> list[_Segment]:
     """Return the segments of a reference ``ref`` (N,), split where its value changes.
 
-    A reference that is not constant (for `MIN_HOLD_S` or more) in over half of its rows is a single
-    ``moving`` segment. t (N,) in s; ``ref`` and the
-    angle y (N,) in degrees.
+    A reference with over half of its rows in constant parts shorter than `MIN_HOLD_S` is a single
+    ``moving`` segment. t (N,) in s; ``ref`` and the angle y (N,) in degrees.
     """
     known = np.flatnonzero(~np.isnan(ref))
     if not len(known):

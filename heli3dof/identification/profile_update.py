@@ -200,8 +200,8 @@ def ratios(base: Mapping[str, Measured], profile: Profile) -> dict[str, Measured
     """Return the operating voltage ``V_o`` (V) and the ratios ``K_f/J_<axis>`` (N/(V·kg·m²)).
 
     V_o = T_g/(2 L_a K_f), with the arm length L_a. Flights do not identify the thrust gain K_f, so
-    the trim torque T_g and the inertias J contain its error. In these ratios it cancels. The result
-    is empty if ``base`` (name in `BASE` → measured value) is empty.
+    the trim torque T_g and the inertias J contain its error. In V_o and K_f/J it cancels. The
+    result is empty if ``base`` (name in `BASE` → measured value) is empty.
     """
     if not base:
         return {}

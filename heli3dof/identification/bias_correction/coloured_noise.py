@@ -31,7 +31,7 @@ def colour(fit: Estimate, scatter: np.ndarray) -> np.ndarray:
     """Return ρ (n,), the factors by which coloured noise increases the parameters' variances.
 
     ``scatter`` (n, n) is C, the covariance of the simulated flights' scores. If the recordings have
-    fewer than 2 (L + 1) blocks, L = `MEMORY_S` / `BLOCK_S`, all factors are 1.
+    fewer than 2 (L + 1) blocks of `BLOCK_S`, with L = `MEMORY_S` / `BLOCK_S`, all factors are 1.
     """
     n = len(fit.optimum.theta)
     scores = block_scores(fit.problem.data, fit.optimum, BLOCK_S)

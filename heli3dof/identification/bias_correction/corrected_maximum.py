@@ -36,7 +36,7 @@ CHECKED_GAIN = 2.0
 
 @dataclass(frozen=True, eq=False)
 class ScoreBias:
-    """The log-likelihood's mean derivatives in simulated flights, at these flights' true values."""
+    """The log-likelihood's mean derivatives over simulated flights, and the flights' parameters."""
 
     theta: np.ndarray
     """(n,) mean derivatives ḡ by θ and b by φ"""

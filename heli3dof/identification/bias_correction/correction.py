@@ -123,9 +123,9 @@ class CorrectedFit(Estimate):
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
-    """Return the model with scaled parameters ``theta`` (n,), ``noise`` (4,), covariance NaN.
+    """Return the model with the scaled parameters ``theta`` (n,) and the ``noise`` (4,).
 
-    ``noise``: process noise of three axes, jitter.
+    ``noise``: process noise of three axes, jitter. The covariance of the model's parameters is NaN.
     """
     n = len(theta)
     return GreyBoxModel(

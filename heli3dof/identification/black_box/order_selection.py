@@ -89,11 +89,11 @@ def decimated(prepared: Prepared, runs: Sequence[RowRange], interval_s: float) -
 
 
 def past_window(d: Decimated, largest_order: int) -> int:
-    """Return the order of the VARX that is fitted to data d: the number of samples in `PAST_S`.
+    """Return the order of the VARX (vector autoregression with inputs) that is fitted to data d.
 
-    The VARX is a vector autoregression with inputs. Its order is at least ⌈largest_order/3⌉ + 2,
-    enough for a model with ``largest_order`` states, and at most a 30th of the number of rows
-    (or 2, if this is larger).
+    The order is the number of samples in `PAST_S`. If this is too small for a model with
+    ``largest_order`` states, the order is ⌈largest_order/3⌉ + 2. With few rows, the order is
+    limited to a 30th of their number, but not below 2.
     """
     rows = sum(len(u) for u, _ in d.data)
     want = max(round(PAST_S / d.interval_s), -(-largest_order // 3) + 2)
@@ -115,7 +115,7 @@ def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
 
 
 def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str) -> StateSpaceFit:
-    """Return the fit of ``method`` to the data d, which starts from the model ``start``.
+    """Return the fit of ``method`` to the data d, with the initial model ``start``.
 
     ``method`` is ``pem`` (prediction error), ``oe`` (output error) or ``pbsid`` (no further fit).
     The result contains the model called ``name``, resampled to dt (s). Raises NoContinuousModel if

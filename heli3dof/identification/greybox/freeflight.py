@@ -241,7 +241,7 @@ def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) ->
     """Return the fitted model called ``name``, with names and digests of its recordings.
 
     A parameter in `VARYING` has a value per recording; the model has the mean of these values. When
-    the model predicts another recording, its filter estimates this parameter again.
+    the model predicts a recording, its filter estimates this parameter again.
     """
     return GreyBoxModel(
         name=name,

@@ -64,18 +64,18 @@ class NoiseCheck:
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """Return the prediction RMSE (3,) in degrees that white noise of this intensity causes.
+        """Return the prediction RMSE (3,) in degrees that white process noise would cause.
 
-        The predictions are `HORIZON_S` ahead; the intensity is ``noise``.
+        The predictions are `HORIZON_S` ahead; ``noise`` is the intensity of the process noise.
         """
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
     def overstated(self) -> np.ndarray:
-        """Return (3,) bool: axes whose fitted process noise is too large (see the module).
+        """Return (3,) bool: the axes whose fitted process noise is too large to be noise.
 
-        Both conditions hold: it is far above that of known rigs, and it implies prediction errors
-        far above the actual ones.
+        The noise exceeds `TIMES` times that of known rigs, and the prediction errors that it
+        implies exceed `OVER` times the actual ones.
         """
         loud = self.noise > TIMES * NOISE
         return np.asarray(loud & (self.expected_deg > OVER * self.rmse_deg))
@@ -137,8 +137,8 @@ def training_obstacle(prepared: Prepared) -> str:
 def likelihood_obstacle(recordings: Sequence[Recording]) -> str:
     """Return why a maximum-likelihood fit to ``recordings`` is invalid, or ``""``.
 
-    The controllers of the recordings must be unknown. There are two reasons: all recordings have
-    sampling jitter, or the fitted process noise is too large (`noise_check`).
+    The controllers of the recordings must be unknown. The fit is invalid in two cases: all
+    recordings have sampling jitter, or the fitted process noise is too large (`noise_check`).
     """
     if all(has_jitter(r) for r in recordings):
         return CLOCK

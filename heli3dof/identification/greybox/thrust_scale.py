@@ -65,7 +65,8 @@ class ThrustScale:
     def is_off(self, tolerance: float) -> bool:
         """Return True if the thrust gain deviates from the profile by more than ``tolerance``.
 
-        ln k must exceed the limit (`edge`) by more than `SCALE_QUANTILE` standard deviations.
+        k is the ratio of the thrust gain to the profile's. ln k must be beyond the limit (`edge`)
+        by more than `SCALE_QUANTILE` standard deviations.
         """
         ln_k = float(np.log(self.k))
         return abs(ln_k) - abs(edge(ln_k, tolerance)) > SCALE_QUANTILE * self.std
