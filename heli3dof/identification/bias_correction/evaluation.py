@@ -119,8 +119,9 @@ def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
     """Return the derivatives ∂c/∂θ (n, E) of the filter's E predicted readings c.
 
     They are computed at the scaled parameters ``theta`` (n,) along the filter's states ``p``, by
-    `bias_correction.perturbation`. For parameters that change the encoder readings, and where the
-    perturbation diverges (negative dry friction), `Likelihood.tangents` simulates them instead.
+    `bias_correction.perturbation`. `Likelihood.tangents` computes two kinds of rows by simulation
+    instead: of parameters that change the encoder readings, and those for which the perturbation
+    diverges (negative dry friction).
     """
     s = problem.structure
     by_name = {t.name: t for t in s.terms}

@@ -94,9 +94,9 @@ def matched_noise(
     """Return ``noise`` (4,) with new process noise on the ``axes`` that are on a limit cycle.
 
     ``noise`` is process noise on roll, pitch, yaw (rad/s²/√Hz) and jitter (s). On each of these
-    axes, it is multiplied by a factor of `NOISE_STEPS`: the one with which the
-    `limit_cycle_statistics` of simulated flights are nearest to those of the recordings. ``theta``
-    (n,): scaled parameters of the flights; ``axes``: (3,) bool.
+    axes, the new noise is the old one times a factor from `NOISE_STEPS`. With the chosen factor,
+    the `limit_cycle_statistics` of simulated flights are nearest to those of the recordings.
+    ``theta`` (n,): scaled parameters of the flights; ``axes``: (3,) bool.
     """
     recorded, best = limit_cycle_statistics(problem.data), noise.copy()
     for i in np.flatnonzero(axes):
